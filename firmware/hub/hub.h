@@ -82,7 +82,7 @@ struct taxel_hub_slot {
 };
 
 struct taxel_hub_config {
-    /* Functions of the port. Every pointer is set, except uart_hold, which may be NULL. */
+    /* Functions of the port. Every pointer is set, except those that hub_hal.h permits to be NULL. */
     const struct taxel_hub_hal *hal;
 
     /* Major, minor, patch: 3 bytes, each 0 to 255. Sent in HUB_HANDSHAKE. */
@@ -90,6 +90,10 @@ struct taxel_hub_config {
 
     /* Id of the processor: 8 bytes of any value. Sent in HUB_HANDSHAKE. */
     const uint8_t *unique_id;
+
+    /* Fault record of the last fault of the hub since power-on: TAXEL_FAULT_RECORD_SIZE (12) bytes as in the protocol.
+     * NULL: the hub keeps none, and the reply to GET_FAULT has no data. */
+    const uint8_t *fault_record;
 
     /* Clock rate of the bus in Hz; greater than 0, typically 100000 to 1000000. Determines the time limits of
      * transfers and the instant of a board's clock in TIME_SYNC. */

@@ -23,6 +23,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one process per core: thre
 import numpy as np
 from proximity_check import PREDICTED_SPEED_M_S, Approach, SkinResult, Task, run_skin
 
+from taxel.output import write_whole
+
 PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "proximity.md"
 BEGIN, END = "<!-- tables of tools/proximity/measure_proximity.py -->\n", "<!-- end of the tables -->\n"
 LEAD_S: Final = 0.08
@@ -50,7 +52,7 @@ def main() -> int:
     print(json.dumps(figures, indent=1) if options.json else text)
     if options.update:
         before, rest = PAGE.read_text().split(BEGIN)
-        PAGE.write_text(before + BEGIN + text + END + rest.split(END)[1])
+        write_whole(PAGE, before + BEGIN + text + END + rest.split(END)[1])
     return 0 if is_met(figures) else 1
 
 

@@ -56,6 +56,12 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
         "replay": CommandEntry(
             "taxel.cli.replay:replay", "Summarise a recording, or play it into a serial port, ROS or a file.", SKIN
         ),
+        "twin": CommandEntry(
+            "taxel.cli.twin:twin",
+            "Compare a skin with its reference, and report changes with their time, place and cause.",
+            SKIN,
+            extra="gap",
+        ),
         "convert": CommandEntry("taxel.cli.convert:convert", "Convert a recording to another file format.", SKIN),
         "emulate": CommandEntry(
             "taxel.cli.emulate:emulate", "Run the emulated skin behind a virtual serial port.", SKIN
@@ -74,6 +80,8 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             BOARDS,
         ),
         "flash": CommandEntry("", "Program the firmware of boards or hub.", BOARDS),
+        "keygen": CommandEntry("", "Generate a key pair for signatures of firmware.", BOARDS, extra="sign"),
+        "sign": CommandEntry("", "Sign firmware files.", BOARDS, extra="sign"),
         "bench": CommandEntry("", "Test a sensor board on a test bench.", BOARDS, extra="bench"),
         "grasp": CommandEntry(
             "taxel.cli.grasp:grasp",

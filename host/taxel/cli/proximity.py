@@ -12,17 +12,18 @@ from rich.table import Table
 
 from taxel.cli.options import AsJson, HandOption, Overwrite, Seconds, Seed, Url
 from taxel.errors import TaxelError
+from taxel.output import open_whole_text, whole_path
 from taxel.proximity import (
     ProximityCalibration,
     ProximityError,
     ProximityEstimate,
     calibrate,
     collect_holds,
+    format_calibration,
     format_holds,
     open_watch,
     read_calibration,
     read_holds,
-    write_calibration,
 )
 from taxel.proximity.calibration_merge import merge_calibrations
 from taxel.proximity.hold_signals import HoldCounts
@@ -64,9 +65,9 @@ def calibrate_command(
 
     Example: taxel proximity calibrate file:plate.bin --holds plate.csv --out skin.json
     """
-    if out.exists() and not overwrite:
-        raise ProximityError(f"{out}: the file exists; choose another name, or use --overwrite")
-    with open_skin(url, hand) as skin:
+    # The output is opened first: a folder without permission must not be noticed only after half an hour of holds.
+    with open_whole_text(out, overwrite=overwrite) as file, open_skin(url, hand) as skin:
+        earlier = None if merge is None else read_calibration(merge, skin.hand)
         if holds is not None:
             counts = collect_holds(skin, skin.hand, read_holds(holds, skin.hand))
         else:
@@ -74,9 +75,9 @@ def calibrate_command(
                 skin, _parse_boards(skin, boards), target, _parse_distances(distances_mm), hold_seconds
             )
         result = calibrate(skin.hand, counts)
-        if merge is not None:
-            result = merge_calibrations(read_calibration(merge, skin.hand), result)
-    write_calibration(out, result, overwrite)
+        if earlier is not None:
+            result = merge_calibrations(earlier, result)
+        file.write(format_calibration(result))
     _print_calibration(result, out, as_json)
 
 
@@ -259,11 +260,9 @@ def emulate_command(
     description = load_hand(hand or "original")
     names = [description.find_board(name.strip()).name for name in boards.split(",")]
     capture, table = out / "plate.bin", out / "plate.csv"
-    for path in (capture, table):
-        if path.exists() and not overwrite:
-            raise ProximityError(f"{path}: the file exists; choose another folder, or use --overwrite")
-    out.mkdir(parents=True, exist_ok=True)
     settings = WorldSettings(seed=seed, effects=[EFFECTS[target]])
-    holds = record_calibration(capture, description, names, target, settings)
-    table.write_text(format_holds(holds), encoding="utf-8")
+    # Both files appear at the end, so that a recording never stands beside the holds of another one.
+    with open_whole_text(table, overwrite=overwrite) as file, whole_path(capture, overwrite=overwrite) as part:
+        holds = record_calibration(part, description, names, target, settings)
+        file.write(format_holds(holds))
     print(f"written: {capture} ({holds[-1].end_s:.0f} s), {table} ({len(holds)} holds)")

@@ -1,16 +1,18 @@
 """Capture files: received bytes with their arrival times. The format is specified in protocol/SPEC.md."""
 
 import contextlib
-import io
 import json
 import os
 import struct
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import NoReturn
 
+from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
 from taxel.link.errors import CaptureError
+from taxel.link.recording_header import check_recording_header
+from taxel.output import LiveOutput, OutputError
 
 MAGIC = b"TAXELCAP"
 VERSION = 1
@@ -22,33 +24,60 @@ _RECORD = struct.Struct("<QI")
 RECORD_HEAD = _RECORD.size
 
 
+def open_live_output(path: str | os.PathLike[str], overwrite: bool) -> LiveOutput:
+    """Create a recording that is readable while it is written.
+
+    Raises CaptureError if it exists and `overwrite` is False, if another program writes it, or if the system refuses.
+    """
+    if os.path.exists(path) and not overwrite:
+        raise CaptureError(os.fspath(path), EXISTS)
+    try:
+        return LiveOutput(path, overwrite=overwrite)
+    except OutputError as error:
+        problem = f"expected {error.expected}, found {error.found}; {error.remedy}"
+        raise CaptureError(os.fspath(path), problem) from None
+    except OSError as error:
+        raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror})") from error
+
+
 class CaptureWriter:
     """Writer of a capture file. Each record is passed to the operating system at once: no record is lost with the
     process.
 
     header: any JSON object (hand, baud, note); "clock": "hub" states that the arrival times are not valid. Raises
-    `CaptureError` if the file exists and `overwrite` is False, or cannot be written.
+    `CaptureError` if the file exists and `overwrite` is False, if another program writes it, or if the system refuses.
     """
 
+    _has_failed = False
+
     def __init__(
-        self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False
+        self,
+        path: str | os.PathLike[str],
+        header: dict[str, object] | None = None,
+        overwrite: bool = False,
+        output: LiveOutput | None = None,
     ) -> None:
         """Create a capture file and write its header.
 
-        header: any JSON object, such as hand, baud and note; None: {}. Raises CaptureError if the file exists and
-        `overwrite` is False, if the header is too long, or if the file cannot be written.
+        header: any JSON object, such as hand, baud and note; None: {}. output: open output that is written instead of
+        `path`; None: a new file, which replaces an existing one with its first record. Raises CaptureError if the file
+        exists and `overwrite` is False, if the header is too long, or if the file cannot be written.
         """
         self.path = Path(path)
         self.records = 0
         text = json.dumps(header or {}).encode()
         if len(text) > HEADER_MAX:
             raise CaptureError(str(path), f"cannot be written (its header has more than {HEADER_MAX} bytes)")
+        self._output = open_live_output(path, overwrite) if output is None else output
+        self._file = self._output.file
         try:
-            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
-            self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
-        except FileExistsError:
+            self._write_all(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
+            self._output.begin()
+        except OutputError:
+            self._output.discard()
             raise CaptureError(str(path), EXISTS) from None
         except OSError as error:
+            self._output.discard()
             raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
 
     def write(self, data: bytes, time_ns: int) -> None:
@@ -62,25 +91,80 @@ class CaptureWriter:
 
         time_ns: arrival time of `data`, nanoseconds. Raises `CaptureError`.
         """
-        record = _RECORD.pack(time_ns, len(data)) + data
         end = self._file.tell()
         try:
-            written = self._file.write(record)
-            while written < len(record):  # a full disk accepts a part of the record, and fails at the next attempt
-                written += self._file.write(record[written:])
+            self._write_all(_RECORD.pack(time_ns, len(data)) + data)
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file.fileno(), end)
-            raise CaptureError(
-                str(self.path), f"cannot be written ({error.strerror}); the records before are complete"
-            ) from error
+            self._fail(error)
+        try:
+            self._output.publish()
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> NoReturn:
+        """Raise `CaptureError` for a failed write; the file then contains the complete records before it."""
+        self._has_failed = True
+        problem = f"cannot be written ({error.strerror}); the records before are complete"
+        raise CaptureError(str(self.path), problem + self._output.describe_previous()) from error
+
+    def _write_all(self, data: bytes) -> None:
+        """Write bytes to the capture file. A full disk accepts a part of them, and fails at the next attempt."""
+        written = self._file.write(data) or 0
+        while written < len(data):
+            written += self._file.write(data[written:]) or 0
+
+    @property
+    def size(self) -> int:
+        """Size of the capture file so far, bytes."""
+        return self._file.tell()
+
+    def read_data(self, offset: int, size: int) -> bytes:
+        """Return the first `size` bytes of the data of the record at byte `offset` of the file.
+
+        Raises `CaptureError`.
+        """
+        try:
+            return os.pread(self._file.fileno(), size, offset + RECORD_HEAD)
+        except OSError as error:
+            self._fail(error)
+
+    def truncate(self, size: int) -> None:
+        """Remove the records after the first `size` bytes of the file, a value that `size` had before.
+
+        Raises `CaptureError`.
+        """
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self._fail(error)
+        self._file.seek(size)
 
     def tick(self) -> None:
         """Do nothing: each record is written at once."""
 
     def close(self) -> None:
-        """Close the capture file."""
-        self._file.close()
+        """Flush the capture file to the disk and close it. A second call has no effect.
+
+        A capture without records does not replace an existing one. Raises `CaptureError`.
+        """
+        try:
+            if self._has_failed:
+                self._output.fail()
+            elif self.records or self._output.is_published:
+                self._output.close()
+            else:
+                self._output.discard()
+        except OSError as error:
+            raise CaptureError(str(self.path), f"cannot be written ({error.strerror})") from error
+
+    def discard(self) -> None:
+        """Close the file; remove a capture without records."""
+        if self.records:
+            self.close()
+        else:
+            self._output.discard()
 
     def __enter__(self) -> "CaptureWriter":
         return self
@@ -111,7 +195,7 @@ class CaptureLink:
         """
         self.name = str(path)
         try:
-            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         try:
@@ -137,12 +221,9 @@ class CaptureLink:
         if size > HEADER_MAX:
             raise CaptureError(self.name, "has a damaged header (its length is impossible)")
         try:
-            header = json.loads(self._file.read(size))
-        except (ValueError, RecursionError):
-            raise CaptureError(self.name, "has a damaged header (it is not JSON)") from None
-        if not isinstance(header, dict):
-            raise CaptureError(self.name, "has a damaged header (it is not a JSON object)")
-        return header
+            return check_recording_header(parse_json(self._file.read(size), HEADER_MAX))
+        except TextError as error:
+            raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
         """Return the next record of the capture file: its bytes and arrival time.

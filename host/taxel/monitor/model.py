@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taxel.monitor.advice import make_advice
+from taxel.monitor.board_faults import BoardFaults
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
@@ -19,6 +20,15 @@ from taxel.stream import TaxelFrame
 
 STORED_AGES = 64
 """Number of stored ages of frames, one for each call of `take`: about one second."""
+
+
+NO_DATA_S = 2.0
+"""Time without any frame after which all figures are out of date, seconds: more than the start of the boards (1 s) and
+the longest delay of a loaded computer (0.2 s, docs/how-to-monitor.md). A larger value shows outdated figures longer.
+"""
+
+MISSED_PERIODS = 3
+"""Number of poll cycles without a frame after which figures are out of date, for scan rates below 1.5 Hz."""
 
 
 class SkinMonitor:
@@ -59,11 +69,15 @@ class SkinMonitor:
         }
         self._is_real_time = skin.link.is_real_time
         self._started_s = time.monotonic()
+        self._arrived_s = self._started_s
+        rate_hz = getattr(skin, "rate_hz", None)
+        self._period_s = 1.0 / rate_hz if rate_hz else None
         self._newest_s = float("nan")
         self._ages_s: deque[float] = deque(maxlen=STORED_AGES)
         self._rate = RecentRate()
         self._cpu = RecentRate()
         self._is_baseline_requested = False
+        self._faults = BoardFaults(skin)
 
     def take(self, frames: Sequence[TaxelFrame], now_s: float) -> None:
         """Update the state of all boards with taxel frames in the order of their arrival. now_s: `time.monotonic`."""
@@ -77,6 +91,7 @@ class SkinMonitor:
             if self._proximity is not None:
                 self._proximity.take(frame, arrival_s)
         if frames:
+            self._arrived_s = now_s
             self._newest_s = frames[-1].time_s
             if self._is_real_time:
                 self._ages_s.append(now_s - self._newest_s)
@@ -125,9 +140,11 @@ class SkinMonitor:
             is_ended=is_ended,
             advice=None,
             proximity=None if self._proximity is None else tuple(self._proximity.latest.values()),
+            no_data_since_s=None if is_ended else self._find_silence(now_s),
             **self._read_counters(boards),
         )
-        return replace(reading, advice=make_advice(reading, self.skin))
+        fault = None if is_ended else self._faults.update()
+        return replace(reading, advice=make_advice(reading, self.skin) or fault)
 
     def _read_counters(self, boards: list[BoardReading]) -> dict[str, Any]:
         """Return the counters of the stream and the hub, as a dictionary with the field names of `SkinReading`."""
@@ -142,10 +159,20 @@ class SkinMonitor:
             "bytes_discarded": self.skin.bytes_discarded,
             "bytes_waiting": self.skin.bytes_waiting,
             "hub_restarts": losses.restarts,
+            "unknown": losses.unknown_frames,
             "hub_dropped": status["frames_dropped"] if status else None,
             "bus_recoveries": status["bus_recoveries"] if status else None,
             "cycle_s": status["cycle_time_us"] * 1e-6 if status else None,
         }
+
+    def _find_silence(self, now_s: float) -> float | None:
+        """Return the Unix time since which no frame has arrived; None while frames arrive.
+
+        The time of a stream that is not in real time does not pass without frames.
+        """
+        silent_s = now_s - self._arrived_s
+        longest_s = NO_DATA_S if self._period_s is None else max(NO_DATA_S, MISSED_PERIODS * self._period_s)
+        return time.time() - silent_s if self._is_real_time and silent_s > longest_s else None
 
     def _compute_ages(self) -> tuple[float, float] | None:
         """Return median and largest of the stored ages of frames, seconds; None if the stream is not in real time."""

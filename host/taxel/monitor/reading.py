@@ -1,6 +1,7 @@
 """The state of the skin at one moment, as the views show it."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,7 @@ class SkinReading:
         scans_hz: scans of the whole skin per second: the largest rate of a board.
         frames_hz: frames of all boards per second.
         frames, lost_on_wire, damaged, missing, bytes_discarded, bytes_waiting, hub_restarts: totals since the start.
+        unknown: whole frames of a type or a length that this version does not define; a newer hub sends them.
         hub_dropped: frames that the hub had no space for. bus_recoveries: recoveries of the bus by the hub. cycle_s:
             duration of the last poll cycle. None before the hub has reported them.
         age_s: time from the start of a scan to the processing of its frame, median and largest of the last second; None
@@ -69,6 +71,8 @@ class SkinReading:
         cpu_share: share of one processor core that this process has used recently.
         is_ended: the stream has ended.
         advice: what the user should do, in one line; None if there is no problem.
+        no_data_since_s: Unix time of the last frame, seconds, if none has arrived for longer than `NO_DATA_S`; else
+            None. Rates and signals are then out of date.
         proximity: targets in front of the boards before contact; None if they are not estimated.
     """
 
@@ -87,6 +91,7 @@ class SkinReading:
     bytes_discarded: int
     bytes_waiting: int
     hub_restarts: int
+    unknown: int
     hub_dropped: int | None
     bus_recoveries: int | None
     cycle_s: float | None
@@ -97,6 +102,7 @@ class SkinReading:
     cpu_share: float
     is_ended: bool
     advice: str | None
+    no_data_since_s: float | None = None
     proximity: tuple[ProximityEstimate, ...] | None = None
 
     @property
@@ -133,16 +139,23 @@ class SkinReading:
             "bytes_discarded": self.bytes_discarded,
             "bytes_waiting": self.bytes_waiting,
             "hub_restarts": self.hub_restarts,
+            "unknown": self.unknown,
             "hub_dropped": self.hub_dropped,
             "bus_recoveries": self.bus_recoveries,
             "age_s": None if self.age_s is None else [round(age, 4) for age in self.age_s],
             "cpu_share": round(self.cpu_share, 3),
+            "no_data_since": None if self.no_data_since_s is None else _format_utc(self.no_data_since_s),
             "advice": self.advice,
             "boards": [_make_board_dict(board) for board in self.boards],
         }
         if self.proximity is not None:
             values["proximity"] = [estimate.as_dict() for estimate in self.proximity]
         return values
+
+
+def _format_utc(unix_s: float) -> str:
+    """Format Unix seconds as ISO 8601 in UTC."""
+    return datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="seconds")
 
 
 def _make_board_dict(reading: BoardReading) -> dict[str, Any]:

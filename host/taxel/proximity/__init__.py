@@ -1,7 +1,7 @@
 """Distance and approach speed of a target before it touches the skin."""
 
 from taxel.proximity.calibration import KindCalibration, ProximityCalibration, TargetResponse, calibrate
-from taxel.proximity.calibration_file import read_calibration, write_calibration
+from taxel.proximity.calibration_file import format_calibration, read_calibration, write_calibration
 from taxel.proximity.errors import CalibrationFileError, ProximityError
 from taxel.proximity.estimate import ProximityEstimate, Range
 from taxel.proximity.estimator import BoardEstimator
@@ -22,6 +22,7 @@ __all__ = [
     "TargetResponse",
     "calibrate",
     "collect_holds",
+    "format_calibration",
     "format_holds",
     "open_watch",
     "read_calibration",

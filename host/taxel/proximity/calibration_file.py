@@ -3,12 +3,14 @@
 import json
 import math
 import os
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from taxel.hand import Hand
+from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError, parse_json, read_regular_file
+from taxel.output import write_whole
 from taxel.proximity.calibration import KindCalibration, ProximityCalibration, TargetResponse
 from taxel.proximity.errors import CalibrationFileError
 from taxel.proximity.holds import MAX_DISTANCE_M, TARGET_NAME
@@ -24,15 +26,13 @@ COUNTS_MAX: Final = 65_535.0
 
 
 def write_calibration(path: str | os.PathLike[str], calibration: ProximityCalibration, overwrite: bool = False) -> None:
-    """Write a calibration file. Raises `CalibrationFileError` if the file exists and `overwrite` is False."""
-    text = json.dumps(_to_document(calibration), indent=1) + "\n"
-    try:
-        with open(path, "w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise CalibrationFileError(
-            os.fspath(path), "file", "a new file", "an existing file", "choose another name, or use --overwrite"
-        ) from None
+    """Write a calibration file completely or not at all. Raises `OutputError` if it exists and `overwrite` is False."""
+    write_whole(path, format_calibration(calibration), overwrite=overwrite)
+
+
+def format_calibration(calibration: ProximityCalibration) -> str:
+    """Return the text of a calibration file."""
+    return json.dumps(_to_document(calibration), indent=1) + "\n"
 
 
 def _to_document(calibration: ProximityCalibration) -> dict[str, Any]:
@@ -56,9 +56,9 @@ def _to_document(calibration: ProximityCalibration) -> dict[str, Any]:
 
 
 def read_calibration(path: str | os.PathLike[str], hand: Hand) -> ProximityCalibration:
-    """Read a calibration file for a hand. Raises `CalibrationFileError` for a value that is not valid."""
-    reader = _Reader(os.fspath(path))
-    document = reader.load()
+    """Read a calibration file for a hand. Raises `CalibrationFileError` for a value that is not valid, and OSError."""
+    reader = _Reader(format_path(os.fspath(path)))
+    document = reader.load(path)
     reader.check(document.get("format") == FORMAT, "format", f"'{FORMAT}'", document.get("format"))
     reader.check(document.get("version") == VERSION, "version", str(VERSION), document.get("version"))
     reader.check(document.get("hand") == hand.name, "hand", f"'{hand.name}', the hand in use", document.get("hand"))
@@ -106,21 +106,19 @@ class _Reader:
     def __init__(self, file: str) -> None:
         self._file = file
 
-    def load(self) -> dict[str, Any]:
+    def load(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Load the document."""
-        size = os.path.getsize(self._file)
-        self.check(size <= MAX_FILE_BYTES, "file", f"at most {MAX_FILE_BYTES} bytes", size)
         try:
-            document = json.loads(Path(self._file).read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:
-            raise self._error("file", "a JSON document", str(error)) from None
+            document = parse_json(read_regular_file(path, MAX_FILE_BYTES), MAX_FILE_BYTES)
+        except TextError as error:
+            raise self._error(error.position, f"a calibration ({error.expected})", error.found) from None
         self.check(isinstance(document, dict), "file", "a JSON object", document)
         return dict(document)
 
     def check(self, is_valid: bool, field: str, expected: str, found: Any) -> None:
         """Raise an error unless a value is valid."""
         if not is_valid:
-            raise self._error(field, expected, repr(found)[:60])
+            raise self._error(field, expected, format_value(found))
 
     def _error(self, field: str, expected: str, found: str) -> CalibrationFileError:
         return CalibrationFileError(self._file, field, expected, found, "calibrate again, or use the file of this skin")

@@ -1,14 +1,15 @@
 """Holds: intervals during which a target rests at a known distance in front of a board, as a CSV file."""
 
-import csv
 import math
 import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from taxel.hand import Hand
+from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError
+from taxel.input_files.csv_rows import parse_float, read_csv_rows
 from taxel.proximity.errors import CalibrationFileError
 
 COLUMNS = ("start_s", "end_s", "board", "target", "distance_mm")
@@ -18,7 +19,9 @@ REST = "rest"
 MAX_DISTANCE_M = 0.03
 """Largest distance of a hold, metres: at larger distances no taxel of the described hands has a signal."""
 
-MAX_FILE_BYTES = 1 << 20
+MAX_HOLDS = 10_000
+"""Largest number of holds of a file: more than a day of holds of three seconds."""
+
 TARGET_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
@@ -34,18 +37,25 @@ class Hold:
 
 
 def read_holds(path: str | os.PathLike[str], hand: Hand) -> list[Hold]:
-    """Read a file of holds, sorted by time. Raises `CalibrationFileError` for a value that is not valid."""
-    file = os.fspath(path)
-    if os.path.getsize(path) > MAX_FILE_BYTES:
-        raise CalibrationFileError(file, "file", f"at most {MAX_FILE_BYTES} bytes", "more", "use one line per hold")
+    """Read a file of holds, sorted by time.
+
+    Raises `CalibrationFileError` for a value that is not valid, and OSError for a file that cannot be read.
+    """
+    file = format_path(os.fspath(path))
+    holds: list[Hold] = []
     try:
-        rows = list(csv.reader(Path(path).read_text(encoding="utf-8").splitlines()))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise CalibrationFileError(file, "file", "a CSV file in UTF-8", str(error), "write the file again") from None
-    if not rows or tuple(name.strip() for name in rows[0]) != COLUMNS:
-        found = ",".join(rows[0]) if rows else "an empty file"
-        raise CalibrationFileError(file, "line 1", ",".join(COLUMNS), found, "correct the header")
-    holds = [_parse_row(file, number, row, hand) for number, row in enumerate(rows[1:], 2) if row]
+        rows = read_csv_rows(path)
+        header = next(rows, (1, []))[1]
+        if tuple(name.strip() for name in header) != COLUMNS:
+            found = format_value(",".join(header)) if header else "nothing"
+            raise CalibrationFileError(file, "line 1", f"'{','.join(COLUMNS)}'", found, "correct the header")
+        for number, row in rows:
+            if len(holds) == MAX_HOLDS:
+                place, expected = f"line {number}", f"at most {MAX_HOLDS} holds"
+                raise CalibrationFileError(file, place, expected, "more", "divide the file")
+            holds += [_parse_row(file, number, row, hand)] if row else []
+    except TextError as error:
+        raise CalibrationFileError(file, error.position, error.expected, error.found, "correct the line") from None
     if not holds:
         raise CalibrationFileError(file, "file", "at least one hold", "none", "add the intervals of the recording")
     return sorted(holds, key=lambda hold: hold.start_s)
@@ -81,7 +91,7 @@ def _parse_row(file: str, number: int, row: Sequence[str], hand: Hand) -> Hold:
 def _parse_number(text: str) -> float:
     """Parse a number; NaN for another text."""
     try:
-        return float(text)
+        return parse_float(text)
     except ValueError:
         return math.nan
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxel.types import FloatArray
+from taxel.types import Float32Array, FloatArray
 
 LENGTH_SCALE_M = 0.002
 """Offset of the logarithmic distance axis, metres: the order of the layer's thickness. It spaces the support points;
@@ -45,13 +45,13 @@ class ResponseCurve:
         return np.asarray(values)
 
 
-def look_up(table: FloatArray, distance_m: FloatArray) -> FloatArray:
+def look_up(table: FloatArray, distance_m: FloatArray) -> Float32Array:
     """Evaluate a table of `make_table` at distances, metres, by linear interpolation; 0 beyond its end.
 
     Computed in single precision, because a window of taxels needs a million values: the error is below 1e-3 counts.
     """
     values = np.append(table, 0.0).astype(np.float32)
-    position = np.asarray(distance_m, dtype=np.float32) * np.float32(1.0 / TABLE_STEP_M)
+    position: Float32Array = np.asarray(distance_m, dtype=np.float32) * np.float32(1.0 / TABLE_STEP_M)
     np.clip(position, 0.0, len(table) - 1e-3, out=position)
     index = position.astype(np.int32)
     position -= index

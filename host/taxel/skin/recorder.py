@@ -9,14 +9,16 @@ import numpy.typing as npt
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
-from taxel.link.capture import EXISTS
+from taxel.link.capture import EXISTS, open_live_output
+from taxel.output import LiveOutput
 from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.topics import JointSource
+from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
-from taxel.skin.opening import open_source
+from taxel.skin.opening import open_source, open_waiting_source
 from taxel.skin.recording_link import RecordingLink, make_recording_header
-from taxel.skin.skin import Skin
+from taxel.skin.recording_skin import RecordingSkin
 
 MCAP_SUFFIX = ".mcap"
 
@@ -27,27 +29,29 @@ def open_recorded(
     hand: Hand | str | None = None,
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    waits: bool = False,
     proximity: str | os.PathLike[str] | None = None,
-) -> Skin:
+) -> RecordingSkin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
     radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. proximity:
-    calibration file, with which an MCAP file also contains the targets before contact. Raises `CaptureError`, before
-    anything is opened, if the file exists and `overwrite` is False.
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. waits: if the port
+    vanishes, the recording waits for the port and continues in the same file (`Skin.reconnection` lists the gaps).
+    proximity: calibration file, with which an MCAP file also contains the targets before contact. Raises
+    `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    link, description = open_source(url, hand)
+    link, description = (open_waiting_source if waits else open_source)(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
         watch = None if proximity is None else _open_recorded_watch(path, proximity, description)
     except BaseException:
         link.close()
         raise
-    return record_link(link, description, header, path, overwrite, joint_position, watch)
+    return record_link(link, description, header, path, overwrite, joint_position, proximity=watch)
 
 
 def _open_recorded_watch(
@@ -66,9 +70,15 @@ def record_link(
     path: str | os.PathLike[str],
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    output: LiveOutput | None = None,
+    joint_output: LiveOutput | None = None,
     proximity: ProximityWatch | None = None,
-) -> Skin:
-    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
+) -> RecordingSkin:
+    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
+
+    output, joint_output: open outputs that are written instead of `path`, and instead of the file of measured joint
+    angles beside a capture; None: new files. proximity: estimators of targets before contact (MCAP files).
+    """
     if joint_position is None:
         joint_position = header.get("joint_position")
     elif isinstance(joint_position, JointHistory):
@@ -76,19 +86,19 @@ def record_link(
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position, proximity)
+        return _record_mcap(link, hand, header, path, overwrite, joint_position, output, proximity)
     try:
-        writer = CaptureWriter(path, header, overwrite)
+        writer = CaptureBytes(CaptureWriter(path, header, overwrite, output))
     except BaseException:
         link.close()
         raise
     try:
         if isinstance(joint_position, JointHistory):
-            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, get_joint_path(path))
-        return Skin(RecordingLink(link, writer), hand)
+            companion = joint_output or open_live_output(get_joint_path(path), overwrite)
+            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, companion)
+        return RecordingSkin(RecordingLink(link, writer), hand)
     except BaseException:
-        if writer.records == 0:
-            os.unlink(path)  # a capture without any bytes is of no use
+        writer.discard()  # a capture without any bytes is of no use
         raise
 
 
@@ -107,24 +117,24 @@ def _record_mcap(
     path: str | os.PathLike[str],
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
+    output: LiveOutput | None,
     proximity: ProximityWatch | None,
-) -> Skin:
+) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
-    proximity: estimators of targets before contact.
+    output: open output that is written instead of `path`; None: a new file. proximity: estimators of targets before
+    contact.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 
-        file = McapFile(path, header, overwrite)
+        file = McapFile(path, header, overwrite, output)
     except BaseException:
         link.close()
         raise
     try:
         return McapSkin(link, hand, file, header, make_joint_source(joint_position), proximity)
     except BaseException:
-        file.close()
-        if file.messages == 0:
-            os.unlink(path)
+        file.discard()
         raise
