@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,7 @@ MAX_POINTS: Final = 200
 MAX_TARGETS: Final = 8
 """Largest number of targets of a kind: the time per frame grows in proportion."""
 COUNTS_MAX: Final = 65_535.0
+_TARGET_KEYS: Final = ("distance_mm", "signal_counts", "decay", "curve_error", "gain_spread", "boards")
 
 
 def write_calibration(path: str | os.PathLike[str], calibration: ProximityCalibration, overwrite: bool = False) -> None:
@@ -59,8 +61,10 @@ def read_calibration(path: str | os.PathLike[str], hand: Hand) -> ProximityCalib
     """Read a calibration file for a hand. Raises `CalibrationFileError` for a value that is not valid, and OSError."""
     reader = _Reader(format_path(os.fspath(path)))
     document = reader.load(path)
+    reader.check_keys(document, ("format", "version", "hand", "kinds"))
     reader.check(document.get("format") == FORMAT, "format", f"'{FORMAT}'", document.get("format"))
-    reader.check(document.get("version") == VERSION, "version", str(VERSION), document.get("version"))
+    version = document.get("version")
+    reader.check(type(version) is int and version == VERSION, "version", str(VERSION), version)
     reader.check(document.get("hand") == hand.name, "hand", f"'{hand.name}', the hand in use", document.get("hand"))
     known = {board.kind.name for board in hand.boards}
     kinds = {}
@@ -74,6 +78,7 @@ def read_calibration(path: str | os.PathLike[str], hand: Hand) -> ProximityCalib
 def _parse_kind(reader: "_Reader", field: str, table: Any) -> KindCalibration:
     """Parse the calibration of one kind of board."""
     reader.check(isinstance(table, dict), field, "a table", table)
+    reader.check_keys(table, ("noise_counts", "drift_counts_per_root_s", "targets"), field)
     targets = reader.table(table, "targets", field)
     reader.check(0 < len(targets) <= MAX_TARGETS, f"{field}.targets", f"1 to {MAX_TARGETS} targets", len(targets))
     return KindCalibration(
@@ -87,6 +92,7 @@ def _parse_target(reader: "_Reader", field: str, name: str, table: Any) -> Targe
     """Parse the response to one target."""
     reader.check(bool(TARGET_NAME.fullmatch(name)), field, "a name of lower-case letters, digits and _", name)
     reader.check(isinstance(table, dict), field, "a table", table)
+    reader.check_keys(table, _TARGET_KEYS, field)
     distance = 1e-3 * reader.numbers(table, "distance_mm", 1e3 * MAX_DISTANCE_M, field)
     counts = reader.numbers(table, "signal_counts", COUNTS_MAX, field)
     ascending = len(distance) >= 2 and distance[0] > 0 and bool((np.diff(distance) > 0).all())
@@ -123,6 +129,12 @@ class _Reader:
     def _error(self, field: str, expected: str, found: str) -> CalibrationFileError:
         return CalibrationFileError(self._file, field, expected, found, "calibrate again, or use the file of this skin")
 
+    def check_keys(self, table: dict[str, Any], keys: Sequence[str], field: str = "") -> None:
+        """Raise an error for a key of a table that the format does not have, such as a misspelt one."""
+        for key in table:
+            expected = f"one of the keys {', '.join(keys)}"
+            self.check(key in keys, f"{field}.{format_path(key[:40])}".lstrip("."), expected, key)
+
     def table(self, table: dict[str, Any], key: str, field: str = "") -> dict[str, Any]:
         """Return a table of a table."""
         value = table.get(key)
@@ -141,7 +153,11 @@ class _Reader:
         value = table.get(key)
         is_valid = isinstance(value, list) and 0 < len(value) <= MAX_POINTS
         is_valid = is_valid and all(
-            isinstance(each, int | float) and math.isfinite(each) and abs(each) <= largest for each in value or ()
+            isinstance(each, int | float)
+            and not isinstance(each, bool)
+            and math.isfinite(each)
+            and abs(each) <= largest
+            for each in value or ()
         )
         self.check(is_valid, f"{field}.{key}", f"1 to {MAX_POINTS} finite numbers up to {largest:g}", value)
         return np.array(value, dtype=np.float64)

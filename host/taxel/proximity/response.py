@@ -52,7 +52,7 @@ def look_up(table: FloatArray, distance_m: FloatArray) -> Float32Array:
     """
     values = np.append(table, 0.0).astype(np.float32)
     position: Float32Array = np.asarray(distance_m, dtype=np.float32) * np.float32(1.0 / TABLE_STEP_M)
-    np.clip(position, 0.0, len(table) - 1e-3, out=position)
+    np.clip(position, 0.0, len(table), out=position)
     index = position.astype(np.int32)
     position -= index
     position *= np.append(np.diff(values), 0.0).astype(np.float32)[index]

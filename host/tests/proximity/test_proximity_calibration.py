@@ -1,12 +1,15 @@
 """Holds, curves and calibration files."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
 from taxel.hand import load_hand
+from taxel.input_files import InputFileError
+from taxel.output import OutputError
 from taxel.proximity import (
     CalibrationFileError,
     Hold,
@@ -111,7 +114,7 @@ def test_calibration_file_returns_what_was_written(tmp_path, calibration, hand):
     np.testing.assert_allclose(
         response.curve.signal_counts, calibration.targets["grounded"].curve.signal_counts, atol=1e-3
     )
-    with pytest.raises(CalibrationFileError, match="existing file"):
+    with pytest.raises(OutputError, match="expected a new file, found an existing one"):
         write_calibration(tmp_path / "skin.json", written)
 
 
@@ -133,7 +136,7 @@ def get_target(document):
             "distance",
         ),
         (lambda document: get_target(document).update(signal_counts=[1]), "signal"),
-        (lambda document: get_target(document).update(decay=float("nan")), "decay"),
+        (lambda document: get_target(document).update(decay=1e6), "decay"),
         (lambda document: get_target(document).update(boards=[1]), "boards"),
     ],
 )
@@ -152,8 +155,15 @@ def test_wrong_value_of_a_calibration_file_is_named(tmp_path, calibration, hand,
 
 def test_truncated_calibration_file_is_reported(tmp_path, hand):
     (tmp_path / "skin.json").write_text('{"format": ')
-    with pytest.raises(CalibrationFileError, match="a JSON document"):
+    with pytest.raises(CalibrationFileError, match=r"line 1: expected a calibration \(valid JSON\)"):
         read_calibration(tmp_path / "skin.json", hand)
+
+
+def test_pipe_instead_of_a_file_is_refused_at_once(tmp_path, hand):
+    os.mkfifo(tmp_path / "pipe")
+    for read in (read_calibration, read_holds):
+        with pytest.raises(InputFileError, match="is a pipe"):
+            read(tmp_path / "pipe", hand)
 
 
 def test_holds_are_read_as_written(tmp_path, hand):
