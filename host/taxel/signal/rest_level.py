@@ -25,6 +25,9 @@ little."""
 LOADING_VARIANCE: Final = 0.25
 """Prior variance of a loading, whose prior mean is 1 (assumed: half of the taxels differ by less than a third)."""
 
+CORRELATED: Final = 10.0
+"""Successive deviations that count as one in the estimate of a loading: 1/f noise is correlated (assumed)."""
+
 LEAST_LOADING: Final = 0.2
 """Smallest loading of a taxel that takes part in the median: a smaller one would amplify its noise fivefold."""
 
@@ -132,7 +135,9 @@ class RestLevel:
         followed = np.clip(residual, -bound, bound)
         self.level += expected + np.where(usable, settled / total, 0.0) * followed
         self.variance = np.where(usable, settled * (1.0 - settled / total), np.minimum(predicted, UNKNOWN_VARIANCE))
-        gain = np.where(usable, self.loading_variance * shared / total, 0.0)
+        gain = np.where(
+            usable, self.loading_variance * shared / (CORRELATED * total + self.loading_variance * shared**2), 0.0
+        )
         self.loading += gain * followed
         self.loading_variance *= 1.0 - gain * shared
         self.unchecked = np.where(finite, 0.0, self.unchecked + shared)

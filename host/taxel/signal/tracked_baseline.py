@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.signal._arrays import check_positive, check_shape, to_raw_count_array, to_validity_mask
-from taxel.signal.contact_state import CONTACTS_PER_S, ContactState, to_probability
+from taxel.signal.contact_state import CONTACTS_PER_S, ContactState, Interval, to_probability
 from taxel.signal.rest_level import RestLevel, RestSettings, estimate_slow_settings
 from taxel.types import BoolArray, FloatArray, IntArray
 
@@ -162,6 +162,12 @@ class TrackedBaseline:
         is_contact = self._contact.is_contact
         self._contact_s = np.where(is_contact, self._contact_s + elapsed_s, 0.0)
         own.forget(self._contact.has_risen)
+        ceased = self._contact.has_ceased
+        own.level[ceased], own.variance[ceased] = (
+            self._contact.free_level[ceased],
+            self._contact.free_variance[ceased],
+        )
+        own.unchecked[ceased] = 0.0
         # The levels of taxels that were in contact are uncertain: they follow the others, if there are any.
         change = np.where(np.isfinite(mean), mean - own.level, 0.0)
         usable = np.isfinite(mean) & own.is_known & ~is_contact
@@ -208,8 +214,11 @@ class TrackedBaseline:
         own, change = self._rest, common[self._rest.board]
         measured = own.compute_measured_variance(count)
         variance = own.variance + self._compute_unchecked_variance(common, count) + measured
-        moved = replace(self._contact, level=self._contact.level + own.loading * change)
-        return moved.update(mean, mean - own.level - own.loading * change, variance, measured, elapsed_s, begin)
+        shift = own.loading * change
+        moved = replace(self._contact, level=self._contact.level + shift, free_level=self._contact.free_level + shift)
+        walk = own.settings.walk * elapsed_s / self.interval_s
+        residual = mean - own.level - shift
+        return moved.update(Interval(mean, residual, variance, measured, walk, elapsed_s, begin))
 
     def _compute_unchecked_variance(self, common: FloatArray, count: IntArray) -> FloatArray:
         """Variance of the counts at rest by the drift since each taxel was free, f64[n], counts^2.

@@ -18,8 +18,8 @@ from taxel.types import IntArray
 class ClearedTest:
     """Sequential test of the reference value against the changed value of an alarm (see `detector.py`).
 
-    period_s: mean time to a wrong result, seconds. condition: of the contact that raised the alarm, or None. The signals
-    during a contact, unlike relative changes, are compared in this condition only.
+    period_s: mean time to a wrong result, seconds. condition: of the contact that raised the alarm, or None. The
+    signals during a contact, unlike relative changes, are compared in this condition only.
     """
 
     alarm: Alarm
