@@ -1,0 +1,19 @@
+"""Write the generated parts of the clients in other languages (protocol/clients) from the construct definitions.
+
+python tools/codegen/clients.py            write them
+python tools/codegen/clients.py --check    exit status 1 if a file on disk is stale
+"""
+
+import sys
+
+import cpp_client
+from generated_files import write_or_check
+
+
+def main() -> int:
+    """Write the generated files of all clients, or check that they are up to date."""
+    return write_or_check({cpp_client.FILE: cpp_client.format_text()})
+
+
+if __name__ == "__main__":
+    sys.exit(main())
