@@ -4,12 +4,12 @@
 int main(int count, char **arguments) try {
     taxel::CaptureReader reader(count > 1 ? arguments[1] : "skin.bin");
     taxel::Decoder decoder;
-    std::vector<std::uint8_t> bytes;
-    for (std::uint64_t time_ns = 0; reader.next(time_ns, bytes);)
-        decoder.push(bytes.data(), bytes.size(), [&](const taxel::Frame &frame) {
-            if (frame.taxel_count) std::printf("%llu 0x%02X %u\n", static_cast<unsigned long long>(time_ns), frame.address, frame.counts[0]);
-        });
-    std::printf("%llu frames, %llu lost\n", static_cast<unsigned long long>(decoder.losses().frames), static_cast<unsigned long long>(decoder.losses().lost));
+    taxel::CaptureRecord record;
+    const auto print = [](const taxel::Frame &frame) {
+        if (frame.has_counts()) std::printf("board 0x%02X, cycle %u: taxel 0 has %u counts\n", frame.address, frame.cycle, frame.counts[0]);
+    };
+    while (reader.next(record)) decoder.push(record.bytes, record.size, print);
+    std::printf("%llu frames lost\n", static_cast<unsigned long long>(decoder.losses().lost));
 } catch (const taxel::CaptureError &error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

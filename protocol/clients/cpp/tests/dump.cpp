@@ -109,11 +109,10 @@ void dump_capture(const char *path)
 {
     taxel::CaptureReader reader(path);
     taxel::Decoder decoder;
-    std::vector<std::uint8_t> bytes;
-    std::uint64_t time_ns = 0;
+    taxel::CaptureRecord record;
     const auto print = [](const taxel::Frame &frame) { print_frame(frame, false); };
-    while (reader.next(time_ns, bytes)) {
-        decoder.push(bytes.data(), bytes.size(), print);
+    while (reader.next(record)) {
+        decoder.push(record.bytes, record.size, print);
     }
     decoder.finish(print);
     print_losses(decoder);

@@ -43,7 +43,7 @@ struct Frame {
 
     bool has_counts() const
     {
-        return taxel_count != 0 || type == FrameType::TAXELS;
+        return taxel_count != 0;
     }
     /* The payload of a message as its struct, such as frame.as<taxel::HubStatus>(). The caller has compared `type`. */
     template <class Message> Message as() const
@@ -168,9 +168,7 @@ class Decoder
         frame.board_sequence = snapshot.sequence;
         frame.board_time_us = snapshot.timestamp_us;
         frame.taxel_count = header.taxel_count;
-        for (std::size_t i = 0; i < header.taxel_count; i++) {
-            detail::load(bytes + SnapshotHeader::size + 2 * i, counts_[i]);
-        }
+        load_counts(bytes + SnapshotHeader::size, header.taxel_count);
         Losses::Board &board = losses_.boards[header.address];
         if (has_right_board_crc(frame)) {
             board.received++;
@@ -179,6 +177,21 @@ class Decoder
             board.damaged++;
         }
         count_cycles(frame, 0);
+    }
+
+    void load_counts(const std::uint8_t *bytes, std::size_t size)
+    {
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+        /* Pieces of a constant size compile to moves of registers; both arrays have PADDING bytes behind their end. */
+        auto *out = reinterpret_cast<std::uint8_t *>(counts_);
+        for (std::size_t i = 0; i < size * sizeof counts_[0]; i += detail::PADDING) {
+            std::memcpy(out + i, bytes + i, detail::PADDING);
+        }
+#else
+        for (std::size_t i = 0; i < size; i++) {
+            detail::load(bytes + 2 * i, counts_[i]);
+        }
+#endif
     }
 
     void decode_compact(Frame &frame)
@@ -281,7 +294,7 @@ class Decoder
     std::uint16_t next_sequence_ = 0;
     Board boards_[ADDRESSES];
     std::vector<detail::CrcZeros> zeros_;
-    std::uint16_t counts_[TAXELS_MAX + 16];
+    std::uint16_t counts_[TAXELS_MAX + detail::PADDING / 2];
 };
 
 } // namespace taxel

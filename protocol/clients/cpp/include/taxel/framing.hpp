@@ -25,6 +25,9 @@ struct RawFrame {
 namespace detail
 {
 
+/* Bytes behind a buffer that a copy in pieces of this size may read or write. */
+constexpr std::size_t PADDING = 64;
+
 constexpr std::array<std::uint8_t, BODY_MAX + 1> make_whitening()
 {
     std::array<std::uint8_t, BODY_MAX + 1> sequence{};
@@ -38,12 +41,21 @@ constexpr std::array<std::uint8_t, BODY_MAX + 1> make_whitening()
 
 inline constexpr auto whitening = make_whitening();
 
-/* XORs bytes from position `first` of a body on with the whitening sequence. */
-inline void whiten(std::uint8_t *__restrict out, const std::uint8_t *__restrict bytes, std::size_t first,
-                   std::size_t size)
+/* XORs bytes from position `first` of a body on with the whitening sequence, 32 at a time. */
+inline void whiten(std::uint8_t *out, const std::uint8_t *bytes, std::size_t first, std::size_t size)
 {
     const std::uint8_t *key = whitening.data() + first;
-    for (std::size_t i = 0; i < size; i++) {
+    std::size_t i = 0;
+    for (; i + 32 <= size; i += 32) {
+        std::uint64_t words[4], keys[4];
+        std::memcpy(words, bytes + i, sizeof words);
+        std::memcpy(keys, key + i, sizeof keys);
+        for (int k = 0; k < 4; k++) {
+            words[k] ^= keys[k];
+        }
+        std::memcpy(out + i, words, sizeof words);
+    }
+    for (; i < size; i++) {
         out[i] = static_cast<std::uint8_t>(bytes[i] ^ key[i]);
     }
 }
@@ -259,7 +271,7 @@ class Deframer
     std::size_t fill_ = 0;
     std::uint64_t discarded_ = 0, position_ = 0;
     std::uint8_t chunk_[CAPACITY];
-    std::uint8_t body_[BODY_MAX + 1];
+    std::uint8_t body_[BODY_MAX + 1 + detail::PADDING] = {};
 };
 
 } // namespace taxel
