@@ -7,12 +7,14 @@ python tools/codegen/clients.py --check    exit status 1 if a file on disk is st
 import sys
 
 import cpp_client
+import rust_client
 from generated_files import write_or_check
 
 
 def main() -> int:
     """Write the generated files of all clients, or check that they are up to date."""
-    return write_or_check({cpp_client.FILE: cpp_client.format_text()})
+    generators = (cpp_client, rust_client)
+    return write_or_check({generator.FILE: generator.format_text() for generator in generators})
 
 
 if __name__ == "__main__":
