@@ -7,14 +7,15 @@ python tools/codegen/clients.py --check    exit status 1 if a file on disk is st
 import sys
 
 import cpp_client
+import lua_client
 import rust_client
 from generated_files import write_or_check
 
 
 def main() -> int:
     """Write the generated files of all clients, or check that they are up to date."""
-    generators = (cpp_client, rust_client)
-    return write_or_check({generator.FILE: generator.format_text() for generator in generators})
+    files = {cpp_client.FILE: cpp_client.format_text(), rust_client.FILE: rust_client.format_text()}
+    return write_or_check(files | lua_client.format_files())
 
 
 if __name__ == "__main__":
