@@ -10,6 +10,8 @@ from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
 from taxel.link.capture import EXISTS
+from taxel.link.pcapng import SUFFIX as PCAPNG_SUFFIX
+from taxel.link.pcapng import PcapngWriter
 from taxel.ros.topics import JointSource
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
@@ -30,9 +32,10 @@ def open_recorded(
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
-    `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
-    radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv.
+    `ros`); a name that ends in .pcapng makes a file for Wireshark, and any other name a capture, both with the bytes
+    alone. joint_position: joint angles of the hand's robot, radians [j], or a function that returns them, for the TF
+    tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, beside a
+    file without topics in the file PATH.joints.csv.
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
@@ -64,7 +67,7 @@ def record_link(
     if os.fspath(path).endswith(MCAP_SUFFIX):
         return _record_mcap(link, hand, header, path, overwrite, joint_position)
     try:
-        writer = CaptureWriter(path, header, overwrite)
+        writer = _open_writer(path, header, overwrite)
     except BaseException:
         link.close()
         raise
@@ -76,6 +79,15 @@ def record_link(
         if writer.records == 0:
             os.unlink(path)  # a capture without any bytes is of no use
         raise
+
+
+def _open_writer(
+    path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool
+) -> CaptureWriter | PcapngWriter:
+    """Create a PCAPNG file for a name that ends in .pcapng, else a capture."""
+    if os.fspath(path).endswith(PCAPNG_SUFFIX):
+        return PcapngWriter(path, header, overwrite)
+    return CaptureWriter(path, header, overwrite)
 
 
 def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:

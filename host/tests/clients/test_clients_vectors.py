@@ -1,0 +1,49 @@
+"""The clients in C++, Rust and Lua decode every golden vector as the Python decoder does."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from host.tests.clients.conftest import programs, reference
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_generated_files_of_the_clients_are_not_stale():
+    script = ROOT / "tools" / "codegen" / "clients.py"
+    result = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.fixture(scope="module")
+def streams():
+    """Every golden vector that is a frame or a stream."""
+    return list(reference.list_streams())
+
+
+@pytest.fixture(scope="module")
+def expected(streams):
+    """The lines of each stream by the Python decoder."""
+    return [reference.format_stream(stream, has_wire=True) for stream in streams]
+
+
+def without_wire(line):
+    """A line without the re-encoded frame, which a client without encoder does not print."""
+    return line.partition(" wire=")[0]
+
+
+def test_every_frame_and_stream_is_decoded_and_encoded(command, streams, expected):
+    has_encoder = not command[-1].endswith(".lua")
+    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests(streams, [])))
+    for stream, wanted in zip(streams, expected, strict=True):
+        found = [next(lines) for _ in wanted]
+        assert found == (wanted if has_encoder else list(map(without_wire, wanted))), stream.name
+    assert next(lines, None) is None
+
+
+def test_every_register_is_decoded(command):
+    registers = reference.list_registers()
+    lines = programs.run_program([*command, "vectors"], reference.format_requests([], registers))
+    assert lines == [reference.format_register(vector) for vector in registers]
