@@ -7,6 +7,7 @@ python tools/codegen/clients.py --check    exit status 1 if a file on disk is st
 import sys
 
 import cpp_client
+import kaitai_client
 import lua_client
 import rust_client
 from generated_files import write_or_check
@@ -15,7 +16,7 @@ from generated_files import write_or_check
 def main() -> int:
     """Write the generated files of all clients, or check that they are up to date."""
     files = {cpp_client.FILE: cpp_client.format_text(), rust_client.FILE: rust_client.format_text()}
-    return write_or_check(files | lua_client.format_files())
+    return write_or_check(files | lua_client.format_files() | kaitai_client.format_files())
 
 
 if __name__ == "__main__":
