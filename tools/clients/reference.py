@@ -111,7 +111,7 @@ def format_totals(decoder: StreamDecoder) -> list[str]:
     return lines
 
 
-def _load(name: str, key: str) -> list[dict[str, Any]]:
+def load_vectors(name: str, key: str) -> list[dict[str, Any]]:
     """The vectors of one file of protocol/vectors."""
     content: list[dict[str, Any]] = json.loads((VECTORS / f"{name}.json").read_text())[key]
     return content
@@ -134,22 +134,20 @@ def wrap_history(board: Mapping[str, Any]) -> Stream:
 
 def list_streams() -> Iterator[Stream]:
     """Every golden vector that is a frame or a stream: frames.json, damaged.json and compact.json."""
-    for vector in _load("frames", "frames"):
+    for vector in load_vectors("frames", "frames"):
         yield Stream(f"frame {vector['name']}", TO_HOST | TO_HUB, bytes.fromhex(vector["wire"]))
-    for vector in _load("damaged", "streams"):
+    for vector in load_vectors("damaged", "streams"):
         yield Stream(f"damaged {vector['name']}", vector["directions"], bytes.fromhex(vector["stream"]))
-    yield from map(wrap_history, _load("compact", "boards"))
+    yield from map(wrap_history, load_vectors("compact", "boards"))
 
 
 def list_registers() -> list[dict[str, Any]]:
     """The golden vectors of registers.json."""
-    return _load("registers", "registers")
+    return load_vectors("registers", "registers")
 
 
 def format_register(vector: Mapping[str, Any]) -> str:
     """The line that a client prints for a register vector."""
-    size = sum(len(v) // 2 if isinstance(v, str) else 0 for v in vector["fields"].values())
-    del size
     fields = "".join(f" {name}={value}" for name, value in vector["fields"].items())
     return f"register{fields} bytes={vector['bytes'][: 2 * _count_fixed_bytes(vector)]}"
 

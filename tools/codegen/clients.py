@@ -9,6 +9,7 @@ import sys
 import cpp_client
 import kaitai_client
 import lua_client
+import ros2_client
 import rust_client
 from generated_files import write_or_check
 
@@ -16,7 +17,9 @@ from generated_files import write_or_check
 def main() -> int:
     """Write the generated files of all clients, or check that they are up to date."""
     files = {cpp_client.FILE: cpp_client.format_text(), rust_client.FILE: rust_client.format_text()}
-    return write_or_check(files | lua_client.format_files() | kaitai_client.format_files())
+    for client in (lua_client, kaitai_client, ros2_client):
+        files |= client.format_files()
+    return write_or_check(files)
 
 
 if __name__ == "__main__":
