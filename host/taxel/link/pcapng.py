@@ -90,7 +90,8 @@ class PcapngWriter:
         self.records += 1
         end = 0
         blocks = []
-        for match in _FRAME.finditer(self._rest):
+        last = self._rest.rfind(b"\0") + 1  # behind it, the pattern would search in vain, in quadratic time
+        for match in _FRAME.finditer(self._rest, 0, last):
             blocks += self._make_packets(match[0])
             end = match.end()
         self._rest = self._rest[end:]
