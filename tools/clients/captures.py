@@ -15,6 +15,9 @@ POLL_S = 0.005
 PIECE = 62
 """Bytes of a packet of a common USB adapter (FTDI) behind its two status bytes."""
 
+REPEATED_MAX = 8
+"""Largest number of repeated bytes: shorter than a frame, because a repeated frame counts as 65,535 lost frames."""
+
 
 def record_capture(path: Path, seconds: float, frames: FrameFormat) -> None:
     """Record the emulated hand `original` for `seconds` of virtual time. frames: "plain" or "compact"."""
@@ -54,7 +57,7 @@ def damage(data: bytes, seed: int, mean_distance: float = 2000.0) -> bytes:
             out.append(0)
             position += 1
         elif kind == 4:
-            out += data[max(position - size, 0) : position]
+            out += data[max(position - min(size, REPEATED_MAX), 0) : position]
         else:
             out += bytes(draw.randint(1, 255) for _ in range(size))
 

@@ -18,8 +18,8 @@ from kaitai_interpreter import Description
 from programs import CLIENTS, ProgramMissingError, find_program
 
 from taxel_protocol import FrameType
-from taxel_protocol.layout import list_fields
 from taxel_protocol.frames import FRAMES
+from taxel_protocol.layout import list_fields
 
 FOLDER = CLIENTS / "kaitai"
 COMPILER_VARIABLE = "TAXEL_KAITAI_COMPILER"

@@ -138,17 +138,18 @@ class Description:
 
     def _read_value(self, node: Node, attribute: Mapping[str, Any], source: Source) -> Any:
         """Read one value of an attribute."""
-        kind = attribute.get("type")
         if "contents" in attribute:
             return self._check(source.read(len(attribute["contents"])), attribute["contents"].encode(), attribute)
-        if isinstance(kind, dict):
-            kind = self._switch(node, kind)
+        named = attribute.get("type")
+        kind: str | None = self._switch(node, named) if isinstance(named, dict) else named
         if "size" in attribute or attribute.get("size-eos"):
             size = source.size - source.pos if attribute.get("size-eos") else self._evaluate(attribute["size"], node)
             data = self._process(source.read(size), attribute.get("process"), node)
             if kind == "str":
                 return data.decode(attribute["encoding"])
             return data if kind is None else self._parse_user_type(node, kind, Source(data))
+        if kind is None:
+            raise DescriptionError(f"{attribute['id']} has neither a type nor a size")
         if kind in _SIZES:
             value = int.from_bytes(source.read(_SIZES[kind]), "little")
             return self._check(value, attribute.get("valid", value), attribute)

@@ -31,8 +31,8 @@ def find_program(names: Sequence[str], package: str) -> str:
 def build_program(language: str, name: str = "dump") -> list[str]:
     """Build the program of a client, unless it is up to date; return the command that starts it.
 
-    name: file in the client's folder `tests` or `examples` without suffix. Raises ProgramMissingError if the compiler is
-    missing, and CalledProcessError with its output if it reports an error or a warning.
+    name: file in the client's folder `tests` or `examples` without suffix. Raises ProgramMissingError if the compiler
+    is missing, and CalledProcessError with its output if it reports an error or a warning.
     """
     return {"cpp": _build_cpp, "rust": _build_rust, "lua": _build_lua}[language](name)
 

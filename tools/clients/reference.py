@@ -82,14 +82,14 @@ def format_stream(stream: Stream, has_wire: bool) -> list[str]:
     for kind, sequence, payload in frames:
         is_taxels = kind in TAXEL_TYPES
         row, counts = next(rows[0 if is_taxels else 1])
-        fields, tail = _format_fields(kind, payload)
+        fields, rest = _format_fields(kind, payload)
         line = f"frame type={FrameType(kind).name} sequence={sequence} lost={row['lost_before']} flags={row['flags']}"
         line += fields
         if is_taxels:
             line += f" missing={row['missing_before']} board_time_us={row['board_time_us']}"
             line += f" counts={','.join(map(str, counts))}"
         else:
-            line += f" tail={tail.hex()}"
+            line += f" tail={rest.hex()}"
         lines.append(line + (f" wire={encode_frame(kind, sequence, payload).hex()}" if has_wire else ""))
     assert all(next(part, None) is None for part in rows)
     return lines + format_totals(decoder)

@@ -6,7 +6,7 @@ Everything is derived from the construct definitions, so that a change of a defi
 from dataclasses import dataclass
 from pathlib import Path
 
-from c_header import ENUMS, STRUCTS, to_snake_case
+from c_header import ENUMS, STRUCTS
 from construct import Struct
 from field_tables import PAYLOAD_PARTS
 from field_values import find_tail_name
@@ -99,9 +99,7 @@ def to_camel_case(name: str) -> str:
 
 def format_rows(values: tuple[int, ...], indent: str, per_row: int = 13) -> list[str]:
     """Lines with the numbers of a table, each followed by a comma."""
-    return [
-        indent + " ".join(f"{value}," for value in values[i : i + per_row]) for i in range(0, len(values), per_row)
-    ]
+    return [indent + " ".join(f"{value}," for value in values[i : i + per_row]) for i in range(0, len(values), per_row)]
 
 
 __all__ = [

@@ -3,7 +3,6 @@
 from client_model import (
     CLIENTS,
     ORIGIN,
-    Field,
     format_rows,
     get_struct_size,
     list_constants,
@@ -14,6 +13,8 @@ from client_model import (
     list_tables,
     to_camel_case,
 )
+
+from taxel_protocol.layout import Field
 
 FILE = CLIENTS / "cpp" / "include" / "taxel" / "protocol.hpp"
 TYPES = {1: "std::uint8_t", 2: "std::uint16_t", 4: "std::uint32_t", 8: "std::uint64_t"}
@@ -65,9 +66,10 @@ def _format_rules() -> list[str]:
 def _format_visits() -> list[str]:
     """C++ lines of the functions that visit, unpack and pack the structs at the front of a payload."""
     lines = [
-        "/* Calls visitor(prefix, value) for each struct at the front of a payload, in order, and returns the number of",
-        " * bytes of these structs. `payload` has a length that the frame type allows. */",
-        "template <class Visitor> std::size_t visit_payload(FrameType type, const std::uint8_t *payload, Visitor &&visitor)",
+        "/* Calls visitor(prefix, value) for each struct at the front of a payload, in order, and returns the number",
+        " * of bytes of these structs. `payload` has a length that the frame type allows. */",
+        "template <class Visitor>",
+        "std::size_t visit_payload(FrameType type, const std::uint8_t *payload, Visitor &&visitor)",
         *("{", "    (void)payload;", "    (void)visitor;", "    switch (type) {"),
     ]
     for m in list_messages():

@@ -2,20 +2,20 @@
 
 from pathlib import Path
 
+from c_header import to_snake_case
 from client_model import (
     CLIENTS,
     ORIGIN,
-    Field,
     Message,
     list_constants,
     list_enumerations,
     list_messages,
     list_struct_fields,
     list_structs,
-    to_snake_case,
 )
 
 from taxel_protocol.framing import whiten
+from taxel_protocol.layout import Field
 from taxel_protocol.limits import BODY_MAX, COMPACT_WIDTH_MASK
 from taxel_protocol.names import FrameType
 
@@ -107,7 +107,7 @@ def _format_payload(message: Message) -> list[str]:
         FrameType.TAXELS: ["      - id: raw_counts", "        type: u2", "        repeat: expr",
                            "        repeat-expr: header.taxel_count", "      - id: crc32", "        type: u4"],
         FrameType.COMPACT_TAXELS: ["      - id: data", "        size-eos: true", "    instances:",
-                                   "      compact:", "        doc: parsed on access, after the CRC of the board is checked",
+                                   "      compact:", "        doc: parsed on access",
                                    "        pos: 8", "        size-eos: true",
                                    "        type: compact_snapshot(header.taxel_count)"],
         FrameType.ACKNOWLEDGE: ["      - id: acknowledgements", "        type: acknowledgement", "        repeat: eos"],
@@ -118,7 +118,7 @@ def _format_payload(message: Message) -> list[str]:
 
 
 def _format_compact() -> list[str]:
-    """Lines of the types of compact snapshots: a packed frame has counts of 1 to 16 bits, each with a type of its own."""
+    """Lines of the types of compact snapshots. The counts of each width, 1 to 16 bits, have a type of their own."""
     lines = ["  compact_snapshot:", "    params:", "      - id: taxel_count", "        type: u1", "    seq:"]
     lines += ["      - id: header", "        type: compact_header"]
     lines += ["      - id: timestamp_us", "        type: u4", "        if: width != 0"]
@@ -162,8 +162,10 @@ def format_description() -> str:
 
 def format_rules() -> str:
     """Text of taxel_rules.py: the numbers that the deframing process needs."""
-    names = ("ADDRESS_MIN", "ADDRESS_MAX", "BODY_MAX", "FRAME_HEADER_SIZE", "FRAME_CRC_SIZE", "SNAPSHOT_OVERHEAD")
-    names += ("WHITENING_SEED", "WHITENING_FACTOR", "WHITENING_INCREMENT")
+    names = [
+        *("ADDRESS_MIN", "ADDRESS_MAX", "BODY_MAX", "FRAME_HEADER_SIZE", "FRAME_CRC_SIZE", "SNAPSHOT_OVERHEAD"),
+        *("WHITENING_SEED", "WHITENING_FACTOR", "WHITENING_INCREMENT"),
+    ]
     constants = list_constants()
     lines = [f'"""{ORIGIN}"""', "", *(f"{name} = {constants[name]}" for name in names)]
     lines += [f"TYPE_TAXELS = {int(FrameType.TAXELS)}", "", "FRAMES = {"]

@@ -40,7 +40,8 @@ def _format_messages() -> list[str]:
         parts = ", ".join(f'{{ struct = "{part.struct}", prefix = "{part.prefix}" }}' for part in m.parts)
         tail = f'"{m.tail}"' if m.tail else "nil"
         lines += [
-            f'    [0x{m.frame_type:02X}] = {{ name = "{m.frame_type.name}", minimum = {m.minimum}, maximum = {m.maximum},',
+            f'    [0x{m.frame_type:02X}] = {{ name = "{m.frame_type.name}",',
+            f"        minimum = {m.minimum}, maximum = {m.maximum},",
             f"        has_address = {str(m.has_address).lower()}, parts = {{ {parts} }}, tail = {tail} }},",
         ]
     return [*lines, "}", ""]
@@ -48,7 +49,12 @@ def _format_messages() -> list[str]:
 
 def format_protocol() -> str:
     """Text of the generated Lua module."""
-    lines = [f"-- {ORIGIN}", "-- Constants, named codes, structs and frame types of the protocol.", "local protocol = {}", ""]
+    lines = [
+        f"-- {ORIGIN}",
+        "-- Constants, named codes, structs and frame types of the protocol.",
+        "local protocol = {}",
+        "",
+    ]
     lines += [f"protocol.{name} = {value}" for name, value in list_constants().items()]
     for name, values in list_tables().items():
         lines += [f"protocol.{name} = {{", *format_rows(values, "    "), "}"]
@@ -74,7 +80,9 @@ def format_bundle() -> str:
         "-- Generated from protocol/clients/lua/taxel by tools/codegen/clients.py (make generate). Do not edit.",
     ]
     for name in MODULES:
-        source = format_protocol().rstrip("\n") if name == "protocol" else _read_module(FOLDER / "taxel" / f"{name}.lua")
+        source = (
+            format_protocol().rstrip("\n") if name == "protocol" else _read_module(FOLDER / "taxel" / f"{name}.lua")
+        )
         lines += ["", f'package.preload["taxel.{name}"] = function(...)', source, "end"]
     return "\n".join([*lines, "", _read_module(FOLDER / "taxel" / "dissector.lua"), ""])
 

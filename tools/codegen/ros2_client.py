@@ -1,4 +1,4 @@
-"""ROS 2 message definitions of the hub's frames, one message per frame type, with the meanings of SPEC.md as comments."""
+"""ROS 2 message definitions of the hub's frames, one per frame type, with the meanings of SPEC.md as comments."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,6 @@ from client_model import (
     CLIENTS,
     ORIGIN,
     TAXEL_FRAMES,
-    Field,
     Message,
     Part,
     list_enumerations,
@@ -18,6 +17,7 @@ from client_model import (
 )
 
 from taxel_protocol import frames, registers
+from taxel_protocol.layout import Field
 from taxel_protocol.names import FrameType
 
 PACKAGE = "taxel_hub_msgs"

@@ -4,7 +4,6 @@ from client_model import (
     CLIENTS,
     ORIGIN,
     TAXEL_FRAMES,
-    Field,
     Message,
     format_rows,
     get_struct_size,
@@ -16,6 +15,8 @@ from client_model import (
     list_tables,
     to_camel_case,
 )
+
+from taxel_protocol.layout import Field
 
 FILE = CLIENTS / "rust" / "src" / "protocol.rs"
 TYPES = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
@@ -94,7 +95,12 @@ def _format_struct(name: str) -> list[str]:
     lines += ["    pub fn unpack(bytes: &[u8]) -> Option<Self> {", "        if bytes.len() < Self::SIZE {"]
     lines += ["            return None;", "        }", "        Some(Self {"]
     lines += [f"            {field.name}: {_format_unpack(field)}," for field in fields]
-    lines += ["        })", "    }", "", "    /// Write the fields to the first `SIZE` bytes. Panics for a shorter slice."]
+    lines += [
+        "        })",
+        "    }",
+        "",
+        "    /// Write the fields to the first `SIZE` bytes. Panics for a shorter slice.",
+    ]
     lines += ["    pub fn pack(&self, bytes: &mut [u8]) {", *map(_format_pack, fields), "    }", ""]
     lines += ["    /// Call `visitor` with name and value of each field.", "    pub fn visit(&self, visitor: &mut"]
     lines[-1] += " dyn FnMut(&'static str, Value<'_>)) {"
@@ -135,10 +141,16 @@ def _format_messages() -> list[str]:
     lines += ["    pub fn visit(&self, visitor: &mut dyn FnMut(&'static str, &'static str, Value<'_>)) {"]
     lines += ["        match self {", *(line for m in messages for line in _format_visit(m)), "        }", "    }", ""]
     lines += ["    /// Write the structs to the front of `payload`; returns their size. Panics for a shorter slice."]
-    lines += ["    pub fn pack(&self, payload: &mut [u8]) -> usize {", "        let _ = &payload;", "        match self {"]
+    lines += [
+        "    pub fn pack(&self, payload: &mut [u8]) -> usize {",
+        "        let _ = &payload;",
+        "        match self {",
+    ]
     lines += [*(line for m in messages for line in _format_pack_message(m)), "        }", "    }", ""]
     lines += ["    /// The bytes behind the structs.", "    pub fn tail(&self) -> &'a [u8] {", "        match self {"]
-    lines += [f"            Self::{_to_variant(m.frame_type.name)} {{ tail, .. }} => tail," for m in messages if _has_tail(m)]
+    lines += [
+        f"            Self::{_to_variant(m.frame_type.name)} {{ tail, .. }} => tail," for m in messages if _has_tail(m)
+    ]
     return [*lines, "            _ => &[],", "        }", "    }", "}", ""]
 
 
@@ -150,7 +162,11 @@ def _format_parse(message: Message) -> list[str]:
         offset += get_struct_size(part.struct)
     values += [f"tail: payload.get({offset}..)?"] if _has_tail(message) else []
     variant = _to_variant(message.frame_type.name)
-    return [f"            FrameType::{variant} => Self::{variant} {{", *(f"                {v}," for v in values), "            },"]
+    return [
+        f"            FrameType::{variant} => Self::{variant} {{",
+        *(f"                {v}," for v in values),
+        "            },",
+    ]
 
 
 def _bind(message: Message) -> str:

@@ -55,7 +55,9 @@ def _format_empty_block() -> str:
     body = head + payload + crc32(head + payload).to_bytes(4, "little")
     rows = {"body": body, "whitened": whiten(body), "wire": wire}
     lines = [f" {name:<9} {' '.join(f'{byte:02X}' for byte in data)}" for name, data in rows.items()]
-    text = f"The frame COMMAND (START, tag 1) with the sequence {sequence} has a whitened body that ends in a zero byte:"
+    text = (
+        f"The frame COMMAND (START, tag 1) with the sequence {sequence} has a whitened body that ends in a zero byte:"
+    )
     return "\n".join([text, "", "```", *lines, "```"])
 
 

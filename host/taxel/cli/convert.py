@@ -21,7 +21,9 @@ RecordedBaseline = Annotated[
 
 
 def convert(
-    source: Annotated[str, typer.Argument(help="A recording: capture, .pcapng, .mcap, .h5, .parquet or a folder of CSV.")],
+    source: Annotated[
+        str, typer.Argument(help="A recording: capture, .pcapng, .mcap, .h5, .parquet or a folder of CSV.")
+    ],
     target: Annotated[
         str,
         typer.Argument(

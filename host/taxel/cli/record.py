@@ -15,7 +15,9 @@ from taxel.skin.recorder import open_recorded
 
 def record(
     url: Url,
-    out: Annotated[Path, typer.Option(help="File to write: x.mcap (bytes and ROS 2 topics), x.pcapng, else a capture (bytes).")],
+    out: Annotated[
+        Path, typer.Option(help="File to write: x.mcap (bytes and ROS 2 topics), x.pcapng, else a capture (bytes).")
+    ],
     seconds: Seconds = None,
     hand: HandOption = None,
     joints: JointAngles = None,

@@ -149,9 +149,7 @@ class PcapngLink:
         resolution = options.get(OPTION_RESOLUTION, b"\x06")[:1] or b"\x06"
         exponent = resolution[0] & 0x7F
         unit = 1 << exponent if resolution[0] & 0x80 else 10**exponent
-        self._interfaces.append(
-            _Interface(struct.unpack_from(f"{self._order}H", content)[0], (1_000_000_000, unit))
-        )
+        self._interfaces.append(_Interface(struct.unpack_from(f"{self._order}H", content)[0], (1_000_000_000, unit)))
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
         """Return the bytes of the next packet and their arrival time.

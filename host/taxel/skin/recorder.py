@@ -81,9 +81,7 @@ def record_link(
         raise
 
 
-def _open_writer(
-    path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool
-) -> CaptureWriter | PcapngWriter:
+def _open_writer(path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool) -> CaptureWriter | PcapngWriter:
     """Create a PCAPNG file for a name that ends in .pcapng, else a capture."""
     if os.fspath(path).endswith(PCAPNG_SUFFIX):
         return PcapngWriter(path, header, overwrite)

@@ -1,4 +1,4 @@
-"""The Kaitai description decodes every golden vector and a capture; interpreted, and compiled if the compiler is installed."""
+"""The Kaitai description decodes every golden vector and a capture, interpreted and (if installed) compiled."""
 
 import json
 
@@ -93,5 +93,5 @@ def test_frames_and_losses_of_a_damaged_capture_are_equal(open_description, pars
 
 
 def test_a_file_that_is_no_capture_is_refused(open_description):
-    with pytest.raises(Exception, match="magic|not equal"):
+    with pytest.raises(Exception, match=r"magic|not equal"):
         open_description("taxel_capture")(b"TAXELCAQ" + bytes(8), None)

@@ -41,15 +41,15 @@ def make_message(types, name, **fields):
 
 def build(types, frame_type, sequence, payload):
     """The message of a frame that is no taxel frame."""
-    fields, tail = unpack(FRAMES[frame_type].payload, payload)
+    fields, rest = unpack(FRAMES[frame_type].payload, payload)
     name = "".join(part.capitalize() for part in frame_type.name.lower().split("_"))
     if frame_type == FrameType.ACKNOWLEDGE:
-        parts = [unpack(Acknowledgement, tail[i : i + 3])[0] for i in range(0, len(tail), 3)]
+        parts = [unpack(Acknowledgement, rest[i : i + 3])[0] for i in range(0, len(rest), 3)]
         fields["acknowledgements"] = [make_message(types, "Acknowledgement", **part) for part in parts]
     elif frame_type == FrameType.LOG:
-        fields["text"] = tail.decode("latin-1")
+        fields["text"] = rest.decode("latin-1")
     elif FRAMES[frame_type].minimum != FRAMES[frame_type].maximum:
-        fields[FRAMES[frame_type].payload.subcons[-1].name] = tail
+        fields[FRAMES[frame_type].payload.subcons[-1].name] = rest
     return make_message(types, name, header=make_header(types), sequence=sequence, lost_before=3, **fields)
 
 

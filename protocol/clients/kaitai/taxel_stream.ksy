@@ -85,7 +85,7 @@ types:
         size-eos: true
     instances:
       compact:
-        doc: parsed on access, after the CRC of the board is checked
+        doc: parsed on access
         pos: 8
         size-eos: true
         type: compact_snapshot(header.taxel_count)

@@ -29,7 +29,8 @@ from taxel.stream.encoder import FramesLink
 from taxel.types import FloatArray
 
 FORMATS = {
-    "capture": (".bin",), "pcapng": (".pcapng",), "mcap": (".mcap",), "hdf5": (".h5", ".hdf5"), "parquet": (".parquet",), "csv": (".csv", "/"),
+    "capture": (".bin",), "pcapng": (".pcapng",), "mcap": (".mcap",),
+    "hdf5": (".h5", ".hdf5"), "parquet": (".parquet",), "csv": (".csv", "/"),
 }  # fmt: skip
 """Formats of a recording and the endings of their names. CSV is a folder."""
 

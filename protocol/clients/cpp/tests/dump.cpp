@@ -74,9 +74,9 @@ void print_frame(const taxel::Frame &frame, bool with_wire)
     std::string line = std::string("frame type=") + taxel::to_string(frame.type) +
                        " sequence=" + std::to_string(frame.sequence) + " lost=" + std::to_string(frame.lost_before) +
                        " flags=" + std::to_string(frame.flags);
-    const std::size_t size = taxel::visit_payload(frame.type, frame.payload, [&](const char *prefix, const auto &value) {
-        value.visit(FieldPrinter{line, prefix});
-    });
+    const std::size_t size =
+        taxel::visit_payload(frame.type, frame.payload,
+                             [&](const char *prefix, const auto &value) { value.visit(FieldPrinter{line, prefix}); });
     if (frame.counts) {
         line += " missing=" + std::to_string(frame.missing_before) +
                 " board_time_us=" + std::to_string(frame.board_time_us) + " counts=" + format_counts(frame);

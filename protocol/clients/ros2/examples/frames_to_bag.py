@@ -1,4 +1,4 @@
-"""Write the raw counts of a capture to a ROS 2 bag: python frames_to_bag.py skin.bin skin_bag (pip install taxel[ros])."""
+"""Write the raw counts of a capture to a ROS 2 bag: python frames_to_bag.py skin.bin skin_bag."""
 
 import sys
 from pathlib import Path

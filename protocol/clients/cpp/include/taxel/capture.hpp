@@ -108,7 +108,8 @@ class CaptureReader
         if (block_.size() < size || block_.size() < BLOCK_SIZE) {
             block_.resize(size < BLOCK_SIZE ? BLOCK_SIZE : size);
         }
-        const std::size_t space = block_.size() - last_, step = unread_ < space ? static_cast<std::size_t>(unread_) : space;
+        const std::size_t space = block_.size() - last_,
+                          step = unread_ < space ? static_cast<std::size_t>(unread_) : space;
         if (!file_.read(reinterpret_cast<char *>(block_.data() + last_), static_cast<std::streamsize>(step))) {
             throw CaptureError(path_ + ": cannot be read");
         }

@@ -55,8 +55,7 @@ TAXEL_CLMUL std::uint32_t clmul_reduce(__m128i remainder)
     const __m128i last = clmul_pair(REDUCE);
     __m128i x =
         _mm_xor_si128(_mm_srli_si128(remainder, 8), _mm_clmulepi64_si128(remainder, clmul_pair(FOLD_ONE), 0x10));
-    x = _mm_xor_si128(_mm_srli_si128(x, 4),
-                      _mm_clmulepi64_si128(_mm_and_si128(x, lower), clmul_pair(FOLD_HALF), 0x00));
+    x = _mm_xor_si128(_mm_srli_si128(x, 4), _mm_clmulepi64_si128(_mm_and_si128(x, lower), clmul_pair(FOLD_HALF), 0x00));
     const __m128i quotient = _mm_and_si128(_mm_clmulepi64_si128(_mm_and_si128(x, lower), last, 0x10), lower);
     return static_cast<std::uint32_t>(
         _mm_extract_epi32(_mm_xor_si128(x, _mm_clmulepi64_si128(quotient, last, 0x00)), 1));

@@ -109,7 +109,8 @@ class Decoder
         for (std::size_t address = 0; address < ADDRESSES; address++) {
             const auto &receiver = boards_[address].receiver;
             const std::size_t end = payload.size() + Acknowledgement::size;
-            if (receiver && receiver->answer() != CompactAnswer::NONE && end <= Acknowledgement::size * ACKNOWLEDGE_MAX) {
+            if (receiver && receiver->answer() != CompactAnswer::NONE &&
+                end <= Acknowledgement::size * ACKNOWLEDGE_MAX) {
                 payload.resize(end);
                 receiver->take_answer(static_cast<std::uint8_t>(address)).pack(&payload[end - Acknowledgement::size]);
             }
@@ -143,8 +144,8 @@ class Decoder
 
     void count_sequence(Frame &frame)
     {
-        const bool is_start_of_hub =
-            frame.type == FrameType::HUB_HANDSHAKE && frame.sequence == 0 && HubHandshake::unpack(frame.payload).tag == 0;
+        const bool is_start_of_hub = frame.type == FrameType::HUB_HANDSHAKE && frame.sequence == 0 &&
+                                     HubHandshake::unpack(frame.payload).tag == 0;
         if (is_start_of_hub) {
             forget_cycles();
             if (has_sequence_) {

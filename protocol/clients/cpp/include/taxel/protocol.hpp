@@ -1432,9 +1432,10 @@ inline constexpr FrameRule frame_rules[] = {
     {FrameType::ACKNOWLEDGE, false, 3, 66},
 };
 
-/* Calls visitor(prefix, value) for each struct at the front of a payload, in order, and returns the number of
- * bytes of these structs. `payload` has a length that the frame type allows. */
-template <class Visitor> std::size_t visit_payload(FrameType type, const std::uint8_t *payload, Visitor &&visitor)
+/* Calls visitor(prefix, value) for each struct at the front of a payload, in order, and returns the number
+ * of bytes of these structs. `payload` has a length that the frame type allows. */
+template <class Visitor>
+std::size_t visit_payload(FrameType type, const std::uint8_t *payload, Visitor &&visitor)
 {
     (void)payload;
     (void)visitor;
