@@ -2,7 +2,8 @@
 #include <taxel/taxel.hpp>
 
 /* Decodes a capture file; returns the number of frames, 0 if the file cannot be read. `counts`: number of raw counts. */
-extern "C" std::uint64_t taxel_client_decode(const char *path, std::uint64_t *counts) try {
+extern "C" std::uint64_t taxel_client_decode(const char *path, std::uint64_t *counts)
+try {
     taxel::CaptureReader reader(path);
     taxel::Decoder decoder;
     taxel::CaptureRecord record;

@@ -25,8 +25,8 @@ FOLDER = CLIENTS / "kaitai"
 COMPILER_VARIABLE = "TAXEL_KAITAI_COMPILER"
 """Environment variable with the folder of the npm package kaitai-struct-compiler."""
 
-Parser = Callable[[bytes, str | None], Any]
-"""Parses bytes as the root type, or as the named type, of a description."""
+Parser = Callable[..., Any]
+"""Parses bytes as the root type, or as the named type, of a description, with the arguments of its parameters."""
 
 _COMPILE = """
 const compiler = require(process.argv[1]), fs = require("fs");
@@ -73,10 +73,10 @@ def compile_description(name: str) -> Parser:
             sys.path.remove(folder)
     root = getattr(module, "".join(part.capitalize() for part in name.split("_")))
 
-    def parse(data: bytes, type_name: str | None = None) -> Any:
+    def parse(data: bytes, type_name: str | None = None, arguments: Sequence[Any] = ()) -> Any:
         """Parse bytes with the compiled classes."""
         kind = getattr(root, "".join(part.capitalize() for part in type_name.split("_"))) if type_name else root
-        return kind.from_bytes(data) if kind is root else kind(runtime.KaitaiStream(runtime.BytesIO(data)))
+        return kind(*arguments, runtime.KaitaiStream(runtime.BytesIO(data)))
 
     return parse
 

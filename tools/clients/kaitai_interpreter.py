@@ -1,19 +1,26 @@
 """A small interpreter of Kaitai Struct descriptions, so that the tests need no compiler of Kaitai Struct.
 
 It covers what the descriptions of protocol/clients/kaitai use: `seq` and `instances` with `pos`, `size`, `size-eos` and
-`value`; integers u1 to u8 and b1 to b64 (little-endian), user types with parameters, `switch-on`, `contents`, `valid`,
-`repeat`, `if`, `encoding`, and the processes `xor` and custom ones. Anything else raises `DescriptionError`.
+`value`; integers u1 to u8, s2, u2be, u4be, s2be and b1 to b64 (lowest bit first), user types with parameters,
+`switch-on`, `contents`, `valid`, `repeat`, `if`, `encoding`, and the processes `xor` and custom ones. Anything else
+raises `DescriptionError`.
 """
 
 import ast
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
-_SIZES = {"u1": 1, "u2": 2, "u4": 4, "u8": 8}
+_INTEGERS: dict[str, tuple[int, Literal["little", "big"], bool]] = {
+    "u1": (1, "little", False), "u2": (2, "little", False), "u4": (4, "little", False), "u8": (8, "little", False),
+    "u2le": (2, "little", False), "s2le": (2, "little", True), "u2be": (2, "big", False), "u4be": (4, "big", False),
+    "s2be": (2, "big", True),
+}  # fmt: skip
+"""Size, byte order and sign of the integer types."""
+
 _ATTRIBUTES = {
     *("id", "type", "size", "size-eos", "repeat", "repeat-expr", "if", "enum", "process", "contents", "valid"),
     *("encoding", "doc", "pos", "value"),
@@ -88,9 +95,12 @@ class Description:
         if meta["endian"] != "le" or meta.get("bit-endian", "le") != "le":
             raise DescriptionError(f"{path}: only little-endian descriptions are interpreted")
 
-    def parse(self, data: bytes, type_name: str | None = None) -> Node:
-        """Parse bytes as the root type, or as another type of the description. Raises EOFError for too few bytes."""
-        return self._parse_type(self._find(type_name) if type_name else self._root, Source(data), [])
+    def parse(self, data: bytes, type_name: str | None = None, arguments: Sequence[Any] = ()) -> Node:
+        """Parse bytes as the root type, or as another type of the description, with the arguments of its parameters.
+
+        Raises EOFError for too few bytes.
+        """
+        return self._parse_type(self._find(type_name) if type_name else self._root, Source(data), list(arguments))
 
     def _find(self, name: str) -> dict[str, Any]:
         """Part of the description for a user type."""
@@ -139,7 +149,9 @@ class Description:
     def _read_value(self, node: Node, attribute: Mapping[str, Any], source: Source) -> Any:
         """Read one value of an attribute."""
         if "contents" in attribute:
-            return self._check(source.read(len(attribute["contents"])), attribute["contents"].encode(), attribute)
+            contents = attribute["contents"]
+            expected = contents.encode() if isinstance(contents, str) else bytes(contents)
+            return self._check(source.read(len(expected)), expected, attribute)
         named = attribute.get("type")
         kind: str | None = self._switch(node, named) if isinstance(named, dict) else named
         if "size" in attribute or attribute.get("size-eos"):
@@ -150,8 +162,9 @@ class Description:
             return data if kind is None else self._parse_user_type(node, kind, Source(data))
         if kind is None:
             raise DescriptionError(f"{attribute['id']} has neither a type nor a size")
-        if kind in _SIZES:
-            value = int.from_bytes(source.read(_SIZES[kind]), "little")
+        if kind in _INTEGERS:
+            size, order, is_signed = _INTEGERS[kind]
+            value = int.from_bytes(source.read(size), order, signed=is_signed)
             return self._check(value, attribute.get("valid", value), attribute)
         if kind[0] == "b" and kind[1:].isdigit():
             return source.read_bits(int(kind[1:]))

@@ -16,6 +16,8 @@ from taxel.stream.decoder import ADDRESSES
 from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
 from taxel_protocol.frames import FRAMES, TaxelHeader
 from taxel_protocol.layout import list_fields, pack
+from taxel_protocol.original import FORMATS
+from taxel_protocol.original_stream import OriginalDecoder
 
 TO_HOST, TO_HUB = 1, 2
 TAXEL_TYPES = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
@@ -157,8 +159,34 @@ def _count_fixed_bytes(vector: Mapping[str, Any]) -> int:
     return len(vector["bytes"]) // 2 - (2 * len(vector["counts"]) + 4 if "counts" in vector else 0)
 
 
-def format_requests(streams: Iterable[Stream], registers: Iterable[Mapping[str, Any]]) -> str:
+def format_requests(
+    streams: Iterable[Stream], registers: Iterable[Mapping[str, Any]] = (), originals: Iterable[Mapping[str, Any]] = ()
+) -> str:
     """The standard input of a client's program for these vectors."""
     lines = [f"stream {stream.directions} {stream.data.hex()}" for stream in streams]
     lines += [f"register {vector['struct']} {vector['bytes']}" for vector in registers]
+    lines += [f"original {vector['format']} {vector['stream'] or '-'}" for vector in originals]
     return "\n".join(lines) + "\n"
+
+
+def list_originals() -> list[dict[str, Any]]:
+    """The golden vectors of original.json: messages and streams, each with `format` and its bytes as `stream`."""
+    messages = [vector | {"stream": vector["wire"]} for vector in load_vectors("original", "messages")]
+    return messages + load_vectors("original", "streams")
+
+
+def format_original(vector: Mapping[str, Any]) -> list[str]:
+    """The lines that a client prints for a stream of the original hub."""
+    decoder = OriginalDecoder(FORMATS[vector["format"]])
+    lines = []
+    for m in decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish():
+        counts, accelerations = ",".join(map(str, m.counts)), ",".join(map(str, m.accelerations))
+        lines.append(
+            f"message address={m.address} time={m.timestamp_ms or 0} plausible={int(m.is_time_plausible)} "
+            f"position={m.position} counts={counts} accelerations={accelerations}"
+        )
+    lines.append(
+        f"end discarded={decoder.discarded_bytes} rejected={decoder.rejected_candidates} "
+        f"ambiguous={decoder.ambiguous_candidates}"
+    )
+    return lines

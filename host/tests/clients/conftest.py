@@ -12,6 +12,7 @@ try:
     programs = importlib.import_module("programs")
     captures = importlib.import_module("captures")
     reference = importlib.import_module("reference")
+    fuzzed_streams = importlib.import_module("fuzzed_streams")
     kaitai_frames = importlib.import_module("kaitai_frames")
 finally:
     sys.path.remove(FOLDER)

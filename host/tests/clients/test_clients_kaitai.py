@@ -6,6 +6,7 @@ import pytest
 
 from host.tests.clients.conftest import captures, kaitai_frames, programs, reference
 from taxel_protocol import compact
+from taxel_protocol.original import FORMATS
 
 SECONDS, SEED = 1.0, 46
 
@@ -95,3 +96,21 @@ def test_frames_and_losses_of_a_damaged_capture_are_equal(open_description, pars
 def test_a_file_that_is_no_capture_is_refused(open_description):
     with pytest.raises(Exception, match=r"magic|not equal"):
         open_description("taxel_capture")(b"TAXELCAQ" + bytes(8), None)
+
+
+def test_every_message_of_the_original_hub_is_decoded(open_description):
+    parse = open_description("taxel_original")
+    for vector in reference.load_vectors("original", "messages"):
+        layout, counts, accelerations = FORMATS[vector["format"]], vector["counts"], vector["accelerations"]
+        arguments = (
+            len(counts),
+            len(accelerations),
+            not layout.record_size,
+            layout.has_timestamp,
+            layout.is_big_endian,
+        )
+        found = parse(bytes.fromhex(vector["wire"]), None, arguments)
+        assert found.counts == counts, vector["name"]
+        assert [value & 0xFFFF for value in found.accelerations] == accelerations
+        assert getattr(found, "timestamp_ms", 0) == (vector["timestamp_ms"] if layout.has_timestamp else 0)
+        assert getattr(found, "address", vector["address"]) == vector["address"]

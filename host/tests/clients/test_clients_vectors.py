@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.clients.conftest import programs, reference
+from host.tests.clients.conftest import fuzzed_streams, programs, reference
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -47,3 +47,22 @@ def test_every_register_is_decoded(command):
     registers = reference.list_registers()
     lines = programs.run_program([*command, "vectors"], reference.format_requests([], registers))
     assert lines == [reference.format_register(vector) for vector in registers]
+
+
+def test_every_message_and_stream_of_the_original_hub_is_decoded(command):
+    vectors = reference.list_originals()
+    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests([], originals=vectors)))
+    for vector in vectors:
+        expected = reference.format_original(vector)
+        assert [next(lines) for _ in expected] == expected, vector["name"]
+    assert next(lines, None) is None
+
+
+def test_arbitrary_streams_give_the_result_of_the_python_decoder(command):
+    streams = [fuzzed_streams.make_random_stream(seed) for seed in range(40)]
+    streams += [fuzzed_streams.make_compact_stream(seed) for seed in range(60)]
+    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests(streams, [])))
+    for stream in streams:
+        expected = list(map(without_wire, reference.format_stream(stream, has_wire=False)))
+        assert [without_wire(next(lines)) for _ in expected] == expected, stream.name
+    assert next(lines, None) is None

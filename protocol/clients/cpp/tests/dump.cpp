@@ -1,7 +1,8 @@
 /* Prints decoded frames as text lines, which the tests compare with the decoder in Python.
  *
  *     dump capture FILE      the frames of a capture file, then its losses
- *     dump vectors           for each line of the standard input: "stream DIRECTIONS HEX" or "register STRUCT HEX"
+ *     dump vectors           for each line of the standard input: "stream DIRECTIONS HEX", "register STRUCT HEX"
+ *                            or "original FORMAT HEX"
  */
 #include <iostream>
 #include <string>
@@ -32,6 +33,15 @@ std::vector<std::uint8_t> from_hex(const std::string &text)
     return bytes;
 }
 
+template <class Number> std::string join(const Number *numbers, std::size_t size)
+{
+    std::string text;
+    for (std::size_t i = 0; i < size; i++) {
+        text += (i ? "," : "") + std::to_string(numbers[i]);
+    }
+    return text;
+}
+
 /* Visitor of the fields of a struct: appends " name=value". */
 struct FieldPrinter {
     std::string &line;
@@ -46,15 +56,6 @@ struct FieldPrinter {
         line += " " + prefix + name + "=" + to_hex(value.data(), N);
     }
 };
-
-std::string format_counts(const taxel::Frame &frame)
-{
-    std::string text;
-    for (std::size_t i = 0; i < frame.taxel_count; i++) {
-        text += (i ? "," : "") + std::to_string(frame.counts[i]);
-    }
-    return text;
-}
 
 /* The frame again, from its packed fields: both directions of the generated code are tested. */
 std::string encode_again(const taxel::Frame &frame)
@@ -79,7 +80,8 @@ void print_frame(const taxel::Frame &frame, bool with_wire)
                              [&](const char *prefix, const auto &value) { value.visit(FieldPrinter{line, prefix}); });
     if (frame.counts) {
         line += " missing=" + std::to_string(frame.missing_before) +
-                " board_time_us=" + std::to_string(frame.board_time_us) + " counts=" + format_counts(frame);
+                " board_time_us=" + std::to_string(frame.board_time_us) +
+                " counts=" + join(frame.counts, frame.taxel_count);
     } else {
         line += " tail=" + to_hex(frame.payload + size, frame.length - size);
     }
@@ -118,6 +120,28 @@ void dump_capture(const char *path)
     print_losses(decoder);
 }
 
+void dump_original(const std::string &name, const std::vector<std::uint8_t> &bytes)
+{
+    for (const taxel::OriginalFormat &format : taxel::original_formats) {
+        if (name != format.name) {
+            continue;
+        }
+        taxel::OriginalDecoder decoder(format);
+        const auto print = [](const taxel::OriginalMessage &message) {
+            std::cout << "message address=" << unsigned{message.address} << " time=" << message.timestamp_ms
+                      << " plausible=" << message.is_time_plausible << " position=" << message.position
+                      << " counts=" << join(message.counts, message.taxel_count)
+                      << " accelerations=" << join(message.accelerations, message.acceleration_count) << '\n';
+        };
+        const std::size_t half = bytes.size() / 2; /* two pieces: the result does not depend on them */
+        decoder.push(bytes.data(), half, print);
+        decoder.push(bytes.data() + half, bytes.size() - half, print);
+        decoder.finish(print);
+        std::cout << "end discarded=" << decoder.discarded_bytes() << " rejected=" << decoder.rejected_candidates()
+                  << " ambiguous=" << decoder.ambiguous_candidates() << '\n';
+    }
+}
+
 void dump_vector(const std::string &kind, const std::string &which, const std::vector<std::uint8_t> &bytes)
 {
     if (kind == "register") {
@@ -129,6 +153,10 @@ void dump_vector(const std::string &kind, const std::string &which, const std::v
             line += " bytes=" + to_hex(packed.data(), packed.size());
         });
         std::cout << (is_defined ? line : "unknown " + which) << '\n';
+        return;
+    }
+    if (kind == "original") {
+        dump_original(which, bytes);
         return;
     }
     taxel::Decoder decoder(static_cast<unsigned>(std::stoi(which)));

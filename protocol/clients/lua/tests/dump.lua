@@ -1,11 +1,13 @@
 -- Prints decoded frames as text lines, which the tests compare with the decoder in Python.
 --
 --     lua dump.lua capture FILE      the frames of a capture file, then its losses
---     lua dump.lua vectors           for each line of the standard input: "stream DIRECTIONS HEX" or "register STRUCT HEX"
+--     lua dump.lua vectors           for each line of the standard input: "stream DIRECTIONS HEX", "register STRUCT HEX"
+--                                    or "original FORMAT HEX"
 package.path = arg[0]:gsub("[^/]*$", "") .. "../?.lua;" .. package.path
 local capture = require("taxel.capture")
 local decoder = require("taxel.decoder")
 local fields = require("taxel.fields")
+local original = require("taxel.original")
 local protocol = require("taxel.protocol")
 
 local function format_value(field, data, offset)
@@ -52,6 +54,20 @@ local function dump_capture(path)
     print_losses(stream)
 end
 
+local function dump_original(name, data)
+    local stream, half = original.new_decoder(original.formats[name]), math.floor(#data / 2)
+    local function show(message)
+        print(string.format("message address=%d time=%d plausible=%d position=%d counts=%s accelerations=%s",
+            message.address, message.timestamp_ms or 0, message.is_time_plausible and 1 or 0, message.position,
+            table.concat(message.counts, ","), table.concat(message.accelerations, ",")))
+    end
+    stream:push(data:sub(1, half), show) -- the result does not depend on the pieces
+    stream:push(data:sub(half + 1), show)
+    stream:finish(show)
+    print(string.format("end discarded=%d rejected=%d ambiguous=%d", stream.discarded_bytes, stream.rejected_candidates,
+        stream.ambiguous_candidates))
+end
+
 local function dump_vector(kind, which, data)
     if kind == "register" then
         local line, struct = { "register" }, protocol.structs[which]
@@ -60,6 +76,9 @@ local function dump_vector(kind, which, data)
         end
         print(table.concat(line) .. " bytes=" .. fields.to_hex(data:sub(1, struct.size)))
         return
+    end
+    if kind == "original" then
+        return dump_original(which, data)
     end
     local stream = decoder.new(tonumber(which))
     stream:push(data, print_frame)
@@ -72,7 +91,7 @@ if arg[1] == "capture" then
 else
     for line in io.lines() do
         local kind, which, hex = line:match("(%S+) (%S+) (%S+)")
-        dump_vector(kind, which, (hex:gsub("..", function(digits)
+        dump_vector(kind, which, hex == "-" and "" or (hex:gsub("..", function(digits)
             return string.char(tonumber(digits, 16))
         end)))
     end

@@ -1,12 +1,13 @@
 //! Prints decoded frames as text lines, which the tests compare with the decoder in Python.
 //!
 //!     dump capture FILE      the frames of a capture file, then its losses
-//!     dump vectors           for each line of the standard input: "stream DIRECTIONS HEX" or "register STRUCT HEX"
+//!     dump vectors           for each line of the standard input: "stream DIRECTIONS HEX", "register STRUCT HEX"
+//!                            or "original FORMAT HEX"
 use std::fmt::Write as _;
 use std::io::{BufRead, BufWriter, Write};
 
 use taxel_client::protocol::visit_struct;
-use taxel_client::{encode_frame, CaptureReader, Decoder, Direction, Frame, Value};
+use taxel_client::{encode_frame, CaptureReader, Decoder, Direction, Frame, OriginalDecoder, Value, ORIGINAL_FORMATS};
 
 const BOARDS: usize = 112; // the addresses 0x08 to 0x77
 
@@ -36,9 +37,8 @@ fn format_frame(frame: &Frame<'_>, has_wire: bool) -> String {
     let message = frame.message().unwrap();
     message.visit(&mut |prefix, name, value| push_field(&mut line, prefix, name, value));
     if let Some(taxels) = frame.taxels {
-        let counts: Vec<String> = taxels.counts.iter().map(|count| count.to_string()).collect();
         let (missing, time) = (taxels.missing_before, taxels.board_time_us);
-        write!(line, " missing={} board_time_us={} counts={}", missing, time, counts.join(",")).unwrap();
+        write!(line, " missing={} board_time_us={} counts={}", missing, time, join(taxels.counts)).unwrap();
     } else {
         write!(line, " tail={}", to_hex(message.tail())).unwrap();
     }
@@ -88,6 +88,38 @@ fn dump_capture(path: &str, out: &mut impl Write) -> Result<(), String> {
     Ok(())
 }
 
+fn join<T: ToString>(numbers: &[T]) -> String {
+    numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
+}
+
+fn dump_original(name: &str, bytes: &[u8], out: &mut impl Write) {
+    let format = ORIGINAL_FORMATS.iter().find(|format| format.name == name).unwrap();
+    let mut decoder = OriginalDecoder::new(format);
+    let mut lines = Vec::new();
+    let mut print = |message: taxel_client::OriginalMessage<'_>| {
+        lines.push(format!(
+            "message address={} time={} plausible={} position={} counts={} accelerations={}",
+            message.address,
+            message.timestamp_ms.unwrap_or(0),
+            message.is_time_plausible as u8,
+            message.position,
+            join(message.counts),
+            join(message.accelerations)
+        ));
+    };
+    let (first, second) = bytes.split_at(bytes.len() / 2); // the result does not depend on the pieces
+    decoder.push(first, &mut print);
+    decoder.push(second, &mut print);
+    decoder.finish(&mut print);
+    lines.push(format!(
+        "end discarded={} rejected={} ambiguous={}",
+        decoder.discarded_bytes(),
+        decoder.rejected_candidates(),
+        decoder.ambiguous_candidates()
+    ));
+    writeln!(out, "{}", lines.join("\n")).unwrap();
+}
+
 fn dump_vector(kind: &str, which: &str, bytes: &[u8], out: &mut impl Write) {
     if kind == "register" {
         let (mut line, mut packed) = ("register".to_string(), vec![0; 600]);
@@ -96,6 +128,9 @@ fn dump_vector(kind: &str, which: &str, bytes: &[u8], out: &mut impl Write) {
             None => writeln!(out, "unknown {}", which).unwrap(),
         }
         return;
+    }
+    if kind == "original" {
+        return dump_original(which, bytes, out);
     }
     let mut decoder = Box::new(Decoder::<BOARDS>::new(Direction(which.parse().unwrap())));
     decoder.push(bytes, &mut |frame| writeln!(out, "{}", format_frame(frame, true)).unwrap());

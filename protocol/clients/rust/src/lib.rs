@@ -23,6 +23,9 @@ mod compact_model;
 mod crc32;
 mod decoder;
 mod framing;
+mod original;
+#[rustfmt::skip]
+mod original_formats;
 #[rustfmt::skip]
 pub mod protocol;
 
@@ -31,4 +34,6 @@ pub use compact::{CompactAnswer, CompactReceiver, CompactResult};
 pub use crc32::crc32;
 pub use decoder::{BoardLosses, Decoder, Flags, Frame, Losses, TaxelData};
 pub use framing::{encode_frame, find_rule, Deframer, Direction, RawFrame};
+pub use original::{OriginalDecoder, OriginalMessage};
+pub use original_formats::{OriginalFormat, ORIGINAL_FORMATS};
 pub use protocol::{FrameType, Message, Value};

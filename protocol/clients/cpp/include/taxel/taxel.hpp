@@ -4,5 +4,6 @@
 
 #include "taxel/capture.hpp"
 #include "taxel/decoder.hpp"
+#include "taxel/original.hpp"
 
 #endif

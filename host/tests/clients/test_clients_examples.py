@@ -1,0 +1,25 @@
+"""The example programs of the clients print the frames of a capture."""
+
+import pytest
+
+from host.tests.clients.conftest import captures, programs, reference
+
+
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_the_example_prints_one_line_for_each_taxel_frame(language, tmp_path, monkeypatch):
+    captures.record_capture(tmp_path / "skin.bin", 0.5, "compact")
+    try:
+        command = programs.build_program(language, "print_frames")
+    except programs.ProgramMissingError as error:
+        pytest.skip(str(error))
+    monkeypatch.chdir(programs.CLIENTS / language)
+    lines = programs.run_program([*command, str(tmp_path / "skin.bin")])
+    stream = reference.Stream("example", reference.TO_HOST, reference.read_stream(tmp_path / "skin.bin"))
+    frames = [line for line in reference.format_stream(stream, has_wire=False) if "TAXELS" in line]
+    expected = []
+    for line in frames:
+        words = dict(word.split("=") for word in line.split(" ")[1:])
+        first = words["counts"].partition(",")[0]
+        address, cycle = int(words["header_address"]), words["header_cycle"]
+        expected.append(f"board 0x{address:02X}, cycle {cycle}: taxel 0 has {first} counts")
+    assert lines == [*expected, "0 frames lost"]
