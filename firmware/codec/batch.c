@@ -170,21 +170,49 @@ void taxel_batch_forget_cycles(struct taxel_batch *batch)
     memset(batch->has_cycle, 0, sizeof batch->has_cycle);
 }
 
-/* Count the frame and the frames lost before it, from the 16-bit frame sequence. A restart of the hub begins a new
- * sequence without loss. */
+/* Count a received frame and `lost` frames before it. */
+static void count_frame(struct taxel_batch *batch, const struct taxel_frame *frame, uint16_t lost)
+{
+    batch->totals.frames++;
+    batch->totals.lost += lost;
+    batch->has_sequence = true;
+    batch->next_sequence = (uint16_t)(frame->sequence + 1u);
+}
+
+/* Number of frames that are missing before a frame, from the 16-bit frame sequence. */
+static uint16_t lost_before(const struct taxel_batch *batch, const struct taxel_frame *frame)
+{
+    return batch->has_sequence ? (uint16_t)(frame->sequence - batch->next_sequence) : 0;
+}
+
+/* Count the frame and the frames lost before it. A restart of the hub begins a new sequence without loss. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     if (is_start_of_hub(frame)) {
         taxel_batch_forget_cycles(batch);
         row->flags |= batch->has_sequence ? TAXEL_BATCH_HUB_RESTARTED : 0;
         batch->totals.restarts += batch->has_sequence;
-    } else if (batch->has_sequence) {
-        row->lost_before = (uint16_t)(row->sequence - batch->next_sequence);
+        count_frame(batch, frame, 0);
+    } else {
+        const uint16_t lost = lost_before(batch, frame);
+        row->lost_before = (uint16_t)(lost + batch->lost_before_unknown);
+        count_frame(batch, frame, lost);
     }
-    batch->totals.frames++;
-    batch->totals.lost += row->lost_before;
-    batch->has_sequence = true;
-    batch->next_sequence = (uint16_t)(row->sequence + 1u);
+    batch->lost_before_unknown = 0;
+}
+
+/* Handler of the deframer for a frame that this version does not define. It takes a number of the sender's sequence, and
+ * is therefore no loss; a frame of the other direction has the sequence of another sender. */
+static void count_unknown(void *context, const struct taxel_frame *frame)
+{
+    struct taxel_batch *batch = context;
+    const uint8_t direction = frame->type & 0x80u ? TAXEL_DIRECTION_TO_HUB : TAXEL_DIRECTION_TO_HOST;
+    batch->totals.unknown++;
+    if (batch->deframer.config.directions & direction) {
+        const uint16_t lost = lost_before(batch, frame);
+        batch->lost_before_unknown = (uint16_t)(batch->lost_before_unknown + lost);
+        count_frame(batch, frame, lost);
+    }
 }
 
 /* Handler of the deframer: append a valid frame to the taxel rows or, with its payload, to the message rows of the
@@ -224,6 +252,7 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
         .payload_max = TAXEL_PAYLOAD_MAX,
         .directions = directions,
         .handler = store_frame,
+        .unknown_handler = count_unknown,
         .context = batch,
     };
     memset(batch, 0, sizeof *batch);

@@ -68,6 +68,7 @@ struct taxel_batch_totals {
     uint64_t frames;
     uint64_t lost;     /* frames that the hub sent and that were not received intact: gaps in their sequence */
     uint64_t restarts; /* of the hub */
+    uint64_t unknown;  /* whole frames with a type or a length that this version does not define; part of `frames` */
     uint64_t received[TAXEL_BATCH_ADDRESSES];  /* taxel frames of each board */
     uint64_t missing[TAXEL_BATCH_ADDRESSES];   /* frames missing between two received frames */
     uint64_t damaged[TAXEL_BATCH_ADDRESSES];   /* the board's own CRC was wrong */
@@ -80,6 +81,7 @@ struct taxel_batch {
     struct taxel_batch_output *output;
     bool has_sequence;
     uint16_t next_sequence;
+    uint16_t lost_before_unknown; /* frames lost before unknown frames since the last row */
     bool has_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_scan[TAXEL_BATCH_ADDRESSES];

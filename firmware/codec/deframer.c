@@ -27,6 +27,7 @@ void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_def
     deframer->position = 0;
     deframer->discarded_bytes = 0;
     deframer->frames = 0;
+    deframer->unknown_frames = 0;
 }
 
 /* Permitted lengths of a frame type, or NULL if the type is undefined or belongs to a direction that is not accepted.
@@ -45,38 +46,40 @@ static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t
     return NULL;
 }
 
-/* Length of the body that begins with this header, or 0 if type and length do not agree. */
+/* Length of the body that begins with this header, or 0 if the payload is longer than any payload. The frame type is
+ * not checked: a newer sender may use types and lengths that this version does not define. */
 static size_t expected_length(const struct taxel_deframer *deframer, const uint8_t *header)
 {
-    const struct rule *rule = rule_of(deframer, header[0]);
     const uint16_t length = taxel_get_u16(header + 3);
-    if (!rule || length < rule->minimum || length > rule->maximum || length > deframer->config.payload_max) {
+    if (length > deframer->config.payload_max) {
         return 0;
     }
     return TAXEL_FRAME_HEADER_SIZE + (size_t)length + TAXEL_FRAME_CRC_SIZE;
 }
 
-/* Whether an unstuffed body has a valid I2C address, a length that agrees with its number of taxels, and a correct CRC.
- * `size`: header, payload and CRC. */
-static bool body_is_valid(const struct taxel_deframer *deframer, const uint8_t *body, size_t size)
+/* Whether the CRC of an unstuffed body is right. `size`: header, payload and CRC. */
+static bool body_is_whole(const uint8_t *body, size_t size)
 {
-    const uint8_t *payload = body + TAXEL_FRAME_HEADER_SIZE;
-    const size_t length = size - TAXEL_FRAME_HEADER_SIZE - TAXEL_FRAME_CRC_SIZE;
-    const struct rule *rule = rule_of(deframer, body[0]);
-    if (!rule) {
+    return taxel_crc32(0, body, size - TAXEL_FRAME_CRC_SIZE) == taxel_get_u32(body + size - TAXEL_FRAME_CRC_SIZE);
+}
+
+/* Whether this version defines a whole frame: its type, its length, its I2C address and its number of taxels. */
+static bool frame_is_known(const struct taxel_deframer *deframer, const struct taxel_frame *frame)
+{
+    const uint8_t *payload = frame->payload;
+    const struct rule *rule = rule_of(deframer, frame->type);
+    if (!rule || frame->length < rule->minimum || frame->length > rule->maximum) {
         return false;
     }
     if (rule->has_address && (payload[0] < TAXEL_ADDRESS_MIN || payload[0] > TAXEL_ADDRESS_MAX)) {
         return false;
     }
-    if (body[0] == TAXEL_FRAME_TYPE_TAXELS &&
-        length != TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1]) {
-        return false;
-    }
-    return taxel_crc32(0, body, size - TAXEL_FRAME_CRC_SIZE) == taxel_get_u32(body + size - TAXEL_FRAME_CRC_SIZE);
+    return frame->type != TAXEL_FRAME_TYPE_TAXELS ||
+           frame->length == TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1];
 }
 
-/* Call the handler with the frame in the body buffer; `size`: header, payload and CRC. */
+/* Call the handler with the whole frame in the body buffer, or count a frame that this version does not define. `size`:
+ * header, payload and CRC. */
 static void deliver(struct taxel_deframer *deframer, size_t size)
 {
     const uint8_t *body = deframer->config.body;
@@ -86,11 +89,18 @@ static void deliver(struct taxel_deframer *deframer, size_t size)
         .sequence = taxel_get_u16(body + 1),
         .type = body[0],
     };
-    deframer->frames++;
-    deframer->config.handler(deframer->config.context, &frame);
+    if (frame_is_known(deframer, &frame)) {
+        deframer->frames++;
+        deframer->config.handler(deframer->config.context, &frame);
+        return;
+    }
+    deframer->unknown_frames++;
+    if (deframer->config.unknown_handler) {
+        deframer->config.unknown_handler(deframer->config.context, &frame);
+    }
 }
 
-/* Deliver the frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A
+/* Take the whole frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A
  * frame ends with the block at which the unstuffed length equals the length stated in the header: no delimiter is
  * needed. */
 static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
@@ -116,7 +126,7 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
             }
         }
         if (expected && length >= expected) {
-            if (length > expected || !body_is_valid(deframer, body, length)) {
+            if (length > expected || !body_is_whole(body, length)) {
                 return 0;
             }
             deliver(deframer, length);

@@ -1,6 +1,6 @@
 /* Frames out of a byte stream. A chunk between two zeros that is not exactly one frame is searched at every byte, so
- * that no valid frame is lost because of a damaged neighbour. Allocates no memory, and uses no length before it has
- * checked it.
+ * that no valid frame is lost because of a damaged neighbour. A whole frame whose type or length this version does not
+ * define is skipped and counted. Allocates no memory, and uses no length before it has checked it.
  *
  * Integration:
  *
@@ -53,6 +53,10 @@ struct taxel_deframer_config {
     /* Called for each frame, with `context`, which may be NULL. */
     taxel_frame_handler handler;
     void *context;
+
+    /* Called for each whole frame that this version does not define, with `context`. NULL: such frames are only
+     * counted. */
+    taxel_frame_handler unknown_handler;
 };
 
 struct taxel_deframer {
@@ -61,6 +65,7 @@ struct taxel_deframer {
     uint64_t position;        /* bytes of the stream processed so far */
     uint64_t discarded_bytes; /* bytes that belong to no frame; delimiters do not count */
     uint64_t frames;
+    uint64_t unknown_frames; /* whole frames with an undefined type or length, or of a direction not accepted */
 };
 
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config);

@@ -24,6 +24,9 @@ uint16_t board_run_conversion(struct board_node *board);
 
 void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outcome);
 
+/* For an application whose scan has stalled: report it, and reset the board by its watchdog, up to `until`. */
+void board_run_stall(struct board_node *board, vtime until);
+
 /* For a board that runs no application: process the bootloader's timeout and the watchdog up to `until`. */
 void board_advance_bootloader(struct board_node *board, vtime until);
 

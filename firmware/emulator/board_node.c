@@ -204,6 +204,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     board->compact_end = VTIME_NEVER;
+    board->watchdog_at = board->stalled_at = VTIME_NEVER;
     normal_source_init(&board->normals, world->seed, description->address);
     front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->normals);
     fill_taxel_table(board);
@@ -228,6 +229,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
         .columns = description->columns,
         .taxel_count = description->taxel_count,
         .crossing_map = description->crossing_map,
+        .fault_record = board->fault_record,
         .settings = world->scan,
         .snapshots = {board->snapshots[0], board->snapshots[1], board->snapshots[2]},
         .compact =
@@ -358,6 +360,7 @@ void board_advance(struct board_node *board, vtime until)
         board_original_advance(board, until);
         return;
     }
+    board_run_stall(board, until);
     if (board->program != PROGRAM_APPLICATION) {
         board_advance_bootloader(board, until);
     }

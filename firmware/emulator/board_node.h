@@ -53,13 +53,15 @@ struct board_node {
     enum running_program program;
     uint8_t address;    /* present I2C address */
     bool has_confirmed; /* the running image has been confirmed */
-    vtime watchdog_at;
-    vtime boot_end;         /* the application acknowledges its address from then on */
-    vtime clock_origin;     /* zero of the board's own clock, shortly before boot_end */
-    vtime last_tick;        /* cached time of the latest SysTick interrupt */
-    vtime flash_busy_until; /* the board acknowledges nothing while a row is written */
-    vtime cpu_free;         /* end of the interrupt that occupies the CPU */
-    vtime compact_end;      /* end of the main loop's work on compact snapshots; VTIME_NEVER: none */
+    vtime watchdog_at;  /* when the watchdog resets the board; VTIME_NEVER: the program feeds it */
+    vtime stalled_at;   /* when the program finds that no conversion ends; VTIME_NEVER: the board scans */
+    uint8_t fault_record[TAXEL_FAULT_RECORD_SIZE]; /* survives every reset, but no loss of power */
+    vtime boot_end;                                /* the application acknowledges its address from then on */
+    vtime clock_origin;                            /* zero of the board's own clock, shortly before boot_end */
+    vtime last_tick;                               /* cached time of the latest SysTick interrupt */
+    vtime flash_busy_until;                        /* the board acknowledges nothing while a row is written */
+    vtime cpu_free;                                /* end of the interrupt that occupies the CPU */
+    vtime compact_end; /* end of the main loop's work on compact snapshots; VTIME_NEVER: none */
     vtime conversion_end;
     vtime interrupt_begin; /* of the interrupt that starts the next conversion */
     uint16_t crossing;     /* of the running conversion */
@@ -91,6 +93,11 @@ void board_node_free(struct board_node *board);
 
 /* Switch the power on (which resets the board) or off. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
+
+/* Faults of a natively compiled program or of an executed image, at the time to which the board was advanced: the
+ * interrupt of the conversion in progress is lost; the processor takes a HardFault (native: with these registers). */
+void board_lose_conversion(struct board_node *board, vtime now);
+void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program_counter, uint32_t link_register);
 
 /* Run everything that happens in the board up to `until`. */
 void board_advance(struct board_node *board, vtime until);

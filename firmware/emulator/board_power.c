@@ -7,6 +7,7 @@
 #include "emulator/board_original.h"
 #include "emulator/base/costs.h"
 
+#define STALL_TIME (TAXEL_SCAN_STALL_US * VTIME_US + VTIME_MS) /* with a margin for the rate of the board's clock */
 #define CONFIRM_SCANS 10u /* an image on trial is confirmed after these scans and one snapshot that was read */
 
 /* Set the register-map version that the world file prescribes, for tests of incompatible boards. */
@@ -64,11 +65,67 @@ void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outco
     }
 }
 
+/* Store a fault in the record that a host reads after the reset. */
+static void store_fault(struct board_node *board, const struct taxel_fault_record *fault)
+{
+    struct taxel_fault_record record = *fault;
+    record.count = (uint16_t)(taxel_get_u16(board->fault_record + TAXEL_FAULT_RECORD_OFFSET_COUNT) + 1u);
+    taxel_fault_record_pack(&record, board->fault_record);
+}
+
+/* Lose the interrupt of the conversion in progress: the scan stalls until the watchdog resets the board. */
+void board_lose_conversion(struct board_node *board, vtime now)
+{
+    if (board->psoc) {
+        psoc_lose_conversion(board->psoc);
+    } else if (!board->original && board->program == PROGRAM_APPLICATION && board->conversion_end != VTIME_NEVER) {
+        board->conversion_end = VTIME_NEVER;
+        board->now = now;
+        (void)taxel_scan_check(&board->sensor); /* the last one that finds progress, and feeds the watchdog */
+        board->stalled_at = now + STALL_TIME;
+        board->watchdog_at = now + BOOT_NODE_WATCHDOG_TIME;
+    }
+}
+
+/* HardFault of a board: it does not respond until the watchdog resets it. */
+void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program_counter, uint32_t link_register)
+{
+    if (board->psoc) {
+        psoc_inject_hard_fault(board->psoc);
+    } else if (!board->original && board->program == PROGRAM_APPLICATION) {
+        store_fault(board, &(struct taxel_fault_record){.code = TAXEL_FAULT_CODE_EXCEPTION,
+                                                        .exception = CORTEX_M0_HARD_FAULT,
+                                                        .program_counter = program_counter,
+                                                        .link_register = link_register});
+        board->program = PROGRAM_HANGING;
+        board->conversion_end = board->compact_end = board->stalled_at = VTIME_NEVER;
+        board->watchdog_at = now + BOOT_NODE_WATCHDOG_TIME;
+    }
+}
+
+void board_run_stall(struct board_node *board, vtime until)
+{
+    if (board->program == PROGRAM_APPLICATION && board->stalled_at <= until) {
+        board->now = board->stalled_at;
+        board->stalled_at = VTIME_NEVER;
+        if (taxel_scan_check(&board->sensor) == TAXEL_SCAN_STALLED) {
+            store_fault(board, &(struct taxel_fault_record){.code = TAXEL_FAULT_CODE_NOT_SCANNING});
+        }
+    }
+    if (board->program == PROGRAM_APPLICATION && board->watchdog_at <= until) {
+        board_set_power(board, true, board->watchdog_at, TAXEL_RESET_CAUSE_WATCHDOG);
+    }
+}
+
 /* Switch a board's power off, or reset it at virtual time `now`; `reset_cause`: enum taxel_reset_cause. All pending
  * conversions and held lines end. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     board->is_powered = on;
+    board->watchdog_at = board->stalled_at = VTIME_NEVER;
+    if (!on || reset_cause == TAXEL_RESET_CAUSE_POWER_ON || reset_cause == TAXEL_RESET_CAUSE_BROWN_OUT) {
+        memset(board->fault_record, 0, sizeof board->fault_record);
+    }
     board->conversion_end = VTIME_NEVER;
     board->compact_end = VTIME_NEVER;
     board->restart_requested = false;

@@ -176,3 +176,9 @@ void hub_cortex_stall(struct hub_node *node, vtime until)
 {
     psoc_stall(node->psoc, until);
 }
+
+/* The processor of the executed hub takes a HardFault. */
+void hub_cortex_take_hard_fault(struct hub_node *node)
+{
+    psoc_inject_hard_fault(node->psoc);
+}

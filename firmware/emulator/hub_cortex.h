@@ -20,4 +20,7 @@ void hub_cortex_run(struct hub_node *node, vtime until);
 void hub_cortex_on_bus_event(struct hub_node *node, vtime now);
 void hub_cortex_stall(struct hub_node *node, vtime until);
 
+/* Fault: the processor takes a HardFault. */
+void hub_cortex_take_hard_fault(struct hub_node *node);
+
 #endif

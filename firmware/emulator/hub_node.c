@@ -162,6 +162,7 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
         .hal = &node->hal,
         .firmware_version = node->firmware_version,
         .unique_id = unique_id,
+        .fault_record = node->fault_record,
         .scl_hz = (uint32_t)world->scl_hz,
         .slots = node->slots,
         .slot_capacity = HUB_SLOTS,
@@ -244,6 +245,9 @@ void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
     if (node->is_powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
         boot_node_power_off(&node->boot, now); /* brown-out reset */
     }
+    if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON || reset_cause == TAXEL_RESET_CAUSE_BROWN_OUT) {
+        memset(node->fault_record, 0, sizeof node->fault_record);
+    }
     node->is_powered = true;
     node->restart_requested = false;
     node->booted = node->now = node->cpu_free = now;
@@ -289,6 +293,24 @@ void hub_node_stall(struct hub_node *node, vtime until)
         return;
     }
     node->cpu_free = vtime_max(node->cpu_free, until);
+}
+
+/* Fault: the processor of the hub takes a HardFault. */
+void hub_node_take_hard_fault(struct hub_node *node, vtime now, uint32_t program_counter, uint32_t link_register)
+{
+    if (node->psoc) {
+        hub_cortex_take_hard_fault(node);
+    } else if (node->is_powered && !node->original && node->program == PROGRAM_APPLICATION) {
+        const struct taxel_fault_record record = {
+            .code = TAXEL_FAULT_CODE_EXCEPTION,
+            .exception = CORTEX_M0_HARD_FAULT,
+            .count = (uint16_t)(taxel_get_u16(node->fault_record + TAXEL_FAULT_RECORD_OFFSET_COUNT) + 1u),
+            .program_counter = program_counter,
+            .link_register = link_register,
+        };
+        taxel_fault_record_pack(&record, node->fault_record);
+        hub_node_boot(node, now, TAXEL_RESET_CAUSE_WATCHDOG);
+    }
 }
 
 /* Handles the end of the hub's I2C transfer: interrupt of the firmware, and a pass of its main loop after the

@@ -25,6 +25,7 @@ struct hub_node {
     struct taxel_hub hub;
     struct taxel_hub_config config;
     uint8_t firmware_version[3];
+    uint8_t fault_record[TAXEL_FAULT_RECORD_SIZE]; /* survives every reset, but no loss of power */
     struct taxel_hub_hal hal;
     struct taxel_hub_slot slots[HUB_SLOTS];
     uint8_t transfer_pool[HUB_TRANSFER_POOL];
@@ -57,6 +58,9 @@ bool hub_node_is_streaming(const struct hub_node *node);
 
 /* Fault: other work occupies the CPU until then. */
 void hub_node_stall(struct hub_node *node, vtime until);
+
+/* Fault: the processor takes a HardFault. A native hub stores these registers and restarts at once. */
+void hub_node_take_hard_fault(struct hub_node *node, vtime now, uint32_t program_counter, uint32_t link_register);
 
 /* Interrupts, at the time at which they are raised. */
 void hub_node_on_i2c_done(struct hub_node *node, vtime now);

@@ -28,6 +28,12 @@ static void apply_to_board(struct world *world, struct board_node *board, const 
         board_set_power(board, false, now, TAXEL_RESET_CAUSE_BROWN_OUT);
         board_set_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
         break;
+    case FAULT_MISS_CONVERSION:
+        board_lose_conversion(board, now);
+        break;
+    case FAULT_HARD_FAULT:
+        board_take_hard_fault(board, now, (uint32_t)fault->value, (uint32_t)fault->second_value);
+        break;
     case FAULT_HOLD_SDA:
         board->sda_hold_clocks = (unsigned)fault->value;
         world->bus.lines_may_be_held = true;
@@ -83,6 +89,9 @@ static int apply_fault(struct world *world, const struct fault_description *faul
         return 0;
     case FAULT_HUB_RESTART:
         hub_node_boot(&world->hub, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+        return 0;
+    case FAULT_HUB_HARD_FAULT:
+        hub_node_take_hard_fault(&world->hub, now, (uint32_t)fault->value, (uint32_t)fault->second_value);
         return 0;
     case FAULT_HUB_STALL:
         hub_node_stall(&world->hub, now + (vtime)(fault->value * (double)VTIME_MS));

@@ -43,7 +43,7 @@ void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kin
     memcpy(model->boot_settings, old.boot_settings, sizeof model->boot_settings);
     memcpy(model->settings, old.boot_settings, sizeof model->settings);
     uint8_t *const id = model->identity;
-    const uint8_t head[8] = {0x54, 1, version[0], version[1], version[2], kind, model->address, 0};
+    const uint8_t head[8] = {0x54, 1, version[0], version[1], version[2], kind, model->address, 1};
     memcpy(id, head, sizeof head);
     memcpy(id + 8, unique_id, 8);
     id[16] = model->rows;
@@ -168,6 +168,14 @@ static void answer_with_settings(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x60u);
 }
 
+/* Model of a read of the fault register 0x90: no fault, and the CRC. */
+static void answer_with_no_fault(struct board_model *model)
+{
+    uint8_t bytes[16] = {0};
+    fuzz_put_u32(bytes + 12, fuzz_crc32(fuzz_crc32(0, &model->address, 1), bytes, 12));
+    answer_with(model, bytes, sizeof bytes, 0);
+}
+
 /* Model of a read of the snapshot registers 0x80 to 0x8F, 32 bytes apart. Register 0x80 latches the newest snapshot.
  * Returns false (NACK) if no scan has been completed. */
 static bool answer_with_snapshot(struct board_model *model)
@@ -203,6 +211,8 @@ bool model_address(struct board_model *model, bool reading)
         answer_with_status(model);
     } else if (model->pointer >= 0x60 && model->pointer < 0x6C) {
         answer_with_settings(model);
+    } else if (model->pointer == 0x90) {
+        answer_with_no_fault(model);
     } else {
         answer_with(model, model->identity, 0, 0);
     }
@@ -258,10 +268,12 @@ static void take_settings(struct board_model *model)
 }
 
 /* Model of a write to the command register 0x70: code and complement. 1 start, 2 stop, 3 clear counters, 4 restart, 5
- * bootloader. */
+ * bootloader, with a key behind both. */
 static void take_command(struct board_model *model)
 {
-    const bool is_whole = model->written_size == 2 && model->written[0] + model->written[1] == 0xFF;
+    const bool has_key = model->written_size == 6 && memcmp(model->written + 2, "BOOT", 4) == 0;
+    const bool has_size = model->written[0] == 5 ? has_key : model->written_size == 2;
+    const bool is_whole = model->written_size >= 2 && has_size && model->written[0] + model->written[1] == 0xFF;
     switch (is_whole ? model->written[0] : 0) {
     case 1:
         model_start(model);

@@ -45,30 +45,24 @@ static uint16_t u16_at(const uint8_t *bytes)
     return (uint16_t)(bytes[0] | bytes[1] << 8);
 }
 
-/* Whether an unstuffed body has a valid I2C address, number of taxels and CRC. Independent of the deframer under test.
- */
-static bool is_body_valid(const uint8_t *body, size_t size, uint8_t directions)
+/* Whether this version defines a whole body: type, length, I2C address and number of taxels. Independent of the
+ * deframer under test. */
+static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 {
     const struct type_rule *rule = rule_of(body[0], directions);
     const size_t length = size - 9;
-    if (rule->has_address && (body[5] < 0x08 || body[5] > 0x77)) {
+    if (!oracle_allows(body[0], directions, length) || (rule->has_address && (body[5] < 0x08 || body[5] > 0x77))) {
         return false;
     }
-    if (body[0] == 0x02 && length != 18u + 2u * body[6]) {
-        return false;
-    }
-    return fuzz_crc32(0, body, size - 4) == u32_at(body + size - 4);
+    return body[0] != 0x02 || length == 18u + 2u * body[6];
 }
 
-/* Unstuff and unwhiten a frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none
+/* Unstuff and unwhiten a whole frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none
  * begins there. */
-static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uint8_t *body, size_t *taken)
+static size_t body_at(const uint8_t *bytes, size_t size, uint8_t *body, size_t *taken)
 {
     size_t length = 0, expected = 0, position = 0;
     uint8_t whitening = 0xA5;
-    if (size < 2 || bytes[0] == 1 || !rule_of(bytes[1] ^ whitening, directions)) {
-        return 0; /* no frame has this type (a block without bytes unstuffs to type A5) */
-    }
     while (position < size) {
         const size_t end = position + bytes[position];
         const bool is_full = bytes[position] == 0xFF;
@@ -84,14 +78,14 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uin
         }
         position = end;
         if (!expected && length >= 5) {
-            if (!oracle_allows(body[0], directions, u16_at(body + 3))) {
+            if (u16_at(body + 3) > 498u) {
                 return 0;
             }
             expected = 9u + u16_at(body + 3);
         }
         if (expected && length >= expected) {
             *taken = position;
-            return length == expected && is_body_valid(body, length, directions) ? length : 0;
+            return length == expected && fuzz_crc32(0, body, length - 4) == u32_at(body + length - 4) ? length : 0;
         }
         if (!is_full) {
             if (length == TAXEL_BODY_MAX) {
@@ -104,8 +98,8 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uin
     return 0;
 }
 
-/* Append a valid frame to the expected frames. */
-static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size)
+/* Append a whole frame to the expected frames. */
+static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size, uint8_t directions)
 {
     FUZZ_CHECK(oracle->frame_count < ORACLE_FRAMES_MAX);
     oracle->frames[oracle->frame_count++] = (struct oracle_frame){
@@ -113,6 +107,8 @@ static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size)
         .sequence = u16_at(body + 1),
         .length = (uint16_t)(size - 9),
         .offset = oracle->payload_size,
+        .is_unknown = !is_body_known(body, size, directions),
+        .is_of_other_direction = !(directions & (body[0] < 0x80 ? TAXEL_DIRECTION_TO_HOST : TAXEL_DIRECTION_TO_HUB)),
     };
     memcpy(oracle->payloads + oracle->payload_size, body + 5, size - 9);
     oracle->payload_size += size - 9;
@@ -126,9 +122,9 @@ static void search_chunk(struct oracle *oracle, const uint8_t *bytes, size_t siz
     size_t start = 0;
     while (start < size) {
         size_t taken = 0;
-        const size_t length = body_at(bytes + start, size - start, directions, body, &taken);
+        const size_t length = body_at(bytes + start, size - start, body, &taken);
         if (length) {
-            add_frame(oracle, body, length);
+            add_frame(oracle, body, length, directions);
             start += taken;
         } else {
             oracle->discarded_bytes++;
@@ -168,25 +164,50 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
 }
 
 /* Fills in the expected number of lost frames from the frame sequence; a handshake with sequence 0 and tag 0 is a
- * restart of the hub. */
+ * restart of the hub. Unknown frames of the sender have sequence numbers too; frames of the other direction have not. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
+    const struct oracle_frame *previous = NULL;
+    uint16_t before_unknown = 0;
     for (size_t i = 0; i < oracle->frame_count; i++) {
         struct oracle_frame *frame = &oracle->frames[i];
-        if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
-            memset(history, 0, sizeof history);
-            frame->flags |= i ? TAXEL_BATCH_HUB_RESTARTED : 0;
-            oracle->totals.restarts += i > 0;
-        } else if (i) {
-            frame->lost_before = (uint16_t)(frame->sequence - oracle->frames[i - 1].sequence - 1);
-            oracle->totals.lost += frame->lost_before;
+        oracle->totals.unknown += frame->is_unknown;
+        if (frame->is_of_other_direction) {
+            continue;
         }
-        if (frame->type == 0x02 || frame->type == 0x03) {
+        const uint16_t lost = previous ? (uint16_t)(frame->sequence - previous->sequence - 1) : 0;
+        oracle->totals.frames++;
+        if (frame->is_unknown) {
+            before_unknown = (uint16_t)(before_unknown + lost);
+            oracle->totals.lost += lost;
+        } else if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
+            memset(history, 0, sizeof history);
+            frame->flags |= previous ? TAXEL_BATCH_HUB_RESTARTED : 0;
+            oracle->totals.restarts += previous != NULL;
+            before_unknown = 0;
+        } else {
+            frame->lost_before = (uint16_t)(lost + before_unknown);
+            oracle->totals.lost += lost;
+            before_unknown = 0;
+        }
+        previous = frame;
+        if (!frame->is_unknown && (frame->type == 0x02 || frame->type == 0x03)) {
             count_board(oracle, frame, history);
         }
     }
-    oracle->totals.frames = oracle->frame_count;
+}
+
+/* Removes the unknown frames, which no decoder delivers, from the expected frames. */
+static void remove_unknown(struct oracle *oracle)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < oracle->frame_count; i++) {
+        if (!oracle->frames[i].is_unknown) {
+            oracle->frames[kept++] = oracle->frames[i];
+        }
+    }
+    oracle->frame_count = kept;
 }
 
 /* Decode a stream in the simplest possible way. The result is the expectation with which the optimised decoders are
@@ -205,4 +226,5 @@ void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uin
         start = end + 1;
     }
     count_losses(oracle);
+    remove_unknown(oracle);
 }

@@ -6,8 +6,8 @@
 
 #include "codec/batch.h"
 
-#define ORACLE_STREAM_MAX 1536u /* one and a half times a receiver's buffer */
-#define ORACLE_FRAMES_MAX (ORACLE_STREAM_MAX / 12u + 1u)
+#define ORACLE_STREAM_MAX 1536u                          /* one and a half times a receiver's buffer */
+#define ORACLE_FRAMES_MAX (ORACLE_STREAM_MAX / 10u + 1u) /* an unknown frame has 10 stuffed bytes or more */
 
 struct oracle_frame {
     uint8_t type;
@@ -15,6 +15,8 @@ struct oracle_frame {
     size_t offset; /* of its payload in `payloads` */
     uint16_t lost_before, missing_before;
     uint8_t flags; /* enum taxel_batch_flag */
+    bool is_unknown;
+    bool is_of_other_direction;
 };
 
 struct oracle {

@@ -202,8 +202,14 @@ static void expect_frame(void *context, const struct taxel_frame *frame)
  * the oracle. */
 static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size_count)
 {
-    const struct taxel_deframer_config config = {chunk,      sizeof chunk, body, TAXEL_PAYLOAD_MAX,
-                                                 directions, expect_frame, NULL};
+    const struct taxel_deframer_config config = {
+        .chunk = chunk,
+        .chunk_capacity = sizeof chunk,
+        .body = body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = directions,
+        .handler = expect_frame,
+    };
     struct taxel_deframer deframer;
     size_t position = 0;
     taxel_deframer_init(&deframer, &config);
@@ -301,7 +307,14 @@ static void check_encoded_again(size_t wrap)
 {
     uint8_t ring[WIRE_MAX], wire[WIRE_MAX], again[WIRE_MAX];
     struct oracle_frame *const frames = oracle.frames;
-    const struct taxel_deframer_config config = {chunk, sizeof chunk, body, TAXEL_PAYLOAD_MAX, 3, expect_frame, NULL};
+    const struct taxel_deframer_config config = {
+        .chunk = chunk,
+        .chunk_capacity = sizeof chunk,
+        .body = body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = 3,
+        .handler = expect_frame,
+    };
     struct taxel_deframer deframer;
     taxel_deframer_init(&deframer, &config);
     frames_decoded = 0;

@@ -198,7 +198,7 @@ static void write_settings(struct fuzz_input *input, uint8_t flags)
 static void read_whole(uint8_t which, size_t extra)
 {
     static const uint8_t pointers[16] = {0x80, 0x80, 0x80, 0x81, 0x82, 0x8F, 0x00, 0x10,
-                                         0x39, 0x40, 0x44, 0x5B, 0x60, 0x6B, 0x70, 0xA0};
+                                         0x39, 0x40, 0x44, 0x5B, 0x60, 0x6B, 0x70, 0x90};
     const size_t size = which < 6 ? 10u + 2u * (size_t)config.taxel_count : 64u;
     address(false);
     write(pointers[which]);
@@ -245,8 +245,10 @@ static void run_event(struct fuzz_input *input)
         model.clock_us += (uint32_t)fuzz_u16(input) << high;
         break;
     case 11: {
-        const uint8_t bytes[2] = {high, (uint8_t)~high};
-        write_whole(0x70, bytes, 2);
+        static const uint8_t key[4] = {'B', 'O', 'O', 'T'};
+        uint8_t bytes[6] = {high & 7u, (uint8_t)~(high & 7u)};
+        memcpy(bytes + 2, key, sizeof key);
+        write_whole(0x70, bytes, high & 8u ? 6 : 2);
         break;
     }
     case 12:

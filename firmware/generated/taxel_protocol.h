@@ -5,9 +5,10 @@
 #include <stdint.h>
 #include <string.h>
 
-#define TAXEL_PROTOCOL_VERSION 2u
+#define TAXEL_PROTOCOL_VERSION 3u
 #define TAXEL_PROTOCOL_VERSION_MIN 1u
 #define TAXEL_REGISTER_MAP_VERSION 2u
+#define TAXEL_REGISTER_MAP_REVISION 1u
 #define TAXEL_REGISTER_MAP_VERSION_MIN 1u
 #define TAXEL_WHO_AM_I 84u
 #define TAXEL_ADDRESS_MIN 8u
@@ -47,6 +48,7 @@
 #define TAXEL_REGISTER_COMMAND 112u
 #define TAXEL_REGISTER_SNAPSHOT 128u
 #define TAXEL_REGISTER_SNAPSHOT_LAST 143u
+#define TAXEL_REGISTER_FAULT 144u
 #define TAXEL_REGISTER_COMPACT 160u
 #define TAXEL_COMPACT_FRACTION_BITS 6u
 #define TAXEL_COMPACT_MEAN_MAX 4194303u
@@ -103,6 +105,7 @@ enum taxel_command {
     TAXEL_COMMAND_GET_BOARD_INFO = 0x09,
     TAXEL_COMMAND_GET_TIME = 0x0A,
     TAXEL_COMMAND_ENTER_BOOTLOADER = 0x0B,
+    TAXEL_COMMAND_GET_FAULT = 0x0C,
 };
 
 enum taxel_start_flag {
@@ -180,6 +183,13 @@ enum taxel_board_error_flag {
     TAXEL_BOARD_ERROR_FLAG_COMMAND_REJECTED = 0x02,
     TAXEL_BOARD_ERROR_FLAG_SATURATED = 0x08,
     TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE = 0x10,
+    TAXEL_BOARD_ERROR_FLAG_NOT_SCANNING = 0x20,
+};
+
+enum taxel_fault_code {
+    TAXEL_FAULT_CODE_NONE = 0x00,
+    TAXEL_FAULT_CODE_EXCEPTION = 0x01,
+    TAXEL_FAULT_CODE_NOT_SCANNING = 0x02,
 };
 
 static inline void taxel_put_u8(uint8_t *bytes, uint8_t value)
@@ -233,7 +243,7 @@ static inline uint16_t taxel_compact_size(uint8_t length)
 #define TAXEL_IDENTITY_OFFSET_FIRMWARE_PATCH 4u
 #define TAXEL_IDENTITY_OFFSET_KIND 5u
 #define TAXEL_IDENTITY_OFFSET_ADDRESS 6u
-#define TAXEL_IDENTITY_OFFSET_RESERVED 7u
+#define TAXEL_IDENTITY_OFFSET_MAP_REVISION 7u
 #define TAXEL_IDENTITY_OFFSET_UNIQUE_ID 8u
 #define TAXEL_IDENTITY_OFFSET_ROWS 16u
 #define TAXEL_IDENTITY_OFFSET_COLUMNS 17u
@@ -249,7 +259,7 @@ struct taxel_identity {
     uint8_t firmware_patch;
     uint8_t kind;
     uint8_t address;
-    uint8_t reserved;
+    uint8_t map_revision;
     uint8_t unique_id[8];
     uint8_t rows;
     uint8_t columns;
@@ -267,7 +277,7 @@ static inline void taxel_identity_pack(const struct taxel_identity *value, uint8
     taxel_put_u8(bytes + 4, value->firmware_patch);
     taxel_put_u8(bytes + 5, value->kind);
     taxel_put_u8(bytes + 6, value->address);
-    taxel_put_u8(bytes + 7, value->reserved);
+    taxel_put_u8(bytes + 7, value->map_revision);
     memcpy(bytes + 8, value->unique_id, 8);
     taxel_put_u8(bytes + 16, value->rows);
     taxel_put_u8(bytes + 17, value->columns);
@@ -285,7 +295,7 @@ static inline void taxel_identity_unpack(struct taxel_identity *value, const uin
     value->firmware_patch = taxel_get_u8(bytes + 4);
     value->kind = taxel_get_u8(bytes + 5);
     value->address = taxel_get_u8(bytes + 6);
-    value->reserved = taxel_get_u8(bytes + 7);
+    value->map_revision = taxel_get_u8(bytes + 7);
     memcpy(value->unique_id, bytes + 8, 8);
     value->rows = taxel_get_u8(bytes + 16);
     value->columns = taxel_get_u8(bytes + 17);
@@ -433,6 +443,92 @@ static inline void taxel_command_register_unpack(struct taxel_command_register *
 {
     value->command = taxel_get_u8(bytes + 0);
     value->complement = taxel_get_u8(bytes + 1);
+}
+
+#define TAXEL_ENTER_BOOTLOADER_REGISTER_SIZE 6u
+#define TAXEL_ENTER_BOOTLOADER_REGISTER_OFFSET_COMMAND 0u
+#define TAXEL_ENTER_BOOTLOADER_REGISTER_OFFSET_COMPLEMENT 1u
+#define TAXEL_ENTER_BOOTLOADER_REGISTER_OFFSET_KEY 2u
+struct taxel_enter_bootloader_register {
+    uint8_t command;
+    uint8_t complement;
+    uint32_t key;
+};
+static inline void taxel_enter_bootloader_register_pack(const struct taxel_enter_bootloader_register *value, uint8_t *bytes)
+{
+    taxel_put_u8(bytes + 0, value->command);
+    taxel_put_u8(bytes + 1, value->complement);
+    taxel_put_u32(bytes + 2, value->key);
+}
+static inline void taxel_enter_bootloader_register_unpack(struct taxel_enter_bootloader_register *value, const uint8_t *bytes)
+{
+    value->command = taxel_get_u8(bytes + 0);
+    value->complement = taxel_get_u8(bytes + 1);
+    value->key = taxel_get_u32(bytes + 2);
+}
+
+#define TAXEL_FAULT_RECORD_SIZE 12u
+#define TAXEL_FAULT_RECORD_OFFSET_CODE 0u
+#define TAXEL_FAULT_RECORD_OFFSET_EXCEPTION 1u
+#define TAXEL_FAULT_RECORD_OFFSET_COUNT 2u
+#define TAXEL_FAULT_RECORD_OFFSET_PROGRAM_COUNTER 4u
+#define TAXEL_FAULT_RECORD_OFFSET_LINK_REGISTER 8u
+struct taxel_fault_record {
+    uint8_t code;
+    uint8_t exception;
+    uint16_t count;
+    uint32_t program_counter;
+    uint32_t link_register;
+};
+static inline void taxel_fault_record_pack(const struct taxel_fault_record *value, uint8_t *bytes)
+{
+    taxel_put_u8(bytes + 0, value->code);
+    taxel_put_u8(bytes + 1, value->exception);
+    taxel_put_u16(bytes + 2, value->count);
+    taxel_put_u32(bytes + 4, value->program_counter);
+    taxel_put_u32(bytes + 8, value->link_register);
+}
+static inline void taxel_fault_record_unpack(struct taxel_fault_record *value, const uint8_t *bytes)
+{
+    value->code = taxel_get_u8(bytes + 0);
+    value->exception = taxel_get_u8(bytes + 1);
+    value->count = taxel_get_u16(bytes + 2);
+    value->program_counter = taxel_get_u32(bytes + 4);
+    value->link_register = taxel_get_u32(bytes + 8);
+}
+
+#define TAXEL_FAULT_REGISTER_SIZE 16u
+#define TAXEL_FAULT_REGISTER_OFFSET_RECORD_CODE 0u
+#define TAXEL_FAULT_REGISTER_OFFSET_RECORD_EXCEPTION 1u
+#define TAXEL_FAULT_REGISTER_OFFSET_RECORD_COUNT 2u
+#define TAXEL_FAULT_REGISTER_OFFSET_RECORD_PROGRAM_COUNTER 4u
+#define TAXEL_FAULT_REGISTER_OFFSET_RECORD_LINK_REGISTER 8u
+#define TAXEL_FAULT_REGISTER_OFFSET_CRC32 12u
+struct taxel_fault_register {
+    uint8_t record_code;
+    uint8_t record_exception;
+    uint16_t record_count;
+    uint32_t record_program_counter;
+    uint32_t record_link_register;
+    uint32_t crc32;
+};
+static inline void taxel_fault_register_pack(const struct taxel_fault_register *value, uint8_t *bytes)
+{
+    taxel_put_u8(bytes + 0, value->record_code);
+    taxel_put_u8(bytes + 1, value->record_exception);
+    taxel_put_u16(bytes + 2, value->record_count);
+    taxel_put_u32(bytes + 4, value->record_program_counter);
+    taxel_put_u32(bytes + 8, value->record_link_register);
+    taxel_put_u32(bytes + 12, value->crc32);
+}
+static inline void taxel_fault_register_unpack(struct taxel_fault_register *value, const uint8_t *bytes)
+{
+    value->record_code = taxel_get_u8(bytes + 0);
+    value->record_exception = taxel_get_u8(bytes + 1);
+    value->record_count = taxel_get_u16(bytes + 2);
+    value->record_program_counter = taxel_get_u32(bytes + 4);
+    value->record_link_register = taxel_get_u32(bytes + 8);
+    value->crc32 = taxel_get_u32(bytes + 12);
 }
 
 #define TAXEL_SNAPSHOT_HEADER_SIZE 6u
@@ -751,7 +847,7 @@ static inline void taxel_board_status_unpack(struct taxel_board_status *value, c
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_FIRMWARE_PATCH 4u
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_KIND 5u
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_ADDRESS 6u
-#define TAXEL_BOARD_INFO_OFFSET_IDENTITY_RESERVED 7u
+#define TAXEL_BOARD_INFO_OFFSET_IDENTITY_MAP_REVISION 7u
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_UNIQUE_ID 8u
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_ROWS 16u
 #define TAXEL_BOARD_INFO_OFFSET_IDENTITY_COLUMNS 17u
@@ -772,7 +868,7 @@ struct taxel_board_info {
     uint8_t identity_firmware_patch;
     uint8_t identity_kind;
     uint8_t identity_address;
-    uint8_t identity_reserved;
+    uint8_t identity_map_revision;
     uint8_t identity_unique_id[8];
     uint8_t identity_rows;
     uint8_t identity_columns;
@@ -795,7 +891,7 @@ static inline void taxel_board_info_pack(const struct taxel_board_info *value, u
     taxel_put_u8(bytes + 4, value->identity_firmware_patch);
     taxel_put_u8(bytes + 5, value->identity_kind);
     taxel_put_u8(bytes + 6, value->identity_address);
-    taxel_put_u8(bytes + 7, value->identity_reserved);
+    taxel_put_u8(bytes + 7, value->identity_map_revision);
     memcpy(bytes + 8, value->identity_unique_id, 8);
     taxel_put_u8(bytes + 16, value->identity_rows);
     taxel_put_u8(bytes + 17, value->identity_columns);
@@ -818,7 +914,7 @@ static inline void taxel_board_info_unpack(struct taxel_board_info *value, const
     value->identity_firmware_patch = taxel_get_u8(bytes + 4);
     value->identity_kind = taxel_get_u8(bytes + 5);
     value->identity_address = taxel_get_u8(bytes + 6);
-    value->identity_reserved = taxel_get_u8(bytes + 7);
+    value->identity_map_revision = taxel_get_u8(bytes + 7);
     memcpy(value->identity_unique_id, bytes + 8, 8);
     value->identity_rows = taxel_get_u8(bytes + 16);
     value->identity_columns = taxel_get_u8(bytes + 17);

@@ -198,6 +198,13 @@ TAXEL_OWN_FRAME static void get_time(struct taxel_hub *hub)
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, bytes, sizeof bytes);
 }
 
+/* Command GET_FAULT: replies with the fault record of the hub. */
+static void get_fault(struct taxel_hub *hub)
+{
+    const uint8_t *record = taxel_hub_config_of(hub)->fault_record;
+    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, record, record ? TAXEL_FAULT_RECORD_SIZE : 0);
+}
+
 /* Shortest and longest arguments of each command, in bytes. */
 struct argument_rule {
     uint8_t command;
@@ -217,6 +224,7 @@ static const struct argument_rule argument_rules[] = {
     {TAXEL_COMMAND_GET_BOARD_INFO, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE},
     {TAXEL_COMMAND_GET_TIME, 0, 0},
     {TAXEL_COMMAND_ENTER_BOOTLOADER, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_GET_FAULT, 0, 0},
 };
 
 /* Status (enum taxel_reply_status) with which a command must be rejected, or OK: handshake done, command defined,
@@ -290,6 +298,9 @@ static void execute_command(struct taxel_hub *hub, uint8_t command, const uint8_
         break;
     case TAXEL_COMMAND_GET_BOARD_INFO:
         get_board_info(hub, arguments);
+        break;
+    case TAXEL_COMMAND_GET_FAULT:
+        get_fault(hub);
         break;
     default:
         get_time(hub);

@@ -91,6 +91,10 @@ struct taxel_hub_config {
     /* Id of the processor: 8 bytes of any value. Sent in HUB_HANDSHAKE. */
     const uint8_t *unique_id;
 
+    /* Fault record of the last fault of the hub since power-on: TAXEL_FAULT_RECORD_SIZE (12) bytes as in the protocol.
+     * NULL: the hub keeps none, and the reply to GET_FAULT has no data. */
+    const uint8_t *fault_record;
+
     /* Clock rate of the bus in Hz; greater than 0, typically 100000 to 1000000. Determines the time limits of
      * transfers and the instant of a board's clock in TIME_SYNC. */
     uint32_t scl_hz;

@@ -36,13 +36,18 @@ void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
 /* Queue a LOG frame about a change of the bus: SCL or SDA held low, or (TAXEL_BOARD_FAULT_NONE) free again. */
 static void report_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
+    uint8_t level = TAXEL_LOG_LEVEL_ERROR;
+    uint16_t code = TAXEL_LOG_CODE_SDA_STUCK;
+    const char *text = "I2C: SDA low";
     if (fault == TAXEL_BOARD_FAULT_NONE) {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_INFO, TAXEL_LOG_CODE_BUS_FREE, "I2C: free");
+        level = TAXEL_LOG_LEVEL_INFO;
+        code = TAXEL_LOG_CODE_BUS_FREE;
+        text = "I2C: free";
     } else if (fault == TAXEL_BOARD_FAULT_SCL_STUCK) {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C: SCL low");
-    } else {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C: SDA low");
+        code = TAXEL_LOG_CODE_SCL_STUCK;
+        text = "I2C: SCL low";
     }
+    taxel_hub_log(hub, level, code, text); /* one call: a call for each text takes more flash */
 }
 
 /* Record the state of the bus lines, and report a change to the host. */

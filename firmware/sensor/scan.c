@@ -128,6 +128,34 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
     begin_scan(sensor);
 }
 
+/* A number that changes with every conversion of a scan and repeats after 256 scans. A check that falls on the same
+ * number finds no progress; the next one does. */
+static uint16_t scan_position(const struct taxel_scan *scan)
+{
+    return (uint16_t)((scan->scans << 8) + scan->taxel);
+}
+
+/* Whether the scan advances, for the watchdog. A scan that stalls sets the error flag NOT_SCANNING. */
+enum taxel_scan_progress taxel_scan_check(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    const uint32_t now = hal->clock_us(hal->context);
+    const uint16_t position = scan_position(scan);
+    if (sensor->state != TAXEL_SENSOR_SCANNING || position != scan->checked_position) {
+        scan->checked_position = position;
+        scan->checked_us = now;
+        scan->is_stalled = false;
+        return TAXEL_SCAN_ADVANCED;
+    }
+    if (scan->is_stalled || now - scan->checked_us < TAXEL_SCAN_STALL_US) {
+        return TAXEL_SCAN_WAITING;
+    }
+    scan->is_stalled = true;
+    sensor->error_flags |= TAXEL_BOARD_ERROR_FLAG_NOT_SCANNING;
+    return TAXEL_SCAN_STALLED;
+}
+
 /* Give the newest complete snapshot to the reader. Without a new scan since the last call, the reader keeps the
  * previous snapshot. */
 void taxel_scan_latch(struct taxel_sensor *sensor)

@@ -50,6 +50,7 @@ static void fill_identity(struct taxel_sensor *sensor)
         .firmware_patch = config->firmware_version[2],
         .kind = config->kind,
         .address = config->address,
+        .map_revision = TAXEL_REGISTER_MAP_REVISION,
         .rows = config->rows,
         .columns = config->columns,
         .taxel_count = config->taxel_count,

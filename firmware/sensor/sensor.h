@@ -24,6 +24,9 @@
  *     }
  *     taxel_scan_start(&sensor);
  *     for (;;) {
+ *         if (taxel_scan_check(&sensor) == TAXEL_SCAN_ADVANCED) {
+ *             watchdog_feed();
+ *         }
  *         taxel_sensor_run(&sensor);
  *         wait_for_interrupt();
  *     }
@@ -94,9 +97,24 @@ struct taxel_sensor_config {
     /* Three buffers of TAXEL_SNAPSHOT_SIZE(taxel_count) bytes each. */
     uint8_t *snapshots[3];
 
+    /* Fault record of the last fault since power-on, TAXEL_FAULT_RECORD_SIZE (12) bytes as in the register. NULL: no
+     * fault. */
+    const uint8_t *fault_record;
+
     /* Memory for compact snapshots. states NULL, or more than TAXEL_COMPACT_TAXELS_MAX (238) taxels: the board has
      * none. */
     struct taxel_compact_memory compact;
+};
+
+/* Longest time without a conversion in microseconds. The longest conversion takes 65535 * 255 CPU clocks, 0.35 s at
+ * 48 MHz; a larger limit reports a stopped converter later, a smaller one reports slow settings. */
+#define TAXEL_SCAN_STALL_US 500000u
+
+/* Result of taxel_scan_check(). */
+enum taxel_scan_progress {
+    TAXEL_SCAN_ADVANCED, /* a conversion has ended since the last call, or the scan is stopped by command */
+    TAXEL_SCAN_WAITING,
+    TAXEL_SCAN_STALLED, /* no conversion for TAXEL_SCAN_STALL_US: returned once, then TAXEL_SCAN_WAITING */
 };
 
 struct taxel_scan {
@@ -107,6 +125,8 @@ struct taxel_scan {
     uint32_t started_us;
     uint32_t scans;
     uint32_t scan_time_us;
+    uint32_t checked_us; /* clock of the last check that found progress */
+    uint16_t checked_position;
     uint16_t crossing;
     uint16_t taxel;
     uint16_t saturated_conversions;
@@ -116,6 +136,7 @@ struct taxel_scan {
     bool settings_pending;
     bool converting;
     bool begin_after_conversion;
+    bool is_stalled;
 };
 
 struct taxel_slave {
@@ -155,6 +176,9 @@ int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_con
 void taxel_scan_start(struct taxel_sensor *sensor);
 void taxel_scan_stop(struct taxel_sensor *sensor);
 void taxel_scan_latch(struct taxel_sensor *sensor);
+/* Whether the scan advances. Call it from the main loop at least every 100 ms, and feed the watchdog only for
+ * TAXEL_SCAN_ADVANCED. */
+enum taxel_scan_progress taxel_scan_check(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
 

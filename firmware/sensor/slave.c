@@ -50,6 +50,18 @@ static void fill_settings(struct taxel_sensor *sensor)
                   settings_crc(sensor, sensor->slave.shadow));
 }
 
+/* Copy the fault record with its CRC into the buffer of the fault register; zeros without a fault. */
+static void fill_fault(struct taxel_sensor *sensor)
+{
+    uint8_t *shadow = sensor->slave.shadow;
+    memset(shadow, 0, TAXEL_FAULT_RECORD_SIZE);
+    if (sensor->config->fault_record) {
+        memcpy(shadow, sensor->config->fault_record, TAXEL_FAULT_RECORD_SIZE);
+    }
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), shadow, TAXEL_FAULT_RECORD_SIZE);
+    taxel_put_u32(shadow + TAXEL_FAULT_REGISTER_OFFSET_CRC32, crc);
+}
+
 /* Let the master read `size` bytes from `bytes`, from byte `skip` on. */
 static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t size, size_t skip)
 {
@@ -94,6 +106,9 @@ static bool begin_read(struct taxel_sensor *sensor)
     } else if (pointer >= TAXEL_REGISTER_STATUS && pointer < TAXEL_REGISTER_STATUS + TAXEL_STATUS_SIZE) {
         fill_status(sensor);
         read_from(slave, slave->shadow, TAXEL_STATUS_SIZE, pointer - TAXEL_REGISTER_STATUS);
+    } else if (pointer == TAXEL_REGISTER_FAULT) {
+        fill_fault(sensor);
+        read_from(slave, slave->shadow, TAXEL_FAULT_REGISTER_SIZE, 0);
     } else if (pointer < TAXEL_IDENTITY_SIZE) {
         read_from(slave, sensor->identity, TAXEL_IDENTITY_SIZE, pointer);
     } else {
@@ -135,13 +150,27 @@ static void clear_counters(struct taxel_sensor *sensor)
     sensor->scan.saturated_conversions = 0;
 }
 
-/* Execute the command written to register COMMAND: code and its complement, so that a damaged byte has no effect. */
+/* The command that the written bytes form, or 0: code and its complement, so that a damaged byte has no effect. The key
+ * of ENTER_BOOTLOADER prevents that two bytes of a mistaken transfer stop the application. */
+static uint8_t written_command(const struct taxel_slave *slave)
+{
+    const uint8_t *bytes = slave->write_bytes;
+    if (slave->written < TAXEL_COMMAND_REGISTER_SIZE || (bytes[0] ^ bytes[1]) != 0xFF) {
+        return 0;
+    }
+    if (bytes[0] != TAXEL_BOARD_COMMAND_ENTER_BOOTLOADER) {
+        return slave->written == TAXEL_COMMAND_REGISTER_SIZE ? bytes[0] : 0;
+    }
+    const bool has_key = slave->written == TAXEL_ENTER_BOOTLOADER_REGISTER_SIZE &&
+                         taxel_get_u32(bytes + TAXEL_ENTER_BOOTLOADER_REGISTER_OFFSET_KEY) == TAXEL_BOOTLOADER_KEY;
+    return has_key ? bytes[0] : 0;
+}
+
+/* Execute the command written to register COMMAND. */
 static void write_command(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_hal *hal = sensor->config->hal;
-    const uint8_t *bytes = sensor->slave.write_bytes;
-    const bool is_whole = sensor->slave.written == TAXEL_COMMAND_REGISTER_SIZE && (bytes[0] ^ bytes[1]) == 0xFF;
-    switch (is_whole ? bytes[0] : 0) {
+    switch (written_command(&sensor->slave)) {
     case TAXEL_BOARD_COMMAND_START_SCAN:
         taxel_scan_start(sensor);
         break;

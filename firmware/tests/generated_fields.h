@@ -146,7 +146,7 @@ static const struct field board_info_fields[] = {
     {"identity_firmware_patch", offsetof(struct taxel_board_info, identity_firmware_patch), 1, 0},
     {"identity_kind", offsetof(struct taxel_board_info, identity_kind), 1, 0},
     {"identity_address", offsetof(struct taxel_board_info, identity_address), 1, 0},
-    {"identity_reserved", offsetof(struct taxel_board_info, identity_reserved), 1, 0},
+    {"identity_map_revision", offsetof(struct taxel_board_info, identity_map_revision), 1, 0},
     {"identity_unique_id", offsetof(struct taxel_board_info, identity_unique_id), 8, 1},
     {"identity_rows", offsetof(struct taxel_board_info, identity_rows), 1, 0},
     {"identity_columns", offsetof(struct taxel_board_info, identity_columns), 1, 0},
@@ -357,6 +357,22 @@ static void get_time_reply_unpack(void *value, const uint8_t *bytes)
     taxel_get_time_reply_unpack(value, bytes);
 }
 
+static const struct field fault_record_fields[] = {
+    {"code", offsetof(struct taxel_fault_record, code), 1, 0},
+    {"exception", offsetof(struct taxel_fault_record, exception), 1, 0},
+    {"count", offsetof(struct taxel_fault_record, count), 2, 0},
+    {"program_counter", offsetof(struct taxel_fault_record, program_counter), 4, 0},
+    {"link_register", offsetof(struct taxel_fault_record, link_register), 4, 0},
+};
+static void fault_record_pack(const void *value, uint8_t *bytes)
+{
+    taxel_fault_record_pack(value, bytes);
+}
+static void fault_record_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_fault_record_unpack(value, bytes);
+}
+
 static const struct field identity_fields[] = {
     {"who_am_i", offsetof(struct taxel_identity, who_am_i), 1, 0},
     {"map_version", offsetof(struct taxel_identity, map_version), 1, 0},
@@ -365,7 +381,7 @@ static const struct field identity_fields[] = {
     {"firmware_patch", offsetof(struct taxel_identity, firmware_patch), 1, 0},
     {"kind", offsetof(struct taxel_identity, kind), 1, 0},
     {"address", offsetof(struct taxel_identity, address), 1, 0},
-    {"reserved", offsetof(struct taxel_identity, reserved), 1, 0},
+    {"map_revision", offsetof(struct taxel_identity, map_revision), 1, 0},
     {"unique_id", offsetof(struct taxel_identity, unique_id), 8, 1},
     {"rows", offsetof(struct taxel_identity, rows), 1, 0},
     {"columns", offsetof(struct taxel_identity, columns), 1, 0},
@@ -436,6 +452,37 @@ static void command_register_unpack(void *value, const uint8_t *bytes)
     taxel_command_register_unpack(value, bytes);
 }
 
+static const struct field enter_bootloader_register_fields[] = {
+    {"command", offsetof(struct taxel_enter_bootloader_register, command), 1, 0},
+    {"complement", offsetof(struct taxel_enter_bootloader_register, complement), 1, 0},
+    {"key", offsetof(struct taxel_enter_bootloader_register, key), 4, 0},
+};
+static void enter_bootloader_register_pack(const void *value, uint8_t *bytes)
+{
+    taxel_enter_bootloader_register_pack(value, bytes);
+}
+static void enter_bootloader_register_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_enter_bootloader_register_unpack(value, bytes);
+}
+
+static const struct field fault_register_fields[] = {
+    {"record_code", offsetof(struct taxel_fault_register, record_code), 1, 0},
+    {"record_exception", offsetof(struct taxel_fault_register, record_exception), 1, 0},
+    {"record_count", offsetof(struct taxel_fault_register, record_count), 2, 0},
+    {"record_program_counter", offsetof(struct taxel_fault_register, record_program_counter), 4, 0},
+    {"record_link_register", offsetof(struct taxel_fault_register, record_link_register), 4, 0},
+    {"crc32", offsetof(struct taxel_fault_register, crc32), 4, 0},
+};
+static void fault_register_pack(const void *value, uint8_t *bytes)
+{
+    taxel_fault_register_pack(value, bytes);
+}
+static void fault_register_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_fault_register_unpack(value, bytes);
+}
+
 static const struct field compact_packed_fields[] = {
     {"sequence", offsetof(struct taxel_compact_packed, sequence), 2, 0},
     {"format", offsetof(struct taxel_compact_packed, format), 1, 0},
@@ -499,10 +546,13 @@ static const struct layout layouts[] = {
     {"set_scan_settings_arguments", set_scan_settings_arguments_fields, sizeof set_scan_settings_arguments_fields / sizeof set_scan_settings_arguments_fields[0], TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE, set_scan_settings_arguments_pack, set_scan_settings_arguments_unpack},
     {"get_board_info_arguments", get_board_info_arguments_fields, sizeof get_board_info_arguments_fields / sizeof get_board_info_arguments_fields[0], TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, get_board_info_arguments_pack, get_board_info_arguments_unpack},
     {"get_time_reply", get_time_reply_fields, sizeof get_time_reply_fields / sizeof get_time_reply_fields[0], TAXEL_GET_TIME_REPLY_SIZE, get_time_reply_pack, get_time_reply_unpack},
+    {"fault_record", fault_record_fields, sizeof fault_record_fields / sizeof fault_record_fields[0], TAXEL_FAULT_RECORD_SIZE, fault_record_pack, fault_record_unpack},
     {"identity", identity_fields, sizeof identity_fields / sizeof identity_fields[0], TAXEL_IDENTITY_SIZE, identity_pack, identity_unpack},
     {"status", status_fields, sizeof status_fields / sizeof status_fields[0], TAXEL_STATUS_SIZE, status_pack, status_unpack},
     {"settings_register", settings_register_fields, sizeof settings_register_fields / sizeof settings_register_fields[0], TAXEL_SETTINGS_REGISTER_SIZE, settings_register_pack, settings_register_unpack},
     {"command_register", command_register_fields, sizeof command_register_fields / sizeof command_register_fields[0], TAXEL_COMMAND_REGISTER_SIZE, command_register_pack, command_register_unpack},
+    {"enter_bootloader_register", enter_bootloader_register_fields, sizeof enter_bootloader_register_fields / sizeof enter_bootloader_register_fields[0], TAXEL_ENTER_BOOTLOADER_REGISTER_SIZE, enter_bootloader_register_pack, enter_bootloader_register_unpack},
+    {"fault_register", fault_register_fields, sizeof fault_register_fields / sizeof fault_register_fields[0], TAXEL_FAULT_REGISTER_SIZE, fault_register_pack, fault_register_unpack},
     {"compact_packed", compact_packed_fields, sizeof compact_packed_fields / sizeof compact_packed_fields[0], TAXEL_COMPACT_PACKED_SIZE, compact_packed_pack, compact_packed_unpack},
     {"compact_delta", compact_delta_fields, sizeof compact_delta_fields / sizeof compact_delta_fields[0], TAXEL_COMPACT_DELTA_SIZE, compact_delta_pack, compact_delta_unpack},
     {"compact_acknowledge", compact_acknowledge_fields, sizeof compact_acknowledge_fields / sizeof compact_acknowledge_fields[0], TAXEL_COMPACT_ACKNOWLEDGE_SIZE, compact_acknowledge_pack, compact_acknowledge_unpack},

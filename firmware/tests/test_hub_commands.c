@@ -49,7 +49,8 @@ static void commands_are_rejected_before_the_handshake(void)
 
 static void versions_are_negotiated(void)
 {
-    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 2}, {0, 1, 1}, {2, 9, 2}, {3, 9, 0}, {0, 0, 0}, {2, 1, 0}};
+    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 3}, {0, 1, 1}, {1, 2, 2}, {2, 9, 3},
+                                       {3, 9, 3}, {4, 9, 0},   {0, 0, 0}, {2, 1, 0}};
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -68,12 +69,18 @@ static void wrong_lengths_and_unknown_commands_are_rejected(void)
 {
     static const struct {
         uint8_t code, minimum, maximum;
-    } rules[] = {{TAXEL_COMMAND_START, 0, 1},           {TAXEL_COMMAND_STOP, 0, 0},
-                 {TAXEL_COMMAND_SET_RATE, 4, 4},        {TAXEL_COMMAND_SCAN_BUS, 0, 0},
-                 {TAXEL_COMMAND_I2C_TRANSFER, 2, 66},   {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
-                 {TAXEL_COMMAND_REBOOT, 0, 0},          {TAXEL_COMMAND_GET_STATUS, 0, 0},
-                 {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},  {TAXEL_COMMAND_GET_TIME, 0, 0},
-                 {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4}};
+    } rules[] = {{TAXEL_COMMAND_START, 0, 1},
+                 {TAXEL_COMMAND_STOP, 0, 0},
+                 {TAXEL_COMMAND_SET_RATE, 4, 4},
+                 {TAXEL_COMMAND_SCAN_BUS, 0, 0},
+                 {TAXEL_COMMAND_I2C_TRANSFER, 2, 66},
+                 {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
+                 {TAXEL_COMMAND_REBOOT, 0, 0},
+                 {TAXEL_COMMAND_GET_STATUS, 0, 0},
+                 {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},
+                 {TAXEL_COMMAND_GET_TIME, 0, 0},
+                 {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4},
+                 {TAXEL_COMMAND_GET_FAULT, 0, 0}};
     const uint8_t zeros[66] = {0};
     begin(false);
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
@@ -84,7 +91,7 @@ static void wrong_lengths_and_unknown_commands_are_rejected(void)
         }
     }
     CHECK_EQUAL(command(0, NULL, 0), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
-    for (unsigned code = TAXEL_COMMAND_ENTER_BOOTLOADER + 1; code < 256; code++) {
+    for (unsigned code = TAXEL_COMMAND_GET_FAULT + 1; code < 256; code++) {
         CHECK_EQUAL(command((uint8_t)code, zeros, 3), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
     }
     CHECK_EQUAL(fake.restarts, 0);
@@ -330,10 +337,26 @@ static void get_time_and_get_status_report_time_and_counters(void)
     end();
 }
 
+static void get_fault_replies_with_the_record_of_the_port(void)
+{
+    static const uint8_t record[TAXEL_FAULT_RECORD_SIZE] = {
+        TAXEL_FAULT_CODE_EXCEPTION, 3, 1, 0, 0x2C, 0x1A, 0, 0, 0x47, 0x1B, 0, 0};
+    begin(false);
+    CHECK_EQUAL(command(TAXEL_COMMAND_GET_FAULT, NULL, 0), 0);
+    CHECK_EQUAL(fake.reply_size, 0);
+    fake.config.fault_record = record;
+    CHECK_EQUAL(command(TAXEL_COMMAND_GET_FAULT, NULL, 0), 0);
+    CHECK_EQUAL(fake.reply_size, sizeof record);
+    CHECK_BYTES(fake.reply, record, sizeof record);
+    fake.config.fault_record = NULL;
+    end();
+}
+
 int main(void)
 {
     RUN(commands_are_rejected_before_the_handshake);
     RUN(versions_are_negotiated);
+    RUN(get_fault_replies_with_the_record_of_the_port);
     RUN(wrong_lengths_and_unknown_commands_are_rejected);
     RUN(stop_ends_and_start_resumes_the_stream);
     RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);

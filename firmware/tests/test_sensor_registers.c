@@ -27,7 +27,7 @@ static void the_identity_holds_the_configuration(void)
     CHECK_EQUAL(identity.firmware_patch, 3);
     CHECK_EQUAL(identity.kind, 3);
     CHECK_EQUAL(identity.address, 0x23);
-    CHECK_EQUAL(identity.reserved, 0);
+    CHECK_EQUAL(identity.map_revision, TAXEL_REGISTER_MAP_REVISION);
     CHECK_BYTES(identity.unique_id, fake.config.unique_id, 8);
     CHECK_EQUAL(identity.rows, 4);
     CHECK_EQUAL(identity.columns, 6);
@@ -55,6 +55,7 @@ static void every_register_is_readable_and_reads_ff_beyond_its_end(void)
                 valid = areas[i].first + areas[i].size - pointer;
             }
         }
+        valid = pointer == TAXEL_REGISTER_FAULT ? TAXEL_FAULT_REGISTER_SIZE : valid;
         const size_t block = TAXEL_SMBUS_BLOCK * (pointer - TAXEL_REGISTER_SNAPSHOT);
         if (pointer >= TAXEL_REGISTER_SNAPSHOT && pointer <= TAXEL_REGISTER_SNAPSHOT_LAST &&
             block < TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count)) {
@@ -115,6 +116,23 @@ static void a_read_without_a_pointer_write_repeats_the_last_register(void)
     fake_sensor_free(&fake);
 }
 
+static void the_fault_register_holds_the_record_of_the_port(void)
+{
+    static const uint8_t record[TAXEL_FAULT_RECORD_SIZE] = {
+        TAXEL_FAULT_CODE_EXCEPTION, 3, 2, 0, 0x2C, 0x1A, 0, 0, 0x47, 0x1B, 0, 0};
+    static const uint8_t none[TAXEL_FAULT_RECORD_SIZE] = {0};
+    uint8_t bytes[TAXEL_FAULT_REGISTER_SIZE];
+    boot();
+    for (unsigned i = 0; i < 2u; i++) {
+        CHECK(fake_read_at(&fake, TAXEL_REGISTER_FAULT, bytes, sizeof bytes));
+        CHECK_BYTES(bytes, i ? record : none, sizeof record);
+        const uint32_t crc = taxel_crc32(taxel_crc32(0, &fake.config.address, 1), bytes, TAXEL_FAULT_RECORD_SIZE);
+        CHECK_EQUAL(taxel_get_u32(bytes + TAXEL_FAULT_REGISTER_OFFSET_CRC32), crc);
+        fake.config.fault_record = record;
+    }
+    fake_sensor_free(&fake);
+}
+
 int main(void)
 {
     RUN(the_identity_holds_the_configuration);
@@ -122,5 +140,6 @@ int main(void)
     RUN(a_read_may_begin_inside_a_register_block);
     RUN(the_status_is_latched_at_one_instant);
     RUN(a_read_without_a_pointer_write_repeats_the_last_register);
+    RUN(the_fault_register_holds_the_record_of_the_port);
     return check_summary();
 }

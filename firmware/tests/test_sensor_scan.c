@@ -305,6 +305,56 @@ static void invalid_configurations_are_rejected(void)
     check_rejected(crossing_outside, "a crossing beyond rows x columns");
 }
 
+static void a_scan_that_advances_permits_to_feed_the_watchdog(void)
+{
+    boot(4, 6, 0);
+    for (unsigned i = 0; i < 1000u; i++) {
+        fake.clock_us += 600000u; /* longer than the limit: only the conversions count */
+        fake_convert(&fake, 1);
+        CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_ADVANCED);
+        CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_WAITING);
+    }
+    CHECK_EQUAL(fake_status(&fake).error_flags & TAXEL_BOARD_ERROR_FLAG_NOT_SCANNING, 0);
+    fake_sensor_free(&fake);
+}
+
+static void a_missed_interrupt_of_the_converter_is_reported_once(void)
+{
+    boot(4, 6, 0);
+    fake_convert(&fake, 1);
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_ADVANCED);
+    fake.clock_us += TAXEL_SCAN_STALL_US - 1u;
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_WAITING);
+    CHECK_EQUAL(fake_status(&fake).error_flags, 0);
+    fake.clock_us += 1u;
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_STALLED);
+    CHECK_EQUAL(fake_status(&fake).error_flags, TAXEL_BOARD_ERROR_FLAG_NOT_SCANNING);
+    for (unsigned i = 0; i < 10u; i++) {
+        fake.clock_us += TAXEL_SCAN_STALL_US;
+        CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_WAITING);
+    }
+    fake_convert(&fake, 1); /* a late interrupt continues the scan */
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_ADVANCED);
+    fake.clock_us += TAXEL_SCAN_STALL_US;
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_STALLED);
+    fake_sensor_free(&fake);
+}
+
+static void a_scan_that_is_stopped_by_command_is_no_fault(void)
+{
+    boot(4, 6, 0);
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_STOP_SCAN));
+    for (unsigned i = 0; i < 10u; i++) {
+        fake.clock_us += TAXEL_SCAN_STALL_US;
+        CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_ADVANCED);
+    }
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN)); /* the last conversion never ends */
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_WAITING);
+    fake.clock_us += TAXEL_SCAN_STALL_US;
+    CHECK_EQUAL(taxel_scan_check(&fake.sensor), TAXEL_SCAN_STALLED);
+    fake_sensor_free(&fake);
+}
+
 int main(void)
 {
     RUN(the_scan_goes_tx_by_tx_over_the_taxels);
@@ -318,5 +368,8 @@ int main(void)
     RUN(saturated_conversions_are_counted_and_the_counter_saturates);
     RUN(boards_of_all_extreme_sizes_scan);
     RUN(invalid_configurations_are_rejected);
+    RUN(a_scan_that_advances_permits_to_feed_the_watchdog);
+    RUN(a_missed_interrupt_of_the_converter_is_reported_once);
+    RUN(a_scan_that_is_stopped_by_command_is_no_fault);
     return check_summary();
 }

@@ -194,8 +194,38 @@ static void a_command_requires_its_complement(void)
     CHECK_EQUAL(fake_status(&fake).state, TAXEL_SENSOR_SCANNING);
     CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_RESTART));
     CHECK_EQUAL(fake.restarts, 1);
-    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_ENTER_BOOTLOADER));
+    fake_sensor_free(&fake);
+}
+
+static void the_bootloader_requires_its_key(void)
+{
+    static const uint8_t right[1u + TAXEL_ENTER_BOOTLOADER_REGISTER_SIZE] = {
+        TAXEL_REGISTER_COMMAND, TAXEL_BOARD_COMMAND_ENTER_BOOTLOADER, 0xFA, 'B', 'O', 'O', 'T'};
+    uint8_t bytes[sizeof right + 1u] = {0};
+    unsigned rejected = 0;
+    boot();
+    for (size_t size = 2; size <= sizeof right + 1u; size++) { /* also without the key, and with a byte behind it */
+        memcpy(bytes, right, sizeof right);
+        if (size != sizeof right) {
+            CHECK(fake_write(&fake, bytes, size));
+            rejected++;
+        }
+    }
+    for (size_t bit = 8; bit < 8u * sizeof right; bit++) {
+        memcpy(bytes, right, sizeof right);
+        bytes[bit >> 3] ^= (uint8_t)(1u << (bit & 7u));
+        CHECK(fake_write(&fake, bytes, sizeof right));
+        rejected++;
+    }
+    memcpy(bytes, right, sizeof right);
+    bytes[1] = TAXEL_BOARD_COMMAND_RESTART; /* another command has no key */
+    bytes[2] = (uint8_t)~TAXEL_BOARD_COMMAND_RESTART;
+    CHECK(fake_write(&fake, bytes, sizeof right));
+    CHECK_EQUAL(fake.restarts + fake.bootloader_entries, 0);
+    check_rejected((uint16_t)(rejected + 1u), TAXEL_BOARD_ERROR_FLAG_COMMAND_REJECTED);
+    CHECK(fake_write(&fake, right, sizeof right));
     CHECK_EQUAL(fake.bootloader_entries, 1);
+    CHECK_EQUAL(fake_status(&fake).rejected_writes, 0);
     fake_sensor_free(&fake);
 }
 
@@ -236,6 +266,7 @@ int main(void)
     RUN(a_write_takes_effect_only_at_its_stop);
     RUN(bytes_after_a_rejected_byte_have_no_effect);
     RUN(a_command_requires_its_complement);
+    RUN(the_bootloader_requires_its_key);
     RUN(writes_to_read_only_registers_are_rejected);
     RUN(bus_errors_are_counted_and_the_counter_saturates);
     return check_summary();

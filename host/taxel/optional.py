@@ -15,6 +15,7 @@ from taxel.errors import TaxelError
 EXTRA_OF_PACKAGE: Final = MappingProxyType(
     {
         "can": "hand",
+        "cryptography": "sign",
         "distributed": "cluster",
         "h5py": "gap",
         "igl": "cloud",

@@ -15,6 +15,7 @@ from taxel_protocol.limits import (
     ENCODED_MAX,
     FRAME_CRC_SIZE,
     FRAME_HEADER_SIZE,
+    PAYLOAD_MAX,
     SNAPSHOT_OVERHEAD,
     WHITENING_FACTOR,
     WHITENING_INCREMENT,
@@ -112,10 +113,10 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
 
 
 def is_plausible_header(body: bytes) -> bool:
-    """Whether type and payload length in the header of a frame agree.
+    """Whether this version defines a frame: its type, its payload length, its board address, its number of taxels.
 
-    body: unstuffed, unwhitened frame or its start, at least 5 bytes. With 7 bytes the board address and the number of
-    taxels are checked too.
+    body: unstuffed, unwhitened frame or its start, at least 5 bytes; the address is checked with 6 bytes, the number of
+    taxels with 7.
     """
     try:
         spec = FRAMES[FrameType(body[0])]
@@ -132,8 +133,11 @@ def is_plausible_header(body: bytes) -> bool:
 
 
 def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
-    """Decode an unstuffed, unwhitened frame to (type, sequence, payload); None if it is not valid."""
-    if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not is_plausible_header(body):
+    """Decode an unstuffed, unwhitened frame to (type, sequence, payload); None if it is not whole.
+
+    A whole frame may be unknown: `is_plausible_header` states whether this version defines its type and length.
+    """
+    if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE:
         return None
     length = int.from_bytes(body[3:5], "little")
     if len(body) != FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE:
@@ -144,10 +148,11 @@ def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
 
 
 def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
-    """Decode the frame at the start of `chunk`, which contains no zero; return (bytes used, frame) or None.
+    """Decode the whole frame at the start of `chunk`, which contains no zero; return (bytes used, frame) or None.
 
     The header states the length of a frame, so its end is found without a delimiter: it is the end of the block where
-    the unstuffed length equals the length stated in the header. A frame is (type, sequence, payload).
+    the unstuffed length equals the length stated in the header. A frame is (type, sequence, payload); its type and
+    length may be unknown to this version.
     """
     out = bytearray()
     position = 0
@@ -159,9 +164,9 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
         out += chunk[position + 1 : end]
         position = end
         if len(out) >= FRAME_HEADER_SIZE:
-            head = whiten(bytes(out[:7]))
-            expected = FRAME_HEADER_SIZE + int.from_bytes(head[3:5], "little") + FRAME_CRC_SIZE
-            if not is_plausible_header(head) or len(out) > expected:
+            length = int.from_bytes(whiten(bytes(out[:FRAME_HEADER_SIZE]))[3:5], "little")
+            expected = FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE
+            if length > PAYLOAD_MAX or len(out) > expected:
                 return None
             if len(out) == expected:
                 frame = decode_body(whiten(bytes(out)))
@@ -171,17 +176,25 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
     return None
 
 
+def _is_known(frame: tuple[int, int, bytes]) -> bool:
+    """Whether this version defines the type and the length of a whole frame (type, sequence, payload)."""
+    frame_type, _, payload = frame
+    return is_plausible_header(bytes([frame_type, 0, 0]) + len(payload).to_bytes(2, "little") + payload)
+
+
 class ReferenceDecoder:
     """Stream decoder in pure Python: bytes in, frames out. It is the oracle for the C decoder.
 
     A chunk is the bytes between two zeros. If a chunk is not exactly one frame, every byte is tried as the start of a
-    frame, so that frames joined to each other or to invalid bytes by a lost delimiter are all found.
+    frame, so that frames joined to each other or to invalid bytes by a lost delimiter are all found. A whole frame that
+    this version does not define is skipped and counted in `unknown_frames`; its bytes are not discarded bytes.
     """
 
     def __init__(self) -> None:
         """Create a decoder without received bytes."""
         self._chunk = bytearray()
         self.discarded_bytes = 0
+        self.unknown_frames = 0
 
     def push(self, data: bytes) -> list[tuple[int, int, bytes]]:
         """Return the frames (type, sequence, payload) that the received bytes `data` complete, in order."""
@@ -227,5 +240,8 @@ class ReferenceDecoder:
                 self.discarded_bytes += 1
             else:
                 start += match[0]
-                frames.append(match[1])
+                if _is_known(match[1]):
+                    frames.append(match[1])
+                else:
+                    self.unknown_frames += 1
         return start, frames

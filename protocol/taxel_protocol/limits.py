@@ -1,13 +1,18 @@
 """Constants shared by both sides. The generator copies every upper-case name of this module into the C header."""
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 """Protocol version of this package; a hub answers HOST_HANDSHAKE with the highest version that both sides support."""
 
 PROTOCOL_VERSION_MIN = 1
 """Oldest protocol version that this package still supports."""
 
 REGISTER_MAP_VERSION = 2
-"""Version of the board's I2C register map; version 2 added compact snapshots."""
+"""Version of the board's I2C register map; version 2 added compact snapshots. A board reports the oldest version whose
+readers can read its map; additions that such readers may ignore are counted by REGISTER_MAP_REVISION."""
+
+REGISTER_MAP_REVISION = 1
+"""Additions to the register map within its version; revision 1 added the key of ENTER_BOOTLOADER and the fault record.
+Boards of revision 0 enter their bootloader without a key."""
 
 REGISTER_MAP_VERSION_MIN = 1
 """Oldest register map that a hub still polls; boards without compact snapshots report this version."""
@@ -74,7 +79,7 @@ TRANSFER_MAX = 64
 """Largest number of bytes written, or read, by one I2C_TRANSFER command."""
 
 BOOTLOADER_KEY = 0x544F4F42
-"""Argument of ENTER_BOOTLOADER: the characters BOOT."""
+"""Argument of ENTER_BOOTLOADER, for the hub and for a board: the characters BOOT."""
 
 LOG_TEXT_MAX = 64
 """Largest number of bytes of text in one LOG frame."""
@@ -105,5 +110,6 @@ REGISTER_SETTINGS = 0x60
 REGISTER_COMMAND = 0x70
 REGISTER_SNAPSHOT = 0x80
 REGISTER_SNAPSHOT_LAST = 0x8F
+REGISTER_FAULT = 0x90
 REGISTER_COMPACT = 0xA0
 """Register addresses."""

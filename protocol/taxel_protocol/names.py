@@ -35,6 +35,7 @@ class Command(IntEnum):
     GET_BOARD_INFO = 9
     GET_TIME = 10
     ENTER_BOOTLOADER = 11
+    GET_FAULT = 12
 
 
 class StartFlag(IntEnum):
@@ -130,3 +131,12 @@ class BoardErrorFlag(IntEnum):
     COMMAND_REJECTED = 2
     SATURATED = 8
     READ_ONLY_WRITE = 16
+    NOT_SCANNING = 32
+
+
+class FaultCode(IntEnum):
+    """Kind of the fault in a fault record."""
+
+    NONE = 0
+    EXCEPTION = 1
+    NOT_SCANNING = 2

@@ -17,7 +17,7 @@ Identity = Struct(
     "firmware_patch" / Int8ul,
     "kind" / Int8ul,
     "address" / Int8ul,
-    "reserved" / Int8ul,
+    "map_revision" / Int8ul,
     "unique_id" / Bytes(8),
     "rows" / Int8ul,
     "columns" / Int8ul,
@@ -26,7 +26,8 @@ Identity = Struct(
     "crossing_map" / Bytes(CROSSING_MAP_SIZE),
     "crc32" / Int32ul,
 )
-"""Registers 0x00..0x39, fixed from boot. rows: TX lines; columns: RX lines; crc32: of the 54 bytes before it."""
+"""Registers 0x00..0x39, fixed from boot. map_version: oldest version whose readers can read this map; map_revision:
+additions within the version. rows: TX lines; columns: RX lines; crc32: of the 54 bytes before it."""
 
 Status = Struct(
     "state" / Int8ul,
@@ -69,6 +70,31 @@ CommandRegister = Struct(
 """Registers 0x70..0x71, write only. complement: the command with all bits inverted, so that a single damaged byte
 never forms a valid command.
 """
+
+EnterBootloaderRegister = Struct(
+    "command" / Int8ul,
+    "complement" / Int8ul,
+    "key" / Int32ul,
+)
+"""Registers 0x70..0x75 for the command ENTER_BOOTLOADER, from map revision 1 on. key: `limits.BOOTLOADER_KEY`, so that
+neither two bytes of another device's protocol nor a mistaken transfer stop the board's application."""
+
+FaultRecord = Struct(
+    "code" / Int8ul,
+    "exception" / Int8ul,
+    "count" / Int16ul,
+    "program_counter" / Int32ul,
+    "link_register" / Int32ul,
+)
+"""Last fault of the firmware since power-on; it survives every reset. code: `names.FaultCode`; exception: number of the
+exception (3: HardFault), 0 without one; count: faults since power-on. program_counter, link_register: registers of the
+interrupted code, 0 without an exception."""
+
+FaultRegister = Struct(
+    "record" / FaultRecord,
+    "crc32" / Int32ul,
+)
+"""Register 0x90, read only, from map revision 1 on. crc32: of the board's address byte and the 12 bytes before it."""
 
 SnapshotHeader = Struct(
     "sequence" / Int16ul,

@@ -48,6 +48,7 @@ class _DeframerConfig(ctypes.Structure):
         ("directions", ctypes.c_uint8),
         ("handler", _Handler),
         ("context", ctypes.c_void_p),
+        ("unknown_handler", _Handler),
     ]
 
 
@@ -60,6 +61,7 @@ class _Deframer(ctypes.Structure):
         ("position", ctypes.c_uint64),
         ("discarded_bytes", ctypes.c_uint64),
         ("frames", ctypes.c_uint64),
+        ("unknown_frames", ctypes.c_uint64),
     ]
 
 
@@ -138,6 +140,7 @@ class Codec:
             (ctypes.c_uint8 * PAYLOAD_BYTES)(),
         )
         self.discarded_bytes = 0
+        self.unknown_frames = 0
 
     def encode(self, frame_type: int, sequence: int, payload: bytes) -> bytes:
         out = ctypes.create_string_buffer(1024)
@@ -157,13 +160,14 @@ class Codec:
         chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
         body = ctypes.create_string_buffer(BODY_MAX)
         memory = (ctypes.addressof(chunk), len(chunk), ctypes.addressof(body))
-        config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(handle), None)
+        config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(handle), None, _Handler())
         deframer = _Deframer()
         self.native.taxel_deframer_init(ctypes.byref(deframer), ctypes.byref(config))
         for piece in pieces:
             self.native.taxel_deframer_push(ctypes.byref(deframer), piece, ctypes.c_size_t(len(piece)))
         self.native.taxel_deframer_finish(ctypes.byref(deframer))
         self.discarded_bytes = deframer.discarded_bytes
+        self.unknown_frames = deframer.unknown_frames
         return frames
 
     def decode_batch(self, pieces: Iterable[bytes], directions: int = 3, rows: int = ROWS) -> Batch:

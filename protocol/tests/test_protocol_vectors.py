@@ -28,12 +28,15 @@ INNER = {
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,
     "get_time_reply": frames.GetTimeReply,
+    "fault_record": registers.FaultRecord,
 }
 REGISTERS = {
     "identity": registers.Identity,
     "status": registers.Status,
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
+    "enter_bootloader_register": registers.EnterBootloaderRegister,
+    "fault_register": registers.FaultRegister,
     "compact_packed": registers.CompactPacked,
     "compact_delta": registers.CompactDelta,
     "compact_acknowledge": registers.CompactAcknowledge,
@@ -182,6 +185,8 @@ def test_the_reference_decoder_decodes_the_intact_frames_of_a_damaged_stream(vec
     accepted = [frame for frame in frames if vector["directions"] & (2 if frame[0] & 0x80 else 1)]
     sent = [(f["type"], f["sequence"], bytes.fromhex(f["payload"])) for f in vector["sent"]]
     assert accepted == [sent[i] for i in vector["expected"]]
+    of_other_direction = len(frames) - len(accepted)
+    assert decoder.unknown_frames + of_other_direction == vector["unknown"]
 
 
 @pytest.mark.parametrize("length", [0, 1, 253, 254, 255, 256, 507, 508, 509, 762, 763])

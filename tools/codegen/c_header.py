@@ -22,6 +22,9 @@ STRUCTS: dict[str, Struct] = {
     "scan_settings": registers.ScanSettings,
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
+    "enter_bootloader_register": registers.EnterBootloaderRegister,
+    "fault_record": registers.FaultRecord,
+    "fault_register": registers.FaultRegister,
     "snapshot_header": registers.SnapshotHeader,
     "compact_header": registers.CompactHeader,
     "compact_packed": registers.CompactPacked,
@@ -59,6 +62,7 @@ ENUMS: tuple[type[IntEnum], ...] = (
     names.LogCode,
     names.BoardCommand,
     names.BoardErrorFlag,
+    names.FaultCode,
 )
 C_TYPES = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t"}
 

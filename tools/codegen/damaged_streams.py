@@ -17,7 +17,7 @@ from typing import Any
 from generated_files import write_or_check
 
 from taxel_protocol.framing import crc32, encode_body
-from taxel_protocol.limits import PROTOCOL_VERSION
+from taxel_protocol.limits import PAYLOAD_MAX, PROTOCOL_VERSION
 from taxel_protocol.names import FrameType
 
 VECTORS = Path(__file__).resolve().parents[2] / "protocol" / "vectors"
@@ -72,14 +72,23 @@ class Streams:
         self.vectors: list[dict[str, Any]] = []
         self.a, self.b, self.c = (frames[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary"))
 
-    def add(self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST) -> None:
+    def add(
+        self,
+        name: str,
+        sent: list[Sent],
+        stream: bytes,
+        expected: list[int],
+        directions: int = TO_HOST,
+        unknown: int = 0,
+    ) -> None:
         """Add a test vector: a byte stream and the frames that a decoder must find in it.
 
         sent: frames that were sent. expected: indices into `sent` of the frames to be decoded, in order.
-        directions: bit mask of the frame directions that the decoder accepts.
+        directions: bit mask of the frame directions that the decoder accepts. unknown: whole frames that the decoder
+        must skip and count, because this version or this direction does not define them.
         """
         vector = {"name": name, "directions": directions, "sent": [frame.content for frame in sent]}
-        self.vectors.append(vector | {"stream": stream.hex(), "expected": expected})
+        self.vectors.append(vector | {"stream": stream.hex(), "expected": expected, "unknown": unknown})
 
     def make_garbage(self, size: int) -> bytes:
         """Random bytes without a zero, which do not contain the delimiter of frames."""
@@ -164,7 +173,7 @@ class Streams:
                 self.add(f"{name}_{case}", [host, quoted], damaged + quoted.wire, [1])
 
     def add_rejections(self) -> None:
-        """Add streams with frames of a valid CRC that this protocol version does not allow."""
+        """Add streams with frames of a valid CRC that this protocol version does not define."""
         b, c = self.b, self.c
         time_sync = bytes.fromhex(b.content["payload"])
         small = bytes.fromhex(self.frames["taxels_shortest"].content["payload"])
@@ -186,14 +195,31 @@ class Streams:
         for reserved in range(FrameType.COMPACT_TAXELS + 1, FrameType.HUB_STATUS):
             cases[f"reserved_type_0x{reserved:02X}"] = build_raw_frame(reserved, time_sync)
         for name, rejected in cases.items():
-            self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS)
+            unknown = 0 if name.startswith("length_claims") else 1
+            self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS, unknown)
+
+    def add_newer_senders(self) -> None:
+        """Add streams of a sender of a newer version: longer payloads, types without a name, quoted frames in them."""
+        b, c = self.b, self.c
+        longer = build_raw_frame(FrameType.HUB_STATUS, bytes.fromhex(c.content["payload"]) + self.rng.randbytes(8))
+        cases = {
+            "longer_status_of_a_newer_hub": (longer, 1),
+            "longest_unknown_frame": (build_raw_frame(0x0F, self.rng.randbytes(PAYLOAD_MAX)), 1),
+            "empty_unknown_frame": (build_raw_frame(0x10, b""), 1),
+            "unknown_frame_quotes_a_frame": (build_raw_frame(0x11, b.wire), 1),
+            "three_unknown_frames_glued": (longer[:-1] + longer[1:-1] + longer[1:], 3),
+        }
+        for name, (newer, unknown) in cases.items():
+            self.add(name, [b, c], b.wire + newer + c.wire, [0, 1], TO_HOST, unknown)
+        damaged = _flip_bits(longer, len(longer) - 2)
+        self.add("damaged_status_of_a_newer_hub", [b, c], b.wire + damaged + c.wire, [0, 1], TO_HOST)
 
     def add_directions(self) -> None:
         """Add streams with frames of both directions, of which a decoder must accept only its own."""
         b, handshake = self.b, self.frames["host_handshake_arbitrary"]
         stream = b.wire + handshake.wire + b.wire
-        self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST)
-        self.add("hub_hears_itself", [b, handshake], stream, [1], TO_HUB)
+        self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST, 1)
+        self.add("hub_hears_itself", [b, handshake], stream, [1], TO_HUB, 2)
         self.add("both_ways", [b, handshake], stream, [0, 1, 0], BOTH_WAYS)
 
 
@@ -206,6 +232,7 @@ def format_text() -> str:
     streams.add_quotations()
     streams.add_rejections()
     streams.add_directions()
+    streams.add_newer_senders()
     about = "damaged streams and the frames that they yield"
     head = json.dumps({"about": about, "protocol_version": PROTOCOL_VERSION, "made_by": Path(__file__).name})
     lines = ",\n".join(json.dumps(vector) for vector in streams.vectors)

@@ -24,6 +24,7 @@ INNER: dict[str, Struct] = {
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,
     "get_time_reply": frames.GetTimeReply,
+    "fault_record": registers.FaultRecord,
 }
 """Structs in the tail of a command or a reply, by their C name."""
 
@@ -32,6 +33,8 @@ REGISTERS: dict[str, Struct] = {
     "status": registers.Status,
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
+    "enter_bootloader_register": registers.EnterBootloaderRegister,
+    "fault_register": registers.FaultRegister,
     "snapshot_header": registers.SnapshotHeader,
     "compact_packed": registers.CompactPacked,
     "compact_delta": registers.CompactDelta,

@@ -10,13 +10,15 @@ from field_values import SEED, compute_board_crc, fill_fields, nest_values, to_j
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
 from taxel_protocol.layout import list_fields
-from taxel_protocol.names import BoardCommand
+from taxel_protocol.names import BoardCommand, FaultCode
 
 REGISTERS: dict[str, Struct] = {
     "identity": registers.Identity,
     "status": registers.Status,
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
+    "enter_bootloader_register": registers.EnterBootloaderRegister,
+    "fault_register": registers.FaultRegister,
     "snapshot_header": registers.SnapshotHeader,
     "compact_packed": registers.CompactPacked,
     "compact_delta": registers.CompactDelta,
@@ -83,6 +85,32 @@ def _build_compact() -> list[dict[str, Any]]:
     return vectors
 
 
+def _build_revision_1(board: dict[str, Any]) -> list[dict[str, Any]]:
+    """Build test vectors of revision 1 of the register map: identity, key of ENTER_BOOTLOADER, fault record.
+
+    board: field values of the identity of a board of revision 0.
+    """
+    key = {"command": int(BoardCommand.ENTER_BOOTLOADER), "complement": 0xFF ^ BoardCommand.ENTER_BOOTLOADER}
+    key["key"] = limits.BOOTLOADER_KEY
+    vectors = [
+        _build_identity("identity_revision_1", board | {"map_version": 2, "map_revision": 1}),
+        build_register_vector("enter_bootloader", "enter_bootloader_register", limits.REGISTER_COMMAND, key),
+    ]
+    records = {
+        "fault_none": (0, 0, 0, 0, 0),
+        "fault_exception": (int(FaultCode.EXCEPTION), 3, 2, 0x00001A2C, 0x00001B47),
+        "fault_not_scanning": (int(FaultCode.NOT_SCANNING), 0, 0xFFFF, 0, 0),
+    }
+    fields = [field.name for field in list_fields(registers.FaultRegister)][:-1]
+    for name, numbers in records.items():
+        values = dict(zip(fields, numbers, strict=True))
+        without_crc = registers.FaultRegister.build(nest_values(registers.FaultRegister, values | {"crc32": 0}))[:-4]
+        values["crc32"] = compute_board_crc(board["address"], without_crc)
+        vector = build_register_vector(name, "fault_register", limits.REGISTER_FAULT, values)
+        vectors.append(vector | {"address": board["address"]})
+    return vectors
+
+
 def build_register_vectors() -> list[dict[str, Any]]:
     """Content of registers.json."""
     rng = random.Random(SEED)
@@ -90,7 +118,7 @@ def build_register_vectors() -> list[dict[str, Any]]:
     board |= {
         "kind": 2,
         "address": 0x20,
-        "reserved": 0,
+        "map_revision": 0,
         "unique_id": rng.randbytes(8),
         "rows": 9,
         "columns": 7,
@@ -119,4 +147,5 @@ def build_register_vectors() -> list[dict[str, Any]]:
         _build_snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
         _build_snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
         *_build_compact(),
+        *_build_revision_1(board),
     ]

@@ -26,7 +26,7 @@ from taxel_protocol.frames import FRAMES
 from taxel_protocol.framing import whiten
 from taxel_protocol.layout import Field, list_fields
 from taxel_protocol.limits import BOOTLOADER_KEY
-from taxel_protocol.names import Command, FrameType, StartFlag
+from taxel_protocol.names import Command, FaultCode, FrameType, StartFlag
 from taxel_protocol.wire import Body, WireFrame
 
 HERE = Path(__file__).resolve().parent
@@ -47,6 +47,7 @@ INNER: dict[str, Struct] = {
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,
     "get_time_reply": frames.GetTimeReply,
+    "fault_record": registers.FaultRecord,
 }
 """Structs in the tail of a command or a reply, by their C name."""
 
@@ -206,7 +207,12 @@ def build_every_command() -> list[Sample]:
     tail, inner = _build_inner_struct("acknowledgement", {"address": 0x20, "key_frame": 0xBEEF})
     samples.append(build_sample("acknowledge_one", FrameType.ACKNOWLEDGE, 79, {}, tail, inner))
     tail, inner = _build_inner_struct("get_time_reply", {"hub_time_us": 4_295_000_000})
-    return [*samples, build_sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
+    samples.append(build_sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner))
+    record = {"code": int(FaultCode.EXCEPTION), "exception": 3, "count": 1}
+    record |= {"program_counter": 0x1A2C, "link_register": 0x1B47}
+    tail, inner = _build_inner_struct("fault_record", record)
+    values = {"tag": 12, "command": int(Command.GET_FAULT), "status": 0}
+    return [*samples, build_sample("reply_get_fault", FrameType.REPLY, 80, values, tail, inner)]
 
 
 def _find_zeros(frame: Sample) -> list[int]:

@@ -3,11 +3,13 @@
     python tools/firmware/firmware_image.py --bootloader ELF --slot-a ELF --slot-b ELF --name board --out DIR
 
 Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with complete headers, the manifest DIR/NAME.toml of both, and
-DIR/NAME-factory.hex for a programmer with the bootloader and the image of slot A. The same input gives the same bytes.
+DIR/NAME-factory.hex for a programmer with the bootloader and the image of slot A; and a signature (.sig) of each image
+and of the factory file, with the private key --key or the development key. The same input gives the same bytes.
 """
 
 import argparse
 import hashlib
+import os
 import re
 import sys
 from pathlib import Path
@@ -16,12 +18,20 @@ from typing import Final, NoReturn
 from firmware_elf import LinkedImage, read_linked_image
 
 from taxel.errors import TaxelError
+from taxel.optional import MissingPackageError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, format_slot, parse_image
 from taxel_tools.files.intel_hex import write_intel_hex
+from taxel_tools.signing import (
+    PASSPHRASE_VARIABLE,
+    load_development_key,
+    load_private_key,
+    sign_file,
+    sign_images,
+)
 
 VERSION_FILE: Final = Path(__file__).parents[2] / "host" / "taxel" / "version.py"
 RAM_BEGIN, RAM_SIZE = 0x20000000, 0x1000
@@ -121,11 +131,17 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
 
 
 def write_images(
-    bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, version_file: Path = VERSION_FILE
+    bootloader: Path,
+    slots: tuple[Path, Path],
+    name: str,
+    out: Path,
+    version_file: Path = VERSION_FILE,
+    key_file: Path | None = None,
 ) -> None:
-    """Write all firmware files of one device: images, manifest and factory file.
+    """Write all firmware files of one device: images, manifest, factory file, and their signatures.
 
-    slots: linked images of both slots. name: start of the file names. Raises FirmwareFileError, OSError; no usable
+    slots: linked images of both slots. name: start of the file names. key_file: private key of the signatures; None:
+    the development key, which only emulated devices accept. Raises FirmwareFileError, OSError; no usable
     manifest remains after an error.
     """
     version = read_project_version(version_file)
@@ -156,7 +172,25 @@ def write_images(
     first = write_intel_hex(boot, 0).removesuffix(HEX_END)
     layout = LAYOUTS[images[0].device]
     (out / f"{name}-factory.hex").write_text(first + write_intel_hex(images[0].data, layout.slot_address(0)))
-    (out / f"{name}.toml").write_text(format_manifest(name, images, files))
+    manifest = out / f"{name}.toml"
+    manifest.write_text(format_manifest(name, images, files))
+    _sign(manifest, out / f"{name}-factory.hex", key_file)
+
+
+def _sign(manifest: Path, factory: Path, key_file: Path | None) -> None:
+    """Sign the images of a manifest and the factory file. key_file: private key; None: the development key.
+
+    Without the package `cryptography` the files stay without signatures if no key is given.
+    """
+    try:
+        key = load_private_key(key_file, os.environ.get(PASSPHRASE_VARIABLE)) if key_file else load_development_key()
+    except MissingPackageError as error:
+        if key_file:
+            raise
+        print(f"firmware_image: {manifest.name} is not signed: {error}", file=sys.stderr)
+        return
+    sign_images([manifest], key)
+    sign_file(factory, key)
 
 
 def main() -> int:
@@ -165,9 +199,11 @@ def main() -> int:
     for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
         parser.add_argument(option, type=Path, required=True)
     parser.add_argument("--name", required=True, help="prefix of the file names")
+    parser.add_argument("--key", type=Path, help="private key of the signatures; default: the development key")
     options = parser.parse_args()
     try:
-        write_images(options.bootloader, (options.slot_a, options.slot_b), options.name, options.out)
+        slots = options.slot_a, options.slot_b
+        write_images(options.bootloader, slots, options.name, options.out, key_file=options.key)
     except (TaxelError, OSError) as error:
         print(f"firmware_image: {error}", file=sys.stderr)
         return 1

@@ -31,6 +31,8 @@ IMAGES: Final = (
 )
 PORT: Final = Path(__file__).parents[2] / "firmware" / "boards" / "psoc4200"
 RAM_BEGIN: Final = 0x20000000
+FAULT_RECORD: Final = ".noinit.fault"
+"""Section at a fixed address between variables and stack: only its own size counts."""
 COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RAM", "of", "cycles")
 
 PAGE: Final = """# Size of the images
@@ -39,7 +41,8 @@ This page lists the flash, RAM and cycles that each firmware image needs. It is 
 images for the CY8C4245AXI-483, and for the CY8C4244AZI-443 (16 KiB of flash) of the original boards and hub
 (`original-...`, [migrate-original-boards.md](migrate-original-boards.md)). Sizes are in bytes.
 
-- *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables.
+- *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables; and the
+  fault record of an application, at its own address between variables and stack.
 - *stack* is the largest stack that the image can need: the deepest call chain from the reset handler plus the
   interrupts that can preempt it, with their exception frames (`tools/firmware/firmware_stack.py`). The stack that the
   supervisory ROM uses during a flash call is not published; the RAM left beside the largest stack is reserved for it.
@@ -111,11 +114,13 @@ def flash_budget(linked: LinkedImage) -> int:
 
 def measure(linked: LinkedImage, use: StackUse) -> Size:
     """Flash, RAM and stack of one linked image. use: its worst-case stack."""
-    end = max((part.address + part.size for part in linked.sections if part.address >= RAM_BEGIN), default=RAM_BEGIN)
+    in_ram = [part for part in linked.sections if part.address >= RAM_BEGIN]
+    fault_record = sum(part.size for part in in_ram if part.name == FAULT_RECORD)
+    end = max((part.address + part.size for part in in_ram if part.name != FAULT_RECORD), default=RAM_BEGIN)
     return Size(
         len(linked.content),
         flash_budget(linked),
-        end - RAM_BEGIN,
+        end - RAM_BEGIN + fault_record,
         use.total,
         linked.symbol("image_stack"),
         linked.symbol("image_ram_budget"),

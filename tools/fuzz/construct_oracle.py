@@ -18,15 +18,12 @@ from taxel_protocol.limits import (
     ENCODED_MAX,
     FRAME_CRC_SIZE,
     FRAME_HEADER_SIZE,
-    WHITENING_SEED,
 )
 from taxel_protocol.names import FrameType
 from taxel_protocol.wire import WireFrame
 
 Frame = tuple[int, int, bytes]
 """(type, sequence, payload)"""
-
-_TYPES = frozenset(int(kind) for kind in FRAMES)
 
 TO_HOST = 1
 TO_HUB = 2
@@ -72,20 +69,20 @@ def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
     return (content.type, content.sequence, payload) if built == payload else None
 
 
-def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
-    """The first valid frame at the start of a chunk of received bytes, and the number of its encoded bytes; None if
-    none.
+def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame | None] | None:
+    """The whole frame at the start of a chunk of received bytes, and the number of its encoded bytes; None if none.
 
+    The frame is None if its CRC is right but construct or the rules of its type reject it: an unknown frame.
     directions: bit mask of the permitted directions (host to hub, hub to host).
     """
-    if len(chunk) < 2 or chunk[0] == 1 or chunk[1] ^ WHITENING_SEED not in _TYPES:
-        return None  # not a defined frame type, independent of the later bytes (code 01 unstuffs to type A5)
     for end, body in _list_block_ends(chunk):
         if len(body) >= FRAME_HEADER_SIZE:
             expected_size = FRAME_HEADER_SIZE + int.from_bytes(body[3:5], "little") + FRAME_CRC_SIZE
+            if expected_size > BODY_MAX:
+                return None
             if len(body) >= expected_size:
-                frame = _parse_frame(chunk[:end], body, directions) if len(body) == expected_size else None
-                return None if frame is None else (end, frame)
+                is_whole = len(body) == expected_size and crc32(body[:-4]) == int.from_bytes(body[-4:], "little")
+                return (end, _parse_frame(chunk[:end], body, directions)) if is_whole else None
     return None
 
 
@@ -100,7 +97,7 @@ def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Fram
         start = 0
         while start < len(chunk):
             result = _find_first_frame(chunk[start : start + ENCODED_MAX], directions)
-            if result is not None:
+            if result is not None and result[1] is not None:
                 frames.append(result[1])
             start += result[0] if result is not None else 1
     return frames
@@ -123,12 +120,13 @@ class Losses:
     def to_totals(self) -> list[int]:
         """The counts of lost frames in the layout of the C struct `taxel_batch_totals`.
 
-        3 numbers, then 4 x 128 numbers by I2C address (without compact frames).
+        4 numbers, of which the last is the number of unknown frames (0 here), then 4 x 128 numbers by I2C address
+        (without compact frames).
         """
-        totals = [self.frames, self.lost, self.restarts] + [0] * (4 * 128)
+        totals = [self.frames, self.lost, self.restarts, 0] + [0] * (4 * 128)
         for number, table in enumerate((self.received, self.missing, self.damaged)):
             for address, count in table.items():
-                totals[3 + 128 * number + address] = count
+                totals[4 + 128 * number + address] = count
         return totals
 
 

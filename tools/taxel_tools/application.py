@@ -1,11 +1,22 @@
 """Register reads of a running board: identity, status, and the snapshot that makes a new image confirm itself."""
 
+from contextlib import suppress
 from typing import Any, Final
 
+from taxel.stream.fault_record import FAULT_REVISION, REGISTER_SIZE, FaultRecord, parse_fault_register
 from taxel_protocol.framing import crc32
-from taxel_protocol.layout import get_packer, unpack
-from taxel_protocol.limits import REGISTER_IDENTITY, REGISTER_SNAPSHOT, REGISTER_STATUS, WHO_AM_I
-from taxel_protocol.registers import Identity, Status
+from taxel_protocol.layout import get_packer, pack, unpack
+from taxel_protocol.limits import (
+    BOOTLOADER_KEY,
+    REGISTER_COMMAND,
+    REGISTER_FAULT,
+    REGISTER_IDENTITY,
+    REGISTER_SNAPSHOT,
+    REGISTER_STATUS,
+    WHO_AM_I,
+)
+from taxel_protocol.names import BoardCommand
+from taxel_protocol.registers import EnterBootloaderRegister, Identity, Status
 from taxel_tools.errors import BoardError, LostError, NackError, TransferError
 from taxel_tools.procedure import Clock, Pause, Procedure, Transfer
 
@@ -48,6 +59,31 @@ def read_identity(address: int) -> Procedure[dict[str, Any] | None]:
 def read_status(address: int) -> Procedure[dict[str, Any]]:
     """Read the status of a board (fields of `Status`). Raises `TransferError`."""
     return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), get_packer(Status).size)))[0]
+
+
+def read_fault(address: int, identity: dict[str, Any]) -> Procedure[FaultRecord | None]:
+    """Read the last fault of a board since power-on; None without a fault, or if the bytes are damaged.
+
+    identity: of the board; boards of map revision 0 keep no fault record. Raises `TransferError`.
+    """
+    if identity["map_revision"] < FAULT_REVISION:
+        return None
+    return parse_fault_register(address, (yield Transfer(address, bytes([REGISTER_FAULT]), REGISTER_SIZE)))
+
+
+def request_bootloader(address: int) -> Procedure[None]:
+    """Send the command ENTER_BOOTLOADER to the boards at an I2C address, of any map revision.
+
+    The first transfer carries the key. The second, without the key, is for boards of map revision 0, which reject the
+    first; a board with a newer map is restarting and does not acknowledge it, or its bootloader ignores it. Both are
+    needed, because the identity of several boards at one address cannot be read. Raises `TransferError` if no board
+    acknowledges the first transfer.
+    """
+    command = {"command": int(BoardCommand.ENTER_BOOTLOADER), "complement": BoardCommand.ENTER_BOOTLOADER ^ 0xFF}
+    with_key = pack(EnterBootloaderRegister, command | {"key": BOOTLOADER_KEY})
+    yield Transfer(address, bytes([REGISTER_COMMAND]) + with_key)
+    with suppress(TransferError):
+        yield Transfer(address, bytes([REGISTER_COMMAND]) + with_key[:2])
 
 
 def get_firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:

@@ -9,10 +9,11 @@ from rich.progress import TaskID
 
 from taxel.errors import TaxelError
 from taxel_tools.cli_common import URL_HELP, count_boards, make_progress_bars, parse_address, print_json, print_table
+from taxel_tools.cli_flash_checks import confirm_downgrades, require_signature
 from taxel_tools.cli_flash_hub import flash_hub, is_hub_update
 from taxel_tools.cli_flash_swd import flash_swd
 from taxel_tools.files import Firmware, format_slot, load_firmware
-from taxel_tools.firmware_update import Outcome, Progress, format_version, update_board
+from taxel_tools.firmware_update import Outcome, Progress, format_version, parse_version, update_board
 from taxel_tools.open_wire import open_wire, reject_original_hub
 from taxel_tools.scan import BusDevice, scan_bus
 from taxel_tools.scheduler import run_all
@@ -28,6 +29,11 @@ def flash_command(
     all_boards: Annotated[bool, typer.Option("--all", help="Every board on the bus of the file's kind.")] = False,
     hub: Annotated[bool, typer.Option("--hub", help="The hub; optional, as the file states its device.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write even if the board runs this image already.")] = False,
+    downgrade: Annotated[bool, typer.Option("--downgrade", help="Replace a newer version by an older one.")] = False,
+    trust: Annotated[
+        list[Path] | None, typer.Option(help="Public key (.pub) of a trusted signer; may be repeated.")
+    ] = None,
+    unsigned: Annotated[bool, typer.Option("--unsigned", help="Write files without a trusted signature.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check files and boards; write nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     swd: Annotated[bool, typer.Option("--swd", help="Program a blank board through its debug port; no URL.")] = False,
@@ -38,7 +44,8 @@ def flash_command(
 
     Only the slot that is not in use is written. A board whose new image does not confirm itself returns to the previous
     image by itself. An interrupted update is resumed by running the command again. A file for the hub is written to the
-    hub over its UART. Use --swd for a board without a bootloader.
+    hub over its UART. Use --swd for a board without a bootloader. Each file needs a signature of a trusted key in a
+    file with the suffix .sig beside it (taxel sign); emulated boards also accept the development key.
 
     Example: taxel flash serial:///dev/ttyUSB0 fingertip-a.cyacd fingertip-b.cyacd --all --dry-run
     """
@@ -47,7 +54,7 @@ def flash_command(
             raise TaxelError(
                 "flash: --swd programs the board on the probe; leave --board, --all, --hub and --force out"
             )
-        flash_swd([Path(url), *(files or [])], swd_tool, swd_interface, dry_run, as_json)
+        flash_swd([Path(url), *(files or [])], swd_tool, swd_interface, trust or [], unsigned, dry_run, as_json)
         return
     reject_original_hub(url)
     if not files:
@@ -55,22 +62,27 @@ def flash_command(
     if (bool(board) and all_boards) or (hub and (board or all_boards)):
         raise TaxelError("flash: expected one of --board ADDRESS (repeatable), --all and --hub, found several")
     firmware = load_firmware(files)
-    if is_hub_update(firmware, hub, board, all_boards):
-        flash_hub(url, firmware, force, dry_run, as_json)
-        return
-    if not (board or all_boards):
+    is_for_hub = is_hub_update(firmware, hub, board, all_boards)
+    if not (is_for_hub or board or all_boards):
         raise TaxelError("flash: expected --board ADDRESS (repeatable) or --all, found neither")
     console = Console(stderr=True, soft_wrap=True)
+    signature = require_signature(url, firmware, trust or [], unsigned)
+    if is_for_hub:
+        flash_hub(url, firmware, signature, force, downgrade, dry_run, as_json)
+        return
     with open_wire(url) as wire:
         devices = {device.address: device for device in scan_bus(wire)}
         addresses = _select_boards(firmware, devices, board)
+        console.print(signature)
         _announce(console, firmware, addresses, devices, dry_run)
         if dry_run:
             if as_json:
                 boards = [devices[address] for address in addresses]
                 print_json({"boards": boards, "version": format_version(firmware.version)})
             return
-        results = _run_updates(wire, firmware, addresses, force, console)
+        running = {f"0x{address:02X}": parse_version(devices[address].version) for address in addresses}
+        downgrade = confirm_downgrades(firmware, running, downgrade)
+        results = _run_updates(wire, firmware, addresses, force, downgrade, console)
     failed = {address: result for address, result in results.items() if isinstance(result, TaxelError)}
     outcomes = [result for result in results.values() if not isinstance(result, TaxelError)]
     if as_json:
@@ -129,7 +141,7 @@ def _announce(
 
 
 def _run_updates(
-    wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, console: Console
+    wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, downgrade: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
     """Update all boards at once with progress bars; the outcome or the error of each board, by address."""
     with make_progress_bars(console) as bars:
@@ -143,7 +155,9 @@ def _run_updates(
             description = f"0x{progress.address:02X} {progress.stage}"
             bars.update(task, description=description, completed=progress.done, total=progress.total or None)
 
-        procedures = {address: update_board(address, firmware, wire.now_s, report, force) for address in addresses}
+        procedures = {
+            address: update_board(address, firmware, wire.now_s, report, force, downgrade) for address in addresses
+        }
         return run_all(wire, procedures)
 
 

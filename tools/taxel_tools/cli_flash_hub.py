@@ -5,6 +5,7 @@ from rich.console import Console
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.cli_common import count_boards, make_progress_bars, print_json, print_table
+from taxel_tools.cli_flash_checks import confirm_downgrades
 from taxel_tools.errors import HUB
 from taxel_tools.files import Firmware, format_slot
 from taxel_tools.firmware_update import Outcome, Progress, format_version, update_target
@@ -13,19 +14,23 @@ from taxel_tools.open_wire import open_hub_link
 from taxel_tools.scheduler import run
 
 
-def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json: bool) -> None:
-    """Write firmware to the hub over its UART. Raises `TaxelError` as one line."""
+def flash_hub(
+    url: str, firmware: Firmware, signature: str, force: bool, downgrade: bool, dry_run: bool, as_json: bool
+) -> None:
+    """Write firmware to the hub over its UART. signature: line on its signature. Raises `TaxelError` as one line."""
     console = Console(stderr=True, soft_wrap=True)
     with open_hub_link(url) as link:
         target = HubTarget(link)
         old_version = run(target.wire, target.read_version())
         before = format_version(old_version) if old_version else "bootloader"
+        console.print(signature)
         _announce(console, firmware, before, len(target.polled_addresses), dry_run)
         if dry_run:
             if as_json:
                 document = {"hub": format_version(old_version), "boards": target.polled_addresses}
                 print_json(document | {"version": format_version(firmware.version)})
             return
+        downgrade = confirm_downgrades(firmware, {"the hub": old_version}, downgrade)
         with make_progress_bars(console) as bars:
             task = bars.add_task("hub waiting", total=None)
 
@@ -36,7 +41,7 @@ def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json:
                 )
 
             try:
-                outcome = run(target.wire, update_target(target, firmware, report, force))
+                outcome = run(target.wire, update_target(target, firmware, report, force, downgrade))
             except TaxelError as error:
                 raise TaxelError(f"not updated: {error}") from None
     if as_json:

@@ -8,17 +8,30 @@ from rich.console import Console
 
 from taxel.errors import TaxelError
 from taxel_tools.cli_common import print_json
+from taxel_tools.cli_flash_checks import require_file_signature
 from taxel_tools.swd import INTERFACE, build_command, check_hex, find_tool, run_command
 
 
-def flash_swd(files: Sequence[Path], tool: str | None, interface: str | None, dry_run: bool, as_json: bool) -> None:
-    """Program a blank board through its debug port. Raises `TaxelError` as one line."""
+def flash_swd(
+    files: Sequence[Path],
+    tool: str | None,
+    interface: str | None,
+    trust: Sequence[Path],
+    unsigned: bool,
+    dry_run: bool,
+    as_json: bool,
+) -> None:
+    """Program a blank board through its debug port. Raises `TaxelError` as one line.
+
+    trust: public key files in addition to the key folder. unsigned: the file needs no signature.
+    """
     if len(files) != 1:
         found = ", ".join(map(str, files))
         raise TaxelError(f"flash: expected one .hex and no URL with --swd (a board has one debug port), found {found}")
     rows = check_hex(files[0])
     command = build_command(find_tool(tool), files[0], interface or INTERFACE)
     console = Console(stderr=True, soft_wrap=True)
+    console.print(require_file_signature(files[0], files[0].read_bytes(), trust, unsigned))
     verb = "would be" if dry_run else "are"
     console.print(f"{len(rows)} rows, {rows[0]} to {rows[-1]}, {verb} programmed by SWD (not verified on hardware):")
     console.print(f"  {shlex.join(command)}", markup=False, highlight=False)

@@ -9,6 +9,7 @@ from taxel.hand.branches import find_silent_branches, format_silent_boards
 from taxel_tools.cli_common import URL_HELP, count_boards, print_json, print_table
 from taxel_tools.open_wire import open_wire
 from taxel_tools.scan import scan_bus
+from taxel_tools.wires import HubWire
 
 
 def scan_command(
@@ -30,6 +31,7 @@ def scan_command(
     description = None if hand is None else load_hand(hand)
     with open_wire(url) as wire:
         devices = scan_bus(wire)
+        fault = wire.hub.read_fault() if isinstance(wire, HubWire) else None
     present = {device.address for device in devices if device.runs != "foreign"}
     silent = [] if description is None else [each.address for each in description.boards if each.address not in present]
     if as_json:
@@ -47,6 +49,8 @@ def scan_command(
         )
         for device in devices
     ]
+    if fault is not None:
+        print(f"the hub: {fault.describe()}")
     if not rows and description is None:
         print("no device answers on the bus; check power and wiring")
         raise typer.Exit(1)

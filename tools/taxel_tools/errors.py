@@ -75,3 +75,17 @@ class FirmwareFileError(FieldError, ValueError):
 
 class PlanError(FieldError, ValueError):
     """A provisioning plan that cannot be used."""
+
+
+class SignatureError(FirmwareFileError):
+    """A firmware file without a valid signature of a trusted key."""
+
+    def __init__(
+        self,
+        source: str,
+        expected: str,
+        found: str,
+        remedy: str = "sign the image with taxel sign, or write it with --unsigned",
+    ) -> None:
+        """Create the error of a missing, wrong or untrusted signature; source: the file."""
+        super().__init__(source, "signature", expected, found, remedy)

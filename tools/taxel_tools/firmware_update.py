@@ -1,6 +1,6 @@
 """Firmware update of a board or of the hub, as a procedure that can run concurrently with others."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +17,7 @@ START_TIMEOUT_S: Final = 8.0
 the bootloader waits for a host."""
 CONFIRM_TIMEOUT_S: Final = 10.0
 CONFIRM_WRITE_S: Final = 0.05
+VERSION_PARTS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -50,26 +51,30 @@ Report = Callable[[Progress], None]
 
 
 def update_board(
-    address: int, firmware: Firmware, now_s: Clock, report: Report, force: bool = False
+    address: int, firmware: Firmware, now_s: Clock, report: Report, force: bool = False, downgrade: bool = False
 ) -> Procedure[Outcome]:
     """Write `firmware` to the board at `address`; see `update_target`."""
-    return update_target(BoardTarget(address, now_s), firmware, report, force)
+    return update_target(BoardTarget(address, now_s), firmware, report, force, downgrade)
 
 
-def update_target(target: Target, firmware: Firmware, report: Report, force: bool = False) -> Procedure[Outcome]:
+def update_target(
+    target: Target, firmware: Firmware, report: Report, force: bool = False, downgrade: bool = False
+) -> Procedure[Outcome]:
     """Write `firmware` to the free slot of a board or the hub, read back, start and confirm the new image.
 
     The update may be interrupted at any point and repeated: correct rows at the beginning of the slot are not written
-    again. `force`: write even if the device runs this image. Raises `BoardError` and `TransferError`.
+    again. `force`: write even if the device runs this image. `downgrade`: replace a newer version too; without it, the
+    device keeps its newer version. Raises `BoardError` and `TransferError`.
     """
-    return (yield from _Update(target, firmware, report, force).run())
+    return (yield from _Update(target, firmware, report, force, downgrade).run())
 
 
 class _Update:
-    def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool) -> None:
+    def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool, downgrade: bool) -> None:
         """Prepare the firmware update of one board or hub.
 
-        report: receives the progress. force: write the image even if the device already runs it.
+        report: receives the progress. force: write the image even if the device already runs it. downgrade: write it
+        even if the device has a newer version.
         """
         self.target = target
         self.address = target.address
@@ -77,6 +82,7 @@ class _Update:
         self.now_s = target.now_s
         self.report = report
         self.force = force
+        self.downgrade = downgrade
         self.session = target.session
         self.kept_rows = self.written_rows = 0
 
@@ -89,6 +95,7 @@ class _Update:
         info = yield from self.session.read_info()
         try:
             self._check_device(info)
+            yield from self._check_downgrade(before, info)
             is_up_to_date = not self.force and (yield from self._is_up_to_date(info))
             image = self.firmware.select_image_for(info.target) if not is_up_to_date else None
             if image is None and not is_up_to_date:
@@ -132,6 +139,28 @@ class _Update:
                 self.address,
                 f"the board is of kind {info.kind}, but {firmware.source} is for kind {firmware.kind}; use the file "
                 "for this kind",
+            )
+
+    def _check_downgrade(self, before: Version | None, info: BootInfo) -> Procedure[None]:
+        """Refuse older firmware than that of the device, unless `downgrade`. before: version that ran, if any.
+
+        The version of a device that was found in its bootloader is in the image of the slot that it keeps. Raises
+        `BoardError`.
+        """
+        if self.downgrade:
+            return
+        running: tuple[int, ...]
+        if before is None:
+            metadata = yield from self.session.read_metadata(1 - info.target)
+            running = _decode_version(metadata["application_version"]) if metadata is not None else ()
+        else:
+            running = before
+        if is_downgrade(running, self.firmware.version[: len(running)]):
+            raise BoardError(
+                self.address,
+                f"the device has version {format_version(running)}, which is newer than version "
+                f"{format_version(self.firmware.version)} of {self.firmware.source}; nothing is written; add "
+                "--downgrade to return to the older version",
             )
 
     def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
@@ -234,6 +263,24 @@ class _Update:
             raise BoardError(self.address, problem)
 
 
-def format_version(version: Version | None) -> str:
+def format_version(version: Sequence[int] | None) -> str:
     """Version as text, such as 1.2.3; `?` for None."""
     return "?" if version is None else ".".join(str(part) for part in version)
+
+
+def parse_version(text: str) -> Version | None:
+    """Version of a text such as 1.2.3; None for another text, such as the empty text of a bootloader."""
+    parts = text.split(".")
+    if len(parts) != VERSION_PARTS or not all(part.isdecimal() for part in parts):
+        return None
+    return int(parts[0]), int(parts[1]), int(parts[2])
+
+
+def is_downgrade(running: Sequence[int], new: Sequence[int]) -> bool:
+    """Whether firmware of version `new` is older than the running version."""
+    return tuple(new) < tuple(running)
+
+
+def _decode_version(stored: int) -> tuple[int, int]:
+    """Major and minor version in the metadata of an image; the metadata do not contain the patch number."""
+    return stored >> 8, stored & 0xFF

@@ -12,8 +12,7 @@ from typing import Any, Final
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_VERSION
 from taxel_protocol.bootloader_packets import find_unique_ids
-from taxel_protocol.limits import REGISTER_COMMAND
-from taxel_protocol.names import BoardCommand
+from taxel_tools.application import request_bootloader
 from taxel_tools.errors import BoardError, TransferError
 from taxel_tools.procedure import Pause, Procedure, Transfer
 from taxel_tools.provisioning_plan import IDAC_COUNT, SERIAL_SIZE, Entry
@@ -89,10 +88,9 @@ def _request_bootloader(address: int) -> Procedure[None]:
 
     A generator of I2C transfers and pauses (`Procedure`).
     """
-    command = BoardCommand.ENTER_BOOTLOADER
     for _ in range(ENTER_ATTEMPTS):
         try:
-            yield Transfer(address, bytes([REGISTER_COMMAND, command, command ^ 0xFF]))
+            yield from request_bootloader(address)
         except TransferError:
             yield Pause(0.02)
             continue

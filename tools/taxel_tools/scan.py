@@ -10,7 +10,7 @@ from taxel_protocol.layout import unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, WHO_AM_I
 from taxel_protocol.names import BoardErrorFlag, ResetCause
 from taxel_protocol.registers import Identity
-from taxel_tools.application import READ_ATTEMPTS, get_firmware_version, is_identity, read_status
+from taxel_tools.application import READ_ATTEMPTS, get_firmware_version, is_identity, read_fault, read_status
 from taxel_tools.errors import BoardError, TransferError
 from taxel_tools.firmware_update import format_version
 from taxel_tools.procedure import Clock, Procedure, Transfer
@@ -101,6 +101,8 @@ def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[B
         notes.append(f"last start after a {ResetCause(status['reset_cause']).name.lower().replace('_', '-')}")
     if not status["scans"]:
         notes.append("does not scan")
+    fault = yield from read_fault(address, identity)
+    notes += [fault.describe()] if fault is not None else []
     counters = ("scans", "scan_time_us", "bus_errors", "rejected_writes", "saturated_conversions")
     return BusDevice(
         address,

@@ -23,8 +23,7 @@ from taxel_protocol.bootloader import (
 )
 from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, parse_packet
 from taxel_protocol.layout import get_packer, pack, unpack
-from taxel_protocol.limits import REGISTER_COMMAND
-from taxel_protocol.names import BoardCommand
+from taxel_tools.application import request_bootloader
 from taxel_tools.errors import BoardError, LostError, NackError, StatusError, TransferError
 from taxel_tools.procedure import Burst, Clock, Pause, Procedure, Transfer
 
@@ -93,11 +92,10 @@ class BootSession:
 
     def enter(self) -> Procedure[dict[str, Any]]:
         """Restart a running application into its bootloader and start a session. Returns the fields of `EnterReply`."""
-        command = BoardCommand.ENTER_BOOTLOADER
         deadline = self.now_s() + RESTART_TIMEOUT_S
         while True:
             try:
-                yield Transfer(self.address, bytes([REGISTER_COMMAND, command, command ^ 0xFF]))
+                yield from request_bootloader(self.address)
             except TransferError as error:
                 if self.now_s() > deadline:
                     raise BoardError(self.address, f"{error.problem}; check power and address") from None

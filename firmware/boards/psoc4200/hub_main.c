@@ -2,6 +2,7 @@
 #include "board_pins.h"
 #include "boards/psoc4200/bus_clock.h"
 #include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/fault.h"
 #include "boards/psoc4200/i2c_master.h"
 #include "boards/psoc4200/regs/core.h"
 #include "boards/psoc4200/regs/sflash.h"
@@ -138,6 +139,7 @@ const struct taxel_hub_config taxel_hub_fixed_config = {
     .hal = &hal,
     .firmware_version = SELF_VERSION,
     .unique_id = SFLASH->die,
+    .fault_record = fault_record,
     .scl_hz = BUS_SCL_HZ,
     .slots = slots,
     .slot_capacity = SLOTS,
@@ -213,6 +215,7 @@ int main(void)
 #endif
     clocks_init();
     watchdog_start();
+    fault_init();
     ticks_init();
     i2c_master_init();
     uart_init();

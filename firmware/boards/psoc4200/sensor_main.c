@@ -1,9 +1,10 @@
 /* A sensor board: scan and I2C run in two interrupts of the same priority; the main loop codes compact snapshots,
- * feeds the watchdog and confirms the image. */
+ * feeds the watchdog while the scan advances, and confirms the image. */
 #include <stdatomic.h>
 
 #include "board_pins.h"
 #include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/fault.h"
 #include "boards/psoc4200/front_end.h"
 #include "boards/psoc4200/i2c_slave.h"
 #include "boards/psoc4200/kinds.h"
@@ -149,6 +150,7 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
         configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
     config.kind = kind->code;
     config.reset_cause = reset_cause();
+    config.fault_record = fault_record;
     memcpy(config.firmware_version, SELF_VERSION, sizeof config.firmware_version);
     reset_unique_id(config.unique_id);
     config.rows = kind->rows;
@@ -208,6 +210,25 @@ static __attribute__((noinline)) void code_compact(void)
     taxel_sensor_run(&sensor);
 }
 
+/* Once per SysTick period: feeds the watchdog if the scan has advanced. A scan that stalls, for example after a missed
+ * interrupt of the converter, is stored in the fault record; the watchdog then resets the board. A check after every
+ * interrupt would take a sixth more cycles. */
+static void watch_scan(void)
+{
+    static uint8_t checked_period;
+    const uint8_t period = (uint8_t)ticks_periods();
+    if (period == checked_period) {
+        return;
+    }
+    checked_period = period;
+    const enum taxel_scan_progress progress = taxel_scan_check(&sensor);
+    if (progress == TAXEL_SCAN_ADVANCED) {
+        watchdog_feed();
+    } else if (progress == TAXEL_SCAN_STALLED) {
+        fault_store_not_scanning();
+    }
+}
+
 /* Application of a sensor board: starts scanning and the I2C slave; the main loop codes compact snapshots. A new image
  * confirms itself once it has worked. */
 int main(void)
@@ -217,6 +238,7 @@ int main(void)
 #endif
     clocks_init();
     watchdog_start();
+    fault_init();
     ticks_init();
 #ifdef IMAGE_STANDALONE
     const uint8_t *const configuration = standalone_configuration;
@@ -231,8 +253,8 @@ int main(void)
     bool on_trial = self_is_on_trial();
 #endif
     for (;;) {
-        watchdog_feed();
         atomic_signal_fence(memory_order_acquire); /* reload the counters that interrupts change */
+        watch_scan();
 #ifndef IMAGE_STANDALONE
         if (on_trial && has_proven_itself()) {
             on_trial = !try_confirm();

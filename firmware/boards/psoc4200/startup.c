@@ -1,5 +1,5 @@
-/* Vector table and the code before main(). An application's table is copied to the start of RAM and used from there,
- * because a Cortex-M0 has no register for its position. The bootloader's table is at address 0. */
+/* Vector table and the code before main(). An application's table is at the start of RAM, because a Cortex-M0 has no
+ * register for its position. The bootloader's table is at address 0. */
 #include <stdint.h>
 #include <string.h>
 
@@ -11,14 +11,23 @@ typedef void handler(void);
 int main(void);
 handler reset_handler, unexpected_handler, systick_handler, scb0_handler, scb1_handler, csd_handler;
 
-extern uint32_t stack_top[], data_begin[], data_end[], data_load[], bss_begin[], bss_end[];
+extern uint32_t stack_top[], bss_begin[], bss_end[];
 
+#ifdef IMAGE_APPLICATION
+/* Handler of unexpected exceptions and faults: stores the interrupted code in the fault record and waits for the reset
+ * by the watchdog. Without a prologue, so that the stack pointer is the address of the exception frame. */
+__attribute__((naked)) void unexpected_handler(void)
+{
+    __asm__ volatile("mov r0, sp\n\tbl fault_take_exception");
+}
+#else
 /* Handler of unexpected exceptions and faults: waits for the reset by the watchdog. */
 void unexpected_handler(void)
 {
     for (;;) {
     }
 }
+#endif
 
 #define OR_UNEXPECTED __attribute__((weak, alias("unexpected_handler")))
 OR_UNEXPECTED void scb0_handler(void);
@@ -32,11 +41,40 @@ typedef union {
     void *stack;
 } vector;
 
-#define UNEXPECTED {unexpected_handler}
 #define VECTORS(section_name) __attribute__((section(section_name), used)) static const vector
 
-/* In four pieces: between them are vectors of exceptions that a Cortex-M0 does not have, and of interrupts that are
- * never enabled. The bootloader keeps constants there (image.ld.in); in applications every one is unexpected. */
+#ifdef IMAGE_APPLICATION
+
+/* The flash of an application holds only what its start needs. The table in RAM is filled in by reset_handler(): most of
+ * its vectors are the same, and a table in flash would take 120 bytes more. */
+VECTORS(".vectors.0") vectors_0_to_1[] = {{.stack = stack_top}, {reset_handler}};
+
+static vector ram_vectors[EXCEPTIONS + IRQ_COUNT] __attribute__((section(".ram_vectors"), used));
+
+#define SYSTICK_EXCEPTION 15u
+
+/* Fill in the table of vectors in RAM and use it. NMI: during a call of the supervisory ROM the processor uses the
+ * vector of the ROM (confirm). */
+static void use_ram_vectors(void)
+{
+    for (unsigned i = 0; i < EXCEPTIONS + IRQ_COUNT; i++) {
+        ram_vectors[i].code = unexpected_handler;
+    }
+    ram_vectors[SYSTICK_EXCEPTION].code = systick_handler;
+    ram_vectors[EXCEPTIONS + IRQ_SCB0].code = scb0_handler;
+    ram_vectors[EXCEPTIONS + IRQ_SCB1].code = scb1_handler;
+#if IMAGE_DEVICE == 1
+    ram_vectors[EXCEPTIONS + IRQ_CSD].code = csd_handler;
+#endif
+    CPUSS->config = CPUSS->config | CPUSS_CONFIG_VECS_IN_RAM;
+}
+
+#else
+
+#define UNEXPECTED {unexpected_handler}
+
+/* In three pieces: between them are vectors of exceptions that a Cortex-M0 does not have, and of interrupts that are
+ * never enabled. The bootloader keeps constants there (image.ld.in). */
 VECTORS(".vectors.0") vectors_0_to_3[] = {
     {.stack = stack_top},
     {reset_handler},
@@ -51,22 +89,7 @@ VECTORS(".vectors.2") vectors_11_to_15[] = {
     {systick_handler},
 };
 
-#ifdef IMAGE_APPLICATION
-
-VECTORS(".vectors.1") vectors_4_to_10[] = {UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED,
-                                           UNEXPECTED, UNEXPECTED, UNEXPECTED};
-VECTORS(".vectors.3") interrupts_0_to_9[] = {UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED,
-                                             UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED};
-VECTORS(".vectors.4") interrupts_10_to_15[] = {{scb0_handler}, {scb1_handler}, UNEXPECTED,
-                                               UNEXPECTED,     UNEXPECTED,     {csd_handler}};
-
-_Static_assert(IRQ_SCB0 == 10 && IRQ_SCB1 == 11 && IRQ_CSD == 15, "the table has them in this order");
-_Static_assert(IRQ_COUNT == 16, "the table ends with number 15");
-
-extern const vector image_vectors[];
-static vector ram_vectors[EXCEPTIONS + IRQ_COUNT] __attribute__((section(".ram_vectors"), used));
-
-#elif IMAGE_DEVICE == 2
+#if IMAGE_DEVICE == 2
 
 VECTORS(".vectors.4") interrupt_11[] = {{scb1_handler}};
 
@@ -75,17 +98,15 @@ VECTORS(".vectors.4") interrupt_11[] = {{scb1_handler}};
 VECTORS(".vectors.4") interrupt_10[] = {{scb0_handler}};
 
 #endif
+#endif
 
-/* First function after a reset: clear and initialise RAM and call main(). An application also moves its vector table to
+/* First function after a reset: clear the variables and call main(). No image has variables with an initial value. An application also uses a vector table in
  * RAM and disables the interrupts that the bootloader left active. */
 void reset_handler(void)
 {
     memset(bss_begin, 0, (size_t)((uintptr_t)bss_end - (uintptr_t)bss_begin));
 #ifdef IMAGE_APPLICATION
-    memcpy(data_begin, data_load,
-           (size_t)((uintptr_t)data_end - (uintptr_t)data_begin)); /* a bootloader has no initialised data */
-    memcpy(ram_vectors, image_vectors, sizeof ram_vectors);
-    CPUSS->config = CPUSS->config | CPUSS_CONFIG_VECS_IN_RAM;
+    use_ram_vectors();
     SYSTICK->control =
         0; /* the bootloader starts an image with interrupts off; SysTick and one interrupt are still active */
     SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;

@@ -81,6 +81,12 @@ uint32_t ticks_us_32(void)
     return (uint32_t)ticks_us();
 }
 
+/* Number of whole periods of the timer SysTick since ticks_init(), of about 4 ms each. */
+uint32_t ticks_periods(void)
+{
+    return wraps;
+}
+
 /* True if the timer SysTick interrupts before the time `us` (microseconds since ticks_init()), so that a sleep ends
  * in time. */
 bool ticks_interrupts_before(uint64_t us)

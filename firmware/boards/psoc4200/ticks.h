@@ -11,6 +11,8 @@ uint32_t ticks_us_32(void);
 
 /* Microseconds since ticks_init(); applications only. */
 uint64_t ticks_us(void);
+/* Number of SysTick periods (4.1 ms) since ticks_init(): cheaper than a time. */
+uint32_t ticks_periods(void);
 /* Whether SysTick interrupts before that time. */
 bool ticks_interrupts_before(uint64_t us);
 void ticks_delay_us(uint32_t microseconds);

@@ -12,8 +12,8 @@ void watchdog_start(void)
     watchdog_feed();
 }
 
-/* Clears the counter of the watchdog. The main loop calls this function in each pass; otherwise the watchdog resets
- * the processor. */
+/* Clears the counter of the watchdog; otherwise the watchdog resets the processor. The main loop calls this function in
+ * each pass: on a board only if the scan has advanced. */
 void watchdog_feed(void)
 {
     WDT->control = WDT_CONTROL_ENABLE0 | WDT_CONTROL_RESET0;

@@ -37,6 +37,9 @@ static const struct {
     [FAULT_DOWN_DROP] = {"down_drop", FAULT_TARGET_NONE},
     [FAULT_DOWN_DOUBLE] = {"down_double", FAULT_TARGET_NONE},
     [FAULT_DOWN_DELAY] = {"down_delay", FAULT_TARGET_NONE},
+    [FAULT_MISS_CONVERSION] = {"miss_conversion", FAULT_TARGET_BOARD},
+    [FAULT_HARD_FAULT] = {"hard_fault", FAULT_TARGET_BOARD},
+    [FAULT_HUB_HARD_FAULT] = {"hub_hard_fault", FAULT_TARGET_NONE},
     [FAULT_MUTE] = {"mute_host", FAULT_TARGET_NONE},
 };
 

@@ -46,6 +46,10 @@ enum fault_kind {
     FAULT_BRANCH_SHORT_SUPPLY,
     FAULT_BRANCH_RESISTANCE,
     FAULT_BRANCH_RESTORE,
+    /* faults of the firmware of a board or of the hub, which its watchdog ends */
+    FAULT_MISS_CONVERSION,
+    FAULT_HARD_FAULT,
+    FAULT_HUB_HARD_FAULT,
     FAULT_KINDS,
 };
 

@@ -222,7 +222,8 @@ void cortex_m0_stop(struct cortex_m0 *cpu);
 void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high);
 void cortex_m0_pulse(struct cortex_m0 *cpu, unsigned irq);
 void cortex_m0_pulse_nmi(struct cortex_m0 *cpu);
-void cortex_m0_send_event(struct cortex_m0 *cpu); /* RXEV, the event that ends WFE */
+void cortex_m0_inject_fault(struct cortex_m0 *cpu); /* HardFault, as after an undefined instruction */
+void cortex_m0_send_event(struct cortex_m0 *cpu);   /* RXEV, the event that ends WFE */
 
 /* Earliest cycle at which SysTick may wake the processor; UINT64_MAX if never, or if the processor is awake. */
 uint64_t cortex_m0_wake_cycle(const struct cortex_m0 *cpu);

@@ -27,6 +27,13 @@ void cortex_m0_take_fault(struct cortex_m0 *cpu)
     cortex_m0_set_pending(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
 }
 
+/* Make HardFault pending at the present instruction, from outside of the program. */
+void cortex_m0_inject_fault(struct cortex_m0 *cpu)
+{
+    cpu->faults++;
+    cortex_m0_take_fault(cpu);
+}
+
 /* Begin an exception entry: write the frame of eight words (registers and flags of the interrupted program) to the
  * stack in use. The handler is chosen later, in cycle entry_choice, because a late exception of higher priority can
  * still replace the first one (late arrival). */

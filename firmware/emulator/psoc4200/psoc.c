@@ -186,6 +186,19 @@ static void reset_by(struct psoc *psoc, uint32_t cause)
     psoc->has_acted = true;
 }
 
+/* The processor takes a HardFault at its present instruction. */
+void psoc_inject_hard_fault(struct psoc *psoc)
+{
+    cortex_m0_inject_fault(&psoc->cpu);
+    psoc->input_changed = true;
+}
+
+/* The conversion in progress never ends: its interrupt is lost. */
+void psoc_lose_conversion(struct psoc *psoc)
+{
+    psoc->csd.end = PSOC_NEVER;
+}
+
 /* Cycle of the next event of a block: end of a conversion or watchdog reset. */
 static uint64_t next_of_blocks(const struct psoc *psoc)
 {

@@ -103,6 +103,10 @@ bool psoc_run_until_reply(struct psoc *psoc, vtime until);
 /* Suspend the main program until a time, as if it were busy; interrupts are served. */
 void psoc_stall(struct psoc *psoc, vtime until);
 
+/* Faults: the processor takes a HardFault; the end of the present conversion causes no interrupt. */
+void psoc_inject_hard_fault(struct psoc *psoc);
+void psoc_lose_conversion(struct psoc *psoc);
+
 /* Virtual time reached, and time of the next event of the chip. */
 vtime psoc_now(const struct psoc *psoc);
 vtime psoc_next_event(const struct psoc *psoc);

@@ -69,6 +69,8 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             BOARDS,
         ),
         "flash": CommandEntry("", "Program the firmware of boards or hub.", BOARDS),
+        "keygen": CommandEntry("", "Generate a key pair for signatures of firmware.", BOARDS, extra="sign"),
+        "sign": CommandEntry("", "Sign firmware files.", BOARDS, extra="sign"),
         "bench": CommandEntry("", "Test a sensor board on a test bench.", BOARDS, extra="bench"),
         "grasp": CommandEntry(
             "taxel.cli.grasp:grasp",

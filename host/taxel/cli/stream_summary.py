@@ -51,6 +51,7 @@ class StreamSummary:
             "seconds": self.seconds,
             "frames_received": losses.frames_received,
             "frames_lost_on_wire": losses.lost_on_wire,
+            "frames_unknown": losses.unknown_frames,
             "bytes_received": self._skin.bytes_received,
             "bytes_discarded": self._skin.bytes_discarded,
             "boards": boards,
@@ -68,7 +69,8 @@ class StreamSummary:
                 str(board["missing"]), str(board["damaged"]),
             )  # fmt: skip
         console.print(table)
+        unknown = f", {data['frames_unknown']} unknown" if data["frames_unknown"] else ""
         console.print(
-            f"frames: {data['frames_received']} received, {data['frames_lost_on_wire']} lost on the wire; "
+            f"frames: {data['frames_received']} received, {data['frames_lost_on_wire']} lost on the wire{unknown}; "
             f"bytes: {data['bytes_received']} received, {data['bytes_discarded']} discarded"
         )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taxel.monitor.advice import make_advice
+from taxel.monitor.board_faults import BoardFaults
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
@@ -57,6 +58,7 @@ class SkinMonitor:
         self._rate = RecentRate()
         self._cpu = RecentRate()
         self._is_baseline_requested = False
+        self._faults = BoardFaults(skin)
 
     def take(self, frames: Sequence[TaxelFrame], now_s: float) -> None:
         """Update the state of all boards with taxel frames in the order of their arrival. now_s: `time.monotonic`."""
@@ -117,7 +119,8 @@ class SkinMonitor:
             advice=None,
             **self._read_counters(boards),
         )
-        return replace(reading, advice=make_advice(reading, self.skin))
+        fault = None if is_ended else self._faults.update()
+        return replace(reading, advice=make_advice(reading, self.skin) or fault)
 
     def _read_counters(self, boards: list[BoardReading]) -> dict[str, Any]:
         """Return the counters of the stream and the hub, as a dictionary with the field names of `SkinReading`."""
@@ -132,6 +135,7 @@ class SkinMonitor:
             "bytes_discarded": self.skin.bytes_discarded,
             "bytes_waiting": self.skin.bytes_waiting,
             "hub_restarts": losses.restarts,
+            "unknown": losses.unknown_frames,
             "hub_dropped": status["frames_dropped"] if status else None,
             "bus_recoveries": status["bus_recoveries"] if status else None,
             "cycle_s": status["cycle_time_us"] * 1e-6 if status else None,

@@ -58,6 +58,7 @@ class SkinReading:
         scans_hz: scans of the whole skin per second: the largest rate of a board.
         frames_hz: frames of all boards per second.
         frames, lost_on_wire, damaged, missing, bytes_discarded, bytes_waiting, hub_restarts: totals since the start.
+        unknown: whole frames of a type or a length that this version does not define; a newer hub sends them.
         hub_dropped: frames that the hub had no space for. bus_recoveries: recoveries of the bus by the hub. cycle_s:
             duration of the last poll cycle. None before the hub has reported them.
         age_s: time from the start of a scan to the processing of its frame, median and largest of the last second; None
@@ -85,6 +86,7 @@ class SkinReading:
     bytes_discarded: int
     bytes_waiting: int
     hub_restarts: int
+    unknown: int
     hub_dropped: int | None
     bus_recoveries: int | None
     cycle_s: float | None
@@ -130,6 +132,7 @@ class SkinReading:
             "bytes_discarded": self.bytes_discarded,
             "bytes_waiting": self.bytes_waiting,
             "hub_restarts": self.hub_restarts,
+            "unknown": self.unknown,
             "hub_dropped": self.hub_dropped,
             "bus_recoveries": self.bus_recoveries,
             "age_s": None if self.age_s is None else [round(age, 4) for age in self.age_s],

@@ -45,7 +45,8 @@ def format_errors(reading: SkinReading) -> list[Part]:
         ("dropped by the hub", reading.hub_dropped or 0),
         ("bus recoveries", reading.bus_recoveries or 0),
     ]
-    return [(f"{count} {name}", True) for name, count in counts if count] or [("no errors", False)]
+    parts = [(f"{count} {name}", True) for name, count in counts if count] or [("no errors", False)]
+    return [*parts, (f"{reading.unknown} unknown frames", False)] if reading.unknown else parts
 
 
 def format_load(reading: SkinReading) -> list[Part]:

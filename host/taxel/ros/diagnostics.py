@@ -31,6 +31,7 @@ def _make_hub_status(hub: HubClient) -> dict[str, Any]:
     values = {
         "frames_received": losses.frames_received,
         "frames_lost_on_wire": lost,
+        "frames_unknown": losses.unknown_frames,
         "hub_restarts": losses.restarts,
         "bytes_received": stream.bytes_received,
         "bytes_discarded": stream.bytes_discarded,

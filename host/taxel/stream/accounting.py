@@ -48,6 +48,14 @@ class LossAccount:
         return int(self._decoder.totals[2])
 
     @property
+    def unknown_frames(self) -> int:
+        """Number of complete frames that this version does not define: an unknown type, or a longer payload.
+
+        A hub of a newer version sends them. They are part of `frames_received`, and are no damage.
+        """
+        return int(self._decoder.totals[3])
+
+    @property
     def frames_sent(self) -> int:
         """Frames that the hub has sent since the first received frame: received plus lost."""
         return self.frames_received + self.lost_on_wire
@@ -55,7 +63,7 @@ class LossAccount:
     @property
     def boards(self) -> dict[int, BoardCount]:
         """Frame counts by board address, for the boards that have sent a frame."""
-        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
+        table: NDArray[np.uint64] = self._decoder.totals[4:].reshape(4, ADDRESSES)
         addresses = np.flatnonzero(table[0] + table[2] + table[3])
         return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in addresses.tolist()}
 
@@ -66,7 +74,7 @@ class LossAccount:
         A few such frames occur when a host joins a running stream or a board is replaced. Boards without any are
         omitted.
         """
-        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
+        table: NDArray[np.uint64] = self._decoder.totals[4:].reshape(4, ADDRESSES)
         return {int(a): int(table[3, a]) for a in np.flatnonzero(table[3]).tolist()}
 
     def __repr__(self) -> str:

@@ -35,7 +35,7 @@ BOARD_CRC_BAD = 1
 """Row flag: the frame CRC is correct, the board's own CRC-32 is not."""
 
 ADDRESSES = 128
-TOTALS = 3 + 4 * ADDRESSES
+TOTALS = 4 + 4 * ADDRESSES
 
 _ROWS = 4096
 _COUNTS = 1 << 18
@@ -88,9 +88,10 @@ class StreamDecoder:
 
     @property
     def totals(self) -> NDArray[np.uint64]:
-        """Copy of the loss counters of the C decoder (`struct taxel_batch_totals`), u64[3 + 4 * 128].
+        """Copy of the loss counters of the C decoder (`struct taxel_batch_totals`), u64[4 + 4 * 128].
 
-        Frames, lost frames, restarts; then received, missing, damaged and undecoded frames by board address.
+        Frames, lost frames, restarts, unknown frames; then received, missing, damaged and undecoded frames by board
+        address.
         """
         address = self._library.taxel_batch_totals(self._state)
         return np.ctypeslib.as_array((ctypes.c_uint64 * TOTALS).from_address(address)).copy()

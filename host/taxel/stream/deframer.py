@@ -40,6 +40,7 @@ class _Config(ctypes.Structure):
         ("directions", ctypes.c_uint8),
         ("handler", _HANDLER),
         ("context", ctypes.c_void_p),
+        ("unknown_handler", _HANDLER),
     )
 
 
@@ -54,7 +55,7 @@ class Deframer:
         self._body = ctypes.create_string_buffer(BODY_MAX)
         self._handler = _HANDLER(self._append_frame)
         memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
-        self._config = _Config(*memory, PAYLOAD_MAX, TO_HOST, self._handler, None)
+        self._config = _Config(*memory, PAYLOAD_MAX, TO_HOST, self._handler, None, _HANDLER())
         self._frames: list[tuple[int, int, bytes]] = []
 
     def _append_frame(self, _: int | None, frame: Any) -> None:

@@ -5,6 +5,14 @@ from typing import Any
 
 from taxel.errors import TaxelError
 from taxel.link import Link, get_clock
+from taxel.stream.fault_record import (
+    FAULT_REVISION,
+    FAULT_VERSION,
+    REGISTER_SIZE,
+    FaultRecord,
+    parse_fault_record,
+    parse_fault_register,
+)
 from taxel.stream.frame_stream import FrameStream
 from taxel.stream.frames import HubMessage
 from taxel_protocol import (
@@ -25,6 +33,7 @@ from taxel_protocol.frames import (
     TransferArguments,
 )
 from taxel_protocol.layout import pack
+from taxel_protocol.limits import REGISTER_FAULT
 from taxel_protocol.names import StartFlag
 
 REPLY_TIMEOUT_S = 1.0
@@ -222,6 +231,19 @@ class HubClient:
         """
         fields = {"address": address, "read_length": read_length}
         return self.command(Command.I2C_TRANSFER, pack(TransferArguments, fields, write))
+
+    def read_fault(self) -> FaultRecord | None:
+        """Read the last fault of the hub since power-on; None without one, or from a hub without a fault record."""
+        return parse_fault_record(self.command(Command.GET_FAULT)) if self.version >= FAULT_VERSION else None
+
+    def read_board_fault(self, address: int) -> FaultRecord | None:
+        """Read the last fault of a board since power-on; None without one, or from a board without a fault record.
+
+        Raises `HubError` on NACK or bus error.
+        """
+        if self.boards.get(address, {}).get("identity_map_revision", 0) < FAULT_REVISION:
+            return None
+        return parse_fault_register(address, self.transfer(address, bytes([REGISTER_FAULT]), REGISTER_SIZE))
 
     def set_scan_settings(self, settings: dict[str, int], address: int = 0) -> None:
         """Set scan settings (fields of `taxel_protocol.registers.ScanSettings`) of one board; address 0: all boards."""

@@ -12,7 +12,7 @@ from taxel_protocol.bootloader_packets import build_packet, parse_packet
 from taxel_protocol.framing import ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.layout import unpack
 from taxel_protocol.limits import BOOTLOADER_KEY
-from taxel_protocol.names import BoardCommand, Command, FrameType, ResetCause
+from taxel_protocol.names import BoardCommand, BoardErrorFlag, Command, FrameType, ResetCause
 from taxel_protocol.registers import Identity, Status
 
 pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
@@ -242,13 +242,24 @@ def test_the_confirmation_does_not_delay_the_clock(scanning_board):
 
 
 @pytest.mark.parametrize(
-    ("command", "stay_request"), [(BoardCommand.RESTART, bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"STAY")]
+    ("command", "key", "stay_request"),
+    [(BoardCommand.RESTART, b"", bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"BOOT", b"STAY")],
 )
-def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_board, command, stay_request):
+def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_board, command, key, stay_request):
     part, bus, _ = scanning_board()
-    bus.write(ADDRESS, bytes([COMMAND, command, ~command & 0xFF]))
+    bus.write(ADDRESS, bytes([COMMAND, command, ~command & 0xFF]) + key)
     assert part.was_reset
     assert part.ram(HANDOVER, 4) == stay_request
+
+
+@pytest.mark.parametrize("key", [b"", b"BOOU", b"BOO", b"BOOT\0", bytes(4)])
+def test_an_image_stays_in_its_application_without_the_key_of_the_bootloader(scanning_board, key):
+    part, bus, _ = scanning_board()
+    bus.write(ADDRESS, bytes([COMMAND, BoardCommand.ENTER_BOOTLOADER, ~BoardCommand.ENTER_BOOTLOADER & 0xFF]) + key)
+    part.run(10)
+    assert not part.was_reset
+    status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
+    assert (status["rejected_writes"], status["error_flags"]) == (1, BoardErrorFlag.COMMAND_REJECTED)
 
 
 def test_the_capacitor_and_the_bus_share_one_port(scanning_board):

@@ -3,6 +3,7 @@
 import subprocess
 import tempfile
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,7 +37,8 @@ class FakeSkin:
         self.link = SimpleNamespace(name="fake", is_real_time=self.is_real_time, is_recorded=self.is_recorded)
         boards: dict[int, dict[str, Any]] = {b.address: {} for b in self.hand.boards}
         self.hub = SimpleNamespace(status=None, boards=boards, board_status={}, seconds_since_message=float("inf"))
-        self.losses = SimpleNamespace(lost_on_wire=0, restarts=0, boards=self.counts)
+        self.hub.faults = deque()
+        self.losses = SimpleNamespace(lost_on_wire=0, restarts=0, unknown_frames=0, boards=self.counts)
         self.raw = np.full(self.hand.n_taxels, UNTOUCHED_COUNTS, dtype=np.uint16)
         self.now_s = time.monotonic()
         self.monitor = SkinMonitor(self, samples=3)  # type: ignore[arg-type]

@@ -161,8 +161,8 @@ def test_a_port_that_only_echoes_is_refused(monkeypatch):
 
 
 def test_a_hub_of_an_unsupported_protocol_version_gives_one_error_line(fake_hub):
-    hub = fake_hub(version_chosen=0, version_min=2, version_max=5)
-    with pytest.raises(VersionError, match="protocol 2 to 5, this program 1 to 2; update the older") as caught:
+    hub = fake_hub(version_chosen=0, version_min=4, version_max=5)
+    with pytest.raises(VersionError, match="protocol 4 to 5, this program 1 to 3; update the older") as caught:
         taxel.open(hub.url, "flat8")
     assert hub.url.removeprefix("serial://") in read_single_line(caught.value)
     assert hub.commands == []

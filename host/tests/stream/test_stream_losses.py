@@ -10,7 +10,10 @@ from hypothesis import strategies as st
 from taxel.errors import TaxelError
 from taxel.link import CaptureError, CaptureLink, Chunk
 from taxel.stream import FrameStream, HubClient
-from taxel_protocol import ReferenceDecoder
+from taxel.stream.accounting import LossAccount
+from taxel.stream.decoder import StreamDecoder
+from taxel_protocol import FrameType, ReferenceDecoder, crc32, encode_body, encode_frame
+from taxel_protocol.frames import FRAMES
 
 BOARDS = (0x20, 0x23, 0x77)
 
@@ -270,3 +273,24 @@ def test_the_sequence_of_host_frames_wraps_at_65536(make_prepared_link, monkeypa
     decoder = ReferenceDecoder()
     frames = [decoder.push(data)[0] for data in written[-3:]]
     assert [sequence for _, sequence, _ in frames] == [65_534, 65_535, 0]
+
+
+def test_frames_of_a_newer_hub_are_unknown_but_neither_damaged_nor_lost():
+    """A valid frame of an unknown type, and a status that is longer than in this version."""
+
+    def build(frame_type: int, sequence: int, payload: bytes) -> bytes:
+        body = bytes([frame_type]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little") + payload
+        return encode_body(body + crc32(body).to_bytes(4, "little"))
+
+    status = bytes(FRAMES[FrameType.HUB_STATUS].maximum)
+    stream = encode_frame(FrameType.HUB_STATUS, 0, status)
+    stream += build(0x0F, 1, bytes(range(34))) + build(FrameType.HUB_STATUS, 2, status + bytes(8))
+    stream += build(0x7F, 4, b"") + encode_frame(FrameType.HUB_STATUS, 5, status)  # frame 3 is lost
+    for size in (1, 7, len(stream)):
+        decoder = StreamDecoder()
+        batches = [b for at in range(0, len(stream), size) for b in decoder.push(stream[at : at + size])]
+        account = LossAccount(decoder)
+        assert [row["sequence"] for batch in batches for row in batch.message_rows] == [0, 5]
+        assert [row["lost_before"] for batch in batches for row in batch.message_rows] == [0, 1]
+        assert (account.unknown_frames, account.lost_on_wire, account.frames_received) == (3, 1, 5)
+        assert decoder.discarded_bytes == 0

@@ -7,6 +7,7 @@ import pytest
 from host.tests.command_line import run_taxel
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files.cyacd import write_cyacd
+from taxel_tools.signing import load_development_key, sign_images
 
 URL = "emulator:?hand=rig4"
 BLANK = f"{URL}&word=blank 0x50"
@@ -34,6 +35,7 @@ def files(tmp_path, make_image):
             image = make_image(slot, **options)
             paths.append(tmp_path / f"{name}-{'ab'[slot]}.cyacd")
             paths[-1].write_text(write_cyacd(image, LAYOUTS[image.device].first_rows[slot]))
+        sign_images(paths, load_development_key())
         return paths
 
     return write
@@ -185,8 +187,8 @@ def test_boards_and_the_hub_are_not_flashed_by_one_command(run, files):
         (BootDevice.HUB, URL, ["--board", "0x50"], "found an image for the hub; leave --board and --all out"),
         (BootDevice.BOARD, URL, ["--hub"], "found an image for sensor boards; leave --hub out"),
         (BootDevice.HUB, f"{URL}&wire=i2c", [], "is the boards' bus; the hub accepts firmware only on its UART"),
-        (BootDevice.HUB, "/dev/i2c-1", [], "/dev/i2c-1: is the boards' bus"),
-        (BootDevice.HUB, "serial:///dev/ttyNONE", [], "/dev/ttyNONE: cannot be opened"),
+        (BootDevice.HUB, "/dev/i2c-1", ["--unsigned"], "/dev/i2c-1: is the boards' bus"),
+        (BootDevice.HUB, "serial:///dev/ttyNONE", ["--unsigned"], "/dev/ttyNONE: cannot be opened"),
     ],
 )
 def test_flash_refuses_files_options_and_urls_that_do_not_fit_the_hub(run, files, device, url, options, problem):

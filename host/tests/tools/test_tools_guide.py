@@ -14,6 +14,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.files.intel_hex import write_intel_hex
+from taxel_tools.signing import load_development_key, load_private_key, sign_file, sign_images
 
 ROOT = Path(__file__).resolve().parents[3]
 GUIDE = ROOT / "docs" / "how-to-flash-boards.md"
@@ -38,8 +39,12 @@ def folder(tmp_path, monkeypatch, make_image):
         for slot in (0, 1):
             image = make_image(slot, version=(1, 2, 0), device=device, size=300)
             row = LAYOUTS[device].first_rows[slot]
-            (tmp_path / f"{name}-1.2.0-{'ab'[slot]}.cyacd").write_text(write_cyacd(image, row))
+            path = tmp_path / f"{name}-1.2.0-{'ab'[slot]}.cyacd"
+            path.write_text(write_cyacd(image, row))
+            sign_images([path], load_development_key())
     (tmp_path / "bootloader.hex").write_text(write_intel_hex(bytes(4096), 0))
+    assert run_taxel("keygen", tmp_path / "release") == 0
+    sign_file(tmp_path / "bootloader.hex", load_private_key(tmp_path / "release.key", None))
     (tmp_path / "openocd").write_text("#!/bin/sh\n")
     (tmp_path / "openocd").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -61,6 +66,9 @@ def run_guide_command(arguments):
 
 @pytest.mark.parametrize("line", read_commands())
 def test_each_command_of_the_guide_runs(folder, capsys, line):
+    if line.startswith("taxel keygen"):
+        for path in folder.glob("release.*"):
+            path.unlink()
     status = run_guide_command(shlex.split(line))
     captured = capsys.readouterr()
     assert status == 0, captured.err

@@ -72,3 +72,14 @@ def change_address(wire, old: int, new: int) -> None:
 
     run(wire, procedure())
     wire.collect(0.1)
+
+
+def test_the_last_fault_of_a_board_is_a_note(worlds, open_wire):
+    world = worlds()
+    world.inject("hard_fault", 0x50, 0x1A2C, 0x1B47)
+    world.inject("miss_conversion", 0x51)
+    world.run(2.0)
+    notes = {device.address: device.notes for device in scan_bus(open_wire(world))}
+    assert notes[0x50] == ("last start after a watchdog", "HardFault at PC 0x00001A2C, LR 0x00001B47")
+    assert notes[0x51] == ("last start after a watchdog", "stopped scanning and was reset by its watchdog")
+    assert notes[0x52] == ()

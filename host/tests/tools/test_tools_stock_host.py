@@ -18,7 +18,7 @@ from taxel_tools.scheduler import run
 
 BOARD = 0x50
 ENTER, FLASH_SIZE, SEND, PROGRAM, VERIFY_ROW, VERIFY, EXIT = 0x38, 0x32, 0x37, 0x39, 0x3A, 0x31, 0x3B
-ENTER_BOOTLOADER = [0x70, 5, 0xFA]
+ENTER_BOOTLOADER = [0x70, 5, 0xFA, *b"BOOT"]
 """Write to the command register of the application: register, command, complement of the command."""
 TRANSFER_MAX, PROGRAM_OVERHEAD, SEND_OVERHEAD = 64, 10, 7
 

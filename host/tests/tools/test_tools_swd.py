@@ -13,10 +13,10 @@ OPENOCD = ["openocd", "-f", "interface/cmsis-dap.cfg", "-c", "transport select s
 
 @pytest.fixture
 def run(capsys):
-    """Runs `taxel flash --swd`; returns exit status, standard output and standard error."""
+    """Runs `taxel flash --swd --unsigned`; returns exit status, standard output and standard error."""
 
     def call(*arguments):
-        status = run_taxel("flash", "--swd", *arguments)
+        status = run_taxel("flash", "--swd", "--unsigned", *arguments)
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 

@@ -152,7 +152,7 @@ types:
         type: u1
       - id: address
         type: u1
-      - id: reserved
+      - id: map_revision
         type: u1
       - id: unique_id
         size: 8
@@ -228,6 +228,41 @@ types:
         enum: command
       - id: complement
         type: u1
+  enter_bootloader_register:
+    seq:
+      - id: command
+        type: u1
+        enum: command
+      - id: complement
+        type: u1
+      - id: key
+        type: u4
+  fault_record:
+    seq:
+      - id: code
+        type: u1
+      - id: exception
+        type: u1
+      - id: count
+        type: u2
+      - id: program_counter
+        type: u4
+      - id: link_register
+        type: u4
+  fault_register:
+    seq:
+      - id: record_code
+        type: u1
+      - id: record_exception
+        type: u1
+      - id: record_count
+        type: u2
+      - id: record_program_counter
+        type: u4
+      - id: record_link_register
+        type: u4
+      - id: crc32
+        type: u4
   snapshot_header:
     seq:
       - id: sequence
@@ -370,7 +405,7 @@ types:
         type: u1
       - id: identity_address
         type: u1
-      - id: identity_reserved
+      - id: identity_map_revision
         type: u1
       - id: identity_unique_id
         size: 8
@@ -704,6 +739,7 @@ enums:
     9: get_board_info
     10: get_time
     11: enter_bootloader
+    12: get_fault
   start_flag:
     1: compact
   reply_status:
@@ -763,3 +799,8 @@ enums:
     2: command_rejected
     8: saturated
     16: read_only_write
+    32: not_scanning
+  fault_code:
+    0: none
+    1: exception
+    2: not_scanning

@@ -23,9 +23,10 @@ package.preload["taxel.protocol"] = function(...)
 -- Constants, named codes, structs and frame types of the protocol.
 local protocol = {}
 
-protocol.PROTOCOL_VERSION = 2
+protocol.PROTOCOL_VERSION = 3
 protocol.PROTOCOL_VERSION_MIN = 1
 protocol.REGISTER_MAP_VERSION = 2
+protocol.REGISTER_MAP_REVISION = 1
 protocol.REGISTER_MAP_VERSION_MIN = 1
 protocol.WHO_AM_I = 84
 protocol.ADDRESS_MIN = 8
@@ -65,6 +66,7 @@ protocol.REGISTER_SETTINGS = 96
 protocol.REGISTER_COMMAND = 112
 protocol.REGISTER_SNAPSHOT = 128
 protocol.REGISTER_SNAPSHOT_LAST = 143
+protocol.REGISTER_FAULT = 144
 protocol.REGISTER_COMPACT = 160
 protocol.COMPACT_FRACTION_BITS = 6
 protocol.COMPACT_MEAN_MAX = 4194303
@@ -100,7 +102,7 @@ protocol.COMPACT_CUMULATIVE = {
 -- Names of codes.
 protocol.names = {
     FrameType = { [1] = "HUB_HANDSHAKE", [2] = "TAXELS", [3] = "COMPACT_TAXELS", [8] = "HUB_STATUS", [9] = "BOARD_STATUS", [10] = "BOARD_INFO", [11] = "BOARD_FAULT", [12] = "TIME_SYNC", [13] = "LOG", [14] = "REPLY", [129] = "HOST_HANDSHAKE", [130] = "COMMAND", [131] = "ACKNOWLEDGE" },
-    Command = { [1] = "START", [2] = "STOP", [3] = "SET_RATE", [4] = "SCAN_BUS", [5] = "I2C_TRANSFER", [6] = "SET_SCAN_SETTINGS", [7] = "REBOOT", [8] = "GET_STATUS", [9] = "GET_BOARD_INFO", [10] = "GET_TIME", [11] = "ENTER_BOOTLOADER" },
+    Command = { [1] = "START", [2] = "STOP", [3] = "SET_RATE", [4] = "SCAN_BUS", [5] = "I2C_TRANSFER", [6] = "SET_SCAN_SETTINGS", [7] = "REBOOT", [8] = "GET_STATUS", [9] = "GET_BOARD_INFO", [10] = "GET_TIME", [11] = "ENTER_BOOTLOADER", [12] = "GET_FAULT" },
     StartFlag = { [1] = "COMPACT" },
     ReplyStatus = { [0] = "OK", [1] = "UNKNOWN_COMMAND", [2] = "BAD_ARGUMENTS", [3] = "BUSY", [4] = "NO_HANDSHAKE", [5] = "UNKNOWN_BOARD", [6] = "NACK", [7] = "TIMEOUT", [8] = "BUS_ERROR", [9] = "REJECTED_BY_BOARD" },
     BoardState = { [0] = "ABSENT", [1] = "IDENTIFYING", [2] = "STREAMING", [3] = "INCOMPATIBLE" },
@@ -109,7 +111,8 @@ protocol.names = {
     LogLevel = { [0] = "DEBUG", [1] = "INFO", [2] = "WARNING", [3] = "ERROR" },
     LogCode = { [1] = "BUS_FREE", [2] = "SDA_STUCK", [3] = "SCL_STUCK", [4] = "RECEIVE_OVERRUN", [5] = "FRAME_DROPPED" },
     BoardCommand = { [1] = "START_SCAN", [2] = "STOP_SCAN", [3] = "CLEAR_COUNTERS", [4] = "RESTART", [5] = "ENTER_BOOTLOADER" },
-    BoardErrorFlag = { [1] = "SETTINGS_REJECTED", [2] = "COMMAND_REJECTED", [8] = "SATURATED", [16] = "READ_ONLY_WRITE" },
+    BoardErrorFlag = { [1] = "SETTINGS_REJECTED", [2] = "COMMAND_REJECTED", [8] = "SATURATED", [16] = "READ_ONLY_WRITE", [32] = "NOT_SCANNING" },
+    FaultCode = { [0] = "NONE", [1] = "EXCEPTION", [2] = "NOT_SCANNING" },
 }
 
 -- Structs: size in bytes, and the fields in order.
@@ -123,7 +126,7 @@ protocol.structs = {
         { name = "firmware_patch", offset = 4, size = 1 },
         { name = "kind", offset = 5, size = 1 },
         { name = "address", offset = 6, size = 1 },
-        { name = "reserved", offset = 7, size = 1 },
+        { name = "map_revision", offset = 7, size = 1 },
         { name = "unique_id", offset = 8, size = 8, is_bytes = true },
         { name = "rows", offset = 16, size = 1 },
         { name = "columns", offset = 17, size = 1 },
@@ -168,6 +171,29 @@ protocol.structs = {
         size = 2,
         { name = "command", offset = 0, size = 1 },
         { name = "complement", offset = 1, size = 1 },
+    },
+    enter_bootloader_register = {
+        size = 6,
+        { name = "command", offset = 0, size = 1 },
+        { name = "complement", offset = 1, size = 1 },
+        { name = "key", offset = 2, size = 4 },
+    },
+    fault_record = {
+        size = 12,
+        { name = "code", offset = 0, size = 1 },
+        { name = "exception", offset = 1, size = 1 },
+        { name = "count", offset = 2, size = 2 },
+        { name = "program_counter", offset = 4, size = 4 },
+        { name = "link_register", offset = 8, size = 4 },
+    },
+    fault_register = {
+        size = 16,
+        { name = "record_code", offset = 0, size = 1 },
+        { name = "record_exception", offset = 1, size = 1 },
+        { name = "record_count", offset = 2, size = 2 },
+        { name = "record_program_counter", offset = 4, size = 4 },
+        { name = "record_link_register", offset = 8, size = 4 },
+        { name = "crc32", offset = 12, size = 4 },
     },
     snapshot_header = {
         size = 6,
@@ -260,7 +286,7 @@ protocol.structs = {
         { name = "identity_firmware_patch", offset = 4, size = 1 },
         { name = "identity_kind", offset = 5, size = 1 },
         { name = "identity_address", offset = 6, size = 1 },
-        { name = "identity_reserved", offset = 7, size = 1 },
+        { name = "identity_map_revision", offset = 7, size = 1 },
         { name = "identity_unique_id", offset = 8, size = 8, is_bytes = true },
         { name = "identity_rows", offset = 16, size = 1 },
         { name = "identity_columns", offset = 17, size = 1 },

@@ -8,11 +8,12 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from taxel.hand import BoardKind, Hand
+from taxel.stream.fault_record import FaultRecord
 from taxel.types import BoolArray
 from taxel_protocol.layout import get_packer, unpack
 from taxel_protocol.limits import REGISTER_SETTINGS
 from taxel_protocol.registers import ScanSettings
-from taxel_tools.application import read_identity, read_status
+from taxel_tools.application import read_fault, read_identity, read_status
 from taxel_tools.bench.analysis.fault import Fault
 from taxel_tools.bench.analysis.merging import find_taxels
 from taxel_tools.bench.analysis.noise import NoiseParts
@@ -127,6 +128,10 @@ class BoardUnderTest:
         """Read the status registers of the board. Raises `BoardError` after several reads without an answer."""
         self.was_measured = True
         return _read_registers(self.wire, lambda: read_status(self.address))
+
+    def read_fault(self) -> FaultRecord | None:
+        """Read the last fault of the board since power-on; None without one. Raises `BoardError` as `read_status`."""
+        return _read_registers(self.wire, lambda: read_fault(self.address, self.identity))
 
     def find_faulty_taxels(self) -> BoolArray:
         """Taxels that a detected fault of a taxel or a line concerns, bool[taxels]. Faults of the whole board are

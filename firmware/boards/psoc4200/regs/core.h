@@ -52,6 +52,14 @@ static inline uint32_t interrupts_mask(void)
     return state;
 }
 
+/* Number of the exception whose handler runs: 3 HardFault, 16 + n interrupt n; 0 outside of handlers. */
+static inline uint32_t current_exception(void)
+{
+    uint32_t number;
+    __asm__ volatile("mrs %0, ipsr" : "=r"(number));
+    return number;
+}
+
 static inline void interrupts_unmask(uint32_t state)
 {
     __asm__ volatile("msr primask, %0" ::"r"(state) : "memory");

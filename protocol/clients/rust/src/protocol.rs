@@ -23,9 +23,10 @@ fn array<const N: usize>(bytes: &[u8], offset: usize) -> [u8; N] {
     value
 }
 
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 pub const PROTOCOL_VERSION_MIN: u32 = 1;
 pub const REGISTER_MAP_VERSION: u32 = 2;
+pub const REGISTER_MAP_REVISION: u32 = 1;
 pub const REGISTER_MAP_VERSION_MIN: u32 = 1;
 pub const WHO_AM_I: u32 = 84;
 pub const ADDRESS_MIN: u32 = 8;
@@ -65,6 +66,7 @@ pub const REGISTER_SETTINGS: u32 = 96;
 pub const REGISTER_COMMAND: u32 = 112;
 pub const REGISTER_SNAPSHOT: u32 = 128;
 pub const REGISTER_SNAPSHOT_LAST: u32 = 143;
+pub const REGISTER_FAULT: u32 = 144;
 pub const REGISTER_COMPACT: u32 = 160;
 pub const COMPACT_FRACTION_BITS: u32 = 6;
 pub const COMPACT_MEAN_MAX: u32 = 4194303;
@@ -170,6 +172,7 @@ pub enum Command {
     GetBoardInfo = 0x09,
     GetTime = 0x0A,
     EnterBootloader = 0x0B,
+    GetFault = 0x0C,
 }
 
 impl Command {
@@ -187,6 +190,7 @@ impl Command {
             0x09 => Some(Self::GetBoardInfo),
             0x0A => Some(Self::GetTime),
             0x0B => Some(Self::EnterBootloader),
+            0x0C => Some(Self::GetFault),
             _ => None,
         }
     }
@@ -205,6 +209,7 @@ impl Command {
             Self::GetBoardInfo => "GET_BOARD_INFO",
             Self::GetTime => "GET_TIME",
             Self::EnterBootloader => "ENTER_BOOTLOADER",
+            Self::GetFault => "GET_FAULT",
         }
     }
 }
@@ -514,6 +519,7 @@ pub enum BoardErrorFlag {
     CommandRejected = 0x02,
     Saturated = 0x08,
     ReadOnlyWrite = 0x10,
+    NotScanning = 0x20,
 }
 
 impl BoardErrorFlag {
@@ -524,6 +530,7 @@ impl BoardErrorFlag {
             0x02 => Some(Self::CommandRejected),
             0x08 => Some(Self::Saturated),
             0x10 => Some(Self::ReadOnlyWrite),
+            0x20 => Some(Self::NotScanning),
             _ => None,
         }
     }
@@ -535,6 +542,36 @@ impl BoardErrorFlag {
             Self::CommandRejected => "COMMAND_REJECTED",
             Self::Saturated => "SATURATED",
             Self::ReadOnlyWrite => "READ_ONLY_WRITE",
+            Self::NotScanning => "NOT_SCANNING",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum FaultCode {
+    None = 0x00,
+    Exception = 0x01,
+    NotScanning = 0x02,
+}
+
+impl FaultCode {
+    /// The code of this number, or None if it is not defined.
+    pub fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0x00 => Some(Self::None),
+            0x01 => Some(Self::Exception),
+            0x02 => Some(Self::NotScanning),
+            _ => None,
+        }
+    }
+
+    /// The name in the specification.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "NONE",
+            Self::Exception => "EXCEPTION",
+            Self::NotScanning => "NOT_SCANNING",
         }
     }
 }
@@ -548,7 +585,7 @@ pub struct Identity {
     pub firmware_patch: u8,
     pub kind: u8,
     pub address: u8,
-    pub reserved: u8,
+    pub map_revision: u8,
     pub unique_id: [u8; 8],
     pub rows: u8,
     pub columns: u8,
@@ -575,7 +612,7 @@ impl Identity {
             firmware_patch: u8::from_le_bytes(array(bytes, 4)),
             kind: u8::from_le_bytes(array(bytes, 5)),
             address: u8::from_le_bytes(array(bytes, 6)),
-            reserved: u8::from_le_bytes(array(bytes, 7)),
+            map_revision: u8::from_le_bytes(array(bytes, 7)),
             unique_id: array(bytes, 8),
             rows: u8::from_le_bytes(array(bytes, 16)),
             columns: u8::from_le_bytes(array(bytes, 17)),
@@ -595,7 +632,7 @@ impl Identity {
         bytes[4..5].copy_from_slice(&self.firmware_patch.to_le_bytes());
         bytes[5..6].copy_from_slice(&self.kind.to_le_bytes());
         bytes[6..7].copy_from_slice(&self.address.to_le_bytes());
-        bytes[7..8].copy_from_slice(&self.reserved.to_le_bytes());
+        bytes[7..8].copy_from_slice(&self.map_revision.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.unique_id);
         bytes[16..17].copy_from_slice(&self.rows.to_le_bytes());
         bytes[17..18].copy_from_slice(&self.columns.to_le_bytes());
@@ -614,7 +651,7 @@ impl Identity {
         visitor("firmware_patch", Value::Number(self.firmware_patch as u64));
         visitor("kind", Value::Number(self.kind as u64));
         visitor("address", Value::Number(self.address as u64));
-        visitor("reserved", Value::Number(self.reserved as u64));
+        visitor("map_revision", Value::Number(self.map_revision as u64));
         visitor("unique_id", Value::Bytes(&self.unique_id));
         visitor("rows", Value::Number(self.rows as u64));
         visitor("columns", Value::Number(self.columns as u64));
@@ -826,6 +863,140 @@ impl CommandRegister {
     pub fn visit(&self, visitor: &mut dyn FnMut(&'static str, Value<'_>)) {
         visitor("command", Value::Number(self.command as u64));
         visitor("complement", Value::Number(self.complement as u64));
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EnterBootloaderRegister {
+    pub command: u8,
+    pub complement: u8,
+    pub key: u32,
+}
+
+impl EnterBootloaderRegister {
+    /// Bytes of the fields.
+    pub const SIZE: usize = 6;
+
+    /// The fields at the front of `bytes`; None if they are shorter than `SIZE`.
+    pub fn unpack(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() < Self::SIZE {
+            return None;
+        }
+        Some(Self {
+            command: u8::from_le_bytes(array(bytes, 0)),
+            complement: u8::from_le_bytes(array(bytes, 1)),
+            key: u32::from_le_bytes(array(bytes, 2)),
+        })
+    }
+
+    /// Write the fields to the first `SIZE` bytes. Panics for a shorter slice.
+    pub fn pack(&self, bytes: &mut [u8]) {
+        bytes[0..1].copy_from_slice(&self.command.to_le_bytes());
+        bytes[1..2].copy_from_slice(&self.complement.to_le_bytes());
+        bytes[2..6].copy_from_slice(&self.key.to_le_bytes());
+    }
+
+    /// Call `visitor` with name and value of each field.
+    pub fn visit(&self, visitor: &mut dyn FnMut(&'static str, Value<'_>)) {
+        visitor("command", Value::Number(self.command as u64));
+        visitor("complement", Value::Number(self.complement as u64));
+        visitor("key", Value::Number(self.key as u64));
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultRecord {
+    pub code: u8,
+    pub exception: u8,
+    pub count: u16,
+    pub program_counter: u32,
+    pub link_register: u32,
+}
+
+impl FaultRecord {
+    /// Bytes of the fields.
+    pub const SIZE: usize = 12;
+
+    /// The fields at the front of `bytes`; None if they are shorter than `SIZE`.
+    pub fn unpack(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() < Self::SIZE {
+            return None;
+        }
+        Some(Self {
+            code: u8::from_le_bytes(array(bytes, 0)),
+            exception: u8::from_le_bytes(array(bytes, 1)),
+            count: u16::from_le_bytes(array(bytes, 2)),
+            program_counter: u32::from_le_bytes(array(bytes, 4)),
+            link_register: u32::from_le_bytes(array(bytes, 8)),
+        })
+    }
+
+    /// Write the fields to the first `SIZE` bytes. Panics for a shorter slice.
+    pub fn pack(&self, bytes: &mut [u8]) {
+        bytes[0..1].copy_from_slice(&self.code.to_le_bytes());
+        bytes[1..2].copy_from_slice(&self.exception.to_le_bytes());
+        bytes[2..4].copy_from_slice(&self.count.to_le_bytes());
+        bytes[4..8].copy_from_slice(&self.program_counter.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.link_register.to_le_bytes());
+    }
+
+    /// Call `visitor` with name and value of each field.
+    pub fn visit(&self, visitor: &mut dyn FnMut(&'static str, Value<'_>)) {
+        visitor("code", Value::Number(self.code as u64));
+        visitor("exception", Value::Number(self.exception as u64));
+        visitor("count", Value::Number(self.count as u64));
+        visitor("program_counter", Value::Number(self.program_counter as u64));
+        visitor("link_register", Value::Number(self.link_register as u64));
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultRegister {
+    pub record_code: u8,
+    pub record_exception: u8,
+    pub record_count: u16,
+    pub record_program_counter: u32,
+    pub record_link_register: u32,
+    pub crc32: u32,
+}
+
+impl FaultRegister {
+    /// Bytes of the fields.
+    pub const SIZE: usize = 16;
+
+    /// The fields at the front of `bytes`; None if they are shorter than `SIZE`.
+    pub fn unpack(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() < Self::SIZE {
+            return None;
+        }
+        Some(Self {
+            record_code: u8::from_le_bytes(array(bytes, 0)),
+            record_exception: u8::from_le_bytes(array(bytes, 1)),
+            record_count: u16::from_le_bytes(array(bytes, 2)),
+            record_program_counter: u32::from_le_bytes(array(bytes, 4)),
+            record_link_register: u32::from_le_bytes(array(bytes, 8)),
+            crc32: u32::from_le_bytes(array(bytes, 12)),
+        })
+    }
+
+    /// Write the fields to the first `SIZE` bytes. Panics for a shorter slice.
+    pub fn pack(&self, bytes: &mut [u8]) {
+        bytes[0..1].copy_from_slice(&self.record_code.to_le_bytes());
+        bytes[1..2].copy_from_slice(&self.record_exception.to_le_bytes());
+        bytes[2..4].copy_from_slice(&self.record_count.to_le_bytes());
+        bytes[4..8].copy_from_slice(&self.record_program_counter.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.record_link_register.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.crc32.to_le_bytes());
+    }
+
+    /// Call `visitor` with name and value of each field.
+    pub fn visit(&self, visitor: &mut dyn FnMut(&'static str, Value<'_>)) {
+        visitor("record_code", Value::Number(self.record_code as u64));
+        visitor("record_exception", Value::Number(self.record_exception as u64));
+        visitor("record_count", Value::Number(self.record_count as u64));
+        visitor("record_program_counter", Value::Number(self.record_program_counter as u64));
+        visitor("record_link_register", Value::Number(self.record_link_register as u64));
+        visitor("crc32", Value::Number(self.crc32 as u64));
     }
 }
 
@@ -1306,7 +1477,7 @@ pub struct BoardInfo {
     pub identity_firmware_patch: u8,
     pub identity_kind: u8,
     pub identity_address: u8,
-    pub identity_reserved: u8,
+    pub identity_map_revision: u8,
     pub identity_unique_id: [u8; 8],
     pub identity_rows: u8,
     pub identity_columns: u8,
@@ -1338,7 +1509,7 @@ impl BoardInfo {
             identity_firmware_patch: u8::from_le_bytes(array(bytes, 4)),
             identity_kind: u8::from_le_bytes(array(bytes, 5)),
             identity_address: u8::from_le_bytes(array(bytes, 6)),
-            identity_reserved: u8::from_le_bytes(array(bytes, 7)),
+            identity_map_revision: u8::from_le_bytes(array(bytes, 7)),
             identity_unique_id: array(bytes, 8),
             identity_rows: u8::from_le_bytes(array(bytes, 16)),
             identity_columns: u8::from_le_bytes(array(bytes, 17)),
@@ -1363,7 +1534,7 @@ impl BoardInfo {
         bytes[4..5].copy_from_slice(&self.identity_firmware_patch.to_le_bytes());
         bytes[5..6].copy_from_slice(&self.identity_kind.to_le_bytes());
         bytes[6..7].copy_from_slice(&self.identity_address.to_le_bytes());
-        bytes[7..8].copy_from_slice(&self.identity_reserved.to_le_bytes());
+        bytes[7..8].copy_from_slice(&self.identity_map_revision.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.identity_unique_id);
         bytes[16..17].copy_from_slice(&self.identity_rows.to_le_bytes());
         bytes[17..18].copy_from_slice(&self.identity_columns.to_le_bytes());
@@ -1387,7 +1558,7 @@ impl BoardInfo {
         visitor("identity_firmware_patch", Value::Number(self.identity_firmware_patch as u64));
         visitor("identity_kind", Value::Number(self.identity_kind as u64));
         visitor("identity_address", Value::Number(self.identity_address as u64));
-        visitor("identity_reserved", Value::Number(self.identity_reserved as u64));
+        visitor("identity_map_revision", Value::Number(self.identity_map_revision as u64));
         visitor("identity_unique_id", Value::Bytes(&self.identity_unique_id));
         visitor("identity_rows", Value::Number(self.identity_rows as u64));
         visitor("identity_columns", Value::Number(self.identity_columns as u64));
@@ -2110,6 +2281,24 @@ pub fn visit_struct(
             value.visit(visitor);
             value.pack(packed);
             Some(CommandRegister::SIZE)
+        }
+        "enter_bootloader_register" => {
+            let value = EnterBootloaderRegister::unpack(bytes)?;
+            value.visit(visitor);
+            value.pack(packed);
+            Some(EnterBootloaderRegister::SIZE)
+        }
+        "fault_record" => {
+            let value = FaultRecord::unpack(bytes)?;
+            value.visit(visitor);
+            value.pack(packed);
+            Some(FaultRecord::SIZE)
+        }
+        "fault_register" => {
+            let value = FaultRegister::unpack(bytes)?;
+            value.visit(visitor);
+            value.pack(packed);
+            Some(FaultRegister::SIZE)
         }
         "snapshot_header" => {
             let value = SnapshotHeader::unpack(bytes)?;

@@ -45,6 +45,9 @@ class Identify:
         log.measure("error_flags", float(status["error_flags"]), "")
         flags = [flag.name.lower().replace("_", " ") for flag in BoardErrorFlag if status["error_flags"] & flag]
         log.add_note(f"last start: {_format_code(ResetCause, status['reset_cause'])}")
+        fault = board.read_fault()
+        if fault is not None:
+            log.add_note(f"last fault: {fault.describe()}")
         faults = board.evidence.board
         if flags:
             text = f"reported error flags: {', '.join(flags)}; restart the board and repeat the test"

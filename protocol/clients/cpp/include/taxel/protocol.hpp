@@ -52,9 +52,10 @@ template <std::size_t N> void store(std::uint8_t *bytes, const std::array<std::u
 
 } // namespace detail
 
-inline constexpr std::uint32_t PROTOCOL_VERSION = 2;
+inline constexpr std::uint32_t PROTOCOL_VERSION = 3;
 inline constexpr std::uint32_t PROTOCOL_VERSION_MIN = 1;
 inline constexpr std::uint32_t REGISTER_MAP_VERSION = 2;
+inline constexpr std::uint32_t REGISTER_MAP_REVISION = 1;
 inline constexpr std::uint32_t REGISTER_MAP_VERSION_MIN = 1;
 inline constexpr std::uint32_t WHO_AM_I = 84;
 inline constexpr std::uint32_t ADDRESS_MIN = 8;
@@ -94,6 +95,7 @@ inline constexpr std::uint32_t REGISTER_SETTINGS = 96;
 inline constexpr std::uint32_t REGISTER_COMMAND = 112;
 inline constexpr std::uint32_t REGISTER_SNAPSHOT = 128;
 inline constexpr std::uint32_t REGISTER_SNAPSHOT_LAST = 143;
+inline constexpr std::uint32_t REGISTER_FAULT = 144;
 inline constexpr std::uint32_t REGISTER_COMPACT = 160;
 inline constexpr std::uint32_t COMPACT_FRACTION_BITS = 6;
 inline constexpr std::uint32_t COMPACT_MEAN_MAX = 4194303;
@@ -173,6 +175,7 @@ enum class Command : std::uint8_t {
     GET_BOARD_INFO = 0x09,
     GET_TIME = 0x0A,
     ENTER_BOOTLOADER = 0x0B,
+    GET_FAULT = 0x0C,
 };
 inline const char *to_string(Command code)
 {
@@ -188,6 +191,7 @@ inline const char *to_string(Command code)
     case Command::GET_BOARD_INFO: return "GET_BOARD_INFO";
     case Command::GET_TIME: return "GET_TIME";
     case Command::ENTER_BOOTLOADER: return "ENTER_BOOTLOADER";
+    case Command::GET_FAULT: return "GET_FAULT";
     }
     return "?";
 }
@@ -361,6 +365,7 @@ enum class BoardErrorFlag : std::uint8_t {
     COMMAND_REJECTED = 0x02,
     SATURATED = 0x08,
     READ_ONLY_WRITE = 0x10,
+    NOT_SCANNING = 0x20,
 };
 inline const char *to_string(BoardErrorFlag code)
 {
@@ -369,6 +374,22 @@ inline const char *to_string(BoardErrorFlag code)
     case BoardErrorFlag::COMMAND_REJECTED: return "COMMAND_REJECTED";
     case BoardErrorFlag::SATURATED: return "SATURATED";
     case BoardErrorFlag::READ_ONLY_WRITE: return "READ_ONLY_WRITE";
+    case BoardErrorFlag::NOT_SCANNING: return "NOT_SCANNING";
+    }
+    return "?";
+}
+
+enum class FaultCode : std::uint8_t {
+    NONE = 0x00,
+    EXCEPTION = 0x01,
+    NOT_SCANNING = 0x02,
+};
+inline const char *to_string(FaultCode code)
+{
+    switch (code) {
+    case FaultCode::NONE: return "NONE";
+    case FaultCode::EXCEPTION: return "EXCEPTION";
+    case FaultCode::NOT_SCANNING: return "NOT_SCANNING";
     }
     return "?";
 }
@@ -382,7 +403,7 @@ struct Identity {
     std::uint8_t firmware_patch{};
     std::uint8_t kind{};
     std::uint8_t address{};
-    std::uint8_t reserved{};
+    std::uint8_t map_revision{};
     std::array<std::uint8_t, 8> unique_id{};
     std::uint8_t rows{};
     std::uint8_t columns{};
@@ -400,7 +421,7 @@ struct Identity {
         detail::load(bytes + 4, value.firmware_patch);
         detail::load(bytes + 5, value.kind);
         detail::load(bytes + 6, value.address);
-        detail::load(bytes + 7, value.reserved);
+        detail::load(bytes + 7, value.map_revision);
         detail::load(bytes + 8, value.unique_id);
         detail::load(bytes + 16, value.rows);
         detail::load(bytes + 17, value.columns);
@@ -419,7 +440,7 @@ struct Identity {
         detail::store(bytes + 4, firmware_patch);
         detail::store(bytes + 5, kind);
         detail::store(bytes + 6, address);
-        detail::store(bytes + 7, reserved);
+        detail::store(bytes + 7, map_revision);
         detail::store(bytes + 8, unique_id);
         detail::store(bytes + 16, rows);
         detail::store(bytes + 17, columns);
@@ -438,7 +459,7 @@ struct Identity {
         visitor("firmware_patch", firmware_patch);
         visitor("kind", kind);
         visitor("address", address);
-        visitor("reserved", reserved);
+        visitor("map_revision", map_revision);
         visitor("unique_id", unique_id);
         visitor("rows", rows);
         visitor("columns", columns);
@@ -610,6 +631,110 @@ struct CommandRegister {
     {
         visitor("command", command);
         visitor("complement", complement);
+    }
+};
+
+struct EnterBootloaderRegister {
+    static constexpr std::size_t size = 6;
+    std::uint8_t command{};
+    std::uint8_t complement{};
+    std::uint32_t key{};
+    static EnterBootloaderRegister unpack(const std::uint8_t *bytes)
+    {
+        EnterBootloaderRegister value;
+        detail::load(bytes + 0, value.command);
+        detail::load(bytes + 1, value.complement);
+        detail::load(bytes + 2, value.key);
+        return value;
+    }
+    void pack(std::uint8_t *bytes) const
+    {
+        detail::store(bytes + 0, command);
+        detail::store(bytes + 1, complement);
+        detail::store(bytes + 2, key);
+    }
+    /* Calls visitor(name, value) for each field. */
+    template <class Visitor> void visit(Visitor &&visitor) const
+    {
+        visitor("command", command);
+        visitor("complement", complement);
+        visitor("key", key);
+    }
+};
+
+struct FaultRecord {
+    static constexpr std::size_t size = 12;
+    std::uint8_t code{};
+    std::uint8_t exception{};
+    std::uint16_t count{};
+    std::uint32_t program_counter{};
+    std::uint32_t link_register{};
+    static FaultRecord unpack(const std::uint8_t *bytes)
+    {
+        FaultRecord value;
+        detail::load(bytes + 0, value.code);
+        detail::load(bytes + 1, value.exception);
+        detail::load(bytes + 2, value.count);
+        detail::load(bytes + 4, value.program_counter);
+        detail::load(bytes + 8, value.link_register);
+        return value;
+    }
+    void pack(std::uint8_t *bytes) const
+    {
+        detail::store(bytes + 0, code);
+        detail::store(bytes + 1, exception);
+        detail::store(bytes + 2, count);
+        detail::store(bytes + 4, program_counter);
+        detail::store(bytes + 8, link_register);
+    }
+    /* Calls visitor(name, value) for each field. */
+    template <class Visitor> void visit(Visitor &&visitor) const
+    {
+        visitor("code", code);
+        visitor("exception", exception);
+        visitor("count", count);
+        visitor("program_counter", program_counter);
+        visitor("link_register", link_register);
+    }
+};
+
+struct FaultRegister {
+    static constexpr std::size_t size = 16;
+    std::uint8_t record_code{};
+    std::uint8_t record_exception{};
+    std::uint16_t record_count{};
+    std::uint32_t record_program_counter{};
+    std::uint32_t record_link_register{};
+    std::uint32_t crc32{};
+    static FaultRegister unpack(const std::uint8_t *bytes)
+    {
+        FaultRegister value;
+        detail::load(bytes + 0, value.record_code);
+        detail::load(bytes + 1, value.record_exception);
+        detail::load(bytes + 2, value.record_count);
+        detail::load(bytes + 4, value.record_program_counter);
+        detail::load(bytes + 8, value.record_link_register);
+        detail::load(bytes + 12, value.crc32);
+        return value;
+    }
+    void pack(std::uint8_t *bytes) const
+    {
+        detail::store(bytes + 0, record_code);
+        detail::store(bytes + 1, record_exception);
+        detail::store(bytes + 2, record_count);
+        detail::store(bytes + 4, record_program_counter);
+        detail::store(bytes + 8, record_link_register);
+        detail::store(bytes + 12, crc32);
+    }
+    /* Calls visitor(name, value) for each field. */
+    template <class Visitor> void visit(Visitor &&visitor) const
+    {
+        visitor("record_code", record_code);
+        visitor("record_exception", record_exception);
+        visitor("record_count", record_count);
+        visitor("record_program_counter", record_program_counter);
+        visitor("record_link_register", record_link_register);
+        visitor("crc32", crc32);
     }
 };
 
@@ -990,7 +1115,7 @@ struct BoardInfo {
     std::uint8_t identity_firmware_patch{};
     std::uint8_t identity_kind{};
     std::uint8_t identity_address{};
-    std::uint8_t identity_reserved{};
+    std::uint8_t identity_map_revision{};
     std::array<std::uint8_t, 8> identity_unique_id{};
     std::uint8_t identity_rows{};
     std::uint8_t identity_columns{};
@@ -1013,7 +1138,7 @@ struct BoardInfo {
         detail::load(bytes + 4, value.identity_firmware_patch);
         detail::load(bytes + 5, value.identity_kind);
         detail::load(bytes + 6, value.identity_address);
-        detail::load(bytes + 7, value.identity_reserved);
+        detail::load(bytes + 7, value.identity_map_revision);
         detail::load(bytes + 8, value.identity_unique_id);
         detail::load(bytes + 16, value.identity_rows);
         detail::load(bytes + 17, value.identity_columns);
@@ -1037,7 +1162,7 @@ struct BoardInfo {
         detail::store(bytes + 4, identity_firmware_patch);
         detail::store(bytes + 5, identity_kind);
         detail::store(bytes + 6, identity_address);
-        detail::store(bytes + 7, identity_reserved);
+        detail::store(bytes + 7, identity_map_revision);
         detail::store(bytes + 8, identity_unique_id);
         detail::store(bytes + 16, identity_rows);
         detail::store(bytes + 17, identity_columns);
@@ -1061,7 +1186,7 @@ struct BoardInfo {
         visitor("identity_firmware_patch", identity_firmware_patch);
         visitor("identity_kind", identity_kind);
         visitor("identity_address", identity_address);
-        visitor("identity_reserved", identity_reserved);
+        visitor("identity_map_revision", identity_map_revision);
         visitor("identity_unique_id", identity_unique_id);
         visitor("identity_rows", identity_rows);
         visitor("identity_columns", identity_columns);
@@ -1506,6 +1631,18 @@ bool visit_struct(std::string_view name, const std::uint8_t *bytes, std::size_t 
     }
     if (name == "command_register" && size >= CommandRegister::size) {
         visitor(CommandRegister::unpack(bytes));
+        return true;
+    }
+    if (name == "enter_bootloader_register" && size >= EnterBootloaderRegister::size) {
+        visitor(EnterBootloaderRegister::unpack(bytes));
+        return true;
+    }
+    if (name == "fault_record" && size >= FaultRecord::size) {
+        visitor(FaultRecord::unpack(bytes));
+        return true;
+    }
+    if (name == "fault_register" && size >= FaultRegister::size) {
+        visitor(FaultRegister::unpack(bytes));
         return true;
     }
     if (name == "snapshot_header" && size >= SnapshotHeader::size) {

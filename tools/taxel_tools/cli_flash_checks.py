@@ -1,0 +1,46 @@
+"""Checks of `taxel flash` before it writes: signatures of the files, and confirmation of a downgrade."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from taxel.errors import TaxelError
+from taxel_tools.files import Firmware
+from taxel_tools.firmware_update import format_version, is_downgrade
+from taxel_tools.procedure import Version
+from taxel_tools.trust import EMULATOR_PREFIX, check_file, check_firmware, read_trusted_keys
+
+
+def require_signature(url: str, firmware: Firmware, trust: Sequence[Path], unsigned: bool) -> str:
+    """Line that states by whom the firmware for the device at `url` is signed, or a warning with `unsigned`.
+
+    trust: public key files in addition to the key folder. Raises `SignatureError` without a trusted signature.
+    """
+    if unsigned:
+        return f"warning: {firmware.source} without a check of the signature (--unsigned)"
+    return f"signature: valid, {check_firmware(firmware, read_trusted_keys(trust), url.startswith(EMULATOR_PREFIX))}"
+
+
+def require_file_signature(path: Path, data: bytes, trust: Sequence[Path], unsigned: bool) -> str:
+    """Line that states by whom a file for a debug probe is signed, or a warning. Raises `SignatureError`."""
+    if unsigned:
+        return f"warning: {path} without a check of the signature (--unsigned)"
+    return f"signature: valid, {check_file(path, data, read_trusted_keys(trust))}"
+
+
+def confirm_downgrades(firmware: Firmware, running: Mapping[str, Version | None], downgrade: bool) -> bool:
+    """Whether older firmware may replace the running versions: `downgrade`, or the user confirms at a terminal.
+
+    running: version by device name; None: unknown, compared later in the bootloader. Raises `TaxelError` without a
+    confirmation.
+    """
+    newer = {name: version for name, version in running.items() if version and is_downgrade(version, firmware.version)}
+    if downgrade or not newer:
+        return downgrade
+    names = ", ".join(f"{name} ({format_version(version)})" for name, version in newer.items())
+    text = f"{firmware.source}: version {format_version(firmware.version)} is older than the running version of {names}"
+    if sys.stdin.isatty():
+        print(f"{text}. Write the older version? [y/N] ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() in ("y", "yes"):
+            return True
+    raise TaxelError(f"{text}; nothing is written; add --downgrade to return to the older version")
