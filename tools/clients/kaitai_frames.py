@@ -101,22 +101,30 @@ def format_value(value: Any) -> str:
     return value.hex() if isinstance(value, bytes) else str(int(getattr(value, "value", value)))
 
 
-def format_frames(parse: Parser, data: bytes) -> list[str]:
+def format_frames(parse: Parser, data: bytes, directions: int = 1) -> list[str]:
     """The lines of the frames of a stream: type, sequence, lost frames, all fields, and raw counts or trailing bytes.
 
-    The counts of a compact frame are those of a packed frame; "-" for a delta frame or a damaged one.
+    A compact frame has the bytes of its snapshot instead of counts. directions: bits of the accepted directions, 1: to
+    the host, 2: to the hub. A frame that is not known has no line.
     """
-    lines, previous = [], None
+    lines, previous, lost = [], None, 0
     for entry in parse(data, None).frames.entries:
         body = entry.body
-        kind = FrameType(int(getattr(body.type, "value", body.type)))
-        is_start = kind == FrameType.HUB_HANDSHAKE and body.sequence == 0 and body.payload.fields.tag == 0
-        lost = 0 if previous is None or is_start else (body.sequence - previous - 1) % 65536
+        code = int(getattr(body.type, "value", body.type))
+        if not directions & (2 if code & 0x80 else 1):
+            continue
+        lost = (lost + (0 if previous is None else body.sequence - previous - 1)) % 65536
         previous = body.sequence
+        if not entry.is_known:
+            continue
+        kind = FrameType(code)
+        if kind == FrameType.HUB_HANDSHAKE and body.sequence == 0 and body.payload.fields.tag == 0:
+            lost = 0
         line = f"frame type={kind.name} sequence={body.sequence} lost={lost}"
         for field in list_fields(FRAMES[kind].payload):
             line += f" {field.name}={format_value(_find_field(body.payload, field.name))}"
         lines.append(f"{line} {_format_rest(kind, body.payload)}")
+        lost = 0
     return lines
 
 

@@ -101,10 +101,11 @@ def format_totals(decoder: StreamDecoder) -> list[str]:
     """The last lines for a stream: totals, and counters of each board."""
     totals = decoder.totals
     lines = [
-        f"end frames={totals[0]} lost={totals[1]} restarts={totals[2]} discarded={decoder.discarded_bytes} "
+        f"end frames={totals[0]} lost={totals[1]} restarts={totals[2]} unknown={totals[3]} "
+        f"discarded={decoder.discarded_bytes} "
         f"answers={decoder.take_acknowledgements().hex()}"
     ]
-    table = totals[3:].reshape(4, ADDRESSES)
+    table = totals[4:].reshape(4, ADDRESSES)
     for address in np.flatnonzero(table[0] + table[2] + table[3]).tolist():
         received, missing, damaged, undecoded = table[:, address]
         lines.append(

@@ -58,12 +58,31 @@ types:
         repeat: eos
   frame:
     seq:
+      - id: is_known
+        doc: 0 if this version does not define the type of the frame, or not with this payload
+        type: u1
       - id: len_body
         type: u2
       - id: body
         size: len_body
         process: xor({{whitening}})
-        type: body
+        type:
+          switch-on: is_known
+          cases:
+            0: unknown_body
+            1: body
+  unknown_body:
+    seq:
+      - id: type
+        type: u1
+      - id: sequence
+        type: u2
+      - id: len_payload
+        type: u2
+      - id: payload
+        size: len_payload
+      - id: crc32
+        type: u4
   body:
     seq:
       - id: type
@@ -163,7 +182,8 @@ def format_description() -> str:
 def format_rules() -> str:
     """Text of taxel_rules.py: the numbers that the deframing process needs."""
     names = [
-        *("ADDRESS_MIN", "ADDRESS_MAX", "BODY_MAX", "FRAME_HEADER_SIZE", "FRAME_CRC_SIZE", "SNAPSHOT_OVERHEAD"),
+        *("ADDRESS_MIN", "ADDRESS_MAX", "BODY_MAX", "PAYLOAD_MAX", "FRAME_HEADER_SIZE", "FRAME_CRC_SIZE"),
+        "SNAPSHOT_OVERHEAD",
         *("WHITENING_SEED", "WHITENING_FACTOR", "WHITENING_INCREMENT"),
     ]
     constants = list_constants()

@@ -10,6 +10,7 @@ from taxel_rules import (
     FRAME_CRC_SIZE,
     FRAME_HEADER_SIZE,
     FRAMES,
+    PAYLOAD_MAX,
     SNAPSHOT_OVERHEAD,
     TYPE_TAXELS,
     WHITENING_FACTOR,
@@ -37,22 +38,23 @@ def _whiten(body: bytes) -> bytes:
 
 
 def _expect_size(header: bytes) -> int:
-    """Return the size of the body with this header; 0 if type and length do not agree."""
-    kind, _, length = struct.unpack_from("<BHH", header)
-    if kind not in FRAMES:
-        return 0
-    _, minimum, maximum = FRAMES[kind]
-    return FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE if minimum <= length <= maximum else 0
+    """Return the size of the body with this header; 0 if no frame has this length."""
+    _, _, length = struct.unpack_from("<BHH", header)
+    return FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE if length <= PAYLOAD_MAX else 0
 
 
-def _is_valid(body: bytes) -> bool:
-    """Whether address, number of taxels and CRC of a body are right."""
-    payload = body[FRAME_HEADER_SIZE:-FRAME_CRC_SIZE]
-    if FRAMES[body[0]][0] and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX:
-        return False
-    if body[0] == TYPE_TAXELS and len(payload) != _TAXEL_HEADER_SIZE + SNAPSHOT_OVERHEAD + 2 * payload[1]:
-        return False
+def _is_whole(body: bytes) -> bool:
+    """Whether the CRC of a body is right."""
     return zlib.crc32(body[:-FRAME_CRC_SIZE]) == int.from_bytes(body[-FRAME_CRC_SIZE:], "little")
+
+
+def _is_known(body: bytes) -> bool:
+    """Whether this version defines a whole frame: its type, length, address and number of taxels."""
+    payload = body[FRAME_HEADER_SIZE:-FRAME_CRC_SIZE]
+    has_address, minimum, maximum = FRAMES.get(body[0], (False, 1, 0))
+    if not minimum <= len(payload) <= maximum or (has_address and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX):
+        return False
+    return body[0] != TYPE_TAXELS or len(payload) == _TAXEL_HEADER_SIZE + SNAPSHOT_OVERHEAD + 2 * payload[1]
 
 
 def _take_frame(chunk: bytes, start: int) -> tuple[int, bytes] | None:
@@ -70,7 +72,7 @@ def _take_frame(chunk: bytes, start: int) -> tuple[int, bytes] | None:
             if not expected:
                 return None
         if expected and len(out) >= expected:
-            is_frame = len(out) == expected and _is_valid(_whiten(bytes(out)))
+            is_frame = len(out) == expected and _is_whole(_whiten(bytes(out)))
             return (position, bytes(out)) if is_frame else None
         if code < 0xFF:
             out.append(0)
@@ -81,7 +83,7 @@ class TaxelDeframe:
     """The custom process, as the compilers of Kaitai Struct call it."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return the whitened body of each frame behind its size of 2 bytes."""
+        """Return the whitened body of each whole frame, behind 1 byte (is it known?) and its size of 2 bytes."""
         out = bytearray()
         for chunk in data.split(b"\0"):
             start = 0
@@ -91,5 +93,5 @@ class TaxelDeframe:
                     start += 1
                     continue
                 start = frame[0]
-                out += struct.pack("<H", len(frame[1])) + frame[1]
+                out += struct.pack("<BH", _is_known(_whiten(frame[1])), len(frame[1])) + frame[1]
         return bytes(out)

@@ -549,36 +549,39 @@ local function whiten(data, first)
     return string.char(table.unpack(out))
 end
 
--- The frame type of a header if it is defined for the directions and allows the stated length, and the body's size.
-local function expect_size(header, directions)
-    local code = header:byte(1)
-    local rule, length = protocol.frames[code], fields.read_number(header, 3, 2)
-    local direction = code >= 0x80 and framing.TO_HUB or framing.TO_HOST
-    if not rule or bits.band(directions, direction) == 0 or length < rule.minimum or length > rule.maximum then
-        return nil
-    end
-    return rule, HEADER + length + CRC
+-- Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+function framing.is_accepted(code, directions)
+    return bits.band(directions, code >= 0x80 and framing.TO_HUB or framing.TO_HOST) ~= 0
 end
 
--- Whether address, number of taxels and CRC of a body are right.
-local function is_valid(rule, body)
-    local first, length = body:byte(HEADER + 1), #body - HEADER - CRC
-    if rule.has_address and (first < protocol.ADDRESS_MIN or first > protocol.ADDRESS_MAX) then
-        return false
-    end
-    if rule.name == "TAXELS" then
-        local snapshot = protocol.SNAPSHOT_OVERHEAD + 2 * body:byte(HEADER + 2)
-        if length ~= protocol.structs.taxel_header.size + snapshot then
-            return false
-        end
-    end
+-- The size of the body with this header; nil if no frame has this length. A newer sender may use types and lengths that
+-- this version does not define.
+local function expect_size(header)
+    local length = fields.read_number(header, 3, 2)
+    return length <= protocol.PAYLOAD_MAX and HEADER + length + CRC or nil
+end
+
+local function has_right_crc(body)
     return crc32(body, 0, 1, #body - CRC) == fields.read_number(body, #body - CRC, CRC)
 end
 
+-- Whether this version defines a whole frame: its type, length, address and number of taxels.
+function framing.is_known(code, payload, directions)
+    local rule = protocol.frames[code]
+    if not rule or not framing.is_accepted(code, directions) or #payload < rule.minimum or #payload > rule.maximum then
+        return false
+    end
+    local address, count = payload:byte(1, 2)
+    if rule.has_address and (address < protocol.ADDRESS_MIN or address > protocol.ADDRESS_MAX) then
+        return false
+    end
+    local header = protocol.structs.taxel_header.size
+    return rule.name ~= "TAXELS" or #payload == header + protocol.SNAPSHOT_OVERHEAD + 2 * count
+end
+
 -- The frame that begins at byte `start` of a chunk: position behind its stuffed bytes, and its body; nil if there is none.
-local function take_frame(chunk, start, directions)
-    local parts, length, position = {}, 0, start
-    local rule, size
+local function take_frame(chunk, start)
+    local parts, length, position, size = {}, 0, start, nil
     while position <= #chunk do
         local code = chunk:byte(position)
         if position + code - 1 > #chunk or length + code - 1 > protocol.BODY_MAX then
@@ -587,15 +590,15 @@ local function take_frame(chunk, start, directions)
         parts[#parts + 1] = whiten(chunk:sub(position + 1, position + code - 1), length + 1)
         length = length + code - 1
         position = position + code
-        if not rule and length >= HEADER then
-            rule, size = expect_size(table.concat(parts), directions)
-            if not rule then
+        if not size and length >= HEADER then
+            size = expect_size(table.concat(parts))
+            if not size then
                 return nil
             end
         end
-        if rule and length >= size then
+        if size and length >= size then
             local body = table.concat(parts)
-            if length == size and is_valid(rule, body) then
+            if length == size and has_right_crc(body) then
                 return position, body
             end
             return nil
@@ -619,7 +622,8 @@ function framing.new_deframer(directions)
     return setmetatable({ directions = directions or framing.TO_HOST, chunk = "", discarded_bytes = 0 }, Deframer)
 end
 
--- Takes any number of bytes and calls handler(code, sequence, payload) for each frame that they complete.
+-- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each whole frame that they complete.
+-- is_known: this version defines the type with this payload.
 function Deframer:push(data, handler)
     local start = 1
     while true do
@@ -646,9 +650,11 @@ end
 function Deframer:search(last, handler)
     local start = 1
     while start <= last do
-        local next_start, body = take_frame(self.chunk, start, self.directions)
+        local next_start, body = take_frame(self.chunk, start)
         if next_start then
-            handler(body:byte(1), fields.read_number(body, 1, 2), body:sub(HEADER + 1, #body - CRC))
+            local code, payload = body:byte(1), body:sub(HEADER + 1, #body - CRC)
+            local is_known = framing.is_known(code, payload, self.directions)
+            handler(code, fields.read_number(body, 1, 2), payload, is_known)
             start = next_start
         else
             self.discarded_bytes = self.discarded_bytes + 1
@@ -996,12 +1002,13 @@ local decoder = { BOARD_CRC_BAD = BOARD_CRC_BAD, HUB_RESTARTED = HUB_RESTARTED, 
 local Decoder = {}
 Decoder.__index = Decoder
 
--- A decoder without received bytes. losses: frames, lost (on the wire), restarts; boards: by address the counters
--- received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
+-- A decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (whole frames that this version
+-- does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
 function decoder.new(directions)
     return setmetatable({
         deframer = framing.new_deframer(directions),
-        losses = { frames = 0, lost = 0, restarts = 0 },
+        losses = { frames = 0, lost = 0, restarts = 0, unknown = 0 },
+        lost_before_unknown = 0,
         boards = {},
     }, Decoder)
 end
@@ -1011,14 +1018,14 @@ end
 -- board_time_us, missing_before and counts (empty if they are not available).
 function Decoder:push(data, handler)
     self.deframer:push(data, function(...)
-        handler(self:decode(...))
+        self:take(handler, ...)
     end)
 end
 
 -- Decodes the remaining bytes at the end of a stream.
 function Decoder:finish(handler)
     self.deframer:finish(function(...)
-        handler(self:decode(...))
+        self:take(handler, ...)
     end)
 end
 
@@ -1051,6 +1058,31 @@ function Decoder:take_acknowledgements()
     return table.concat(parts)
 end
 
+-- Decodes a known frame; counts an unknown one, which takes a number of the sender's sequence and is no loss. A frame of
+-- the other direction has the sequence of another sender.
+function Decoder:take(handler, code, sequence, payload, is_known)
+    if is_known then
+        handler(self:decode(code, sequence, payload))
+        return
+    end
+    self.losses.unknown = self.losses.unknown + 1
+    if framing.is_accepted(code, self.deframer.directions) then
+        local lost = self:count_lost(sequence)
+        self.lost_before_unknown = (self.lost_before_unknown + lost) % 65536
+        self:count_frame(sequence, lost)
+    end
+end
+
+function Decoder:count_lost(sequence)
+    return self.next_sequence and (sequence - self.next_sequence) % 65536 or 0
+end
+
+function Decoder:count_frame(sequence, lost)
+    self.losses.frames = self.losses.frames + 1
+    self.losses.lost = self.losses.lost + lost
+    self.next_sequence = (sequence + 1) % 65536
+end
+
 function Decoder:decode(code, sequence, payload)
     local frame = { code = code, type = protocol.frames[code].name, sequence = sequence, payload = payload,
         lost_before = 0, flags = 0 }
@@ -1071,12 +1103,13 @@ function Decoder:count_sequence(frame)
             frame.flags = HUB_RESTARTED
             losses.restarts = losses.restarts + 1
         end
-    elseif self.next_sequence then
-        frame.lost_before = (frame.sequence - self.next_sequence) % 65536
+        self:count_frame(frame.sequence, 0)
+    else
+        local lost = self:count_lost(frame.sequence)
+        frame.lost_before = (lost + self.lost_before_unknown) % 65536
+        self:count_frame(frame.sequence, lost)
     end
-    losses.frames = losses.frames + 1
-    losses.lost = losses.lost + frame.lost_before
-    self.next_sequence = (frame.sequence + 1) % 65536
+    self.lost_before_unknown = 0
 end
 
 -- Copies the header of a taxel frame to the frame; returns the board and the number of taxels.
@@ -1177,6 +1210,7 @@ info.board_time = ProtoField.uint32("taxel.board_time_us", "Time of the board (u
 info.counts = ProtoField.string("taxel.counts", "Raw counts")
 info.tail = ProtoField.bytes("taxel.tail", "Data")
 info.text = ProtoField.string("taxel.text", "Text")
+info.unknown = ProtoField.uint32("taxel.unknown", "Frames of a newer version")
 info.discarded = ProtoField.uint32("taxel.discarded", "Bytes of no frame")
 
 -- One field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
@@ -1232,7 +1266,7 @@ end
 local function decode_packet(number, data, direction)
     if not packets[number] then
         local stream = streams[direction] or decoder.new(direction)
-        local before, frames = stream.deframer.discarded_bytes, {}
+        local before, frames, unknown = stream.deframer.discarded_bytes, {}, stream.losses.unknown
         streams[direction] = stream
         stream:push(data, function(frame)
             if frame.counts then -- as text: a table of numbers takes ten times the memory
@@ -1240,7 +1274,8 @@ local function decode_packet(number, data, direction)
             end
             frames[#frames + 1] = frame
         end)
-        packets[number] = { frames = frames, discarded = stream.deframer.discarded_bytes - before }
+        packets[number] = { frames = frames, discarded = stream.deframer.discarded_bytes - before,
+            unknown = stream.losses.unknown - unknown }
     end
     return packets[number]
 end
@@ -1309,6 +1344,11 @@ function proto.dissector(buffer, pinfo, tree)
     for i, frame in ipairs(packet.frames) do
         add_frame(tree, frame)
         texts[i] = describe(frame)
+    end
+    if packet.unknown > 0 then
+        local branch = tree:add(proto, buffer(), "Frames that this version does not define: " .. packet.unknown)
+        branch:add(info.unknown, packet.unknown):set_generated()
+        texts[#texts + 1] = packet.unknown .. " unknown frames"
     end
     if packet.discarded > 0 then
         local branch = tree:add(proto, buffer(), "Bytes that belong to no frame: " .. packet.discarded)

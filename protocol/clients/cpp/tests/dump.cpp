@@ -96,8 +96,8 @@ void print_losses(taxel::Decoder &decoder)
     const taxel::Losses &losses = decoder.losses();
     const auto answers = decoder.take_acknowledgements();
     std::cout << "end frames=" << losses.frames << " lost=" << losses.lost << " restarts=" << losses.restarts
-              << " discarded=" << decoder.discarded_bytes() << " answers=" << to_hex(answers.data(), answers.size())
-              << '\n';
+              << " unknown=" << losses.unknown << " discarded=" << decoder.discarded_bytes()
+              << " answers=" << to_hex(answers.data(), answers.size()) << '\n';
     for (std::size_t address = 0; address < taxel::ADDRESSES; address++) {
         const auto &board = losses.boards[address];
         if (board.received + board.damaged + board.undecoded) {

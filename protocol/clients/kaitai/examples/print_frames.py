@@ -10,5 +10,6 @@ data = b"".join(record.bytes for record in TaxelCapture.from_file(sys.argv[1]).r
 sequences = []
 for entry in TaxelStream.from_bytes(data).frames.entries:
     sequences.append(entry.body.sequence)
-    print(entry.body.type.name, {k: v for k, v in vars(entry.body.payload).items() if not k.startswith("_")})
+    if entry.is_known:
+        print(entry.body.type.name, {k: v for k, v in vars(entry.body.payload).items() if not k.startswith("_")})
 print(sum((after - before - 1) % 65536 for before, after in pairwise(sequences)), "frames lost")

@@ -12,12 +12,13 @@ local decoder = { BOARD_CRC_BAD = BOARD_CRC_BAD, HUB_RESTARTED = HUB_RESTARTED, 
 local Decoder = {}
 Decoder.__index = Decoder
 
--- A decoder without received bytes. losses: frames, lost (on the wire), restarts; boards: by address the counters
--- received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
+-- A decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (whole frames that this version
+-- does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
 function decoder.new(directions)
     return setmetatable({
         deframer = framing.new_deframer(directions),
-        losses = { frames = 0, lost = 0, restarts = 0 },
+        losses = { frames = 0, lost = 0, restarts = 0, unknown = 0 },
+        lost_before_unknown = 0,
         boards = {},
     }, Decoder)
 end
@@ -27,14 +28,14 @@ end
 -- board_time_us, missing_before and counts (empty if they are not available).
 function Decoder:push(data, handler)
     self.deframer:push(data, function(...)
-        handler(self:decode(...))
+        self:take(handler, ...)
     end)
 end
 
 -- Decodes the remaining bytes at the end of a stream.
 function Decoder:finish(handler)
     self.deframer:finish(function(...)
-        handler(self:decode(...))
+        self:take(handler, ...)
     end)
 end
 
@@ -67,6 +68,31 @@ function Decoder:take_acknowledgements()
     return table.concat(parts)
 end
 
+-- Decodes a known frame; counts an unknown one, which takes a number of the sender's sequence and is no loss. A frame of
+-- the other direction has the sequence of another sender.
+function Decoder:take(handler, code, sequence, payload, is_known)
+    if is_known then
+        handler(self:decode(code, sequence, payload))
+        return
+    end
+    self.losses.unknown = self.losses.unknown + 1
+    if framing.is_accepted(code, self.deframer.directions) then
+        local lost = self:count_lost(sequence)
+        self.lost_before_unknown = (self.lost_before_unknown + lost) % 65536
+        self:count_frame(sequence, lost)
+    end
+end
+
+function Decoder:count_lost(sequence)
+    return self.next_sequence and (sequence - self.next_sequence) % 65536 or 0
+end
+
+function Decoder:count_frame(sequence, lost)
+    self.losses.frames = self.losses.frames + 1
+    self.losses.lost = self.losses.lost + lost
+    self.next_sequence = (sequence + 1) % 65536
+end
+
 function Decoder:decode(code, sequence, payload)
     local frame = { code = code, type = protocol.frames[code].name, sequence = sequence, payload = payload,
         lost_before = 0, flags = 0 }
@@ -87,12 +113,13 @@ function Decoder:count_sequence(frame)
             frame.flags = HUB_RESTARTED
             losses.restarts = losses.restarts + 1
         end
-    elseif self.next_sequence then
-        frame.lost_before = (frame.sequence - self.next_sequence) % 65536
+        self:count_frame(frame.sequence, 0)
+    else
+        local lost = self:count_lost(frame.sequence)
+        frame.lost_before = (lost + self.lost_before_unknown) % 65536
+        self:count_frame(frame.sequence, lost)
     end
-    losses.frames = losses.frames + 1
-    losses.lost = losses.lost + frame.lost_before
-    self.next_sequence = (frame.sequence + 1) % 65536
+    self.lost_before_unknown = 0
 end
 
 -- Copies the header of a taxel frame to the frame; returns the board and the number of taxels.

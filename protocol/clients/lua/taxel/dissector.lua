@@ -29,6 +29,7 @@ info.board_time = ProtoField.uint32("taxel.board_time_us", "Time of the board (u
 info.counts = ProtoField.string("taxel.counts", "Raw counts")
 info.tail = ProtoField.bytes("taxel.tail", "Data")
 info.text = ProtoField.string("taxel.text", "Text")
+info.unknown = ProtoField.uint32("taxel.unknown", "Frames of a newer version")
 info.discarded = ProtoField.uint32("taxel.discarded", "Bytes of no frame")
 
 -- One field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
@@ -84,7 +85,7 @@ end
 local function decode_packet(number, data, direction)
     if not packets[number] then
         local stream = streams[direction] or decoder.new(direction)
-        local before, frames = stream.deframer.discarded_bytes, {}
+        local before, frames, unknown = stream.deframer.discarded_bytes, {}, stream.losses.unknown
         streams[direction] = stream
         stream:push(data, function(frame)
             if frame.counts then -- as text: a table of numbers takes ten times the memory
@@ -92,7 +93,8 @@ local function decode_packet(number, data, direction)
             end
             frames[#frames + 1] = frame
         end)
-        packets[number] = { frames = frames, discarded = stream.deframer.discarded_bytes - before }
+        packets[number] = { frames = frames, discarded = stream.deframer.discarded_bytes - before,
+            unknown = stream.losses.unknown - unknown }
     end
     return packets[number]
 end
@@ -161,6 +163,11 @@ function proto.dissector(buffer, pinfo, tree)
     for i, frame in ipairs(packet.frames) do
         add_frame(tree, frame)
         texts[i] = describe(frame)
+    end
+    if packet.unknown > 0 then
+        local branch = tree:add(proto, buffer(), "Frames that this version does not define: " .. packet.unknown)
+        branch:add(info.unknown, packet.unknown):set_generated()
+        texts[#texts + 1] = packet.unknown .. " unknown frames"
     end
     if packet.discarded > 0 then
         local branch = tree:add(proto, buffer(), "Bytes that belong to no frame: " .. packet.discarded)

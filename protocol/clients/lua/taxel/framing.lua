@@ -25,36 +25,39 @@ local function whiten(data, first)
     return string.char(table.unpack(out))
 end
 
--- The frame type of a header if it is defined for the directions and allows the stated length, and the body's size.
-local function expect_size(header, directions)
-    local code = header:byte(1)
-    local rule, length = protocol.frames[code], fields.read_number(header, 3, 2)
-    local direction = code >= 0x80 and framing.TO_HUB or framing.TO_HOST
-    if not rule or bits.band(directions, direction) == 0 or length < rule.minimum or length > rule.maximum then
-        return nil
-    end
-    return rule, HEADER + length + CRC
+-- Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+function framing.is_accepted(code, directions)
+    return bits.band(directions, code >= 0x80 and framing.TO_HUB or framing.TO_HOST) ~= 0
 end
 
--- Whether address, number of taxels and CRC of a body are right.
-local function is_valid(rule, body)
-    local first, length = body:byte(HEADER + 1), #body - HEADER - CRC
-    if rule.has_address and (first < protocol.ADDRESS_MIN or first > protocol.ADDRESS_MAX) then
-        return false
-    end
-    if rule.name == "TAXELS" then
-        local snapshot = protocol.SNAPSHOT_OVERHEAD + 2 * body:byte(HEADER + 2)
-        if length ~= protocol.structs.taxel_header.size + snapshot then
-            return false
-        end
-    end
+-- The size of the body with this header; nil if no frame has this length. A newer sender may use types and lengths that
+-- this version does not define.
+local function expect_size(header)
+    local length = fields.read_number(header, 3, 2)
+    return length <= protocol.PAYLOAD_MAX and HEADER + length + CRC or nil
+end
+
+local function has_right_crc(body)
     return crc32(body, 0, 1, #body - CRC) == fields.read_number(body, #body - CRC, CRC)
 end
 
+-- Whether this version defines a whole frame: its type, length, address and number of taxels.
+function framing.is_known(code, payload, directions)
+    local rule = protocol.frames[code]
+    if not rule or not framing.is_accepted(code, directions) or #payload < rule.minimum or #payload > rule.maximum then
+        return false
+    end
+    local address, count = payload:byte(1, 2)
+    if rule.has_address and (address < protocol.ADDRESS_MIN or address > protocol.ADDRESS_MAX) then
+        return false
+    end
+    local header = protocol.structs.taxel_header.size
+    return rule.name ~= "TAXELS" or #payload == header + protocol.SNAPSHOT_OVERHEAD + 2 * count
+end
+
 -- The frame that begins at byte `start` of a chunk: position behind its stuffed bytes, and its body; nil if there is none.
-local function take_frame(chunk, start, directions)
-    local parts, length, position = {}, 0, start
-    local rule, size
+local function take_frame(chunk, start)
+    local parts, length, position, size = {}, 0, start, nil
     while position <= #chunk do
         local code = chunk:byte(position)
         if position + code - 1 > #chunk or length + code - 1 > protocol.BODY_MAX then
@@ -63,15 +66,15 @@ local function take_frame(chunk, start, directions)
         parts[#parts + 1] = whiten(chunk:sub(position + 1, position + code - 1), length + 1)
         length = length + code - 1
         position = position + code
-        if not rule and length >= HEADER then
-            rule, size = expect_size(table.concat(parts), directions)
-            if not rule then
+        if not size and length >= HEADER then
+            size = expect_size(table.concat(parts))
+            if not size then
                 return nil
             end
         end
-        if rule and length >= size then
+        if size and length >= size then
             local body = table.concat(parts)
-            if length == size and is_valid(rule, body) then
+            if length == size and has_right_crc(body) then
                 return position, body
             end
             return nil
@@ -95,7 +98,8 @@ function framing.new_deframer(directions)
     return setmetatable({ directions = directions or framing.TO_HOST, chunk = "", discarded_bytes = 0 }, Deframer)
 end
 
--- Takes any number of bytes and calls handler(code, sequence, payload) for each frame that they complete.
+-- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each whole frame that they complete.
+-- is_known: this version defines the type with this payload.
 function Deframer:push(data, handler)
     local start = 1
     while true do
@@ -122,9 +126,11 @@ end
 function Deframer:search(last, handler)
     local start = 1
     while start <= last do
-        local next_start, body = take_frame(self.chunk, start, self.directions)
+        local next_start, body = take_frame(self.chunk, start)
         if next_start then
-            handler(body:byte(1), fields.read_number(body, 1, 2), body:sub(HEADER + 1, #body - CRC))
+            local code, payload = body:byte(1), body:sub(HEADER + 1, #body - CRC)
+            local is_known = framing.is_known(code, payload, self.directions)
+            handler(code, fields.read_number(body, 1, 2), payload, is_known)
             start = next_start
         else
             self.discarded_bytes = self.discarded_bytes + 1

@@ -32,8 +32,8 @@ end
 
 local function print_losses(stream)
     local losses = stream.losses
-    print(string.format("end frames=%d lost=%d restarts=%d discarded=%d answers=%s", losses.frames, losses.lost,
-        losses.restarts, stream.deframer.discarded_bytes, fields.to_hex(stream:take_acknowledgements())))
+    print(string.format("end frames=%d lost=%d restarts=%d unknown=%d discarded=%d answers=%s", losses.frames, losses.lost,
+        losses.restarts, losses.unknown, stream.deframer.discarded_bytes, fields.to_hex(stream:take_acknowledgements())))
     for _, address in ipairs(stream:list_addresses()) do
         local board = stream.boards[address]
         print(string.format("board address=%d received=%d missing=%d damaged=%d undecoded=%d", address, board.received,

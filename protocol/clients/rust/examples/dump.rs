@@ -56,10 +56,11 @@ fn print_losses(decoder: &mut Decoder<BOARDS>, out: &mut impl Write) {
     let size = decoder.take_acknowledgements(&mut answers);
     writeln!(
         out,
-        "end frames={} lost={} restarts={} discarded={} answers={}",
+        "end frames={} lost={} restarts={} unknown={} discarded={} answers={}",
         losses.frames,
         losses.lost,
         losses.restarts,
+        losses.unknown,
         decoder.discarded_bytes(),
         to_hex(&answers[..size])
     )

@@ -85,6 +85,8 @@ pub struct Losses {
     /// Frames lost on the wire: gaps of the frames' sequence.
     pub lost: u64,
     pub restarts: u64,
+    /// Whole frames that this version does not define.
+    pub unknown: u64,
 }
 
 #[derive(Clone, Copy)]
@@ -123,8 +125,10 @@ pub struct Decoder<const BOARDS: usize> {
 
 #[derive(Clone)]
 struct State<const BOARDS: usize> {
+    directions: Direction,
     losses: Losses,
     next_sequence: Option<u16>,
+    lost_before_unknown: u16,
     boards: [Board; BOARDS],
     board_count: usize,
     counts: [u16; TAXELS_MAX as usize],
@@ -134,8 +138,10 @@ impl<const BOARDS: usize> Decoder<BOARDS> {
     /// A decoder without received bytes.
     pub const fn new(directions: Direction) -> Self {
         let state = State {
-            losses: Losses { frames: 0, lost: 0, restarts: 0 },
+            directions,
+            losses: Losses { frames: 0, lost: 0, restarts: 0, unknown: 0 },
             next_sequence: None,
+            lost_before_unknown: 0,
             boards: [Board::EMPTY; BOARDS],
             board_count: 0,
             counts: [0; TAXELS_MAX as usize],
@@ -196,8 +202,12 @@ impl<const BOARDS: usize> Decoder<BOARDS> {
 
 impl<const BOARDS: usize> State<BOARDS> {
     fn deliver(&mut self, raw: RawFrame<'_>, handler: &mut impl FnMut(&Frame<'_>)) {
+        let frame_type = match raw.frame_type {
+            Some(frame_type) => frame_type,
+            None => return self.count_unknown(raw.code, raw.sequence),
+        };
         let mut frame = Frame {
-            frame_type: raw.frame_type,
+            frame_type,
             sequence: raw.sequence,
             lost_before: 0,
             flags: Flags::default(),
@@ -232,12 +242,34 @@ impl<const BOARDS: usize> State<BOARDS> {
                 frame.flags.set(Flags::HUB_RESTARTED);
                 self.losses.restarts += 1;
             }
-        } else if let Some(expected) = self.next_sequence {
-            frame.lost_before = frame.sequence.wrapping_sub(expected);
+            self.count_frame(frame.sequence, 0);
+        } else {
+            let lost = self.lost_before(frame.sequence);
+            frame.lost_before = lost.wrapping_add(self.lost_before_unknown);
+            self.count_frame(frame.sequence, lost);
         }
+        self.lost_before_unknown = 0;
+    }
+
+    /// Count a frame that this version does not define. It takes a number of the sender's sequence, and is no loss; a
+    /// frame of the other direction has the sequence of another sender.
+    fn count_unknown(&mut self, code: u8, sequence: u16) {
+        self.losses.unknown += 1;
+        if self.directions.accepts(code) {
+            let lost = self.lost_before(sequence);
+            self.lost_before_unknown = self.lost_before_unknown.wrapping_add(lost);
+            self.count_frame(sequence, lost);
+        }
+    }
+
+    fn lost_before(&self, sequence: u16) -> u16 {
+        self.next_sequence.map_or(0, |expected| sequence.wrapping_sub(expected))
+    }
+
+    fn count_frame(&mut self, sequence: u16, lost: u16) {
         self.losses.frames += 1;
-        self.losses.lost += frame.lost_before as u64;
-        self.next_sequence = Some(frame.sequence.wrapping_add(1));
+        self.losses.lost += lost as u64;
+        self.next_sequence = Some(sequence.wrapping_add(1));
     }
 
     /// Index of the board of this address; None if it is new and there is no memory for it.

@@ -21,7 +21,8 @@ impl Direction {
     /// All frames.
     pub const BOTH: Self = Self(3);
 
-    fn accepts(self, code: u8) -> bool {
+    /// Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+    pub(crate) fn accepts(self, code: u8) -> bool {
         self.0 & if code & 0x80 != 0 { 2 } else { 1 } != 0
     }
 }
@@ -88,12 +89,14 @@ fn stuff(body: &[u8], out: &mut [u8]) -> Option<usize> {
     Some(next + 1)
 }
 
-/// A valid frame before its payload is decoded.
+/// A whole frame before its payload is decoded.
 #[derive(Clone, Copy, Debug)]
 pub struct RawFrame<'a> {
-    pub frame_type: FrameType,
+    /// The frame type; None if this version does not define it, or not with this payload.
+    pub frame_type: Option<FrameType>,
+    /// Code of the frame type.
+    pub code: u8,
     pub sequence: u16,
-    /// Type, sequence and length, then the payload.
     pub payload: &'a [u8],
     /// Bytes of the stream up to the delimiter behind this frame.
     pub stream_position: u64,
@@ -124,7 +127,7 @@ impl Deframer {
         self.discarded_bytes
     }
 
-    /// Take any number of bytes, and call `handler` for each frame that they complete.
+    /// Take any number of bytes, and call `handler` for each whole frame that they complete.
     pub fn push(&mut self, mut bytes: &[u8], handler: &mut impl FnMut(RawFrame<'_>)) {
         while !bytes.is_empty() {
             let zero = bytes.iter().position(|&byte| byte == 0);
@@ -166,10 +169,11 @@ impl Deframer {
         let mut start = 0;
         while start < until {
             match self.unstuff(start) {
-                Some((end, frame_type, length)) => {
+                Some((end, length)) => {
                     let payload = &self.body[HEADER..HEADER + length];
-                    let sequence = u16::from_le_bytes([self.body[1], self.body[2]]);
-                    handler(RawFrame { frame_type, sequence, payload, stream_position: self.position });
+                    let (code, sequence) = (self.body[0], u16::from_le_bytes([self.body[1], self.body[2]]));
+                    let frame_type = self.find_type(code, payload);
+                    handler(RawFrame { frame_type, code, sequence, payload, stream_position: self.position });
                     start = end;
                 }
                 None => {
@@ -181,10 +185,10 @@ impl Deframer {
         start
     }
 
-    /// Unstuff the frame that begins at `start`; returns the end of its stuffed bytes, its type and its payload's length.
-    fn unstuff(&mut self, start: usize) -> Option<(usize, FrameType, usize)> {
+    /// Unstuff the frame that begins at `start`; returns the end of its stuffed bytes and its payload's length.
+    fn unstuff(&mut self, start: usize) -> Option<(usize, usize)> {
         let (mut position, mut length) = (start, 0);
-        let mut rule: Option<(&FrameRule, usize)> = None;
+        let mut size: Option<usize> = None;
         while position < self.fill {
             let code = self.chunk[position] as usize;
             let block = self.chunk[position..self.fill].get(1..code)?;
@@ -195,13 +199,13 @@ impl Deframer {
             }
             length = end;
             position += code;
-            if rule.is_none() && length >= HEADER {
-                rule = Some(self.expect_size()?);
+            if size.is_none() && length >= HEADER {
+                size = Some(self.expect_size()?);
             }
-            if let Some((rule, size)) = rule {
+            if let Some(size) = size {
                 if length >= size {
-                    let is_valid = length == size && self.is_valid(rule, size);
-                    return is_valid.then(|| (position, rule.frame_type, size - HEADER - CRC));
+                    let is_whole = length == size && self.has_right_crc(size);
+                    return is_whole.then(|| (position, size - HEADER - CRC));
                 }
             }
             if code != 0xFF {
@@ -212,25 +216,30 @@ impl Deframer {
         None
     }
 
-    /// Rule and size of the body that begins with this header; None if type and length do not agree.
-    fn expect_size(&self) -> Option<(&'static FrameRule, usize)> {
-        let rule = find_rule(self.body[0])?;
+    /// Size of the body that begins with this header; None if no frame has this length.
+    ///
+    /// A newer sender may use types and lengths that this version does not define.
+    fn expect_size(&self) -> Option<usize> {
         let length = u16::from_le_bytes([self.body[3], self.body[4]]) as usize;
-        let is_allowed = self.directions.accepts(self.body[0]) && length >= rule.minimum && length <= rule.maximum;
-        is_allowed.then(|| (rule, HEADER + length + CRC))
+        (length <= PAYLOAD_MAX as usize).then(|| HEADER + length + CRC)
     }
 
-    /// Whether address, number of taxels and CRC of a body are right.
-    fn is_valid(&self, rule: &FrameRule, size: usize) -> bool {
+    fn has_right_crc(&self, size: usize) -> bool {
         let (content, crc) = self.body[..size].split_at(size - CRC);
-        let payload = &content[HEADER..];
+        crc32(content, 0).to_le_bytes() == crc
+    }
+
+    /// The frame type if this version defines it with this length, address and number of taxels.
+    fn find_type(&self, code: u8, payload: &[u8]) -> Option<FrameType> {
+        let rule = find_rule(code).filter(|_| self.directions.accepts(code))?;
+        if payload.len() < rule.minimum || payload.len() > rule.maximum {
+            return None;
+        }
         if rule.has_address && !(ADDRESS_MIN..=ADDRESS_MAX).contains(&(payload[0] as u32)) {
-            return false;
+            return None;
         }
         let snapshot = (SNAPSHOT_OVERHEAD as usize) + 2 * payload.get(1).map_or(0, |&count| count as usize);
-        if rule.frame_type == FrameType::Taxels && payload.len() != TaxelHeader::SIZE + snapshot {
-            return false;
-        }
-        crc32(content, 0).to_le_bytes() == crc
+        let is_complete = rule.frame_type != FrameType::Taxels || payload.len() == TaxelHeader::SIZE + snapshot;
+        is_complete.then(|| rule.frame_type)
     }
 }

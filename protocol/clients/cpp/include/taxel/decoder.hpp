@@ -57,6 +57,7 @@ struct Losses {
     std::uint64_t frames = 0;
     std::uint64_t lost = 0; /* on the wire: gaps of the frames' sequence */
     std::uint64_t restarts = 0;
+    std::uint64_t unknown = 0; /* whole frames that this version does not define */
     struct Board {
         std::uint64_t received = 0;
         std::uint64_t missing = 0;   /* between two received frames, by the poll cycle */
@@ -68,7 +69,7 @@ struct Losses {
 class Decoder
 {
   public:
-    explicit Decoder(unsigned directions = TO_HOST) : deframer_(directions)
+    explicit Decoder(unsigned directions = TO_HOST) : directions_(directions), deframer_(directions)
     {
     }
 
@@ -127,6 +128,10 @@ class Decoder
 
     template <class Handler> void deliver(const RawFrame &raw, Handler &handler)
     {
+        if (!raw.is_known) {
+            count_unknown(raw);
+            return;
+        }
         Frame frame{};
         frame.type = raw.type;
         frame.sequence = raw.sequence;
@@ -152,13 +157,38 @@ class Decoder
                 frame.flags = HUB_RESTARTED;
             }
             losses_.restarts += has_sequence_;
-        } else if (has_sequence_) {
-            frame.lost_before = static_cast<std::uint16_t>(frame.sequence - next_sequence_);
+            count_frame(frame.sequence, 0);
+        } else {
+            const std::uint16_t lost = lost_before(frame.sequence);
+            frame.lost_before = static_cast<std::uint16_t>(lost + lost_before_unknown_);
+            count_frame(frame.sequence, lost);
         }
+        lost_before_unknown_ = 0;
+    }
+
+    /* Counts a frame that this version does not define. It takes a number of the sender's sequence, and is no loss; a
+     * frame of the other direction has the sequence of another sender. */
+    void count_unknown(const RawFrame &raw)
+    {
+        losses_.unknown++;
+        if (is_accepted(raw.type, directions_)) {
+            const std::uint16_t lost = lost_before(raw.sequence);
+            lost_before_unknown_ = static_cast<std::uint16_t>(lost_before_unknown_ + lost);
+            count_frame(raw.sequence, lost);
+        }
+    }
+
+    std::uint16_t lost_before(std::uint16_t sequence) const
+    {
+        return has_sequence_ ? static_cast<std::uint16_t>(sequence - next_sequence_) : std::uint16_t{0};
+    }
+
+    void count_frame(std::uint16_t sequence, std::uint16_t lost)
+    {
         losses_.frames++;
-        losses_.lost += frame.lost_before;
+        losses_.lost += lost;
         has_sequence_ = true;
-        next_sequence_ = static_cast<std::uint16_t>(frame.sequence + 1);
+        next_sequence_ = static_cast<std::uint16_t>(sequence + 1);
     }
 
     void decode_taxels(Frame &frame)
@@ -289,10 +319,11 @@ class Decoder
         return &zeros_.back();
     }
 
+    unsigned directions_;
     Deframer deframer_;
     Losses losses_;
     bool has_sequence_ = false;
-    std::uint16_t next_sequence_ = 0;
+    std::uint16_t next_sequence_ = 0, lost_before_unknown_ = 0;
     Board boards_[ADDRESSES];
     std::vector<detail::CrcZeros> zeros_;
     std::uint16_t counts_[TAXELS_MAX + detail::PADDING / 2];

@@ -14,9 +14,10 @@ namespace taxel
 /* Frames that a receiver accepts, as bits. */
 enum Direction : unsigned { TO_HOST = 1, TO_HUB = 2 };
 
-/* A valid frame. `payload` stays valid during the call of the handler. */
+/* A whole frame. `payload` stays valid during the call of the handler. */
 struct RawFrame {
     FrameType type;
+    bool is_known; /* false: this version does not define the type, or not with this payload */
     std::uint16_t sequence;
     const std::uint8_t *payload;
     std::size_t length;
@@ -118,6 +119,12 @@ inline std::vector<std::uint8_t> encode_frame(FrameType type, std::uint16_t sequ
     return wire;
 }
 
+/* Whether frames of this type are accepted. Bit 7 of a type: from host to hub. */
+inline bool is_accepted(FrameType type, unsigned directions)
+{
+    return directions & (static_cast<std::uint8_t>(type) & 0x80u ? TO_HUB : TO_HOST);
+}
+
 /* Finds the frames of a stream. A frame needs no delimiter: its header states its length. Every byte of a chunk (the
  * bytes between two zeros) is tried as the start of a frame until one is found, so that damage never hides an intact
  * frame. Memory: about 1.6 kB. */
@@ -128,7 +135,7 @@ class Deframer
     {
     }
 
-    /* Takes any number of bytes and calls handler(const RawFrame &) for each frame that they complete. */
+    /* Takes any number of bytes and calls handler(const RawFrame &) for each whole frame that they complete. */
     template <class Handler> void push(const std::uint8_t *bytes, std::size_t size, Handler &&handler)
     {
         while (size) {
@@ -233,37 +240,40 @@ class Deframer
         return 0;
     }
 
-    /* Bytes of the body that begins with this header, or 0 if type and length do not agree. */
+    /* Bytes of the body that begins with this header, or 0 if no frame has this length. A newer sender may use types and
+     * lengths that this version does not define. */
     std::size_t expect_size() const
     {
-        const FrameRule *rule = find_rule(body_[0]);
         const std::size_t length = body_[3] | static_cast<std::size_t>(body_[4]) << 8;
-        if (!rule || !(directions_ & (body_[0] & 0x80u ? TO_HUB : TO_HOST)) || length < rule->minimum ||
-            length > rule->maximum) {
-            return 0;
+        return length > PAYLOAD_MAX ? 0 : FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE;
+    }
+
+    /* Whether this version defines the frame in the buffer: its type, length, address and number of taxels. */
+    bool is_known(std::size_t length) const
+    {
+        const std::uint8_t *payload = body_ + FRAME_HEADER_SIZE;
+        const FrameRule *rule = find_rule(body_[0]);
+        if (!rule || !is_accepted(rule->type, directions_) || length < rule->minimum || length > rule->maximum) {
+            return false;
         }
-        return FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE;
+        if (rule->has_address && (payload[0] < ADDRESS_MIN || payload[0] > ADDRESS_MAX)) {
+            return false;
+        }
+        return rule->type != FrameType::TAXELS || length == TaxelHeader::size + SNAPSHOT_OVERHEAD + 2u * payload[1];
     }
 
     template <class Handler> bool deliver(std::size_t size, Handler &handler)
     {
         const std::uint8_t *payload = body_ + FRAME_HEADER_SIZE;
-        const FrameRule *rule = find_rule(body_[0]); /* defined: expect_size() has checked the header */
         const std::size_t length = size - FRAME_HEADER_SIZE - FRAME_CRC_SIZE;
         std::uint32_t crc = 0;
         std::uint16_t sequence = 0;
-        if (rule->has_address && (payload[0] < ADDRESS_MIN || payload[0] > ADDRESS_MAX)) {
-            return false;
-        }
-        if (rule->type == FrameType::TAXELS && length != TaxelHeader::size + SNAPSHOT_OVERHEAD + 2u * payload[1]) {
-            return false;
-        }
         detail::load(payload + length, crc);
         if (crc32(body_, size - FRAME_CRC_SIZE) != crc) {
             return false;
         }
         detail::load(body_ + 1, sequence);
-        handler(RawFrame{rule->type, sequence, payload, length});
+        handler(RawFrame{static_cast<FrameType>(body_[0]), is_known(length), sequence, payload, length});
         return true;
     }
 
