@@ -70,6 +70,7 @@ LOSSES = (
     ("uint64 frames", "complete frames of any type"),
     ("uint64 lost", "frames lost on the wire: gaps of the frames' sequence"),
     ("uint64 restarts", "restarts of the hub"),
+    ("uint64 unknown", "whole frames that this version does not define"),
     ("uint64 discarded_bytes", "bytes that were part of no frame"),
     (f"{PACKAGE}/BoardLosses[] boards", "counters of each board"),
 )
