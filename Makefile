@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.installed-docs
 BUILD_TOOLS := $(VENV)/.build_tools
 BUILD := build/c
 JOBS := $(shell nproc)
@@ -16,12 +17,14 @@ HOURS ?= 24
 RUNS ?= 20000
 FULL_HAND ?= 10
 SECONDS ?= 60
+COUNT ?= 1000000
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
+WITHOUT_HUB := boards commands compact fault_cases
 EXECUTED := i2c commands hub_bootloader
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native host/taxel/native_library/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
 CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')
@@ -31,7 +34,7 @@ CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install check clients demo blind hil soak fuzz-states mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install check clients demo blind hil soak fuzz-states crash-writers mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -56,10 +59,13 @@ demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its 
 blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
+blind-streams: $(STAMP)  ## the blind check of the twin: hours (STREAMS=6 STREAM_HOURS=0.5 for a short one)
+	@$(BIN)/python tools/twin/blind_streams.py --streams $(or $(STREAMS),150) --hours $(or $(STREAM_HOURS),2)
+
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short compiled-tests
-	@$(MAKE) --no-print-directory test-python test-executed
+	@$(MAKE) --no-print-directory test-python test-without-hub test-executed
 
 check: $(STAMP)  ## below a minute, before each commit: style, types, layers, terms and the quick Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-quick
@@ -99,6 +105,10 @@ coverage: $(STAMP)  ## functions that no command, example or guide reaches (an h
 		$(BIN)/python -m coverage json -q --rcfile=tools/coverage/coverage.ini -o out/coverage/commands.json
 	@$(BIN)/python tools/coverage/unreached.py out/coverage/commands.json
 
+.PHONY: test-without-hub
+test-without-hub: $(STAMP)  ## boards, commands, faults and compact frames of a skin without a hub (`make hil RIG=i2c-dev`: all)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig i2c-dev $(WITHOUT_HUB:%=hil_tests/test_hil_%.py)
+
 test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
 		{ echo "executed images are not tested: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'"; exit 0; }; \
@@ -107,6 +117,10 @@ test-executed: $(STAMP)  ## I2C, command and flash tests on images that are exec
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
 
+.PHONY: fuzz-files
+fuzz-files: $(STAMP)  ## COUNT (1000000) mutated files for all readers of files: an error line, or the data of the file
+	@$(BIN)/python tools/fuzz_files/run.py --count $(COUNT) --jobs $(JOBS)
+
 # About a second for the slowest target; the number of executions does not depend on the load of the machine.
 fuzz-short: $(STAMP)
 	@$(BIN)/python tools/fuzz/run_targets.py --runs 12000 --if-possible
@@ -114,7 +128,7 @@ fuzz-short: $(STAMP)
 clients: $(STAMP)  ## compare all clients with the Python decoder on captures of 60 s of the emulated hand, intact and damaged
 	@$(BIN)/python tools/clients/compare.py
 
-hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
+hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, i2c-dev, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
 soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing frame must have a cause in the fault log
@@ -122,6 +136,17 @@ soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing f
 
 fuzz-states: $(STAMP)  ## RUNS (20000) of 50 commands, faults and time steps in random order
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
+
+.PHONY: attack-web load-web
+attack-web: $(STAMP)  ## 10,000 hostile requests and messages to the page of `taxel monitor --web`: none may be accepted
+	@$(BIN)/python tools/attack/attack_web.py --out out/attack_web.json
+
+load-web: $(STAMP)  ## 60 pages, slow readers and invalid frames for two minutes: constant memory of `taxel monitor --web`
+	@$(BIN)/python tools/attack/load_web.py --seconds 120 --out out/load_web.json
+
+# The files are in memory if possible, because each of the thousands of runs flushes its files to the disk.
+crash-writers: $(STAMP)  ## kill every writer at every write call, and fail each call with ENOSPC and EIO (half an hour)
+	@$(BIN)/python tools/crash/crash_writers.py --jobs $(JOBS) $(if $(wildcard /dev/shm),--folder /dev/shm)
 
 mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
@@ -145,6 +170,10 @@ terms:  ## words that the glossary replaces, in all tracked files
 
 lock: $(STAMP)  ## write constraints.txt: the versions of a new environment
 	@$(BIN)/python tools/release/lock.py
+
+.PHONY: audit
+audit: $(STAMP)  ## published vulnerabilities of the versions in constraints.txt (needs `pip install pip-audit` and a connection)
+	@$(BIN)/python tools/release/audit.py
 
 wheels: $(STAMP)  ## sdist and manylinux_2_17 wheels for x86-64 and aarch64 in dist/
 	@$(BIN)/python tools/release/build_wheels.py
@@ -192,7 +221,11 @@ generate: $(STAMP)  ## write the C header, vectors, clients, tables of the speci
 	@$(BIN)/python tools/codegen/clients.py
 	@$(BIN)/python tools/codegen/page_terms.py
 
-docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
+$(DOCS_STAMP): $(STAMP)
+	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS_STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py
 
 docs-test: $(STAMP)  ## run every code block of every page and every example of --help, also the long ones (half an hour)

@@ -10,6 +10,7 @@ from pathlib import Path
 from hil_tests.harness.soak import Soak, SoakReport
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
+from taxel.output import write_whole
 
 GROWTH_LIMIT = 1.02
 """Largest ratio of the peak memory at the end to that after the first tenth of a soak."""
@@ -34,13 +35,16 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (24)")
     parser.add_argument("--seed", type=int, default=None, help="replays a soak exactly (default: a new seed)")
     parser.add_argument("--hand", default="original", help="hand description (original)")
+    parser.add_argument("--without-hub", action="store_true", help="a Linux hub on an I2C adapter polls the boards")
     parser.add_argument("--out", type=Path, default=None, help="write the report as JSON")
     options = parser.parse_args()
     seed = secrets.randbelow(2**32) if options.seed is None else options.seed
     print(f"soak: {options.hours:g} virtual hours, hand {options.hand}, seed {seed}", flush=True)
     start_s = time.monotonic()
     try:
-        report = Soak(load_hand(options.hand), seed).run(3600.0 * options.hours, _show_progress)
+        report = Soak(load_hand(options.hand), seed, has_hub=not options.without_hub).run(
+            3600.0 * options.hours, _show_progress
+        )
     except TaxelError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -55,7 +59,7 @@ def main() -> int:
     if options.out is not None:
         summary = {"seed": seed, "hand": options.hand, "wall_seconds": wall_s, "problems": problems, **vars(report)}
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(summary, indent=1))
+        write_whole(options.out, json.dumps(summary, indent=1))
     return 1 if problems else 0
 
 

@@ -19,9 +19,14 @@ BOARD_INDEX = 4  # the board of the hand that has the fault
 RECOVERY_CYCLES = 2
 ERRORS = ("nacks", "timeouts", "crc_errors", "bus_errors", "dropped", "retries")
 
+PARAMETERS = [
+    pytest.param(case, id=case.name, marks=[pytest.mark.needs("uart_faults")] if case.is_of_uart else [])
+    for case in CASES
+]
+
 
 @pytest.mark.needs("faults", "counts")
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", PARAMETERS)
 def test_fault_causes_no_wrong_count_and_streaming_resumes_after_its_end(rig: Rig, skin: Skin, case: FaultCase) -> None:
     address = get_address(rig.hand, BOARD_INDEX)
     counts = KnownCounts(rig)

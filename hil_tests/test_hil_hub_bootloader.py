@@ -17,7 +17,7 @@ from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, par
 from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_tools.files.firmware import HEADER_SIZE
 
-pytestmark = pytest.mark.needs("faults")  # tests do not reprogram the hub of a physical rig
+pytestmark = pytest.mark.needs("hub_board", "faults")  # tests do not reprogram the hub of a physical rig
 NEW_VERSION = (3, 1, 4)
 ROW = 128
 CHUNK = 54  # bytes of a PROGRAM_ROW or SEND_DATA that fit a packet of 64
@@ -103,9 +103,10 @@ def read_version(rig: Rig) -> tuple[int, ...]:
         return tuple(skin.hub.last_handshake[f"firmware_{part}"] for part in ("major", "minor", "patch"))
 
 
-def test_hub_runs_the_programmed_image_and_its_boards_stream(rig: Rig, skin: Skin) -> None:
-    program_image(rig, skin, make_program(rig))
-    restart(rig, skin)
+def test_hub_runs_the_programmed_image_and_its_boards_stream(rig: Rig) -> None:
+    with Skin(rig.uart.open_link(), rig.hand) as skin:
+        program_image(rig, skin, make_program(rig))
+        restart(rig, skin)
     assert read_version(rig) == NEW_VERSION
     rig.power.switch(False)
     rig.clock.wait(0.1)
@@ -114,7 +115,7 @@ def test_hub_runs_the_programmed_image_and_its_boards_stream(rig: Rig, skin: Ski
 
 
 @pytest.mark.faulty_image
-def test_hub_returns_to_the_old_image_if_the_new_image_hangs(rig: Rig, skin: Skin) -> None:
+def test_hub_returns_to_the_old_image_if_the_new_image_hangs(rig: Rig) -> None:
     old_version = read_version(rig)
     with Skin(rig.uart.open_link(), rig.hand) as skin_before:
         program_image(rig, skin_before, bytes(8) + b"HANG" + bytes(100))
@@ -124,7 +125,7 @@ def test_hub_returns_to_the_old_image_if_the_new_image_hangs(rig: Rig, skin: Ski
 
 
 @pytest.mark.parametrize("cut_ms", [3, 11, 19, 27])
-def test_hub_boots_the_old_image_after_a_power_cut_during_programming(rig: Rig, skin: Skin, cut_ms: int) -> None:
+def test_hub_boots_the_old_image_after_a_power_cut_during_programming(rig: Rig, cut_ms: int) -> None:
     old_version = read_version(rig)
     with Skin(rig.uart.open_link(), rig.hand) as skin_before:
         boot = enter_bootloader(rig, skin_before)

@@ -5,6 +5,8 @@ from hil_tests.soak import find_problems
 from taxel.hand import load_hand
 
 SECONDS = 300.0
+SECONDS_WITHOUT_HUB = 120.0
+"""Half an hour of virtual time has the same result (`python -m hil_tests.soak --without-hub --hours 0.5`)."""
 SMALL_HAND = load_hand("rig4")
 FIRST, SECOND = (board.address for board in SMALL_HAND.boards[:2])
 SEED = 5
@@ -17,6 +19,15 @@ def test_every_missing_frame_is_explained_by_an_injected_fault() -> None:
     assert report.lost > 100
     assert sum(report.injected.values()) > 30
     assert report.frames > 17 * 15 * SECONDS
+
+
+def test_every_missing_frame_of_a_skin_without_a_hub_is_explained() -> None:
+    report = Soak(load_hand("original"), SEED, has_hub=False).run(SECONDS_WITHOUT_HUB)
+    print(f"seed {SEED}")
+    assert find_problems(report) == []
+    assert report.lost > 10
+    assert sum(report.injected.values()) > 10
+    assert report.frames > 17 * 15 * SECONDS_WITHOUT_HUB
 
 
 def test_loss_without_a_recorded_fault_is_reported() -> None:

@@ -12,7 +12,7 @@ FAULTS_TO_HUB = ("down_flip", "down_drop", "down_double")
 N_FAULTS = 40
 
 
-@pytest.mark.needs("faults", "counts")
+@pytest.mark.needs("uart_faults", "counts")
 @pytest.mark.parametrize("fault", FAULTS_TO_HOST)
 def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str) -> None:
     """A mark between two frames belongs to both frames."""
@@ -30,7 +30,7 @@ def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: 
     check_polls(skin)
 
 
-@pytest.mark.needs("faults", "counts")
+@pytest.mark.needs("uart_faults", "counts")
 @pytest.mark.parametrize("size", [2, 5, 60, 300, 1000])
 @pytest.mark.parametrize("fault", ["up_drop", "up_double"])
 def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str, size: int) -> None:
@@ -46,7 +46,7 @@ def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault
     check_polls(skin)
 
 
-@pytest.mark.needs("faults", "counts")
+@pytest.mark.needs("uart_faults", "counts")
 def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> None:
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
@@ -64,7 +64,7 @@ def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> N
     check_polls(skin)
 
 
-@pytest.mark.needs("faults")
+@pytest.mark.needs("uart_faults")
 @pytest.mark.parametrize("fault", FAULTS_TO_HUB)
 @pytest.mark.parametrize("n_bytes", range(0, 16, 3))
 def test_damaged_command_is_repeated(rig: Rig, skin: Skin, fault: str, n_bytes: int) -> None:
@@ -74,7 +74,7 @@ def test_damaged_command_is_repeated(rig: Rig, skin: Skin, fault: str, n_bytes: 
     assert read_frames(rig, skin, 0.2)
 
 
-@pytest.mark.needs("faults")
+@pytest.mark.needs("uart_faults")
 @pytest.mark.parametrize("fault", ["up_delay", "down_delay"])
 def test_delay_loses_no_frame(rig: Rig, skin: Skin, fault: str) -> None:
     read_frames(rig, skin, 0.3)
@@ -124,7 +124,7 @@ def test_flow_control_prevents_losses_of_the_receiver(rig: Rig, skin: Skin) -> N
     check_polls(skin)
 
 
-@pytest.mark.needs("faults")
+@pytest.mark.needs("uart_faults")
 def test_receiver_overrun_is_counted_and_logged(rig: Rig, skin: Skin) -> None:
     """600 bytes arrive while the hub's CPU is stalled and overrun its ring buffer of 256 bytes; streaming continues."""
     read_frames(rig, skin, 0.3)

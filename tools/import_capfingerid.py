@@ -10,7 +10,6 @@ counted. Any other deviation is an error.
 
 import argparse
 import re
-import shutil
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.output import open_whole, write_whole
 from taxel.types import IntArray
 
 DATA = Path(__file__).resolve().parents[1] / "host" / "taxel" / "recording" / "data"
@@ -176,8 +176,9 @@ def import_folder(source: Path, data: Path) -> str:
             f"values {recording.values.min()} to {recording.values.max()}, {recording.skipped} lines skipped"
         )
     target = data / "capfingerid.npz"
-    np.savez_compressed(target, allow_pickle=False, **arrays)
-    shutil.copyfile(source / "LICENSE", data / "capfingerid.LICENSE")
+    with open_whole(target) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+    write_whole(data / "capfingerid.LICENSE", (source / "LICENSE").read_bytes())
     return "\n".join([*report, f"{target}: {target.stat().st_size:,} bytes"])
 
 

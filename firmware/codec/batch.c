@@ -163,6 +163,25 @@ static bool is_start_of_hub(const struct taxel_frame *frame)
            frame->payload[TAXEL_HUB_HANDSHAKE_OFFSET_TAG] == 0;
 }
 
+/* Whether the uptime in a HUB_HANDSHAKE is less than in the frame before it that contains the uptime. It reveals a
+ * restart whose first frame was lost, for example because the port was closed. Stores the uptime. */
+static bool uptime_decreases(struct taxel_batch *batch, const struct taxel_frame *frame)
+{
+    size_t offset = TAXEL_HUB_HANDSHAKE_OFFSET_UPTIME_US;
+    if (frame->type == TAXEL_FRAME_TYPE_HUB_STATUS) {
+        offset = TAXEL_HUB_STATUS_OFFSET_UPTIME_US;
+    } else if (frame->type != TAXEL_FRAME_TYPE_HUB_HANDSHAKE) {
+        return false;
+    }
+    uint64_t uptime_us = 0;
+    for (size_t i = 0; i < sizeof uptime_us; i++) {
+        uptime_us |= (uint64_t)frame->payload[offset + i] << (8u * i);
+    }
+    const bool decreases = frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && uptime_us < batch->uptime_us;
+    batch->uptime_us = uptime_us;
+    return decreases;
+}
+
 /* Discards the last poll cycle number of every board, so that the next frame of a board counts no missing
  * cycles. */
 void taxel_batch_forget_cycles(struct taxel_batch *batch)
@@ -188,7 +207,8 @@ static uint16_t lost_before(const struct taxel_batch *batch, const struct taxel_
 /* Count the frame and the frames lost before it. A restart of the hub begins a new sequence without loss. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
-    if (is_start_of_hub(frame)) {
+    const bool has_less_uptime = uptime_decreases(batch, frame);
+    if (is_start_of_hub(frame) || has_less_uptime) {
         taxel_batch_forget_cycles(batch);
         row->flags |= batch->has_sequence ? TAXEL_BATCH_HUB_RESTARTED : 0;
         batch->totals.restarts += batch->has_sequence;

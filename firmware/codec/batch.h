@@ -81,6 +81,7 @@ struct taxel_batch {
     struct taxel_batch_output *output;
     bool has_sequence;
     uint16_t next_sequence;
+    uint64_t uptime_us;           /* of the hub, in the last frame that contains it */
     uint16_t lost_before_unknown; /* frames lost before unknown frames since the last row */
     bool has_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];

@@ -10,6 +10,9 @@
 #define HELD_STEP VTIME_US /* virtual time between two checks of a bus that an executed hub holds */
 #define PTY_STEP VTIME_MS  /* virtual time between two reads from the pseudo-terminal */
 
+#define RECOVERY_CLOCKS 9u
+#define RECOVERY_HALF_CLOCK (5u * VTIME_US)
+
 struct taxel_bench {
     struct world_description description;
     struct world world;
@@ -177,6 +180,30 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
         return TAXEL_I2C_TIMEOUT;
     }
     return world->adapter.result;
+}
+
+/* Drive the lines of the bus for half a clock of the adapter's bus recovery. */
+static void drive_half_clock(struct world *world, bool scl_high, bool sda_high)
+{
+    bus_drive_lines(&world->bus, scl_high, sda_high);
+    (void)world_run(world, world->now + RECOVERY_HALF_CLOCK);
+}
+
+/* Free the bus as the driver of an adapter does: up to nine clocks until SDA is high, then a stop condition. */
+void taxel_bench_recover_bus(struct taxel_bench *bench)
+{
+    struct world *world = &bench->world;
+    if (!bus_is_scl_high(&world->bus, world->now)) {
+        return;
+    }
+    for (unsigned clock = 0; clock < RECOVERY_CLOCKS && !bus_is_sda_high(&world->bus); clock++) {
+        drive_half_clock(world, false, true);
+        drive_half_clock(world, true, true);
+    }
+    drive_half_clock(world, false, true);
+    drive_half_clock(world, false, false);
+    drive_half_clock(world, true, false);
+    drive_half_clock(world, true, true);
 }
 
 /* Copy up to `size` entries of the fault log from number `first` on; returns how many. `lost`: entries that had already

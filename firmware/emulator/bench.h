@@ -67,6 +67,10 @@ int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_
 int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
                              uint8_t *read_bytes, size_t read_size, uint64_t timeout);
 
+/* Free a bus whose SDA a board holds low, as the driver of an adapter does (i2c_generic_scl_recovery of Linux): up to
+ * nine clocks at 100 kHz, then a stop condition. Advances the world. Does nothing while a board holds SCL low. */
+void taxel_bench_recover_bus(struct taxel_bench *bench);
+
 /* Copy entries of the fault log, starting at number `first`; returns how many were copied. `*lost`: entries from
  * `first` on that the log no longer contains. */
 size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,

@@ -163,13 +163,39 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     history[address] = (struct board_history){true, cycle, scan};
 }
 
-/* Fills in the expected number of lost frames from the frame sequence; a handshake with sequence 0 and tag 0 is a
- * restart of the hub. Unknown frames of the sender have sequence numbers too; frames of the other direction have not. */
+/* Uptime of the hub at `payload`, microseconds. */
+static uint64_t read_uptime(const uint8_t *payload)
+{
+    uint64_t uptime_us = 0;
+    for (int i = 7; i >= 0; i--) {
+        uptime_us = uptime_us << 8 | payload[i];
+    }
+    return uptime_us;
+}
+
+/* Whether a known frame states a restart of the hub: a handshake with sequence 0 and tag 0, or with an uptime less than
+ * before. */
+static bool is_restart(const struct oracle *oracle, const struct oracle_frame *frame, uint64_t *last_uptime_us)
+{
+    const uint8_t *payload = oracle->payloads + frame->offset;
+    bool restarts = frame->type == 0x01 && frame->sequence == 0 && payload[0] == 0;
+    if (frame->type == 0x01) {
+        restarts = restarts || read_uptime(payload + 16) < *last_uptime_us;
+        *last_uptime_us = read_uptime(payload + 16);
+    } else if (frame->type == 0x08) {
+        *last_uptime_us = read_uptime(payload);
+    }
+    return restarts;
+}
+
+/* Fills in the expected number of lost frames from the frame sequence. Unknown frames of the sender have sequence numbers
+ * too; frames of the other direction have not. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
     const struct oracle_frame *previous = NULL;
     uint16_t before_unknown = 0;
+    uint64_t last_uptime_us = 0;
     for (size_t i = 0; i < oracle->frame_count; i++) {
         struct oracle_frame *frame = &oracle->frames[i];
         oracle->totals.unknown += frame->is_unknown;
@@ -181,7 +207,7 @@ static void count_losses(struct oracle *oracle)
         if (frame->is_unknown) {
             before_unknown = (uint16_t)(before_unknown + lost);
             oracle->totals.lost += lost;
-        } else if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
+        } else if (is_restart(oracle, frame, &last_uptime_us)) {
             memset(history, 0, sizeof history);
             frame->flags |= previous ? TAXEL_BATCH_HUB_RESTARTED : 0;
             oracle->totals.restarts += previous != NULL;

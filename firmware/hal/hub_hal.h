@@ -64,6 +64,10 @@ struct taxel_hub_hal {
     void (*i2c_drive)(void *context, bool scl_high, bool sda_high);
     bool (*i2c_scl)(void *context);
     bool (*i2c_sda)(void *context);
+    /* Free the bus, and return the fault (enum taxel_board_fault) that remains, or TAXEL_BOARD_FAULT_NONE. For a
+     * controller whose lines cannot be driven one by one: the three functions above are then not called and may be
+     * NULL. NULL: the hub drives the lines. */
+    uint8_t (*i2c_recover)(void *context);
 
     /* Bytes are queued: the UART's interrupt fetches them with taxel_hub_uart_pull(). */
     void (*uart_kick)(void *context);
@@ -81,7 +85,7 @@ struct taxel_hub_hal {
 
     /* Reset the processor. */
     void (*restart)(void *context);
-    /* Reset the processor and stay in its bootloader. */
+    /* Reset the processor and stay in its bootloader. NULL: there is none, and the command is rejected. */
     void (*enter_bootloader)(void *context);
 };
 

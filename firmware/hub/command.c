@@ -255,6 +255,10 @@ static void restart(struct taxel_hub *hub)
  */
 static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
 {
+    if (!taxel_hub_hal_of(hub)->enter_bootloader) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_UNKNOWN_COMMAND, NULL, 0);
+        return;
+    }
     if (taxel_get_u32(arguments) != TAXEL_BOOTLOADER_KEY) {
         taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
         return;

@@ -82,7 +82,7 @@ struct taxel_hub_slot {
 };
 
 struct taxel_hub_config {
-    /* Functions of the port. Every pointer is set, except uart_hold, which may be NULL. */
+    /* Functions of the port. Every pointer is set, except those that hub_hal.h permits to be NULL. */
     const struct taxel_hub_hal *hal;
 
     /* Major, minor, patch: 3 bytes, each 0 to 255. Sent in HUB_HANDSHAKE. */

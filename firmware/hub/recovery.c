@@ -11,6 +11,9 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     hub->bus_recoveries++;
+    if (hal->i2c_recover) {
+        return hal->i2c_recover(hal->context);
+    }
     hal->i2c_drive(hal->context, true, true);
     hal->delay_us(hal->context, HALF_CLOCK_US);
     if (!hal->i2c_scl(hal->context)) {

@@ -35,13 +35,17 @@ class FakeBench:
     connects. can_url: CAN channel with a virtual Allegro hand at its other end; None: no hand.
     """
 
-    def __init__(self, world: VirtualWorld, i2c_socket: Path, can_url: str | None) -> None:
+    def __init__(
+        self, world: VirtualWorld, i2c_socket: Path, can_url: str | None = None, *, is_paced: bool = False
+    ) -> None:
         """Create a bench of emulated boards that looks like real hardware to another process.
 
         world: the emulated hub and boards. i2c_socket: path of the Unix socket that serves the emulated I2C bus.
-        can_url: CAN bus on which an emulated Allegro hand answers; None: no hand.
+        can_url: CAN bus on which an emulated Allegro hand answers; None: no hand. is_paced: a transfer takes as long as
+        on a real bus; otherwise it ends as soon as it is computed.
         """
-        self._world, self._bus = world, VirtualSMBus(world)
+        self._world, self._bus, self._is_paced = world, VirtualSMBus(world, recovers=True), is_paced
+        self._start_s = 0.0
         self._stop = threading.Event()
         self._server = socket.socket(socket.AF_UNIX)
         self._server.bind(str(i2c_socket))
@@ -75,13 +79,17 @@ class FakeBench:
         """Serve I2C requests, and let the virtual time of the emulated boards follow the real time, until the bench
         stops.
         """
-        start_s = time.monotonic() - self._world.now_s
+        self._start_s = time.monotonic() - self._world.now_s
         while not self._stop.is_set():
             for key, _ in self._selector.select(STEP_S):
                 self._serve(key.fileobj)
-            behind_s = time.monotonic() - start_s - self._world.now_s
-            if behind_s > 0.0:
-                self._world.run(behind_s)
+            lead_s = self._compute_lead_s()
+            if lead_s < 0.0:
+                self._world.run(-lead_s)
+
+    def _compute_lead_s(self) -> float:
+        """Time by which the world's clock is ahead of real time, seconds."""
+        return self._world.now_s - (time.monotonic() - self._start_s)
 
     def _serve(self, stream: object) -> None:
         """Handle a readable socket: accept a new client, or execute one I2C transfer of a client. A broken client
@@ -109,9 +117,16 @@ class FakeBench:
         try:
             self._bus.i2c_rdwr(*messages)
         except OSError as error:
+            self._wait_for_end()
             stream.sendall(struct.pack("<i", error.errno))
             return
+        self._wait_for_end()
         stream.sendall(struct.pack("<i", 0) + b"".join(bytes(message) for message in messages if message.flags & 1))
+
+    def _wait_for_end(self) -> None:
+        """Wait until the end of the transfer in real time, if the bench is paced."""
+        if self._is_paced and (lead_s := self._compute_lead_s()) > 0.0:
+            time.sleep(lead_s)
 
 
 def _receive_exactly(stream: socket.socket, size: int) -> bytes:

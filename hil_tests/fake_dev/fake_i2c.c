@@ -4,7 +4,8 @@
  *
  * Request: u32 number of messages; for each message u16 address, u16 flags, u16 length and, for a write, its bytes.
  * Reply: i32 errno (0: success), then the bytes of all reads. Flags and structures are those of linux/i2c.h and
- * linux/i2c-dev.h. PEC is not supported. */
+ * linux/i2c-dev.h. PEC is not supported. With FAKE_I2C_SMBUS_ONLY in the environment, the adapter states that it has no
+ * plain I2C transfers. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -82,7 +83,7 @@ static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
     for (uint32_t i = 0; i < count && !broken && !error; i++) {
         broken |= messages[i].flags & I2C_M_RD ? receive_all(fd, messages[i].buf, messages[i].len) : 0;
     }
-    errno = broken ? EIO : error;
+    errno = broken ? ENODEV : error; /* the bench has ended: the adapter is unplugged */
     return errno ? -1 : 0;
 }
 
@@ -147,8 +148,12 @@ int ioctl(int fd, unsigned long request, ...)
         fds[fd].address = (uint16_t)(uintptr_t)argument;
         return 0;
     case I2C_FUNCS:
-        *(unsigned long *)argument = I2C_FUNC_I2C | (I2C_FUNC_SMBUS_EMUL & ~I2C_FUNC_SMBUS_PEC);
+        *(unsigned long *)argument =
+            (getenv("FAKE_I2C_SMBUS_ONLY") ? 0 : I2C_FUNC_I2C) | (I2C_FUNC_SMBUS_EMUL & ~I2C_FUNC_SMBUS_PEC);
         return 0;
+    case I2C_TIMEOUT:
+    case I2C_RETRIES:
+        return 0; /* the bench has a time limit of its own */
     case I2C_RDWR: {
         const struct i2c_rdwr_ioctl_data *request_data = argument;
         return transfer(fd, request_data->msgs, request_data->nmsgs);

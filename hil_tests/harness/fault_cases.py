@@ -51,6 +51,11 @@ class FaultCase:
     restarts: bool = False
     loses_on_wire: bool = False
 
+    @property
+    def is_of_uart(self) -> bool:
+        """Whether the fault damages, delays or loses bytes of the UART."""
+        return any(step.fault.startswith(("up_", "down_")) for step in self.steps)
+
     def inject(self, rig: Rig, skin: Skin, address: int) -> float:
         """Inject all steps of this fault into the board with an I2C address. Returns the rig's clock at the last
         step, in s.

@@ -19,7 +19,7 @@ from hil_tests.harness.interfaces import (
     Uart,
 )
 from hil_tests.harness.rig_file import RigDescription
-from hil_tests.harness.virtual.world import WorldBuild, open_world
+from hil_tests.harness.virtual.world import WorldBuild, has_linux_hub, open_world
 from taxel.hand import Hand
 
 ABILITIES: Final = {
@@ -29,6 +29,8 @@ ABILITIES: Final = {
     "can_faults": "faults of the hand and its CAN channel",
     "power": "switched power of boards and hub",
     "faults": "fault injection",
+    "uart_faults": "faults of a UART between hub and host",
+    "hub_board": "a hub with its own processor and flash",
     "stimulus": "a force probe",
     "counts": "known raw counts",
     "build": "boards, clocks and settings selected by the test",
@@ -39,6 +41,10 @@ ABILITIES: Final = {
 
 NATIVE_WORLD_ABILITIES: Final = frozenset({"clocks", "hours"})
 """Abilities of an emulated world without executed ARM images."""
+
+
+HUB_BOARD_ABILITIES: Final = frozenset({"uart_faults", "hub_board"})
+"""Abilities of an emulated world with a hub, which a Linux hub on an I2C adapter replaces."""
 
 
 @dataclass
@@ -68,7 +74,8 @@ class Rig:
 def get_abilities(description: RigDescription) -> set[str]:
     """Abilities of a rig, determined from its file before a device is opened."""
     if description.is_virtual:
-        return set(ABILITIES) - (NATIVE_WORLD_ABILITIES if description.executed else set())
+        missing = NATIVE_WORLD_ABILITIES if description.executed else frozenset()
+        return set(ABILITIES) - missing - (HUB_BOARD_ABILITIES if has_linux_hub(description) else frozenset())
     return set(description.devices) & set(ABILITIES)
 
 

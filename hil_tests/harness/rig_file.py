@@ -1,6 +1,5 @@
 """Rig files: the skin, the devices with their drivers, and the settings of a virtual rig. Format: rigs/README.md."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,9 @@ from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
+from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
 
 RIGS: Final = Path(__file__).parent.parent / "rigs"
 HUB: Final = 0
@@ -53,11 +55,11 @@ def load_rig(name: str) -> RigDescription:
     """The rig with this name in hil_tests/rigs, or with this path of a .toml file. Raises `TaxelError` as one line."""
     path = Path(name) if name.endswith(".toml") else RIGS / f"{name}.toml"
     try:
-        table = tomllib.loads(path.read_text())
+        table = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
     except OSError as error:
         names = ", ".join(sorted(rig.stem for rig in RIGS.glob("*.toml")))
         raise RigError(f"rig {path}: {error.strerror}; expected a .toml file or one of {names}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except TextError as error:
         raise RigError(f"rig {path}: is not TOML ({error})") from None
     return _read_description(path, table)
 
@@ -68,7 +70,7 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
     keys = {"name", "hand", "world", "executed"} | INTERFACES.keys()
     for key in table:
         if key not in keys:
-            raise RigError(f"rig {path}: '{key}' is unknown; expected one of {', '.join(sorted(keys))}")
+            raise RigError(f"rig {path}: {format_value(key)} is unknown; expected one of {', '.join(sorted(keys))}")
     if "uart" not in table:
         raise RigError(f"rig {path}: [uart] is missing; every rig needs the UART of the hub")
     named = {device: _read_device(path, device, table[device]) for device in INTERFACES if device in table}
@@ -81,7 +83,7 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
     hand = load_hand(path.parent / hand_name if hand_name.endswith(".toml") else hand_name)
     return RigDescription(
         path=path,
-        name=str(table.get("name", path.stem)),
+        name=_read_field(path, {"name": path.stem, **table}, "name", str),
         hand=hand,
         devices=_add_defaults(named, is_virtual),
         world=_read_world(path, table.get("world", {})),
@@ -111,7 +113,9 @@ def _read_world(path: Path, world: Any) -> Mapping[str, Any]:
         raise RigError(f"rig {path}: world is not a table; expected [world] with numbers for {names}")
     for name, value in world.items():
         if name not in WORLD_SETTINGS or isinstance(value, bool) or not isinstance(value, WORLD_SETTINGS[name] | int):
-            raise RigError(f"rig {path}: [world] {name} = {value!r}; expected numbers for {names}")
+            raise RigError(
+                f"rig {path}: [world] {format_path(name)} = {format_value(value)}; expected numbers for {names}"
+            )
     return world
 
 
@@ -121,7 +125,8 @@ def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple
 
     Raises `RigError` for an entry that is neither "hub" nor the address of a board of the rig.
     """
-    expected = f'rig {path}: executed = {entries!r}; expected a list of "hub" and addresses of boards, such as 0x1D'
+    found = f"rig {path}: executed = {format_value(entries)}"
+    expected = f'{found}; expected a list of "hub" and addresses of boards, such as 0x1D'
     if not isinstance(entries, list):
         raise RigError(expected)
     addresses = tuple(HUB if entry == "hub" else entry for entry in entries)
@@ -141,7 +146,9 @@ def _read_device(path: Path, device: str, table: Any) -> Device:
     options = {option.name: option for option in driver.options}
     for key in values:
         if key not in options:
-            raise RigError(f"rig {path}: [{device}] '{key}' is unknown; {name} takes {', '.join(options) or 'nothing'}")
+            raise RigError(
+                f"rig {path}: [{device}] {format_value(key)} is unknown; {name} takes {', '.join(options) or 'nothing'}"
+            )
     for option in driver.options:
         if option.name in values or option.is_required:
             _read_field(path, values, option.name, option.type, device)
@@ -155,7 +162,7 @@ def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
     try:
         names = list_driver_names(device)
         if name not in names:
-            raise RigError(f"driver = '{name}' is unknown; expected {', '.join(names)}")
+            raise RigError(f"driver = {format_value(name)} is unknown; expected {', '.join(names)}")
         return load_driver(device, name)
     except TaxelError as error:
         raise RigError(f"rig {path}: [{device}] {error}") from None
@@ -173,5 +180,5 @@ def _read_field(path: Path, table: dict[str, Any], name: str, kind: type, device
     value = table[name]
     allowed = (int, float) if kind is float else (kind,)
     if not isinstance(value, allowed) or (isinstance(value, bool) and kind is not bool):
-        raise RigError(f"{where}{name} = {value!r}; expected a {kind.__name__}")
+        raise RigError(f"{where}{name} = {format_value(value)}; expected a {kind.__name__}")
     return value

@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.harness.soak_faults import KINDS
+from hil_tests.harness.soak_faults import KINDS, KINDS_WITHOUT_HUB
 from taxel.hand import Hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link.virtual import VirtualWorld
+from taxel.link.virtual import VirtualMasterWorld, VirtualWorld
 from taxel.stream.decoder import HUB_RESTARTED, Batch, StreamDecoder
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, encode_frame
 from taxel_protocol.frames import CommandPayload, HostHandshake
@@ -85,14 +85,17 @@ class SoakReport:
 class Soak:
     """An emulated skin with random faults, and its host. A second call of `run` continues the soak."""
 
-    def __init__(self, hand: Hand, seed: int, mean_gap_s: float = 6.0) -> None:
+    def __init__(self, hand: Hand, seed: int, mean_gap_s: float = 6.0, has_hub: bool = True) -> None:
         """Create an emulated skin for a long test with random faults.
 
         seed: seed of the faults and of the counts. mean_gap_s: mean virtual time between two faults, in seconds.
+        has_hub: False: a Linux hub polls the boards through an I2C adapter.
         """
         self._hand, self._random = hand, random.Random(f"soak {seed}")
         self._mean_gap_s = mean_gap_s
-        self.world = VirtualWorld(format_world(hand, WorldSettings(seed=seed, usb_latency_ms=1.0)), counts=True)
+        text = format_world(hand, WorldSettings(seed=seed, usb_latency_ms=1.0))
+        self._kinds = KINDS if has_hub else KINDS_WITHOUT_HUB
+        self.world = VirtualWorld(text, counts=True) if has_hub else VirtualMasterWorld(text, counts=True)
         self._decoder = StreamDecoder()
         self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, hand.n_taxels) + LARGEST_BASE
         indices = np.arange(hand.n_taxels)
@@ -151,7 +154,7 @@ class Soak:
 
     def _start_fault(self) -> None:
         """Sample a random fault, plan its steps, and sample the time of the fault after it."""
-        kind = self._random.choice(KINDS)
+        kind = self._random.choice(self._kinds)
         address = self._random.choice([board.address for board in self._hand.boards])
         start_s, steps = self.world.now_s, kind.sample_steps(self._random)
         for delay_s, fault, value, second_value in steps:

@@ -24,7 +24,7 @@ class FaultKind(NamedTuple):
     duration_s: float
 
 
-KINDS: Final = (
+KINDS: Final[tuple[FaultKind, ...]] = (
     FaultKind("nack at a byte", "board", lambda r: [(0.0, "nack_at", r.randrange(60), 0)], 0.0),
     FaultKind("flipped bit", "board", lambda r: [(0.0, "flip_at", r.randrange(60), r.randrange(8))], 0.0),
     FaultKind("short stretch", "board", lambda r: [(0.0, "stretch_at", r.randrange(60), 4000)], 0.0),
@@ -47,3 +47,8 @@ KINDS: Final = (
         "hub unplugged", "hub", lambda r: [(0.0, "hub_unplug", 0, 0), (r.uniform(0.05, 1), "hub_plug", 0, 0)], 2.5
     ),
 )
+
+KINDS_WITHOUT_HUB: Final = tuple(
+    kind for kind in KINDS if kind.scope not in {"wire", "hub"} and kind.name != "UART held"
+)
+"""Kinds of a skin without a hub: no fault of a UART, and no fault of a hub's supply."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from taxel.errors import TaxelError
     from taxel.hand import Hand, load_hand
     from taxel.signal import Activation, Baseline
-    from taxel.skin import Skin, SkinFrame
+    from taxel.skin import MultiSkin, Skin, SkinFrame
     from taxel.skin import open_skin as open
     from taxel.stream import TaxelFrame
 
@@ -30,6 +30,7 @@ __all__ = [
     "Activation",
     "Baseline",
     "Hand",
+    "MultiSkin",
     "Skin",
     "SkinFrame",
     "TaxelError",
@@ -43,6 +44,7 @@ _ORIGINS = {
     "Activation": ("taxel.signal", "Activation"),
     "Baseline": ("taxel.signal", "Baseline"),
     "Hand": ("taxel.hand", "Hand"),
+    "MultiSkin": ("taxel.skin", "MultiSkin"),
     "Skin": ("taxel.skin", "Skin"),
     "SkinFrame": ("taxel.skin", "SkinFrame"),
     "TaxelError": ("taxel.errors", "TaxelError"),

@@ -32,4 +32,15 @@ class FieldError(TaxelError):
 
     def __str__(self) -> str:
         """Format the error as one line: file, field, expected and found values, remedy."""
-        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+        field, expected, found, remedy = map(fit_line, (self.field, self.expected, self.found, self.remedy))
+        return f"{fit_line(self.file, 1000)}: {field}: expected {expected}, found {found}; {remedy}"
+
+
+def fit_line(text: object, longest: int = 400) -> str:
+    """Return a text for one line of a message: a long one is shortened, other than printable characters become "?".
+
+    The texts may contain values of a file, and an array as text has several lines.
+    """
+    line = " ".join(str(text).split())
+    shortened = line if len(line) <= longest else line[:longest] + "..."
+    return shortened if shortened.isprintable() else "".join(each if each.isprintable() else "?" for each in shortened)

@@ -54,7 +54,7 @@ with open_paced(url) as skin:
         view = LineView(lambda text: None)
     initial = watch(skin, monitor, view, 8.0)  # establishes the baseline
     waited = 0
-    while kind == "browser" and not view.is_seen:
+    while kind == "browser" and not view.has_client:
         initial = watch(skin, monitor, view, 1.0)
         waited += 1
         if waited > 60:

@@ -12,6 +12,8 @@ import sys
 import time
 from pathlib import Path
 
+from taxel.output import write_whole
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 from figures import Figure
@@ -69,7 +71,7 @@ def main() -> int:
     else:
         Console(width=170).print(build_table(figures))
     if arguments.page:
-        arguments.page.write_text(format_page(figures))
+        write_whole(arguments.page, format_page(figures))
     return 0 if all(figure.is_met for figure in figures) else 1
 
 

@@ -20,6 +20,7 @@ from typing import Final
 from board_faults import BOARDS, FAMILIES, HAND, Case, SlowLink, build_world, sample_case
 
 from taxel.link.virtual import VirtualWorld
+from taxel.output import write_whole
 from taxel_tools.bench.board_under_test import open_board
 from taxel_tools.bench.probe.emulated import EmulatedProbe
 from taxel_tools.bench.running import RecordLabels, load_default_plan, run_board_test, select_phases
@@ -124,7 +125,7 @@ def main() -> int:
 
     print(format_summary(results, arguments.seed, time.monotonic() - start_s))
     if arguments.out:
-        arguments.out.write_text(json.dumps([asdict(result) for result in results], default=sorted, indent=1) + "\n")
+        write_whole(arguments.out, json.dumps([asdict(result) for result in results], default=sorted, indent=1) + "\n")
     if arguments.page:
         write_page(REPOSITORY / "docs", results, arguments.seed)
     all_named = all(result.named for result in results if result.case.severity >= SEVERITY_MIN)

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Final
 from board_faults import FAMILIES
 from matplotlib.figure import Figure
 
+from taxel.output import write_whole
+from taxel.output.figure import save_figure
+
 if TYPE_CHECKING:
     from detection import Result
 
@@ -84,15 +87,16 @@ def format_summary(results: Sequence[Result], seed: int, seconds: float) -> str:
 
 def write_page(docs: Path, results: Sequence[Result], seed: int) -> None:
     """Write docs/bench-faults.md and docs/images/bench-faults.png."""
-    _draw_curves(results).savefig(docs / "images" / "bench-faults.png", dpi=110, facecolor="white")
+    save_figure(_draw_curves(results), docs / "images" / "bench-faults.png", dpi=110, facecolor="white")
     table = "\n".join(
         f"| {name} | {count} | {caught} | {named} | {only} |"
         for name, count, caught, named, only in _format_rows(results)
     )
     totals = "\n".join(f"- {line}" for line in _format_totals(results))
     template = Path(__file__).with_name("bench-faults.template.md").read_text()
-    (docs / "bench-faults.md").write_text(
-        template.replace("{table}", table).replace("{totals}", totals).replace("{seed}", str(seed))
+    write_whole(
+        docs / "bench-faults.md",
+        template.replace("{table}", table).replace("{totals}", totals).replace("{seed}", str(seed)),
     )
 
 

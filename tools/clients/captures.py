@@ -8,6 +8,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link import CaptureWriter
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
+from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.recording_link import RecordingLink
 from taxel.skin.skin import FrameFormat
 
@@ -22,7 +23,7 @@ REPEATED_MAX = 8
 def record_capture(path: Path, seconds: float, frames: FrameFormat) -> None:
     """Record the emulated hand `original` for `seconds` of virtual time. frames: "plain" or "compact"."""
     hand = load_hand("original")
-    writer = CaptureWriter(path, {"clock": "hub", "hand": hand.name}, overwrite=True)
+    writer = CaptureBytes(CaptureWriter(path, {"clock": "hub", "hand": hand.name}, overwrite=True))
     with (
         VirtualWorld(format_world(hand, WorldSettings())) as world,
         Skin(RecordingLink(VirtualMemoryLink(world), writer), hand, frames=frames) as skin,

@@ -94,6 +94,8 @@ def build_site(build: Path) -> int:
     shutil.copyfile(HERE / "site.css", source / "site.css")
     settings = json.loads((HERE / "mkdocs.json").read_text())
     (plugin,) = (plugin["mkdocstrings"] for plugin in settings["plugins"] if "mkdocstrings" in plugin)
+    options = plugin["handlers"]["python"]["options"]
+    options["extensions"] = [f"{HERE / 'doctest_blocks.py'}:DoctestBlocks"]
     plugin["handlers"]["python"]["paths"] = [str(ROOT / folder) for folder in ("host", "protocol", "tools")]
     settings |= {"nav": entries, "docs_dir": str(source), "site_dir": str(site)}
     (build / "mkdocs.yml").write_text(json.dumps(settings))

@@ -26,10 +26,12 @@ NOTES: Final = {
     "taxel.emulated": "scene and contact of the emulated skin",
     "taxel.gap": "diagnosis of the gap",
     "taxel.generate": "synthetic grasps at scale",
+    "taxel.output": "files that survive a crash",
     "taxel.planning": "motions without collisions",
     "taxel.grasp": "objects, approaches, grasp plan, calibration",
     "taxel.hand": "hand description, taxel positions, kinematics, drivers of hand and arm",
     "taxel.link": "bytes in and out: serial port, I2C, CAN, emulator, recording",
+    "taxel.input_files": "regular files, TOML, JSON, CSV and arrays with limits",
     "taxel.monitor": "live view",
     "taxel.recording": "recordings, grasp datasets",
     "taxel.ros": "ROS messages, MCAP, nodes",
@@ -38,7 +40,8 @@ NOTES: Final = {
     "taxel.skin": "taxel.open: link, decoder and hand description in one object",
     "taxel.stream": "decoding of frames, clocks, loss counters",
     "taxel.thesis": "chapter 5 of the thesis",
-    "taxel_protocol": "definitions of all messages; source of the C header and of the test vectors",
+    "taxel.twin": "a live skin beside its reference",
+    "taxel_protocol": "definitions of all messages",
     "taxel_tools": "commands for boards: scan, provision, flash, bench",
 }
 """Content of each package, in a few words."""

@@ -21,6 +21,7 @@ from firmware_elf import LinkedImage, read_linked_image
 from firmware_stack import CallGraph, StackUse, disassemble, read_call_table, read_noted_frames
 
 from taxel.errors import TaxelError
+from taxel.output import write_whole
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
 from taxel_tools.errors import FirmwareFileError
 
@@ -241,9 +242,9 @@ def main() -> int:
         compared = compare_sizes(sizes, options.compare) if options.compare else []
         print("\n".join([*format_table(sizes), *compared]))
         if options.json:
-            options.json.write_text(format_json(sizes, compiler))
+            write_whole(options.json, format_json(sizes, compiler))
         if options.page:
-            options.page.write_text(format_page(sizes, compiler))
+            write_whole(options.page, format_page(sizes, compiler))
     except (TaxelError, OSError, subprocess.CalledProcessError) as error:
         print(f"firmware_size: {error}", file=sys.stderr)
         return 1

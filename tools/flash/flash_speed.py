@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from taxel.output import write_whole
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 from flash_worlds import make_firmware_images, make_full_hand_world
@@ -142,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"the hub, {latency}: {seconds:.1f} s")
     if options.json is not None:
         results = [speed.to_json() for speed in speeds]
-        options.json.write_text(json.dumps({"boards": results, "hub": hub}, indent=2) + "\n")
+        write_whole(options.json, json.dumps({"boards": results, "hub": hub}, indent=2) + "\n")
     return 0
 
 

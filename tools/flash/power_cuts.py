@@ -20,6 +20,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from taxel.output import write_whole
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 from cut_configurations import run_configurations
@@ -69,10 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tally = build_tally(sorted(results, key=lambda result: result.number))
     print(render_text(tally, options.seed))
     if options.json is not None:
-        options.json.write_text(json.dumps(build_document(tally, options.seed), indent=2) + "\n")
+        write_whole(options.json, json.dumps(build_document(tally, options.seed), indent=2) + "\n")
     if options.page is not None:
         command = f"python tools/flash/power_cuts.py --cuts {options.cuts} --seed {options.seed} --page"
-        options.page.write_text(render_page(tally, options.seed, command))
+        write_whole(options.page, render_page(tally, options.seed, command))
     return 1 if tally.failures or not tally.cuts else 0
 
 

@@ -147,13 +147,24 @@ def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: byte
     last[address] = (cycle, scan)
 
 
+def _read_uptime_us(frame_type: int, payload: bytes) -> int | None:
+    """Uptime of the hub in a frame, microseconds; None for a frame without it."""
+    start = {int(FrameType.HUB_HANDSHAKE): 16, int(FrameType.HUB_STATUS): 0}.get(frame_type)
+    return None if start is None else int.from_bytes(payload[start : start + 8], "little")
+
+
 def count_losses(frames: Iterable[Frame]) -> Losses:
     """Losses that a host must count after these frames."""
     losses = Losses()
     previous: int | None = None
+    last_uptime_us = 0
     last: dict[int, tuple[int, int]] = {}
     for frame_type, sequence, payload in frames:
-        if frame_type == FrameType.HUB_HANDSHAKE and sequence == 0 and payload[0] == 0:
+        uptime_us = _read_uptime_us(frame_type, payload)
+        is_handshake = frame_type == FrameType.HUB_HANDSHAKE
+        has_less_uptime = is_handshake and uptime_us is not None and uptime_us < last_uptime_us
+        last_uptime_us = last_uptime_us if uptime_us is None else uptime_us
+        if has_less_uptime or (is_handshake and sequence == 0 and payload[0] == 0):
             losses.restarts += previous is not None
             last.clear()
         elif previous is not None:

@@ -28,6 +28,7 @@ from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
 from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
+from taxel.output import AppendedLines, read_complete_lines, write_whole
 from taxel.types import FloatArray
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
@@ -60,18 +61,17 @@ def run(out: Path, count: int, seed: int, jobs: int | None) -> list[dict[str, An
     """Evidence of all worlds; those that an earlier run stored are read. Worlds with an error are left out."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / "evidence.jsonl"
-    found = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    found = [json.loads(line) for line in read_complete_lines(path)]
     if any(one["run"] != [count, seed] for one in found):
         sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
     todo = [world for world in sample_benchmark(count, seed) if world.number not in known]
     todo.sort(key=lambda world: world.family != GRASPS)  # the slowest worlds first
     task = partial(collect_evidence, bases=out / "bases")
-    with path.open("a") as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with AppendedLines(path) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, evidence in enumerate(pool.map(task, todo), 1):
             evidence["run"] = [count, seed]
-            file.write(json.dumps(evidence) + "\n")
-            file.flush()
+            file.append(json.dumps(evidence))
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
     return [one for one in found if "error" not in one and not _is_too_weak(one)]
@@ -160,7 +160,7 @@ def main() -> int:
     calibration = fit(evidence, f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}")
     print(json.dumps(calibration.to_json(), indent=1))
     if options.write:
-        TARGET.write_text(json.dumps(calibration.to_json(), indent=1) + "\n")
+        write_whole(TARGET, json.dumps(calibration.to_json(), indent=1) + "\n")
     return 0
 
 

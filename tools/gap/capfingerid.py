@@ -39,6 +39,7 @@ from taxel.blind.measured_touches import ROW_OF_TAXEL, Frames, Repeat, list_touc
 from taxel.blind.touch_datasets import write_dataset
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
+from taxel.output import write_whole
 from taxel.recording import (
     TouchRecording,
     list_recordings,
@@ -127,7 +128,7 @@ def compare_versions(folder: Path, repeats: list[Repeat], comparison: Comparison
             write_dataset(folder / f"{version}.h5", repeats, version)
     report = diagnose(folder / f"{comparison.first}.h5", folder / f"{comparison.second}.h5").report
     name = comparison.name.replace(" ", "_")
-    (folder / f"report_{name}.json").write_text(json.dumps(report, allow_nan=False))
+    write_whole(folder / f"report_{name}.json", json.dumps(report, allow_nan=False))
     result, difference = summarise(report), locate_difference(repeats, comparison)
     share = sum(result["rows"][str(row)] for row in difference["rows"])
     rows_found = result["rows_found"]
@@ -239,7 +240,7 @@ def main() -> int:
     except (TaxelError, OSError) as error:
         print(f"capfingerid: {error}", file=sys.stderr)
         return 1
-    (options.out / "capfingerid.json").write_text(json.dumps(result, allow_nan=False, indent=1))
+    write_whole(options.out / "capfingerid.json", json.dumps(result, allow_nan=False, indent=1))
     return 0 if all(fault["right"] for fault in result["faults"].values()) else 2
 
 

@@ -20,6 +20,7 @@ from taxel.grasp.plan import Approach, make_thesis_approaches
 from taxel.grasp.timeline import Timeline
 from taxel.hand import load_hand
 from taxel.hand.transforms import to_quaternion
+from taxel.output.figure import save_figure
 from taxel.sim.closing import GraspMotion, simulate_grasp
 from taxel.sim.scene import Scene, build_scene
 
@@ -113,7 +114,7 @@ def _save_picture(panels: list[tuple[Approach, NDArray[np.uint8], str]], path: P
         axis.imshow(picture)
         axis.set_title(f"{approach.object} {approach.name}\n{text}", fontsize=8)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from taxel.output import write_whole
+
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY))
 
@@ -76,7 +78,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=PAGE)
     options = parser.parse_args()
     rows = "".join(measure_row(case) for case in CASES)
-    options.out.write_text(TEMPLATE.read_text().replace("{rows}", rows))
+    write_whole(options.out, TEMPLATE.read_text().replace("{rows}", rows))
     print(options.out)
     return 0
 

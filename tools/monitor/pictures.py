@@ -14,6 +14,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from taxel.output import write_whole
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from host.tests.chromium import Page
@@ -58,7 +60,7 @@ def main() -> int:
                 with Page(view.url, 1400, 860) as page:
                     _wait_for_page(view, reading, page)
                     page.take_picture()
-                    (out / "monitor-web.png").write_bytes(page.png)
+                    write_whole(out / "monitor-web.png", page.png)
     console = Console(
         file=io.StringIO(), width=WIDTH, height=HEIGHT, record=True, color_system="truecolor", force_terminal=True
     )
@@ -69,7 +71,7 @@ def main() -> int:
         with Page(drawing.as_uri(), 1400, 640) as page:
             time.sleep(2.0)
             page.take_picture()
-            (out / "monitor-terminal.png").write_bytes(page.png)
+            write_whole(out / "monitor-terminal.png", page.png)
     return 0
 
 

@@ -23,6 +23,8 @@ from pathlib import Path
 from bugs import ROOT, STAGES, Bug, PlantError, load_bugs, select_bugs, select_stages
 from sandbox import SandboxPool
 
+from taxel.output import write_whole
+
 OUT = ROOT / "out"
 
 
@@ -32,7 +34,7 @@ def write_diff(bug: Bug) -> Path:
     lines = (text.splitlines(keepends=True), bug.plant_in(text).splitlines(keepends=True))
     path = OUT / "mutants" / f"{bug.name}.diff"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(difflib.unified_diff(*lines, f"a/{bug.file}", f"b/{bug.file}")))
+    write_whole(path, "".join(difflib.unified_diff(*lines, f"a/{bug.file}", f"b/{bug.file}")))
     return path
 
 
@@ -46,7 +48,7 @@ def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
         sandboxes.check_without_bugs([stage for stage in STAGES if stage in needed])
         outcomes = sandboxes.try_all(bugs)
     OUT.mkdir(exist_ok=True)
-    (OUT / "mutants.json").write_text(json.dumps([asdict(outcome) for outcome in outcomes], indent=1) + "\n")
+    write_whole(OUT / "mutants.json", json.dumps([asdict(outcome) for outcome in outcomes], indent=1) + "\n")
     detected = {outcome.name for outcome in outcomes if outcome.found_by}
     print(f"{len(detected)} of {len(bugs)} bugs detected")
     for bug in bugs:

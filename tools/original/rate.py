@@ -18,6 +18,7 @@ from taxel.hand import Hand, load_hand
 from taxel.hand.original_firmware import FIRST_GENERATION, THESIS, OriginalFirmware
 from taxel.hand.world import format_world, make_original_settings
 from taxel.link.emulator import run_emulator
+from taxel.output import write_whole
 
 README: Final = Path(__file__).resolve().parents[2] / "firmware" / "emulator" / "README.md"
 BEGIN, END = "<!-- table of tools/original/rate.py -->\n", "<!-- end of the table -->\n"
@@ -146,7 +147,7 @@ def main() -> None:
     print(table, end="")
     print(f"limit of the UART for 15 boards: {THESIS_RATE_HZ:.2f} Hz")
     if arguments.update:
-        README.write_text(replace_table(README.read_text(), table))
+        write_whole(README, replace_table(README.read_text(), table))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from taxel.campaign.setup import Setup
 from taxel.grasp.plan import ITERATIONS, PlannedGrasp
 from taxel.hand import load_hand
 from taxel.hand.transforms import make_pose
+from taxel.output import AppendedLines, read_complete_lines
 from taxel.planning.clearance import Clearances
 from taxel.planning.errors import MotionPlanningError
 from taxel.planning.plan import MotionPlan
@@ -150,7 +151,7 @@ def summarise(results: list[Result]) -> dict[str, object]:
 
 def read_results(path: Path) -> dict[int, Result]:
     """Read the results of an interrupted measurement, by number of the problem."""
-    results = [Result(**json.loads(line)) for line in path.read_text().splitlines()]
+    results = [Result(**json.loads(line)) for line in read_complete_lines(path)]
     return {result.problem: result for result in results}
 
 
@@ -171,8 +172,8 @@ def main() -> int:
         for result in pool.map(solve, numbers, chunksize=1):
             results[result.problem] = result
             if options.out is not None:
-                with options.out.open("a") as lines:
-                    lines.write(json.dumps(asdict(result)) + "\n")
+                with AppendedLines(options.out) as lines:
+                    lines.append(json.dumps(asdict(result)))
     summary = summarise(list(results.values()))
     for result in results.values():
         if result.overlap:

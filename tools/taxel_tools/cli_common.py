@@ -12,7 +12,7 @@ from rich.progress import Progress as Bars
 from taxel.errors import TaxelError
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
 
-URL_HELP: Final = "serial:///dev/ttyUSB0 (the hub), /dev/i2c-1 (an adapter), emulator: ..."
+URL_HELP: Final = "serial:///dev/ttyUSB0 (the hub), i2c:///dev/i2c-1 (an adapter), emulator: ..."
 
 
 def parse_address(text: str, option: str) -> int:

@@ -9,7 +9,15 @@ from rich.console import Console
 from taxel.errors import TaxelError
 from taxel_tools.cli_common import print_json
 from taxel_tools.cli_flash_checks import require_file_signature
-from taxel_tools.swd import INTERFACE, build_command, check_hex, find_tool, run_command
+from taxel_tools.swd import (
+    INSTALL_COMMANDS,
+    INTERFACE,
+    build_command,
+    check_hex,
+    find_tool,
+    is_installed,
+    run_command,
+)
 
 
 def flash_swd(
@@ -29,12 +37,16 @@ def flash_swd(
         found = ", ".join(map(str, files))
         raise TaxelError(f"flash: expected one .hex and no URL with --swd (a board has one debug port), found {found}")
     rows = check_hex(files[0])
-    command = build_command(find_tool(tool), files[0], interface or INTERFACE)
+    program = find_tool(tool, is_required=not dry_run)
+    command = build_command(program, files[0], interface or INTERFACE)
     console = Console(stderr=True, soft_wrap=True)
     console.print(require_file_signature(files[0], files[0].read_bytes(), trust, unsigned))
     verb = "would be" if dry_run else "are"
     console.print(f"{len(rows)} rows, {rows[0]} to {rows[-1]}, {verb} programmed by SWD (not verified on hardware):")
     console.print(f"  {shlex.join(command)}", markup=False, highlight=False)
+    if not is_installed(program):
+        remedy = f"{program} is not on the PATH; install it before the board is programmed: {INSTALL_COMMANDS[program]}"
+        console.print(f"note: {remedy}", markup=False, highlight=False)
     if not dry_run:
         run_command(command)
     if as_json:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from taxel.errors import TaxelError
+from taxel.output import write_whole
 from taxel_tools.files.signature import format_public_key
 from taxel_tools.signing import PASSPHRASE_VARIABLE, generate_key
 
@@ -35,7 +36,6 @@ def keygen_command(
             raise TaxelError(f"{path}: exists already; a key is never replaced: choose another name")
     contents = (private, format_public_key(public, name.name).encode())
     for (path, mode), content in zip(files, contents, strict=True):
-        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-            file.write(content)
+        write_whole(path, content, overwrite=False, mode=mode)
     print(f"{files[0][0]}: private key, {'encrypted' if text else 'NOT encrypted'}; keep it secret, and keep a copy")
     print(f"{files[1][0]}: public key; users pass it with taxel flash --trust, or copy it to their key folder")

@@ -8,15 +8,18 @@ from urllib.parse import parse_qs
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link import Link, LinkError, open_i2c, open_link
+from taxel.link import Link, LinkError, open_link
+from taxel.link.linux_hub import is_i2c_url, open_adapter, parse_i2c_url
 from taxel.link.url import split_url
-from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
+from taxel.link.virtual import VirtualMasterWorld, VirtualMemoryLink, VirtualSMBus, VirtualWorld
 from taxel.original_hub import is_original_url
 from taxel_tools.cli_common import parse_address
 from taxel_tools.wires import BoardWire, HubWire, SmbusWire
 
-I2C_PREFIX: Final = "/dev/i2c-"
 NO_HUB: Final = "is the boards' bus; the hub accepts firmware only on its UART, such as serial:///dev/ttyUSB0"
+HUB_SCL_HZ: Final = 400e3
+"""Clock of a hub's I2C bus, Hz (firmware/boards/psoc4200)."""
+
 BOOT_S: Final = 0.5
 """World seconds until every emulated board answers and the hub has completed its bus scan."""
 WORLD_FILE_OPTIONS: Final = {"usb_latency_down_ms", "flow_control"}
@@ -25,10 +28,11 @@ OPTIONS: Final = {"board", "hand", "wire", "seed", "usb_latency_ms", "scl_hz", "
 
 @dataclass(frozen=True)
 class EmulatedBench:
-    """The emulated world of a connection, and the boards plugged into that world."""
+    """The emulated world of a connection, the boards plugged into that world, and the clock of their bus in Hz."""
 
     world: VirtualWorld
     hand: Hand
+    scl_hz: float = HUB_SCL_HZ
 
 
 @contextmanager
@@ -42,9 +46,9 @@ def open_wire(url: str) -> Iterator[BoardWire]:
     0x21`. Raises `LinkError`, `WireError`, `HubError`.
     """
     reject_original_hub(url)
-    path = url.removeprefix("i2c://")
-    if path.startswith(I2C_PREFIX):
-        wire: BoardWire = SmbusWire(open_i2c(path), path)
+    if is_i2c_url(url):
+        device = parse_i2c_url(url).device
+        wire: BoardWire = SmbusWire(open_adapter(device), device)
     elif url.startswith("emulator:"):
         with open_emulated(url) as (emulated, _):
             yield emulated
@@ -71,7 +75,7 @@ def reject_original_hub(url: str) -> None:
 def open_hub_link(url: str) -> Iterator[Link]:
     """Open the hub's UART that `url` names. Raises `LinkError`, also for an I2C adapter."""
     reject_original_hub(url)
-    if url.removeprefix("i2c://").startswith(I2C_PREFIX):
+    if is_i2c_url(url):
         raise LinkError(url, NO_HUB)
     if url.startswith("emulator:"):
         with _start_emulated_bench(url) as (bench, baud, wire_kind):
@@ -82,6 +86,26 @@ def open_hub_link(url: str) -> Iterator[Link]:
     link = open_link(url)
     try:
         yield link
+    finally:
+        link.close()
+
+
+@contextmanager
+def open_stream(url: str) -> Iterator[tuple[Link, float]]:
+    """Open the frames of the skin that `url` names, and return the link with the clock of its I2C bus in Hz.
+
+    `emulator:` is an emulated hand in virtual time with the options of `open_wire`; with `wire=i2c` it has no hub, and
+    a Linux hub polls its boards through an emulated I2C adapter. The bus clock of a hub is `HUB_SCL_HZ`. Raises
+    `LinkError`.
+    """
+    reject_original_hub(url)
+    if url.startswith("emulator:"):
+        with _start_emulated_bench(url, has_linux_hub=True) as (bench, baud, _):
+            yield VirtualMemoryLink(bench.world, baud), bench.scl_hz
+        return
+    link = open_link(url)
+    try:
+        yield link, getattr(link, "scl_hz", HUB_SCL_HZ)
     finally:
         link.close()
 
@@ -101,10 +125,11 @@ def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
 
 
 @contextmanager
-def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]]:
+def _start_emulated_bench(url: str, has_linux_hub: bool = False) -> Iterator[tuple[EmulatedBench, float, str]]:
     """Start the emulated boards of an `emulator:` URL and let them boot.
 
-    Returns them, the baud rate of the UART, and the kind of connection: `hub` or `i2c`.
+    has_linux_hub: with `wire=i2c`, a Linux hub on the emulated adapter replaces the hub. Returns them, the baud rate of
+    the UART, and the kind of connection: `hub` or `i2c`.
     """
     query = parse_qs(split_url(url).query)
     unknown = sorted(set(query) - OPTIONS)
@@ -127,9 +152,10 @@ def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]
         f"{name} {_parse_number(url, name, options[name]):g}" for name in sorted(WORLD_FILE_OPTIONS & set(options))
     ]
     text += "".join(f"{line}\n" for line in [*lines, *query.get("word", ())])
-    with VirtualWorld(text) as world:
+    is_without_hub = has_linux_hub and wire_kind == "i2c"
+    with VirtualMasterWorld(text, scl_hz=settings.scl_hz) if is_without_hub else VirtualWorld(text) as world:
         world.run(BOOT_S)
-        yield EmulatedBench(world, hand), settings.baud, wire_kind
+        yield EmulatedBench(world, hand, settings.scl_hz), settings.baud, wire_kind
 
 
 def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:

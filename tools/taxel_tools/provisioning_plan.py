@@ -13,12 +13,14 @@ Keys that are left out keep the value stored on the board.
 """
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from taxel.hand.errors import format_value
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
 from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS
 from taxel_protocol.limits import ADDRESS_MIN
 from taxel_tools.errors import PlanError
@@ -45,15 +47,18 @@ def read_plan(path: Path) -> list[Entry]:
     Raises `PlanError`, OSError.
     """
     try:
-        document = tomllib.loads(path.read_text())
-    except ValueError as error:
-        raise PlanError(str(path), "file", "TOML", str(error).splitlines()[0], "correct the file") from None
-    if document.get("taxel_provisioning") != 1:
-        value = repr(document.get("taxel_provisioning"))
-        raise PlanError(str(path), "taxel_provisioning", "1", value, "is this a provisioning plan?")
+        document = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
+    except TextError as error:
+        raise PlanError(str(path), error.position, error.expected, error.found, "correct the file") from None
+    version = document.get("taxel_provisioning")
+    if type(version) is not int or version != 1:  # in Python, True == 1 and 1.0 == 1
+        raise PlanError(str(path), "taxel_provisioning", "1", format_value(version), "is this a provisioning plan?")
     tables = document.get("board")
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise PlanError(str(path), "board", "one table or more", "none", "add a [[board]] table for each board")
+    unknown = sorted(set(document) - {"taxel_provisioning", "board"})
+    if unknown:
+        raise PlanError(str(path), unknown[0], "taxel_provisioning or board", "an unknown key", "correct its name")
     entries = [_parse_entry(str(path), f"board[{index}]", table) for index, table in enumerate(tables)]
     _check_unique(str(path), entries)
     return entries

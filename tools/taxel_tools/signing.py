@@ -1,12 +1,12 @@
 """Private keys and signatures of firmware files."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from taxel.errors import TaxelError
 from taxel.optional import optional_import
+from taxel.output import write_whole
 from taxel_tools.files.load import load_firmware
 from taxel_tools.files.signature import (
     PURPOSE,
@@ -88,11 +88,5 @@ def _write(path: Path, content: Content, data: bytes, key: "Ed25519PrivateKey") 
     public = key.public_key().public_bytes_raw()
     signature = Signature(content, public, key.sign(build_message(content, data)))
     file = get_signature_path(path)
-    partial = file.with_name(f".{file.name}.part")
-    try:
-        partial.write_text(format_signature(signature))
-        os.replace(partial, file)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
+    write_whole(file, format_signature(signature))
     return file

@@ -16,6 +16,7 @@ from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.intel_hex import read_intel_hex_rows
+from taxel_tools.files.manifest import read_firmware_bytes
 
 PYOCD_TARGET: Final = "cy8c4245axi-483"
 INTERFACE: Final = "cmsis-dap"
@@ -26,16 +27,24 @@ TCL_SPECIAL: Final = set('{}[]"\\$;\n')
 """Characters that would end or change a word in an OpenOCD (Tcl) script."""
 
 
-def find_tool(requested: str | None) -> str:
+def is_installed(tool: str) -> bool:
+    """Whether the program is on the PATH."""
+    return shutil.which(tool) is not None
+
+
+def find_tool(requested: str | None, is_required: bool = True) -> str:
     """Name of the program for the debug port: the requested one, or the first installed (OpenOCD before pyOCD).
 
-    Raises `TaxelError` with the installation command.
+    is_required: whether the program must be installed; else an absent one is named, too. Raises `TaxelError` with the
+    installation command.
     """
     if requested is not None and requested not in INSTALL_COMMANDS:
         raise TaxelError(f"--swd-tool: expected openocd or pyocd, found '{requested}'")
     for tool in [requested] if requested else list(INSTALL_COMMANDS):
-        if shutil.which(tool):
+        if is_installed(tool):
             return tool
+    if not is_required:
+        return requested or next(iter(INSTALL_COMMANDS))
     if requested:
         raise TaxelError(f"--swd-tool: {requested} is not on the PATH; install it: {INSTALL_COMMANDS[requested]}")
     raise TaxelError(f"--swd: neither openocd nor pyocd is on the PATH; install one: {INSTALL_COMMANDS['openocd']}")
@@ -50,7 +59,7 @@ def check_hex(path: Path) -> list[int]:
     if path.suffix not in {".hex", ".ihex"}:
         raise FirmwareFileError(source, "file name", ".hex", repr(path.suffix), "provide the bootloader as Intel HEX")
     try:
-        text = path.read_bytes().decode("ascii")
+        text = read_firmware_bytes(path).decode("ascii")
     except UnicodeDecodeError:
         raise FirmwareFileError(
             source, "file", "ASCII text", "other bytes", "the file is damaged; copy it again"

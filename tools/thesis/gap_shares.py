@@ -26,6 +26,7 @@ from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.original_plan import Setting
 from taxel.grasp.plan import make_thesis_plan
 from taxel.hand import load_hand
+from taxel.output import write_whole
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.thesis.own_gap.clouds import (
     MeasuredGrasp,
@@ -186,7 +187,7 @@ def main() -> None:
     }
     print_table("Original contact plug-in", results["plugin"])
     print_table("Simulator with an elastic layer", results["layer"])
-    (options.out / "gap_shares.json").write_text(json.dumps({"seeds": seeds, **results}, indent=1))
+    write_whole(options.out / "gap_shares.json", json.dumps({"seeds": seeds, **results}, indent=1))
 
 
 if __name__ == "__main__":

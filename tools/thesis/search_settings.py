@@ -14,6 +14,7 @@ out/search.jsonl
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_us
 from taxel.cloud.errors import RegistrationError
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.propagation import Propagation
+from taxel.output import AppendedLines
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.recording.grasp_tables import TaxelTable
@@ -248,9 +250,10 @@ def main() -> None:
     options = parser.parse_args()
     model, rng = CandidateModel(options.sim, options.displaced), np.random.default_rng(options.seed)
     best: list[tuple[float, Candidate]] = []
-    options.out.parent.mkdir(parents=True, exist_ok=True)
+    if options.out.exists():
+        sys.exit(f"search_settings: {options.out}: exists already; choose another --out")
     campaigns = len(options.displaced)
-    with options.out.open("w", encoding="utf-8") as file:
+    with AppendedLines(options.out) as file:
         for number in range(options.candidates):
             same_campaign = dict.fromkeys(OBJECTS, float(number))
             candidate = Candidate(**same_campaign) if number < campaigns else sample_candidate(rng, best, campaigns)
@@ -266,8 +269,7 @@ def main() -> None:
             best = sorted([*best, (objective, candidate)], key=lambda pair: -pair[0])[:20]
             row = {"objective": objective, "skill": skill, "reproduced": reproduced, **asdict(candidate)}
             row |= {name: options.displaced[int(row[name])].name for name in OBJECTS}
-            file.write(json.dumps(row) + "\n")
-            file.flush()
+            file.append(json.dumps(row))
             counts = [len(numbers) for numbers in reproduced]
             print(f"{number + 1:4}: {objective:.2f} ({counts} findings), best {best[0][0]:.2f}", flush=True)
     print(json.dumps(asdict(best[0][1])))

@@ -17,6 +17,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from taxel.output import write_whole
+
 ROOT: Final = Path(__file__).resolve().parents[2]
 EXCLUDED: Final = (
     *("host/taxel/gap/*", "host/tests/gap/*"),
@@ -104,7 +106,7 @@ def main() -> int:
             body = f"```{piece.language}\n{piece.text}\n```" if piece.language else piece.text
             parts.append(f"## {kind} {number} ({piece.source})\n\n{body}\n")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(f"# Readability review, seed {arguments.seed}\n\n" + "\n".join(parts))
+    write_whole(arguments.out, f"# Readability review, seed {arguments.seed}\n\n" + "\n".join(parts))
     print(f"{arguments.out}: {len(parts)} pieces, seed {arguments.seed}")
     return 0
 

@@ -9,13 +9,17 @@ from typing import Any
 from hil_tests.harness.rig_file import HUB, RigDescription
 from hil_tests.harness.virtual.images import build_images
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link.virtual import VirtualWorld
+from taxel.link.virtual import VirtualMasterWorld, VirtualWorld
 
 BOARD_KEYWORDS = ("board ", "surface ", "margin ")
 """Beginnings of the lines of a world file that describe one board, whose address follows."""
 
 BRANCH_WORDS = 5
 """Number of words of a branch line before its addresses."""
+
+
+I2C_DEV = "i2c-dev"
+"""Port of a virtual UART without a hub: a Linux hub polls the boards through an emulated I2C adapter."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +40,24 @@ class WorldBuild:
 
 def open_world(description: RigDescription, build: WorldBuild, exit_stack: ExitStack) -> VirtualWorld:
     """An emulated world of the rig's hand. `exit_stack` closes the world, after a check of the executed processors."""
-    text = format_world(description.hand, WorldSettings(**{**description.world, **build.settings}))
+    settings = WorldSettings(**{**description.world, **build.settings})
+    text = format_world(description.hand, settings)
     text = _select_boards(text, build.board_indices) + "".join(f"{line}\n" for line in build.lines)
     port = description.devices["uart"].options.get("port", "pty")
     image_lines, files = _find_images(description, text)
-    world = exit_stack.enter_context(VirtualWorld(text + image_lines, port, counts=build.has_known_counts, files=files))
+    options: dict[str, Any] = {"counts": build.has_known_counts, "files": files}
+    world = exit_stack.enter_context(
+        VirtualMasterWorld(text + image_lines, scl_hz=settings.scl_hz, **options)
+        if has_linux_hub(description)
+        else VirtualWorld(text + image_lines, port, **options)
+    )
     exit_stack.callback(_check_processors, world, _find_executed(description, text), build.may_fault)
     return world
+
+
+def has_linux_hub(description: RigDescription) -> bool:
+    """Whether a Linux hub polls the emulated boards of a virtual rig, which has no hub board."""
+    return description.devices["uart"].options.get("port") == I2C_DEV
 
 
 def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str, Path]]:

@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,9 +9,15 @@ from typing import Any, Final
 from taxel.blind.errors import BlindRunError
 from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
 from taxel.blind.world import World
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.gzip_text import expand_gzip
+from taxel.output import write_whole
 
 RECORDS: Final = "answers.jsonl.gz"
 """Name of the file in the folder of a check."""
+
+_BYTES_MAX: Final = 1 << 26
+"""Largest file, also after expansion, bytes; a world takes 4 kB."""
 
 
 def write_records(path: Path, results: Iterable[WorldResult]) -> None:
@@ -21,17 +26,17 @@ def write_records(path: Path, results: Iterable[WorldResult]) -> None:
     Equal results give equal bytes.
     """
     lines = [json.dumps(_result_to_json(result)) + "\n" for result in results]
-    path.write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
+    write_whole(path, gzip.compress("".join(lines).encode(), mtime=0))
 
 
 def read_records(path: Path) -> list[WorldResult]:
     """Read the results of worlds from a file of `write_records`. Raises BlindRunError for any other file."""
     try:
-        lines = gzip.decompress(path.read_bytes()).decode().splitlines()
+        lines = expand_gzip(read_regular_file(path, _BYTES_MAX), _BYTES_MAX).splitlines()
         if not lines:
             raise ValueError("no result in the file")
-        return [_result_from_json(json.loads(line)) for line in lines]
-    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
+        return [_result_from_json(parse_json(line)) for line in lines]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         found = f"{type(error).__name__}: {error}"
         remedy = "give the answers.jsonl.gz of a check"
         raise BlindRunError(str(path), "the results of a blind check", found, remedy) from None
@@ -108,7 +113,7 @@ def _result_from_json(data: dict[str, Any]) -> WorldResult:
         baseline_verdicts=data["simpler"],
         parameters=tuple(_parameter_from_json(parameter) for parameter in data["parameters"]),
         is_location_found=data["found_places"],
-        unobservable_causes=tuple(data["idle"]),
+        unobservable_causes=_read_texts(data["idle"]),
         verdict_withheld=_optional_verdict_from_json(data["without"]),
         verdict_shuffled=_optional_verdict_from_json(data["shuffled"]),
         verdict_decoy=_optional_verdict_from_json(data["decoy"]),
@@ -136,8 +141,15 @@ def _optional_verdict_to_json(verdict: ReportedVerdict | None) -> dict[str, Any]
 
 def _verdict_from_json(data: dict[str, Any]) -> ReportedVerdict:
     """Create a verdict of the diagnosis from JSON values, which `_verdict_to_json` has made."""
-    confounded = {name: tuple(names) for name, names in data["alike"].items()}
-    return ReportedVerdict(data["status"], tuple(data["effects"]), tuple(data["rivals"]), confounded)
+    confounded = {name: _read_texts(names) for name, names in data["alike"].items()}
+    return ReportedVerdict(data["status"], _read_texts(data["effects"]), _read_texts(data["rivals"]), confounded)
+
+
+def _read_texts(value: Any) -> tuple[str, ...]:
+    """Return a list of texts as a tuple. Raises TypeError for another value: a text would become its letters."""
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise TypeError("a list of names is no list of texts")
+    return tuple(value)
 
 
 def _optional_verdict_from_json(data: dict[str, Any] | None) -> ReportedVerdict | None:

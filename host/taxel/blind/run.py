@@ -20,6 +20,7 @@ from taxel.blind.shuffling import write_shuffled_copy
 from taxel.blind.world import World
 from taxel.blind.world_datasets import WorldNotMadeError, make_reference, make_world
 from taxel.errors import TaxelError
+from taxel.output import write_whole
 
 ANALYSIS_SEEDS: Final = 10
 SHUFFLED_INTERVAL: Final = 15
@@ -105,7 +106,7 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
     try:
         attempt = makers.submit(_make_datasets, world, real, sim, _creation_epoch(out)).result()
     except WorldNotMadeError as error:
-        (folder / "done").write_text(str(error))
+        write_whole(folder / "done", str(error))
         return
     runner.diagnose(real, sim, folder / "report.json")
     if world.is_withheld:
@@ -124,8 +125,8 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
     if models:
         noise_free = out / SEALED / f"noise_free{world.number:04d}.h5"
         parameters = makers.submit(_fit_reference, world, noise_free, sim, attempt, models).result()
-        get_reference_path(out, world).write_text(json.dumps(parameters))
-    (folder / "done").write_text("")
+        write_whole(get_reference_path(out, world), json.dumps(parameters))
+    write_whole(folder / "done", "")
 
 
 def _creation_epoch(out: Path) -> str:

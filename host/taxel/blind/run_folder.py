@@ -8,6 +8,9 @@ from taxel.blind.errors import BlindRunError
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.blind.world import World
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
+from taxel.output import write_whole
 
 SEALED: Final = "sealed"
 COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
@@ -44,18 +47,21 @@ def seal_worlds(out: Path, count: int, full_hand: int, seed: int | None) -> list
             )
             raise BlindRunError(str(out), expected_text, found_text, "choose another --out")
         return worlds
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and not _is_unused(out):
         expected = "an empty folder or an interrupted blind check"
         raise BlindRunError(str(out), expected, "other files", "choose another --out")
     worlds = sample_worlds(count, full_hand, seed)
     published = {str(world.number): commitment(world.to_json()) for world in worlds}
-    keys.parent.mkdir(parents=True, exist_ok=True)
-    (out / COMMITMENTS).write_text(json.dumps(published, indent=0))
-    partial = keys.with_suffix(".part")
-    partial.touch(mode=0o600)
-    partial.write_text(json.dumps([world.to_json() for world in worlds]))
-    partial.rename(keys)
+    write_whole(out / COMMITMENTS, json.dumps(published, indent=0))
+    # The keys are written last: a folder without keys is no interrupted check.
+    write_whole(keys, json.dumps([world.to_json() for world in worlds]), mode=0o600)
     return worlds
+
+
+def _is_unused(out: Path) -> bool:
+    """Whether a folder contains at most what a check leaves that was interrupted before its keys were stored."""
+    own = {COMMITMENTS, f".{COMMITMENTS}.part", f".{Path(KEYS).name}.part"}
+    return out.is_dir() and all(path.name in own for path in out.rglob("*") if not path.is_dir())
 
 
 def open_sealed_worlds(out: Path) -> list[World]:
@@ -63,18 +69,23 @@ def open_sealed_worlds(out: Path) -> list[World]:
     if not (out / KEYS).exists():
         raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
     committed, keys = read_json(out / COMMITMENTS), read_json(out / KEYS)
-    for key in keys:
-        verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
-    if len(keys) != len(committed):
-        remedy = "run the check again in another folder"
+    remedy = "run the check again in another folder"
+    try:
+        for key in keys:
+            verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
+        numbers = [key["number"] for key in keys]
+        worlds = [World.from_json(key) for key in keys]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BlindRunError(str(out / KEYS), "a list of keys", f"{type(error).__name__}: {error}", remedy) from None
+    if len(keys) != len(committed) or numbers != sorted(set(numbers)):
         raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
-    return [World.from_json(key) for key in keys]
+    return worlds
 
 
 def read_json(path: Path) -> Any:
     """Read a JSON file of a blind check. Raises BlindRunError if the file is missing or damaged."""
     try:
-        return json.loads(path.read_text())
+        return parse_json(read_regular_file(path, JSON_BYTES_MAX))
     except (OSError, ValueError) as error:
         remedy = "run the check again in another folder"
         raise BlindRunError(str(path), "readable JSON", str(error), remedy) from None

@@ -127,10 +127,10 @@ def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
     """
     strata = (np.arange(count) + rng.random(count)) / max(count, 1)
     low, high = FLOORS
-    return [_strength_of(float(low + (high - low) * value)) for value in rng.permutation(strata)]
+    return [find_strength(float(low + (high - low) * value)) for value in rng.permutation(strata)]
 
 
-def _strength_of(floors: float) -> float:
+def find_strength(floors: float) -> float:
     """Compute the strength, 0 to 1, at which the gap exceeds the floor by `floors` times the floor.
 
     The parameter ranges of the causes are logarithmic.
@@ -192,7 +192,7 @@ def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, p
     """Sample one cause of a type. plan: plan of the world, with the strength of a single cause."""
     # Each of several causes has its own strength, and none is so weak that the others mask it.
     is_several = plan.kind == "several"
-    strength = _strength_of(float(rng.uniform(*FLOORS_OF_SEVERAL))) if is_several else plan.strength
+    strength = find_strength(float(rng.uniform(*FLOORS_OF_SEVERAL))) if is_several else plan.strength
     return cause_type.sample(rng, hand, strength)
 
 

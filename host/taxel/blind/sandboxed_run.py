@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taxel.blind.errors import BlindRunError
+from taxel.output import write_whole
 
 
 class SandboxedRunner:
@@ -53,9 +54,9 @@ class SandboxedRunner:
         (self._folder / "report.json").unlink(missing_ok=True)
         answer = json.loads(self._request(json.dumps({**job, "without": list(without), "seed": seed})))
         if answer:
-            out.write_text(json.dumps(answer))
+            write_whole(out, json.dumps(answer))
         else:
-            shutil.copyfile(self._folder / "report.json", out)
+            write_whole(out, (self._folder / "report.json").read_bytes())
 
     def _request(self, line: str) -> str:
         """Send one line to the diagnosing process and return its answer.

@@ -3,8 +3,9 @@
 import shutil
 from pathlib import Path
 
-import h5py
 import numpy as np
+
+from taxel.recording.hdf5_output import change_hdf5
 
 
 def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
@@ -15,7 +16,7 @@ def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
     """
     shutil.copyfile(sim, out)
     rng = np.random.default_rng(seed)
-    with h5py.File(out, "r+") as file:
+    with change_hdf5(out) as file:
         grasps = [group for _, group in file["grasps"].items()]
         conditions = sorted({(str(group.attrs["object"]), str(group.attrs["approach"])) for group in grasps})
         order = rng.permutation(len(conditions))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_used_taxels
 from taxel.hand.transforms import apply
+from taxel.output.figure import save_figure
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
 
@@ -50,21 +51,22 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
                 label = "real" if data.source == "real" else "simulated"
                 axis.set_title(f"{name.replace('_', ' ')}, {label}\n{len(points)} points, {grasps} grasps", fontsize=10)
                 _set_axes(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
-        figure.savefig(out, dpi=110)
+        save_figure(figure, out, dpi=110)
         plt.close(figure)
     finally:
         for data in datasets:
             data.close()
 
 
-def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_id: str) -> None:
+def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_ids: Sequence[str]) -> None:
     """Draw one grasp of every dataset with active and inactive taxels to an image file, as Figure 5.3 of the thesis.
 
-    paths: grasp datasets. out: image file. Raises `DatasetError` if a dataset lacks the grasp.
+    paths: grasp datasets. out: image file. grasp_ids: the grasp of each dataset. Raises `DatasetError` if a dataset
+    lacks its grasp.
     """
     plt = _pyplot()
     figure = plt.figure(figsize=(5.6 * len(paths), 5.6), layout="constrained")
-    for column, path in enumerate(paths):
+    for column, (path, grasp_id) in enumerate(zip(paths, grasp_ids, strict=True)):
         with GraspDataset(path) as data:
             grasp = data[grasp_id]
             active, known = grasp.active_taxels(baseline_frames=max(count_baseline_frames(grasp), 1))
@@ -79,8 +81,8 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
             axis.set_title(
                 f"{grasp_name}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
             )
-            _set_axes(axis, points)
-    figure.savefig(out, dpi=110)
+            _set_axes(axis, np.vstack([points, 1e3 * data.objects[grasp.object].vertices]))
+    save_figure(figure, out, dpi=110)
     plt.close(figure)
 
 

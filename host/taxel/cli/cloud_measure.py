@@ -27,6 +27,7 @@ from taxel.cloud.global_alignment import align_to_mesh_globally, align_to_points
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, PointTarget, align_to_mesh, align_to_points
 from taxel.cloud.sweep import ForceRow, SorRow, convert_to_json, format_csv, sweep_force_filter, sweep_outlier_filter
+from taxel.output import write_whole
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
 
@@ -106,8 +107,8 @@ def sweep(
             cloud, mesh, object_name, progress=lambda done, total: show("outlier filter", done, total)
         )
     out.mkdir(parents=True, exist_ok=True)
-    paths[0].write_text(format_csv(force))
-    paths[1].write_text(format_csv(sor))
+    write_whole(paths[0], format_csv(force))
+    write_whole(paths[1], format_csv(sor))
     if print_json:
         print(json.dumps({"force_filter": convert_to_json(force), "sor": convert_to_json(sor)}))
     else:

@@ -51,6 +51,12 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
         "replay": CommandEntry(
             "taxel.cli.replay:replay", "Summarise a recording, or play it into a serial port, ROS or a file.", SKIN
         ),
+        "twin": CommandEntry(
+            "taxel.cli.twin:twin",
+            "Compare a skin with its reference, and report changes with their time, place and cause.",
+            SKIN,
+            extra="gap",
+        ),
         "convert": CommandEntry("taxel.cli.convert:convert", "Convert a recording to another file format.", SKIN),
         "emulate": CommandEntry(
             "taxel.cli.emulate:emulate", "Run the emulated skin behind a virtual serial port.", SKIN

@@ -55,12 +55,10 @@ def demo(
         raise TaxelError(report["error"])
     write_page(report, page)
     unrolled_png(report, picture)
-    print_summary(console, report)
+    print_summary(console, report, str(page), str(report_file))
     verify_commitment(0, world.to_json(), seal)
     _open_seal(console, world, report["verdict"]["effects"])
-    console.print(
-        f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]; page: {page}, picture of the hand: {picture}"
-    )
+    console.print(f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]; picture of the hand: {picture}")
 
 
 def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:

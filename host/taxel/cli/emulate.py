@@ -1,6 +1,8 @@
 """`taxel emulate`."""
 
+import re
 import subprocess
+import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +15,7 @@ from taxel.errors import TaxelError
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world, make_original_settings
 from taxel.link.emulator import find_emulator_program
+from taxel.native_library import emulator_message
 
 
 def emulate(
@@ -35,6 +38,7 @@ def emulate(
     """Run the emulated skin behind a virtual serial port.
 
     The command prints the name of the port, which any serial program can open, and runs in real time until Ctrl-C.
+    In a pipe, standard output contains only this name.
 
     With `--protocol original` the port sends the byte stream of the original hub, without any command of a host.
 
@@ -52,10 +56,51 @@ def emulate(
         arguments = [str(find_emulator_program()), "--world", str(world), "--uart", "pty"]
         arguments += ["--stimulus", str(stimulus)] if stimulus else []
         arguments += ["--duration", repr(seconds)] if seconds is not None else []
-        process = subprocess.Popen(arguments)
-        try:
-            status = process.wait()
-        except KeyboardInterrupt:
-            process.terminate()
-            status = process.wait()
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            status = _forward(process, hand, str(world), text)
     raise typer.Exit(1 if status else 0)
+
+
+def _forward(process: subprocess.Popen[str], hand: str, path: str, world: str) -> int:
+    """Print the port and the messages of the emulator until it ends, and return its exit status.
+
+    Standard output has the name of the port alone unless it is a terminal, so that a script can read it. path: of the
+    temporary world file. world: its text. Raises `TaxelError` if the emulator rejects the world.
+    """
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        if port := process.stdout.readline().strip():
+            print_port(hand, port)
+        messages = [_print_message(line, path) for line in process.stderr]
+        status = process.wait()
+    except KeyboardInterrupt:
+        process.terminate()
+        return process.wait()
+    if status and messages and path in messages[-1]:
+        raise TaxelError(describe_world_error(messages[-1], path, world))
+    return status
+
+
+def _print_message(line: str, path: str) -> str:
+    """Print a message of the emulator, except those about its temporary world file, and return it."""
+    if path not in line:
+        print(line.rstrip("\n"), file=sys.stderr, flush=True)
+    return line
+
+
+def print_port(hand: str, port: str) -> None:
+    """Print the name of the port: alone in a pipe, and with its use on a terminal."""
+    if not sys.stdout.isatty():
+        print(port, flush=True)
+        return
+    print(f"emulated skin '{hand}' on the virtual serial port {port}", flush=True)
+    print(f"in another terminal: taxel monitor serial://{port}", flush=True)
+    print("Ctrl-C ends the emulation", flush=True)
+
+
+def describe_world_error(message: str, path: str, world: str) -> str:
+    """The emulator's message in terms of the options. path: of the temporary world file. world: its text."""
+    text = emulator_message(message, path, world)
+    quoted = re.search(r"^world file, line \d+: (.*) \(found 'effect (.*)'\)$", text)
+    return f"--effect '{quoted[2]}': {quoted[1]}; see firmware/emulator/README.md" if quoted else text

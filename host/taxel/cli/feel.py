@@ -92,7 +92,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
 def _contact_table(outcomes: list[ContactOutcome]) -> Table:
     """Make a table with the response of the skin to each scripted contact."""
     table = Table(title="contacts")
-    for heading in ("board", "probe", "active after", "active", "signal"):
+    for heading in ("board", "probe", "active within", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
     for outcome in outcomes:
         indentation = outcome.contact

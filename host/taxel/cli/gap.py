@@ -2,7 +2,6 @@
 
 import json
 import os
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,8 @@ from taxel.gap.apply.resimulation import BUILTIN, DEFAULT_BUDGET, Resimulator
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.effects.effect_files import add_effect_file
 from taxel.gap.fitting.priors import read_priors
-from taxel.gap.page import write_page
+from taxel.gap.page import page_text
+from taxel.output import open_whole
 from taxel.recording.general.dataset import read_source, read_version
 from taxel.recording.grasp_format import REAL, SIM, VERSION
 
@@ -99,18 +99,14 @@ def diagnose(
         diagnosis = run(real, sim, without or (), seed, show, known, nested, simulator)
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
-    with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:
-        # An existing report is replaced only after both new files are complete.
-        new_report, new_page = Path(folder) / report.name, Path(folder) / page.name
-        new_report.write_text(text)
-        write_page(json.loads(text), new_page)
-        new_report.replace(report)
-        new_page.replace(page)
+    page_content = page_text(json.loads(text))  # an existing report is replaced only after both are complete
+    with open_whole(page) as new_page, open_whole(report) as new_report:
+        new_page.write(page_content.encode())
+        new_report.write(text.encode())
     if as_json:
         print(text)
     else:
-        print_summary(console, json.loads(text))
-        console.print(f"report: {page}", highlight=False)
+        print_summary(console, json.loads(text), str(page), str(report))
 
 
 def _check_source(sim: Path, real_real: bool) -> None:

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from taxel.cli.options import AsJson, Jobs
 from taxel.optional import require_packages
+from taxel.output import write_whole
 
 
 def blind(
@@ -74,13 +75,13 @@ def blind(
     for source, further in further_runs:
         results = merge_results(results, further, source)
     figures = score(results)
-    (out / "score.json").write_text(json.dumps(figures, indent=1, allow_nan=False))
+    write_whole(out / "score.json", json.dumps(figures, indent=1, allow_nan=False))
     added = sum(len(further) for _, further in further_runs)
     versions = sorted(list_diagnosis_versions(results))
     text = score_sheet(figures, Provenance(worlds, full_hand_worlds, added, figures["worlds"], versions).text())
     for path in (out / "score.md", *([page] if page else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        write_whole(path, text)
     if as_json:
         print(json.dumps(figures, allow_nan=False))
     else:

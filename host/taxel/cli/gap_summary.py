@@ -1,103 +1,152 @@
-"""Summary of a gap report on a terminal."""
+"""Summary of a gap report on a terminal: in the order of the page, within 24 lines of 80 columns."""
 
+import os
+import textwrap
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rich.console import Console
-from rich.table import Table
 
+from taxel.gap.page.action import REPORT_FILE, Action, recommend_action
+from taxel.gap.page.certainty_section import describe_repeated_searches, list_doubts
+from taxel.gap.page.confidence import label_cause, list_shown_causes
 from taxel.gap.page.effect_cards import format_parameters
-from taxel.gap.page.text import clean_text, make_readable
+from taxel.gap.page.text import clean_text, format_counts, format_probability, format_shrink, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
-MIN_SHOWN = 0.05
-"""Probability from which the summary states a cause."""
+WIDTH: Final = 80
+MOST_LINES: Final = 24
+"""Columns and lines of a terminal as it opens (VT100)."""
+
+CAUSE_BAR, GAP_BAR = 12, 40
+"""Columns of a probability of 1, and of the largest gap."""
 
 
-def print_summary(console: Console, report: Mapping[str, Any]) -> None:
-    """Print a summary of a gap report: verdict, gap, floor, shrink, and the parameters of the named effects.
+def print_summary(console: Console, report: Mapping[str, Any], page: str = "", report_file: str = REPORT_FILE) -> None:
+    """Print a summary of a gap report.
 
-    report: content of `report.json`, as `json.load` returns it.
+    Headline, probabilities, action, gap before and after, reasons for doubt, parameters, notes, path of the page.
+
+    report: content of `report.json`, as `json.load` returns it. page, report_file: paths of the page, "" for none, and
+    of the report.
     """
-    verdict = report["verdict"]
-    _print_line(console, f"\n{verdict['headline']}", style="bold")
-    _print_line(console, f"{verdict['one_line']}\n")
-    _print_line(console, format_probabilities(verdict["probabilities"]))
-    for reason in verdict["reasons"]:
-        _print_line(console, f"reason for doubt: {clean_text(reason)}")
-    console.print(_gap_table(report))
-    after = report["after"]
-    if report["verdict"]["effects"]:
-        _print_line(console, shrink_text(after))
-    for entry in report.get("resimulated", ()):
-        names = ", ".join(make_readable(name) for name in entry["effects"])
-        gap = f"{entry['before']:.1f} to {entry['after']:.1f} counts"
-        _print_line(console, f"simulated again with {names}: gap from {gap}, shrink {100 * entry['shrink']:.0f} %")
-    if (effect_sets := after.get("chosen_inside")) is not None:
-        _print_line(console, format_nested_agreement(effect_sets, report["verdict"]["effects"]))
     checked = CheckedReport(report)
-    for effect in checked.effects:
-        if effect.flag("in_verdict"):
-            parameters = format_parameters(checked, effect)
-            _print_line(console, make_readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
-    for problem in report["inputs"]["problems"]:
-        text = f"{problem['grasp']}: {problem['problem']} ({problem['handled']})"
-        _print_line(console, f"faulty grasp of the simulator: {clean_text(text)}")
-    for loss in report["losses"]:
-        _print_line(console, f"note: {clean_text(loss)}")
+    mark = "\N{FULL BLOCK}" if "utf" in console.encoding.lower() else "#"
+    action = recommend_action(checked, min(report_file, os.path.relpath(report_file), key=len))
+    beginning = [*_headline(checked), *_confidence(checked, mark)]
+    end = [*_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])]
+    for lines_of_doubt in (2, 1):
+        rest = [_action_lines(action), _gap_lines(checked, mark), [*_doubts(checked, lines_of_doubt), *end]]
+        space = MOST_LINES - sum(map(_count_rows, [beginning, *rest]))
+        if space > 0:
+            break
+    sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(space, 1))
+    lines = _join([[*beginning, *sentence], *rest])
+    console.print(lines[0], style="bold", highlight=False, markup=False, no_wrap=True, overflow="ignore")
+    for line in lines[1:]:
+        console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ignore", crop=False)
 
 
-def format_probabilities(probabilities: Mapping[str, float]) -> str:
-    """Format the probabilities of the causes, of an unknown cause and of no gap, largest first, as one line."""
-    names = sorted(probabilities, key=lambda name: -probabilities[name])
-    shown = [
-        f"{make_readable(name)} {100 * probabilities[name]:.0f} %" for name in names if probabilities[name] >= MIN_SHOWN
-    ]
-    return f"probabilities: {', '.join(shown)}"
+def _join(blocks: Sequence[Sequence[str]]) -> list[str]:
+    """All lines, with an empty line between two blocks where the terminal has space for it."""
+    filled = [list(block) for block in blocks if block]
+    space = MOST_LINES - sum(map(_count_rows, filled))
+    lines: list[str] = []
+    for number, block in enumerate(filled):
+        lines += [""] * (0 < number <= space) + block
+    return lines
 
 
-def shrink_text(after: Mapping[str, Any]) -> str:
-    """Format the relative reduction of the gap by the named effects as one line. after: the report's field "after"."""
-    text = (
-        f"shrink of the gap of held-out sessions: {100 * after['shrink']:.0f} %"
-        f" (predicted: {100 * after['predicted_shrink']:.0f} %)"
+def _count_rows(lines: Sequence[str]) -> int:
+    """Rows of a terminal that the lines fill; a command is not divided, so that it can be copied."""
+    return sum(max(1, -(-len(line) // WIDTH)) for line in lines)
+
+
+def _wrap(text: str, most: int, first: str = "") -> list[str]:
+    """At most `most` lines of a text; an ellipsis shows that the rest is on the page. first: begins the first line."""
+    indent = " " * len(first)
+    plain = text.replace("\N{NO-BREAK SPACE}", " ")
+    return textwrap.wrap(
+        plain,
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=indent,
+        max_lines=most,
+        placeholder=" \N{HORIZONTAL ELLIPSIS}",
     )
-    if after["reducible_shrink"] is not None:
-        text += f"; reduction of the excess above the floor: {100 * after['reducible_shrink']:.0f} %"
-    return text
 
 
-def format_nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
-    """Format a sentence that states how many leave-one-session-out searches find the effects of the full search.
-
-    effect_sets: effects of each leave-one-session-out search. effects: effects of the verdict. "unknown" is not
-    compared, because it marks a remainder without a catalogue effect and is not the result of a search.
-    """
-    names = set(effects) - {"unknown"}
-    agreeing = sum(set(effect_set) == names for effect_set in effect_sets)
-    return f"searches without one session that find the same effects: {agreeing} of {len(effect_sets)}"
+def _headline(report: CheckedReport) -> list[str]:
+    return _wrap(clean_text(report.verdict.optional_text("headline") or report.verdict.text("one_line")), 2)
 
 
-def _gap_table(report: Mapping[str, Any]) -> Table:
-    """Make a table of gap and floor, in counts and millimetres, from the content of a gap report."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "counts", "mm"):
-        table.add_column(heading, justify="left" if not heading else "right")
-    gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
-    gap_mm = "" if mm["value"] is None else _with_interval(mm["value"], mm["ci95"], 2)
-    table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), gap_mm)
-    table.add_row("floor", f"{gap['floor']:.1f}", "" if mm["floor"] is None else f"{mm['floor']:.2f}")
-    table.add_row("gap of held-out sessions, before", f"{after['before']:.1f}", "")
-    table.add_row("gap of held-out sessions, after", _with_interval(after["value"], after["ci95"]), "")
-    return table
+def _confidence(report: CheckedReport, mark: str) -> list[str]:
+    """One line with the most probable causes as bars, as many as fit."""
+    line = ""
+    for name, value in list_shown_causes(report):
+        bar = mark * round(CAUSE_BAR * value)
+        text = f"{label_cause(name)} {bar}{' ' * bool(bar)}{format_probability(value)}"
+        line_with = f"{line}   {text}" if line else text
+        if len(line_with) > WIDTH:
+            break
+        line = line_with
+    return [line.replace("\N{NO-BREAK SPACE}", " ")] if line else []
 
 
-def _print_line(console: Console, text: str, style: str | None = None) -> None:
-    """Print text without interpreting markup or highlighting numbers."""
-    console.print(text, style=style, highlight=False, markup=False)
+def _action_lines(action: Action) -> list[str]:
+    steps = _wrap(" ".join(action.steps), 2)
+    command = [f"  $ {action.command}"] if action.command else []
+    contact = _wrap(f"{action.next_contact}.", 2, "Record next: ") if action.next_contact else []
+    return [*steps, *command, *(f"  {line}"[:WIDTH] for line in action.lines), *contact]
 
 
-def _with_interval(value: float, interval: Sequence[float] | None, digits: int = 1) -> str:
-    """Format a value with its 95 % interval in parentheses; None: no interval. digits: decimal places."""
-    text = f"{value:.{digits}f}"
-    return text if interval is None else f"{text} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
+def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
+    """The gap before and after, and the floor, as bars; and the shrink."""
+    after = report.after
+    has_effects = any(name != "unknown" for name in report.verdict.texts("effects"))
+    rows = [("gap before" if has_effects else "gap", after.number("before"), "")]
+    if has_effects:
+        rows.append(("gap after", after.number("value"), f" (shrink {format_shrink(after.number('shrink'))})"))
+    rows.append(("floor", after.number("floor"), ""))
+    top = max(value for _, value, _ in rows) or 1.0
+    lines = []
+    for label, value, note in rows:
+        size = "not measured" if label == "floor" and value == 0.0 else format_counts(value)
+        lines.append(f"{label:<11}{mark * round(GAP_BAR * value / top):<{GAP_BAR}} {size}{note}")
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+def _doubts(report: CheckedReport, most: int) -> list[str]:
+    """Reasons for doubt and faulty grasps: the first two, and the number of the others. most: lines of each."""
+    doubts = list_doubts(report)
+    for problem in report.root.field("inputs").optional_list("problems"):
+        grasp, fault, handled = (clean_text(problem.text(key)) for key in ("grasp", "problem", "handled"))
+        doubts.append(f"Faulty grasp of the simulator: {grasp}: {fault} ({handled}).")
+    lines = [line for doubt in doubts[:2] for line in _wrap(doubt, most, "doubt: ")]
+    more = len(doubts) - 2
+    rest = [f"doubt: {more} more on the page"] if more > 0 else describe_repeated_searches(report)
+    return [*lines, *rest]
+
+
+def _parameters(report: CheckedReport) -> list[str]:
+    """Fitted parameters of the named effects, and measured gaps of simulations with effects."""
+    texts = []
+    for effect in report.effects:
+        if effect.flag("in_verdict") and (parameters := format_parameters(report, effect)):
+            texts.append(f"{make_readable(effect.text('name'))}: {parameters}")
+    lines = _wrap("; ".join(texts), 2)
+    for entry in report.root.optional_list("resimulated")[:1]:
+        names = ", ".join(make_readable(name) for name in entry.texts("effects"))
+        change = f"{entry.number('before'):.1f} to {entry.number('after'):.1f} counts"
+        lines = [*lines[:1], *_wrap(f"simulated again with {names}: {change}", 1)]
+    return lines
+
+
+def _notes(report: CheckedReport) -> list[str]:
+    """The first note on the data, and the number of the others."""
+    notes = [clean_text(text) for text in report.root.texts("losses")]
+    if not notes:
+        return []
+    more = f" ({len(notes) - 1} more on the page)" if len(notes) > 1 else ""
+    (line,) = textwrap.wrap(f"note: {notes[0]}", WIDTH - len(more), max_lines=1, placeholder=" \N{HORIZONTAL ELLIPSIS}")
+    return [f"{line}{more}"]

@@ -25,6 +25,7 @@ from taxel.cli.import_presets import preset_app
 from taxel.cli.options import AsJson, Overwrite
 from taxel.errors import TaxelError
 from taxel.hand.errors import format_value
+from taxel.output import write_whole
 from taxel.recording.grasp_format import REAL
 from taxel.recording.importers.fields import Field
 from taxel.recording.importers.lerobot import make_lerobot_mapping
@@ -142,10 +143,9 @@ def _parse_elements(text: str | None) -> tuple[int, int] | None:
 
 def _write_text(path: Path, text: str, overwrite: bool) -> None:
     """Write a text file. Raises `TaxelError` for an existing file without `overwrite`, and if writing fails."""
+    if path.exists() and not overwrite:
+        raise TaxelError(f"{path}: exists; choose another name, or add --overwrite")
     try:
-        with path.open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise TaxelError(f"{path}: exists; choose another name, or add --overwrite") from None
+        write_whole(path, text, overwrite=overwrite)
     except OSError as error:
         raise TaxelError(f"{path}: cannot be written ({error.strerror}); check the folder") from None

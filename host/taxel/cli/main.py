@@ -1,11 +1,7 @@
 """The program `taxel`: finds the requested command, runs it, and prints an error as one line."""
 
 import os
-import signal
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Annotated, Any, Final, NoReturn
 
 import typer
@@ -13,6 +9,7 @@ import typer
 from taxel.cli.commands import COMMANDS, OTHER, CommandEntry
 from taxel.cli.plugin_commands import load_command
 from taxel.cli.renamed_options import refuse_renamed
+from taxel.cli.termination import interrupted_by_sigterm
 from taxel.errors import TaxelError
 from taxel.optional import missing_package
 from taxel.plugins import COMMANDS as COMMANDS_GROUP
@@ -87,7 +84,7 @@ def main() -> None:
     """Run the command of `sys.argv`; the exit status is 0 only on success, and 2 for a wrong command line."""
     name = _requested_command()
     try:
-        with _interrupted_by_sigterm():
+        with interrupted_by_sigterm():
             refuse_renamed(sys.argv[1:])
             status = typer.main.get_command(build_app(name))(prog_name="taxel", standalone_mode=False)
     except TaxelError as error:
@@ -136,23 +133,6 @@ def _requested_command() -> str:
     else:
         arguments = sys.argv
     return arguments[1] if len(arguments) > 1 else ""
-
-
-@contextmanager
-def _interrupted_by_sigterm() -> Iterator[None]:
-    """Handle the signal SIGTERM like Ctrl-C inside the block, so that a stopped service closes its files.
-
-    The previous handler is restored at the end: a program that runs a command in its own process may have started child
-    processes that must end at SIGTERM.
-    """
-    if threading.current_thread() is not threading.main_thread():  # only the main thread may set a signal handler
-        yield
-        return
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL if previous is None else previous)
 
 
 def _fail(text: str) -> NoReturn:

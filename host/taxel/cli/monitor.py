@@ -11,6 +11,7 @@ from rich.console import Console
 from taxel.cli.options import HandOption, Seconds, ThresholdCounts, Url
 from taxel.errors import TaxelError
 from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_paced, watch
+from taxel.monitor.demo_skin import DEMO_BASELINE_FRAMES, DEMO_URL, open_demo
 from taxel.monitor.summary_text import format_line
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
@@ -27,12 +28,21 @@ def monitor(
     url: Url,
     web: Annotated[bool, typer.Option("--web", help="Show the hand in 3-D in a browser (extra web).")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1. 0: a free port.")] = 8080,
+    control: Annotated[
+        bool, typer.Option("--control", help="The page may take the baseline again. Default: it only shows.")
+    ] = False,
     hand: HandOption = None,
     rate_hz: Annotated[float | None, typer.Option(help="Scans per second. Default: the rate of the bus.")] = None,
     speed: Annotated[float, typer.Option(help="Speed of a recording, times real time.")] = 1.0,
     baseline_frames: Annotated[
-        int, typer.Option(min=2, max=10000, help="Number of frames of each board in the baseline.")
-    ] = BASELINE_SAMPLES,
+        int | None,
+        typer.Option(
+            min=2,
+            max=10000,
+            help=f"Number of frames of each board in the baseline. Default: {BASELINE_SAMPLES}; with demo: "
+            f"{DEMO_BASELINE_FRAMES}.",
+        ),
+    ] = None,
     threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
     seconds: Seconds = None,
     once: Annotated[
@@ -42,21 +52,22 @@ def monitor(
 ) -> None:
     """Show a skin live, in the terminal or in a browser.
 
-    The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the
-    baseline is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output
-    is not a terminal, one line per second is printed.
+    The view shows the boards as heat maps, rates, errors and active taxels. The URL demo: shows contacts that move over
+    an emulated hand. Nothing may touch the skin while the baseline is taken. Keys: q or Ctrl-C quits, b takes the
+    baseline again, t shows the table of boards. If the output is not a terminal, one line per second is printed.
 
-    Example: taxel monitor emulator: --seconds 2
+    Example: taxel monitor demo: --seconds 4
     """
     console = Console(markup=False)
     with _opening_status(console, url):
-        skin = open_paced(url, hand, rate_hz, speed)
+        frames = baseline_frames or (DEMO_BASELINE_FRAMES if url == DEMO_URL else BASELINE_SAMPLES)
+        skin = open_demo(hand, rate_hz, frames) if url == DEMO_URL else open_paced(url, hand, rate_hz, speed)
     with skin:
-        model = SkinMonitor(skin, baseline_frames, threshold_counts)
+        model = SkinMonitor(skin, frames, threshold_counts)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:
-                _in_browser(skin, model, title, port, seconds)
+                _in_browser(skin, model, title, port, control, seconds)
             elif once:
                 _print_once(skin, model, console, title, as_json, seconds)
             elif as_json or not console.is_terminal:
@@ -104,16 +115,23 @@ def _print_once(
         raise NoFrameError(f"{skin.link.name}: no frame arrived; {reading.advice}")
 
 
-def _in_browser(skin: Skin, model: SkinMonitor, title: str, port: int, seconds: float | None) -> None:
+def _in_browser(
+    skin: Skin, model: SkinMonitor, title: str, port: int, has_control: bool, seconds: float | None
+) -> None:
     """Serve a page that shows the live skin in a browser, until the end of the data or Ctrl-C.
 
-    port: of the page on 127.0.0.1. seconds: time limit; None: no limit.
+    port: of the page on 127.0.0.1. has_control: the page can take the baseline again. seconds: time limit; None: no
+    limit.
     """
     from taxel.monitor.web import WebView
 
-    with WebView(model, title, port) as view:
-        print(f"the skin is at {view.url}; press Ctrl-C to quit", flush=True)
-        reading = watch(skin, model, view, seconds)
-        print(format_line(reading), flush=True)
-        while reading.is_ended and seconds is None:  # the last view of a recording stays visible
-            time.sleep(0.2)
+    with WebView(model, title, port, has_control) as view:
+        print(f"the skin is at {view.url} (press Ctrl-C to quit)", flush=True)
+        try:
+            reading = watch(skin, model, view, seconds)
+            print(format_line(reading), flush=True)
+            while reading.is_ended and seconds is None:  # the last view of a recording stays visible
+                time.sleep(0.2)
+        finally:
+            if view.refusals.total:
+                print(f"page: {view.refusals.summary}", flush=True)

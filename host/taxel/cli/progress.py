@@ -68,6 +68,23 @@ def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
 
 
 @contextmanager
+def time_bar(title: str, seconds: float) -> Iterator[Callable[[float, str], None]]:
+    """Show one bar on standard error for work that lasts `seconds`, erased at the end.
+
+    Yields the callback: elapsed seconds, and the text before the bar.
+    """
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} of {task.total:g} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=_stderr_console(), transient=True) as progress:
+        task = progress.add_task(title, total=seconds)
+        yield lambda elapsed_s, text: progress.update(task, completed=min(elapsed_s, seconds), description=text)
+
+
+@contextmanager
 def spinner(title: str) -> Iterator[Callable[[str], None]]:
     """Show a spinner on standard error for work of unknown length, erased at the end. Yields a setter of its title."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())

@@ -26,7 +26,8 @@ def show(
         "out/show"
     ),
     grasp: Annotated[
-        str | None, typer.Option(help="Id of the grasp to draw. Default: the first one that all datasets contain.")
+        str | None,
+        typer.Option(help="Id of the grasp to draw. Default: one of an object and approach in all datasets."),
     ] = None,
     check: Annotated[
         bool,
@@ -49,15 +50,11 @@ def show(
         raise typer.Exit(_show_general(datasets, out, check, console))
     if check:
         raise typer.Exit(_check_physics(datasets, console))
-    common = _find_common_ids(datasets)
-    if not common and grasp is None:
-        raise TaxelError(
-            f"{', '.join(map(str, datasets))}: the datasets have no grasp id in common; give one with --grasp"
-        )
+    grasps = _choose_grasps(datasets) if grasp is None else [grasp] * len(datasets)
     out.mkdir(parents=True, exist_ok=True)
     with console.status("drawing"):
         save_clouds(datasets, out / "clouds.png")
-        save_grasp(datasets, out / "grasp.png", common[0] if grasp is None else grasp)
+        save_grasp(datasets, out / "grasp.png", grasps)
     print_outcomes(console, datasets)
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
 
@@ -103,10 +100,26 @@ def _check_physics(paths: list[Path], console: Console) -> int:
     return status
 
 
-def _find_common_ids(paths: list[Path]) -> list[str]:
-    """List the ids of the grasps that all datasets contain, sorted. paths: grasp datasets."""
-    ids: list[set[str]] = []
+def _choose_grasps(paths: list[Path]) -> list[str]:
+    """The ids of one grasp of each dataset, of the same object and approach, and with the same id if there is one.
+
+    paths: grasp datasets. Raises `TaxelError` if no condition is in all of them.
+    """
+    ids: list[list[str]] = []
+    conditions: list[dict[tuple[str, str], str]] = []
     for path in paths:
         with GraspDataset(path) as data:
-            ids.append(set(data.ids))
-    return sorted(set.intersection(*ids))
+            ids.append(list(data.ids))
+            first: dict[tuple[str, str], str] = {}
+            for grasp in data:
+                first.setdefault((grasp.object, grasp.approach), grasp.id)
+            conditions.append(first)
+    if common := sorted(set.intersection(*map(set, ids))):
+        return [common[0]] * len(paths)
+    shared = sorted(set.intersection(*(set(first) for first in conditions)))
+    if not shared:
+        raise TaxelError(
+            f"{', '.join(map(str, paths))}: expected an object and approach that all datasets contain, found none; "
+            "draw the datasets one by one"
+        )
+    return [first[shared[0]] for first in conditions]

@@ -6,6 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from taxel.cli.gap_notices import format_gaps
 from taxel.skin import Skin
 
 
@@ -74,3 +75,9 @@ class StreamSummary:
             f"frames: {data['frames_received']} received, {data['frames_lost_on_wire']} lost on the wire{unknown}; "
             f"bytes: {data['bytes_received']} received, {data['bytes_discarded']} discarded"
         )
+        restarts = self._skin.losses.restarts
+        if restarts:
+            console.print(f"the hub restarted {restarts} time{'s' if restarts != 1 else ''}")
+        reconnection = self._skin.reconnection
+        if reconnection is not None and reconnection.gaps:
+            console.print(format_gaps(reconnection.gaps), soft_wrap=True)

@@ -38,7 +38,8 @@ MARGIN_S = 0.1
 class ContactOutcome:
     """Response of the skin to one contact.
 
-    delay_s: from the first contact to the first active taxel, seconds; None if no taxel became active. active_taxels:
+    delay_s: from the first contact to the end of the poll cycle with the first active taxel, seconds; None if no taxel
+    became active. A cycle may begin before the contact, but the taxel was measured in it. active_taxels:
     indices into the hand's taxels that were active during the contact and bear a part of its force. largest_signal:
     counts below the baseline.
     """
@@ -104,6 +105,7 @@ def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> 
     """Compare the active taxels of the recorded scans with the scripted contacts."""
     activation = Activation(baseline.mean)
     times = np.array([scan.time_s for scan in scans])
+    ends = np.append(times[1:], 2.0 * times[-1] - times[-2])  # a cycle ends where the next one begins
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))
     signal = np.nan_to_num(frames.signal_counts, nan=0.0)
     outcomes = []
@@ -117,7 +119,7 @@ def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> 
         outcomes.append(
             ContactOutcome(
                 contact,
-                None if not len(active_scans) else float(times[active_scans[0]] - contact.start_s),
+                None if not len(active_scans) else float(ends[active_scans[0]] - contact.start_s),
                 np.flatnonzero(active.any(axis=0)).tolist(),
                 float(signal[np.ix_(during, is_loaded)].max(initial=0.0)),
             )

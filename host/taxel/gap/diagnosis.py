@@ -32,10 +32,11 @@ from taxel.gap.report.assembly import ReportInputs, build_report
 from taxel.gap.report.thesis_terms import thesis_terms
 from taxel.gap.verdict.attribution import attribute
 from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
+from taxel.gap.verdict.headlines import REAL_AND_SIMULATED, TWO_REAL
 from taxel.gap.verdict.held_out import HeldOut, held_out
 from taxel.gap.verdict.nested import choose_without_sessions
 from taxel.gap.verdict.reasons import list_reasons
-from taxel.gap.verdict.verdict import REAL_AND_SIMULATED, TWO_REAL, Verdict, judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
 
 
 @dataclass(frozen=True, eq=False)

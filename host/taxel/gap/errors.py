@@ -1,6 +1,6 @@
 """What can be wrong with two datasets that are to be compared."""
 
-from taxel.errors import TaxelError
+from taxel.errors import TaxelError, fit_line
 
 
 class GapInputError(TaxelError, ValueError):
@@ -14,4 +14,5 @@ class GapInputError(TaxelError, ValueError):
         self.where, self.expected, self.found, self.remedy = where, expected, found, remedy
 
     def __str__(self) -> str:
-        return f"{self.where}: expected {self.expected}, found {self.found}; {self.remedy}"
+        expected, found, remedy = map(fit_line, (self.expected, self.found, self.remedy))
+        return f"{fit_line(self.where, 1000)}: expected {expected}, found {found}; {remedy}"

@@ -1,7 +1,6 @@
 """The folder of a recipe: its existing and missing shards, and atomic writing of files."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -10,6 +9,9 @@ from taxel.generate.recipe import Recipe
 from taxel.generate.shard import format_shard_name, get_creation_time, read_recipe_digest
 from taxel.generate.versions import list_package_versions
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
+from taxel.output import write_whole
 from taxel.recording.errors import DatasetError
 
 RECIPE: Final = "recipe.json"
@@ -34,7 +36,7 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
         _check_same_recipe(record, _read_record(record), expected)
     else:
         _check_empty(out)
-        write_file(record, _to_text(expected))
+        write_whole(record, _to_text(expected))
     for part in out.glob(".*.part"):
         part.unlink(missing_ok=True)  # incomplete files of a killed run
     return [shard for shard in range(recipe.shards) if not _has_shard(out, recipe, shard)]
@@ -52,26 +54,6 @@ def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
     if digest != recipe.digest:
         _fail(path, "a shard of this recipe", "another file", "remove that file, or choose another --out")
     return True
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file completely or not at all, even if the power fails."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    rename_durably(part, path)
-
-
-def rename_durably(part: Path, path: Path) -> None:
-    """Rename a complete file that is on the disk to its final name, and flush the folder to the disk."""
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
 
 
 def _make_record(recipe: Recipe) -> dict[str, Any]:
@@ -94,7 +76,7 @@ def _to_text(content: dict[str, Any]) -> bytes:
 def _read_record(path: Path) -> dict[str, Any]:
     """Read the record of the generation run in a folder. Raises FolderError for another file."""
     try:
-        content = json.loads(path.read_bytes())
+        content = parse_json(read_regular_file(path, JSON_BYTES_MAX))
     except ValueError:
         content = None
     if not isinstance(content, dict) or content.get("format") != FORMAT:

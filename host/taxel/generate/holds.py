@@ -1,6 +1,5 @@
 """Hold signals and labels of a generated folder, shard after shard, for a learner."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,8 @@ from taxel.generate.folder import FORMAT
 from taxel.generate.index import INDEX
 from taxel.generate.shard import read_table
 from taxel.hand.errors import format_path
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
@@ -38,10 +39,13 @@ def list_shards(folder: Path) -> list[Path]:
     """
     path = folder / INDEX
     try:
-        index = json.loads(path.read_bytes())
+        index = parse_json(read_regular_file(path, JSON_BYTES_MAX))
         if index["format"] != FORMAT:
             raise ValueError(index["format"])
-        return [folder / shard["file"] for shard in index["shards"]]
+        names = [str(shard["file"]) for shard in index["shards"]]
+        if not all(name == Path(name).name for name in names):
+            raise ValueError("a shard in another folder")
+        return [folder / name for name in names]
     except (OSError, ValueError, KeyError, TypeError):
         remedy = "run taxel generate again until it is complete"
         raise FolderError(format_path(path), "/", "the index of a generated folder", "none", remedy) from None

@@ -3,7 +3,6 @@
 import csv
 import hashlib
 import json
-import os
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -11,10 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.generate.folder import FORMAT, VERSION, rename_durably, write_file
+from taxel.generate.folder import FORMAT, VERSION
 from taxel.generate.recipe import Recipe
 from taxel.generate.shard import format_shard_name, get_creation_time, grasp_id, read_table
 from taxel.generate.versions import list_package_versions
+from taxel.output import open_whole_text, write_whole
 
 INDEX: Final = "index.json"
 GRASPS: Final = "grasps.csv"
@@ -32,8 +32,7 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
     names = sorted({name for shard in range(recipe.shards) for name in read_table(_path(out, recipe, shard)).names})
     labels: Counter[str] = Counter()
     shards: list[dict[str, Any]] = []
-    part = out / f".{GRASPS}.{os.getpid()}.part"
-    with part.open("w", newline="") as file:
+    with open_whole_text(out / GRASPS) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([*FIRST_COLUMNS, *names])
         for shard in range(recipe.shards):
@@ -48,9 +47,6 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
             first, grasps = int(table.number[0]), len(table.number)
             shards.append({"file": path.name, "first": first, "grasps": grasps, **_size_and_checksum(path)})
             progress(shard + 1, recipe.shards)
-        file.flush()
-        os.fsync(file.fileno())
-    rename_durably(part, out / GRASPS)
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -62,7 +58,7 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
         "table": {"file": GRASPS, "columns": [*FIRST_COLUMNS, *names], **_size_and_checksum(out / GRASPS)},
         "shards": shards,
     }
-    write_file(out / INDEX, (json.dumps(content, indent=1) + "\n").encode())
+    write_whole(out / INDEX, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def _path(out: Path, recipe: Recipe, shard: int) -> Path:

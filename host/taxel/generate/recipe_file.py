@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -36,6 +35,7 @@ from taxel.generate.solids import (
 from taxel.grasp.objects import ObjectSizes
 from taxel.hand import Hand, load_hand
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError, parse_toml, read_regular_file
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_tables import check_name
@@ -121,7 +121,8 @@ class Key:
 
 def _is_number(value: Any) -> bool:
     """Whether a value of the recipe file is a finite number; True and False are not numbers."""
-    return not isinstance(value, bool) and isinstance(value, int | float) and bool(np.isfinite(value))
+    # The conversion of an integer of hundreds of digits to a float fails, so integers are compared before.
+    return not isinstance(value, bool) and isinstance(value, int | float) and abs(value) < 1e300
 
 
 def read_recipe(path: Path) -> Recipe:
@@ -129,14 +130,11 @@ def read_recipe(path: Path) -> Recipe:
 
     Raises RecipeError; CloudFileError and GapInputError for the files that the recipe names; OSError.
     """
-    data = path.read_bytes()
     name = format_path(path)
-    if len(data) > MAX_FILE_BYTES:
-        raise RecipeError(name, "file", "at most 1 MiB", "more", "give a recipe file")
     try:
-        content = tomllib.loads(data.decode("utf-8"))
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise RecipeError(name, "file", "TOML", " ".join(str(error).split())[:80], "correct the line") from None
+        content = parse_toml(read_regular_file(path, MAX_FILE_BYTES))
+    except TextError as error:
+        raise RecipeError(name, error.position, error.expected, error.found, "correct the line") from None
     simple_keys = ("grasps", "seed", "shard", "fidelity", "sensing", "hand")
     groups = {"grasp": GraspRanges, "simulator": SimulatorRanges, "sensor": SensorRanges}
     keys = Key(name, "", content).keys((*simple_keys, "object", *groups, "report", "effect"))

@@ -4,11 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from taxel.generate.folder import open_folder, write_file
+from taxel.generate.folder import open_folder
 from taxel.generate.index import INDEX, write_index
 from taxel.generate.recipe import Recipe
 from taxel.generate.shard import format_shard_name
 from taxel.generate.workers import Workers
+from taxel.output import write_whole
 
 StageProgress = Callable[[str, int, int], None]
 """Called with the name of the stage, the completed number and the total number."""
@@ -44,7 +45,7 @@ def generate(recipe: Recipe, out: Path, workers: Workers, progress: StageProgres
         (out / INDEX).unlink(missing_ok=True)
         progress("grasps", done, recipe.grasps)
         for shard, content in workers.generate_shards(recipe, missing):
-            write_file(out / format_shard_name(shard, recipe.shards), content)
+            write_whole(out / format_shard_name(shard, recipe.shards), content)
             generated += len(recipe.numbers_of(shard))
             progress("grasps", done + generated, recipe.grasps)
     if missing or not (out / INDEX).exists():

@@ -19,8 +19,9 @@ from taxel.hand import load_hand
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import SIM
 from taxel.recording.grasp_hdf5 import open_hdf5
-from taxel.recording.grasp_storage import LIBVER, convert_writing_errors, create_group, write_array, write_attributes
+from taxel.recording.grasp_storage import convert_writing_errors, create_group, write_array, write_attributes
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
+from taxel.recording.hdf5_output import change_hdf5
 from taxel.types import FloatArray, IntArray
 
 GROUP: Final = "generated"
@@ -90,7 +91,7 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
         created=get_creation_time(),
     )
     object_names: set[str] = set()
-    with GraspDatasetWriter.create(path, header) as out:
+    with GraspDatasetWriter.create_part(path, header) as out:
         for number in recipe.numbers_of(shard):
             grasp = generator.generate(number)
             if grasp.record.object not in object_names:
@@ -117,7 +118,7 @@ def _add_sample_table(
     *texts, sampled = zip(*rows, strict=True)
     names = tuple(sorted({name for values in sampled for name in values}))
     table = np.array([[values.get(name, np.nan) for name in names] for values in sampled])
-    with convert_writing_errors(Location(str(path))), open_hdf5(path, "r+", LIBVER) as file:
+    with convert_writing_errors(Location(str(path))), change_hdf5(path) as file:
         group = create_group(file, GROUP)
         write_attributes(group, {"recipe_sha256": recipe.digest, "seed": recipe.seed, "shard": shard})
         write_array(group, "number", np.array(recipe.numbers_of(shard), np.int64))

@@ -41,6 +41,7 @@ from taxel.grasp.calibration_schema import (
 from taxel.grasp.pose_estimate import PoseEstimate, fit_pose, make_pose_estimate
 from taxel.hand.errors import format_path
 from taxel.hand.toml_text import MAX_FILE_BYTES
+from taxel.input_files import is_regular_file, read_regular_file
 
 __all__ = [
     "Calibration",
@@ -101,11 +102,11 @@ def _read_bytes(path: Path, file: str) -> bytes:
     try:
         if not path.exists():
             top.fail("a file", "no such file", "check the file name")
-        if not path.is_file():  # reading a pipe or a device might never end
+        if not is_regular_file(path):
             top.fail("a regular file", "another file type", "name a regular file")
         if path.stat().st_size > MAX_FILE_BYTES:
             top.fail(f"at most {MAX_FILE_BYTES} bytes", str(path.stat().st_size), "use a calibration file")
-        return path.read_bytes()
+        return read_regular_file(path, MAX_FILE_BYTES)
     except OSError as error:
         top.fail("a readable file", error.strerror or type(error).__name__, "check the permissions and the name")
 

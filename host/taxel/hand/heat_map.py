@@ -8,10 +8,14 @@ from numpy.typing import NDArray
 
 from taxel.hand.boards import Board
 from taxel.hand.description import Hand
+from taxel.output.figure import save_figure
 
 COLUMNS = 6
 TAXEL_SIDE = 0.86
 """Side of a drawn taxel, in pitches."""
+
+SIGNAL_COLOURS = ("#e6eaf0", "#73a2e7", "#0453b4", "#00265a")
+"""From no signal to the largest: pale, so that a contact on a large skin stands out."""
 
 
 def save_heat_map(
@@ -46,7 +50,7 @@ def save_heat_map(
     if image is not None:
         figure.colorbar(image, ax=axes, shrink=0.6, label=label, pad=0.01)
     figure.suptitle(title, fontsize=13)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)
 
 
@@ -56,7 +60,7 @@ def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: ND
     values: f64[n], counts; active: bool[n], drawn with a border; limit: end of the colour scale, counts.
     """
     from matplotlib.collections import PatchCollection
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
     from matplotlib.patches import Rectangle
 
     kind = board.kind
@@ -64,9 +68,11 @@ def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: ND
         Rectangle((column - TAXEL_SIDE / 2, row - TAXEL_SIDE / 2), TAXEL_SIDE, TAXEL_SIDE)
         for row, column in zip(kind.row.tolist(), kind.column.tolist(), strict=True)
     ]
-    collection = PatchCollection(squares, cmap="viridis", norm=Normalize(0.0, limit))
+    collection = PatchCollection(
+        squares, cmap=LinearSegmentedColormap.from_list("signal", SIGNAL_COLOURS), norm=Normalize(0.0, limit)
+    )
     collection.set_array(np.ma.masked_invalid(values))
-    collection.cmap.set_bad("0.85")
+    collection.cmap.set_bad("0.75")
     collection.set_edgecolor(["#d62728" if is_active else "none" for is_active in active])
     collection.set_linewidth([1.6 if is_active else 0.0 for is_active in active])
     axis.add_collection(collection)

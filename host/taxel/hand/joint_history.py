@@ -1,18 +1,20 @@
 """Joint angles over time: measured samples, their interpolation at the times of frames, and their file."""
 
-import csv
+import contextlib
 import math
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Final, TextIO
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
 
 import numpy as np
 
 from taxel.errors import FieldError, TaxelError
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError
+from taxel.input_files.csv_rows import parse_float, read_csv_rows
+from taxel.output import LiveOutput
 from taxel.types import FloatArray
 
 TIME_COLUMN: Final = "time_s"
@@ -26,8 +28,6 @@ SILENT_S: Final = 0.5
 
 EDGE_S: Final = 0.1
 """Time before the first frame of a recording at which the first sample is taken, seconds: one poll cycle or more."""
-
-MAX_LINE: Final = 1 << 16
 
 
 class JointFileError(FieldError):
@@ -130,15 +130,32 @@ class JointFileWriter:
     _cycle = -1
     _newest_s = -math.inf
 
-    def __init__(self, path: Path, names: Sequence[str]) -> None:
-        """Create the file and write its heading."""
-        self._file: TextIO = path.open("w", newline="")
-        self._file.write(",".join((TIME_COLUMN, *names)) + "\n")
+    def __init__(self, output: LiveOutput, names: Sequence[str]) -> None:
+        """Write the heading to an open output, which replaces an existing file with its first sample."""
+        self._output = output
+        self._write_line((TIME_COLUMN, *names))
+        output.begin()
 
     def write(self, time_s: float, angles: FloatArray) -> None:
         """Append one sample; it is on disk when the call returns, except for the buffers of the system."""
-        self._file.write(",".join(repr(value) for value in (time_s, *angles.tolist())) + "\n")
-        self._file.flush()
+        self._write_line(repr(value) for value in (time_s, *angles.tolist()))
+        self._output.publish()
+
+    def _write_line(self, values: Iterable[str]) -> None:
+        """Append one line; after a failure the file is truncated to its complete lines. Raises JointFileError."""
+        file = self._output.file
+        end = file.tell()
+        data = (",".join(values) + "\n").encode()
+        try:
+            while data:
+                data = data[file.write(data) or 0 :]
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(file.fileno(), end)
+            self._output.fail()
+            name = format_path(self._output.path)
+            reason = error.strerror or "an error"
+            raise JointFileError(name, "file", "space and permission to write", reason, "correct that") from None
 
     def write_frame(self, history: JointHistory, cycle: int, time_s: float) -> None:
         """Append the angles at the time of the first frame of each poll cycle; call it for every frame.
@@ -163,15 +180,24 @@ class JointFileWriter:
         self.write(time_s, history())
 
     def finish(self, history: JointHistory) -> None:
-        """Append the angles at the time of the latest frame, and close the file."""
+        """Append the angles at the time of the latest frame, and close the file. A second call has no effect."""
+        if self._output.file.closed:
+            return
         end_s = min(self._newest_s, history.last_s)
         if end_s > self._last_s:
             self._write_at(history, end_s)
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Flush the file to the disk and close it. A file without samples does not replace an existing one."""
+        if self._output.is_published:
+            self._output.close()
+        else:
+            self._output.discard()
+
+    def discard(self) -> None:
+        """Remove a file without samples."""
+        self._output.discard()
 
 
 def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> JointHistory:
@@ -181,27 +207,31 @@ def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> Joint
     increase; the message names the line.
     """
     file = format_path(os.fspath(path))
+    history = JointHistory(names, file)
     try:
-        stream = Path(path).open(newline="", encoding="utf-8", errors="replace")  # noqa: SIM115
+        lines = read_csv_rows(path)
+        order = _find_columns(next(lines, (1, []))[1], names, file)
+        for number, line in lines:
+            _add_line(history, file, number, line, order)
     except OSError as error:
         raise JointFileError(file, "file", "a readable CSV file", str(error.strerror), "correct the path") from None
-    history = JointHistory(names, file)
-    with stream:
-        lines = csv.reader(iter(lambda: stream.readline(MAX_LINE), ""))
-        heading = next(lines, [])
-        expected = [TIME_COLUMN, *names]
-        for column in expected:
-            if column not in heading:
-                raise JointFileError(file, "line 1", f"a column {column}", "none", "add the column")
-        if len(heading) != len(expected):
-            unknown = next((name for name in heading if name not in expected), "a repeated column")
-            raise JointFileError(file, "line 1", "the joints of the robot", format_value(unknown), "remove the column")
-        order = [heading.index(column) for column in expected]
-        for number, line in enumerate(lines, 2):
-            _add_line(history, file, number, line, order)
+    except TextError as error:
+        raise JointFileError(file, error.position, error.expected, error.found, "correct the line") from None
     if not len(history):
         raise JointFileError(file, "file", "at least one line of angles", "none", "record the angles again")
     return history
+
+
+def _find_columns(heading: list[str], names: Sequence[str], file: str) -> list[int]:
+    """Return the positions of time and joints in a line. Raises JointFileError for a missing or another column."""
+    expected = [TIME_COLUMN, *names]
+    for column in expected:
+        if column not in heading:
+            raise JointFileError(file, "line 1", f"a column {column}", "none", "add the column")
+    if len(heading) != len(expected):
+        unknown = next((name for name in heading if name not in expected), "a repeated column")
+        raise JointFileError(file, "line 1", "the joints of the robot", format_value(unknown), "remove the column")
+    return [heading.index(column) for column in expected]
 
 
 def _add_line(history: JointHistory, file: str, number: int, line: list[str], order: list[int]) -> None:
@@ -211,7 +241,7 @@ def _add_line(history: JointHistory, file: str, number: int, line: list[str], or
         raise JointFileError(file, field, f"{len(order)} columns", str(len(line)), "check that the file is complete")
     for index, name in zip(order, (TIME_COLUMN, *history.names), strict=True):
         try:
-            value = float(line[index])
+            value = parse_float(line[index])
         except ValueError:
             value = math.nan
         if not math.isfinite(value):

@@ -1,20 +1,18 @@
 """Parser of untrusted TOML files with limits on size and line length."""
 
 import os
-import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from taxel.hand.errors import Field, HandDescriptionError, format_path, format_value
+from taxel.input_files import TextError, is_regular_file, read_regular_file
+from taxel.input_files import parse_toml as parse_bounded_toml
 
 MAX_FILE_BYTES = 1 << 20
 """Largest file size, bytes."""
 MAX_LINE_BYTES = 200
-"""Largest line length, bytes: memory of tomllib grows with the square of the parts of a dotted key."""
-
-_TOML_POSITION = re.compile(r"^(.*?) \(at (.*)\)$", re.DOTALL)
+"""Largest line length, bytes. A description is written by hand; a longer line is a sign of another kind of file."""
 
 
 def parse_toml(data: bytes, file: str) -> dict[str, Any]:
@@ -29,23 +27,14 @@ def parse_toml(data: bytes, file: str) -> dict[str, Any]:
     """
     _check_size(data, file)
     try:
-        return tomllib.loads(data.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        Field(file, f"line {line}").fail("UTF-8 text", f"byte 0x{data[error.start]:02X}", "save the file as UTF-8")
-    except RecursionError:
-        Field(file).fail("a few nested lists", "hundreds of nested lists", "use a hand description")
-    except ValueError as error:
-        # TOMLDecodeError, or a ValueError of Python for a number or a date.
-        match = _TOML_POSITION.match(str(error))
-        message, position = (match[1], match[2]) if match else (str(error), "file")
-        raise HandDescriptionError(
-            file, position, "valid TOML", format_value(message), "correct the syntax there"
-        ) from None
+        return parse_bounded_toml(data, MAX_FILE_BYTES)
+    except TextError as error:
+        found = format_value(error.found)
+        raise HandDescriptionError(file, error.position, error.expected, found, "correct the syntax there") from None
 
 
 def read_description(name_or_path: str | os.PathLike[str], kind: str, packaged: Sequence[str]) -> bytes:
-    """Read a description file, at most one byte more than `MAX_FILE_BYTES`.
+    """Read a description file of at most `MAX_FILE_BYTES`.
 
     Args:
         name_or_path: path of the file, or a mistyped packaged name.
@@ -53,17 +42,16 @@ def read_description(name_or_path: str | os.PathLike[str], kind: str, packaged: 
         packaged: packaged names, for errors.
 
     Raises:
-        HandDescriptionError: missing file, not a regular file, or not readable.
+        HandDescriptionError: missing file, not a regular file, too large, or not readable.
     """
     path, names = Path(name_or_path), ", ".join(packaged)
     field = Field(format_path(os.fspath(name_or_path)))
     try:
         if not path.exists():
             field.fail(f"a description file or a packaged {kind}", "no such file", f"the packaged {kind}s are {names}")
-        if not path.is_file():  # reading a pipe or a device might never end
+        if not is_regular_file(path):
             field.fail("a regular file", "another file type", f"name a TOML file or a packaged {kind} ({names})")
-        with path.open("rb") as stream:
-            return stream.read(MAX_FILE_BYTES + 1)
+        return read_regular_file(path, MAX_FILE_BYTES)
     except OSError as error:
         field.fail("a readable file", error.strerror or type(error).__name__, "check the permissions and the name")
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from taxel.link.base import Chunk, Link, SteppedLink, get_clock
 from taxel.link.capture import CaptureLink, CaptureWriter
-from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
+from taxel.link.errors import CaptureError, LinkError, PortBusyError, PortMissingError, PortVanishedError
 from taxel.link.i2c_port import open_i2c
+from taxel.link.reopening import Gap, Reconnection, ReopeningLink
 from taxel.link.serial_port import SerialLink
 from taxel.link.stimulus import write_scene, write_stimulus
 from taxel.link.url import open_link
@@ -20,10 +21,14 @@ __all__ = [
     "CaptureWriter",
     "Chunk",
     "EmulatorLink",
+    "Gap",
     "Link",
     "LinkError",
+    "PortBusyError",
     "PortMissingError",
     "PortVanishedError",
+    "Reconnection",
+    "ReopeningLink",
     "SerialLink",
     "SteppedLink",
     "get_clock",

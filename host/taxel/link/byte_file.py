@@ -1,8 +1,8 @@
 """A file of bytes without times, such as the output of `cat /dev/ttyUSB0`, as a link."""
 
-import io
 import os
 
+from taxel.input_files import open_regular_file
 from taxel.link.base import Chunk
 from taxel.link.capture import MAGIC, CaptureLink
 from taxel.link.errors import CaptureError, LinkError
@@ -29,7 +29,7 @@ class ByteFileLink:
         self.header: dict[str, object] = {}
         self._position = 0
         try:
-            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise LinkError(self.name, f"cannot be read ({error.strerror})") from error
 
@@ -59,7 +59,7 @@ class ByteFileLink:
 def open_byte_file(path: str | os.PathLike[str], baud: float) -> CaptureLink | ByteFileLink:
     """Open a file of bytes, or a capture file, which also contains their arrival times. Raises `LinkError`."""
     try:
-        with open(path, "rb") as file:
+        with open_regular_file(path) as file:
             is_capture = file.read(len(MAGIC)) == MAGIC
     except OSError as error:
         raise LinkError(str(path), f"cannot be read ({error.strerror})") from error

@@ -1,20 +1,20 @@
 """Capture files: received bytes with their arrival times. The format is specified in protocol/SPEC.md."""
 
-import contextlib
-import io
 import json
 import os
 import struct
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
+from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
 from taxel.link.errors import CaptureError
+from taxel.link.live_records import LiveRecords
+from taxel.link.recording_header import check_recording_header
+from taxel.output import LiveOutput
 
 MAGIC = b"TAXELCAP"
 VERSION = 1
-EXISTS = "exists already; choose another name, or overwrite the file (--overwrite)"
 HEADER_MAX = 1 << 20
 RECORD_MAX = 1 << 24
 _START = struct.Struct("<8sHHI")
@@ -27,60 +27,72 @@ class CaptureWriter:
     process.
 
     header: any JSON object (hand, baud, note); "clock": "hub" states that the arrival times are not valid. Raises
-    `CaptureError` if the file exists and `overwrite` is False, or cannot be written.
+    `CaptureError` if the file exists and `overwrite` is False, if another program writes it, or if the system refuses.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False
+        self,
+        path: str | os.PathLike[str],
+        header: dict[str, object] | None = None,
+        overwrite: bool = False,
+        output: LiveOutput | None = None,
     ) -> None:
         """Create a capture file and write its header.
 
-        header: any JSON object, such as hand, baud and note; None: {}. Raises CaptureError if the file exists and
-        `overwrite` is False, if the header is too long, or if the file cannot be written.
+        header: any JSON object, such as hand, baud and note; None: {}. output: open output that is written instead of
+        `path`; None: a new file, which replaces an existing one with its first record. Raises CaptureError if the file
+        exists and `overwrite` is False, if the header is too long, or if the file cannot be written.
         """
         self.path = Path(path)
         self.records = 0
         text = json.dumps(header or {}).encode()
         if len(text) > HEADER_MAX:
             raise CaptureError(str(path), f"cannot be written (its header has more than {HEADER_MAX} bytes)")
-        try:
-            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
-            self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
-        except FileExistsError:
-            raise CaptureError(str(path), EXISTS) from None
-        except OSError as error:
-            raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
+        start = _START.pack(MAGIC, VERSION, 0, len(text)) + text
+        self._file = LiveRecords(path, start, overwrite, output, "records")
 
     def write(self, data: bytes, time_ns: int) -> None:
         """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing)."""
         for start in range(0, max(len(data), 1), RECORD_MAX):
-            self._append(data[start : start + RECORD_MAX], time_ns)
+            piece = data[start : start + RECORD_MAX]
+            self._file.append(_RECORD.pack(time_ns, len(piece)) + piece)
         self.records += 1
 
-    def _append(self, data: bytes, time_ns: int) -> None:
-        """Write one record to the capture file; after a failure the file is truncated to its complete records.
+    @property
+    def size(self) -> int:
+        """Size of the capture file so far, bytes."""
+        return self._file.size
 
-        time_ns: arrival time of `data`, nanoseconds. Raises `CaptureError`.
+    def read_data(self, offset: int, size: int) -> bytes:
+        """Return the first `size` bytes of the data of the record at byte `offset` of the file.
+
+        Raises `CaptureError`.
         """
-        record = _RECORD.pack(time_ns, len(data)) + data
-        end = self._file.tell()
-        try:
-            written = self._file.write(record)
-            while written < len(record):  # a full disk accepts a part of the record, and fails at the next attempt
-                written += self._file.write(record[written:])
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                os.ftruncate(self._file.fileno(), end)
-            raise CaptureError(
-                str(self.path), f"cannot be written ({error.strerror}); the records before are complete"
-            ) from error
+        return self._file.read_at(offset + RECORD_HEAD, size)
+
+    def truncate(self, size: int) -> None:
+        """Remove the records after the first `size` bytes of the file, a value that `size` had before.
+
+        Raises `CaptureError`.
+        """
+        self._file.truncate(size)
 
     def tick(self) -> None:
         """Do nothing: each record is written at once."""
 
     def close(self) -> None:
-        """Close the capture file."""
-        self._file.close()
+        """Flush the capture file to the disk and close it. A second call has no effect.
+
+        A capture without records does not replace an existing one. Raises `CaptureError`.
+        """
+        self._file.close(has_records=self.records > 0)
+
+    def discard(self) -> None:
+        """Close the file; remove a capture without records."""
+        if self.records:
+            self.close()
+        else:
+            self._file.discard()
 
     def __enter__(self) -> "CaptureWriter":
         return self
@@ -111,7 +123,7 @@ class CaptureLink:
         """
         self.name = str(path)
         try:
-            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         try:
@@ -137,12 +149,9 @@ class CaptureLink:
         if size > HEADER_MAX:
             raise CaptureError(self.name, "has a damaged header (its length is impossible)")
         try:
-            header = json.loads(self._file.read(size))
-        except (ValueError, RecursionError):
-            raise CaptureError(self.name, "has a damaged header (it is not JSON)") from None
-        if not isinstance(header, dict):
-            raise CaptureError(self.name, "has a damaged header (it is not a JSON object)")
-        return header
+            return check_recording_header(parse_json(self._file.read(size), HEADER_MAX))
+        except TextError as error:
+            raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
         """Return the next record of the capture file: its bytes and arrival time.

@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taxel.input_files import InputFileError, check_regular_file
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortVanishedError
 from taxel.link.stimulus import make_stimulus_header, make_stimulus_records
+from taxel.native_library import emulator_message
 
 READ_SIZE = 1 << 16
 EXIT_TIMEOUT_S = 10.0
@@ -62,6 +64,7 @@ class EmulatorLink:
         live_taxels: number of taxels if `apply` sets the forces instead of a file. threads: 1 to 16, for the boards.
         Raises LinkError if the process cannot be started.
         """
+        _check_regular_files(stimulus)
         self.name = "emulator:"
         self.baud = baud
         self.is_real_time = not fast
@@ -70,7 +73,7 @@ class EmulatorLink:
         self._stderr_path = Path(self._folder.name) / "stderr.txt"
         self._last_message: str | None = None
         self._statistics: dict[str, Any] | None = None
-        world_path = Path(self._folder.name) / "world.txt"
+        self._world_path = world_path = Path(self._folder.name) / "world.txt"
         world_path.write_text(world)
         self._socket, process_socket = socket.socketpair()
         arguments = [
@@ -129,7 +132,7 @@ class EmulatorLink:
     def _get_exit_message(self, status: int) -> str:
         """Return the last line that the emulator wrote to standard error, or a text with its exit status."""
         if self._last_message is None:
-            self._last_message = _get_last_line(self._stderr_path.read_bytes())
+            self._last_message = _get_last_line(self._stderr_path.read_bytes(), self._world_path)
         return self._last_message or (
             "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
         )
@@ -185,10 +188,26 @@ class EmulatorLink:
         self._folder.cleanup()
 
 
-def _get_last_line(stderr: bytes) -> str:
-    """Return the last line of the text on standard error that is not empty; "" without text."""
+def _get_last_line(stderr: bytes, world_path: Path) -> str:
+    """Return the last line of the text on standard error that is not empty; "" without text.
+
+    A message on the temporary world file quotes the line of the file instead of the file's path.
+    """
     lines = stderr.decode(errors="replace").strip().splitlines()
+    if lines and str(world_path) in lines[-1]:
+        return emulator_message(lines[-1], str(world_path), world_path.read_text())
     return lines[-1] if lines else ""
+
+
+def _check_regular_files(*paths: str | os.PathLike[str] | None) -> None:
+    """Raise LinkError for an input that is a pipe or a device; the emulator reports a missing file itself."""
+    for path in paths:
+        if path is None or not os.path.exists(path):
+            continue
+        try:
+            check_regular_file(path)
+        except InputFileError as error:
+            raise LinkError(os.fspath(path), f"cannot be read ({error.strerror})") from None
 
 
 def run_emulator(
@@ -205,6 +224,7 @@ def run_emulator(
     or None. threads: number of threads for the boards, 1 to 16. The bytes are the same in every run and for every
     number of threads. Raises `LinkError` with the emulator's message if the emulator rejects its input.
     """
+    _check_regular_files(stimulus, host_input)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world_path = Path(folder) / "world.txt"
         world_path.write_text(world)
@@ -224,6 +244,8 @@ def run_emulator(
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         process = subprocess.run(arguments, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
         if process.returncode != 0:
-            raise LinkError("emulator", _get_last_line(process.stderr) or f"ended with status {process.returncode}")
+            raise LinkError(
+                "emulator", _get_last_line(process.stderr, world_path) or f"ended with status {process.returncode}"
+            )
         result: dict[str, Any] = json.loads(statistics.read_text())
         return result

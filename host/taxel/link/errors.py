@@ -24,6 +24,10 @@ class PortMissingError(LinkError):
     """Error: the port does not exist, or cannot be opened."""
 
 
+class PortBusyError(PortMissingError):
+    """Error: another program uses the port; the message names its process where it can be found."""
+
+
 class PortVanishedError(LinkError):
     """Error: an open port has disappeared: it was unplugged, or its process has ended.
 

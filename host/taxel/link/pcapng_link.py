@@ -1,26 +1,33 @@
 """Reader of PCAPNG files with the bytes of a hub, as a link whose bytes come from the file instead of a port."""
 
-import io
-import json
 import os
 import struct
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
+from taxel.link.capture import HEADER_MAX
 from taxel.link.errors import CaptureError
 from taxel.link.pcapng import (
+    APPLICATION,
     BYTE_ORDER,
+    COMMENT_MAX,
     INTERFACE,
     LINK_TYPE,
+    OPTION_APPLICATION,
     OPTION_COMMENT,
     OPTION_RESOLUTION,
     PACKET,
     SECTION,
 )
+from taxel.link.recording_header import check_recording_header
 
 BLOCK_MAX = 1 << 24
 """Largest block that the reader accepts, bytes: Wireshark's own limit for a packet is 256 KiB."""
+
+TIME_NS_MAX = 2**63
+"""Limit of the time of a packet, Unix nanoseconds: the year 2262."""
 
 _SIGNATURE = struct.pack("<I", SECTION)  # the same in both byte orders
 _SECTION_HEAD, _INTERFACE_HEAD, _PACKET_HEAD = 16, 8, 20
@@ -36,7 +43,7 @@ class _Interface(NamedTuple):
 def is_pcapng(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins with a PCAPNG section; False for a file that cannot be read."""
     try:
-        with open(path, "rb") as file:
+        with open_regular_file(path) as file:
             return file.read(len(_SIGNATURE)) == _SIGNATURE
     except OSError:
         return False
@@ -58,9 +65,10 @@ class PcapngLink:
         self.name = os.fspath(path)
         self.header: dict[str, Any] = {}
         self._order = "<"
+        self._block_offset = 0
         self._interfaces: list[_Interface] = []
         try:
-            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         try:
@@ -81,13 +89,25 @@ class PcapngLink:
         kind, content = self._read_block()
         assert kind == SECTION
         self._begin_section(content)
-        options = self._iterate_options(content[_SECTION_HEAD:])
-        text = b"".join(value for code, value in options if code == OPTION_COMMENT)
+        self.header = self._read_header(list(self._iterate_options(content[_SECTION_HEAD:])))
+
+    def _read_header(self, options: list[tuple[int, bytes]]) -> dict[str, Any]:
+        """Return the header of the recording in the first comments of a section; {} in a file of another program.
+
+        Other programs write comments too. A header is required if the application is `taxel`; Wireshark replaces the
+        application when it saves a file, so that a comment that begins like a JSON object is a header as well.
+        """
+        text = b""
+        for comment in (value for code, value in options if code == OPTION_COMMENT):
+            text += comment
+            if len(comment) < COMMENT_MAX or len(text) > HEADER_MAX:
+                break
+        if not text.startswith(b"{") and (OPTION_APPLICATION, APPLICATION) not in options:
+            return {}
         try:
-            header = json.loads(text)
-        except (ValueError, RecursionError):
-            return
-        self.header = header if isinstance(header, dict) else {}
+            return check_recording_header(parse_json(text, HEADER_MAX + 1))
+        except TextError as error:
+            raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def _make_damage_error(self, offset: int, is_truncated: bool = False) -> CaptureError:
         """Return the error for the block at byte `offset`."""
@@ -96,7 +116,7 @@ class PcapngLink:
 
     def _read_block(self) -> tuple[int, bytes]:
         """Read the next block; return its type and content. Raises EOFError at the end, CaptureError for damage."""
-        offset = self._file.tell()
+        offset = self._block_offset = self._file.tell()
         head = self._file.read(8)
         if not head:
             raise EOFError
@@ -125,7 +145,7 @@ class PcapngLink:
     def _begin_section(self, content: bytes) -> None:
         """Check a section block; its interfaces replace those of the section before."""
         if len(content) < _SECTION_HEAD:
-            raise self._make_damage_error(self._file.tell())
+            raise self._make_damage_error(self._block_offset)
         major = struct.unpack_from(f"{self._order}H", content, 4)[0]
         if major != 1:
             raise CaptureError(self.name, f"is a PCAPNG file of version {major}; this program reads version 1")
@@ -144,7 +164,7 @@ class PcapngLink:
     def _add_interface(self, content: bytes) -> None:
         """Store link type and unit of the times of an interface."""
         if len(content) < _INTERFACE_HEAD:
-            raise self._make_damage_error(self._file.tell())
+            raise self._make_damage_error(self._block_offset)
         options = dict(self._iterate_options(content[_INTERFACE_HEAD:]))
         resolution = options.get(OPTION_RESOLUTION, b"\x06")[:1] or b"\x06"
         exponent = resolution[0] & 0x7F
@@ -171,16 +191,18 @@ class PcapngLink:
     def _take_packet(self, content: bytes) -> Chunk:
         """Return the bytes and the time of an enhanced packet block, on the clock of the recording."""
         if len(content) < _PACKET_HEAD:
-            raise self._make_damage_error(self._file.tell())
+            raise self._make_damage_error(self._block_offset)
         interface, high, low, size = struct.unpack_from(f"{self._order}IIII", content)
         if interface >= len(self._interfaces) or size > len(content) - _PACKET_HEAD:
-            raise self._make_damage_error(self._file.tell())
+            raise self._make_damage_error(self._block_offset)
         link_type, (numerator, unit) = self._interfaces[interface]
         if link_type != LINK_TYPE:
             problem = f"has packets of link type {link_type}; expected {LINK_TYPE} (USER0) with the bytes of a hub"
             raise CaptureError(self.name, problem)
-        time_ns = (high << 32 | low) * numerator // unit - self._offset_ns
-        return Chunk(content[_PACKET_HEAD : _PACKET_HEAD + size], max(time_ns, 0))
+        time_ns = (high << 32 | low) * numerator // unit
+        if time_ns >= TIME_NS_MAX:
+            raise self._make_damage_error(self._block_offset)
+        return Chunk(content[_PACKET_HEAD : _PACKET_HEAD + size], max(time_ns - self._offset_ns, 0))
 
     def write(self, data: bytes) -> None:
         """Raise `CaptureError`: a recording accepts no commands."""

@@ -9,6 +9,7 @@ import serial
 
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortMissingError, PortVanishedError
+from taxel.link.port_lock import BUSY, make_busy_error, refuse_other_openings
 
 READ_SIZE = 4096
 WRITE_TIMEOUT_S = 2.0
@@ -20,7 +21,8 @@ class SerialLink:
     port: a device (`/dev/ttyUSB0`) or a pyserial URL. baud: bits per second. low_latency: set the driver's 1 ms mode,
     if the driver has this mode. rtscts: hardware flow control. True: both lines are wired to the hub, so that the hub
     can stop the host (`has_flow_control`); a port without these lines is rejected. None: used if the port has the
-    lines. False: not used. Raises `PortMissingError` if the port cannot be opened with these settings.
+    lines. False: not used. Raises `PortMissingError` if the port cannot be opened with these settings, `PortBusyError`
+    if another program uses it: a device is locked, because two readers would each receive a part of the bytes.
     """
 
     is_real_time = True
@@ -37,9 +39,14 @@ class SerialLink:
         self.baud = baud
         self.has_flow_control = rtscts is True
         self._failure: Exception | None = None
+        is_device = "://" not in port
         try:
             self._port = serial.serial_for_url(
-                port, baudrate=int(baud), timeout=0.1, write_timeout=WRITE_TIMEOUT_S, exclusive=None
+                port,
+                baudrate=int(baud),
+                timeout=0.1,
+                write_timeout=WRITE_TIMEOUT_S,
+                exclusive=True if is_device else None,  # locked before the settings of the other program are changed
             )
         except (
             serial.SerialException,
@@ -48,9 +55,13 @@ class SerialLink:
             LookupError,
             re.error,
         ) as error:  # what pyserial lets through
+            if is_device and isinstance(error, OSError) and error.errno in BUSY and os.access(port, os.R_OK | os.W_OK):
+                raise make_busy_error(port) from None
             raise PortMissingError(
                 port, f"cannot be opened ({_describe(error)}); is the hub plugged in and powered?"
             ) from error
+        if is_device and isinstance(self._port, serial.Serial):
+            refuse_other_openings(self._port.fileno(), port)
         self._prepare(rtscts, low_latency)
 
     def _prepare(self, rtscts: bool | None, low_latency: bool) -> None:

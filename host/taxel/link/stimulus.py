@@ -5,11 +5,12 @@ Format of the stream: firmware/emulator/skin/stimulus.h.
 
 import os
 import struct
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from taxel.output import write_whole
 
 Kind = Literal["force", "counts"]
 _KINDS: dict[str, int] = {"force": 0, "counts": 1}
@@ -56,7 +57,7 @@ def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: Arr
         raise ValueError("a stimulus value is negative or not finite")
     if not np.all(np.isfinite(times)) or (times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0)):
         raise ValueError("stimulus times go back, are negative or not finite")
-    Path(path).write_bytes(make_stimulus_header(table.shape[1], kind) + make_stimulus_records(times, table))
+    write_whole(path, make_stimulus_header(table.shape[1], kind) + make_stimulus_records(times, table))
 
 
 def write_scene(
@@ -84,4 +85,4 @@ def write_scene(
         raise ValueError("scene: times go back or are negative")
     header = HEADER.pack(b"TAXELSTM", 1, _SCENE, taxels, poses.shape[1] - 1)
     rows = poses[:, :, :3, :].reshape(len(times), POSE_VALUES * poses.shape[1])
-    Path(path).write_bytes(header + make_stimulus_records(times, np.column_stack([number, rows])))
+    write_whole(path, header + make_stimulus_records(times, np.column_stack([number, rows])))

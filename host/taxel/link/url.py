@@ -12,7 +12,9 @@ from taxel.plugins import LINKS, list_plugin_names, load_plugin
 
 LOWEST_BAUD, HIGHEST_BAUD = 1e3, 1e8
 
-OWN_SCHEMES: Final[Mapping[str, str]] = MappingProxyType({"serial": "taxel.link.url:open_serial"})
+OWN_SCHEMES: Final[Mapping[str, str]] = MappingProxyType(
+    {"i2c": "taxel.link.linux_hub.url:open_linux_hub", "serial": "taxel.link.url:open_serial"}
+)
 """Openers of this package. All other schemes, also `file` and `emulator` of packages above this one, are entry points
 of the group `taxel.links`.
 """
@@ -21,7 +23,8 @@ of the group `taxel.links`.
 def open_link(url: str, hand: Any = None) -> Link:
     """Open the link that a URL names.
 
-    url: `serial:///dev/ttyUSB0?baud=1000000` or `/dev/ttyUSB0`, a serial port; `file:capture.bin`, a recording;
+    url: `serial:///dev/ttyUSB0?baud=1000000` or `/dev/ttyUSB0`, a serial port; `i2c:///dev/i2c-1` or `/dev/i2c-1`, an
+    I2C adapter on the bus of boards without a hub; `file:capture.bin`, a recording;
     `emulator:`, an emulated skin; a scheme of a plug-in; every other scheme is passed to pyserial (`socket://`,
     `rfc2217://`, `loop://`). hand: `taxel.hand.Hand` at the other end, for openers that need it. Raises `LinkError`
     with one line that states what to do.
@@ -31,6 +34,8 @@ def open_link(url: str, hand: Any = None) -> Link:
         opener = load_plugin(LINKS, scheme, OWN_SCHEMES)
         link: Link = opener(url, hand)
         return link
+    if url.startswith("/dev/i2c-"):
+        return open_link(f"i2c://{url}", hand)
     if url.startswith("/dev/") or "://" in url:
         return SerialLink(url)
     expected = ", ".join(f"{name}:" for name in list_plugin_names(LINKS, OWN_SCHEMES))

@@ -19,6 +19,9 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
     name, is_recorded = skin.link.name, skin.link.is_recorded
     if reading.is_ended:
         return f"{name} has ended" if reading.frames else f"{name} has ended without a frame: is it a stream of a hub?"
+    reconnection = skin.reconnection
+    if reconnection is not None and not reconnection.is_open:
+        return f"{name}: {reconnection.problem}; the monitor continues when the port is back"
     if not reading.frames:
         return _advise_without_frames(reading, skin) if reading.watched_s > GRACE_S and not is_recorded else None
     if not reading.boards_streaming and not is_recorded:

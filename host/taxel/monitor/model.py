@@ -21,6 +21,15 @@ STORED_AGES = 64
 """Number of stored ages of frames, one for each call of `take`: about one second."""
 
 
+NO_DATA_S = 2.0
+"""Time without any frame after which all figures are out of date, seconds: more than the start of the boards (1 s) and
+the longest delay of a loaded computer (0.2 s, docs/how-to-monitor.md). A larger value shows outdated figures longer.
+"""
+
+MISSED_PERIODS = 3
+"""Number of poll cycles without a frame after which figures are out of date, for scan rates below 1.5 Hz."""
+
+
 class SkinMonitor:
     """State of a skin for display: `take` processes taxel frames, `read` returns a reading.
 
@@ -53,6 +62,9 @@ class SkinMonitor:
         }
         self._is_real_time = skin.link.is_real_time
         self._started_s = time.monotonic()
+        self._arrived_s = self._started_s
+        rate_hz = getattr(skin, "rate_hz", None)
+        self._period_s = 1.0 / rate_hz if rate_hz else None
         self._newest_s = float("nan")
         self._ages_s: deque[float] = deque(maxlen=STORED_AGES)
         self._rate = RecentRate()
@@ -70,6 +82,7 @@ class SkinMonitor:
             arrival_s = now_s if self._is_real_time else frame.time_s
             self._boards[frame.address].take(frame, arrival_s, self.threshold)
         if frames:
+            self._arrived_s = now_s
             self._newest_s = frames[-1].time_s
             if self._is_real_time:
                 self._ages_s.append(now_s - self._newest_s)
@@ -117,6 +130,7 @@ class SkinMonitor:
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
+            no_data_since_s=None if is_ended else self._find_silence(now_s),
             **self._read_counters(boards),
         )
         fault = None if is_ended else self._faults.update()
@@ -140,6 +154,15 @@ class SkinMonitor:
             "bus_recoveries": status["bus_recoveries"] if status else None,
             "cycle_s": status["cycle_time_us"] * 1e-6 if status else None,
         }
+
+    def _find_silence(self, now_s: float) -> float | None:
+        """Return the Unix time since which no frame has arrived; None while frames arrive.
+
+        The time of a stream that is not in real time does not pass without frames.
+        """
+        silent_s = now_s - self._arrived_s
+        longest_s = NO_DATA_S if self._period_s is None else max(NO_DATA_S, MISSED_PERIODS * self._period_s)
+        return time.time() - silent_s if self._is_real_time and silent_s > longest_s else None
 
     def _compute_ages(self) -> tuple[float, float] | None:
         """Return median and largest of the stored ages of frames, seconds; None if the stream is not in real time."""

@@ -6,7 +6,7 @@ import time
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.link import Chunk, Link
-from taxel.skin import Skin, open_source
+from taxel.skin import Skin, open_waiting_source
 
 SPEED_MAX = 1e6
 
@@ -76,12 +76,14 @@ def open_paced(
 ) -> Skin:
     """Open a skin as `taxel.open` does; a recording, such as `file:`, is played at `speed` times its recorded speed.
 
+    A port that vanishes later is waited for (`Skin.reconnection`).
+
     Raises the errors of `taxel.open`, and `SpeedError` for a speed of 0 or less, or for a speed other than 1 with a
     source that is not a recording.
     """
     if not 0.0 < speed <= SPEED_MAX:
         raise SpeedError(f"speed: expected a number above 0 and at most {SPEED_MAX:g}, found {speed:g}")
-    link, description = open_source(url, hand)
+    link, description = open_waiting_source(url, hand)
     if speed != 1.0 and not link.is_recorded:
         link.close()
         raise SpeedError(f"{url}: a speed is for a recording (file:capture.bin); for an emulator use ?speed=max")

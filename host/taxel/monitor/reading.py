@@ -1,6 +1,7 @@
 """The state of the skin at one moment, as the views show it."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,8 @@ class SkinReading:
         cpu_share: share of one processor core that this process has used recently.
         is_ended: the stream has ended.
         advice: what the user should do, in one line; None if there is no problem.
+        no_data_since_s: Unix time of the last frame, seconds, if none has arrived for longer than `NO_DATA_S`; else
+            None. Rates and signals are then out of date.
     """
 
     signal_counts: FloatArray
@@ -97,6 +100,7 @@ class SkinReading:
     cpu_share: float
     is_ended: bool
     advice: str | None
+    no_data_since_s: float | None = None
 
     @property
     def boards_streaming(self) -> int:
@@ -137,9 +141,15 @@ class SkinReading:
             "bus_recoveries": self.bus_recoveries,
             "age_s": None if self.age_s is None else [round(age, 4) for age in self.age_s],
             "cpu_share": round(self.cpu_share, 3),
+            "no_data_since": None if self.no_data_since_s is None else _format_utc(self.no_data_since_s),
             "advice": self.advice,
             "boards": [_make_board_dict(board) for board in self.boards],
         }
+
+
+def _format_utc(unix_s: float) -> str:
+    """Format Unix seconds as ISO 8601 in UTC."""
+    return datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="seconds")
 
 
 def _make_board_dict(reading: BoardReading) -> dict[str, Any]:

@@ -19,6 +19,7 @@ KEYS = "q quit   b baseline again   t table or map"
 BAD = "bold red"
 DIM = "dim"
 ADVICE = "bold yellow"
+BANNER = "bold white on red"
 LEGEND_WIDTH = 16
 TABLE_GAP = 3
 _COLUMNS: tuple[tuple[str, int, Callable[[BoardReading], str]], ...] = (
@@ -74,7 +75,11 @@ class Screen:
         space = canvas.width - column - len(clock) - 1
         canvas.write(0, column + 1, _truncate(self._title, space), "bold")
         canvas.write(0, canvas.width - len(clock), clock, DIM)
-        _write_parts(canvas, 1, format_rates(reading))
+        if reading.no_data_since_s is None:
+            _write_parts(canvas, 1, format_rates(reading))
+        else:
+            banner = "   ".join(text for text, _ in format_rates(reading))
+            canvas.write(1, 0, _truncate(f" {banner} ".ljust(canvas.width), canvas.width), BANNER)
         end = _write_parts(canvas, 2, [*format_errors(reading), *format_load(reading)])
         top_text = f" {top:g} counts"
         legend_column = canvas.width - len(top_text) - LEGEND_WIDTH - 7

@@ -1,6 +1,7 @@
 """Texts of a reading for all views: each part is a pair of a text and whether it reports a problem."""
 
 import math
+import time
 
 from taxel.monitor.advice import LAG_BYTES
 from taxel.monitor.reading import SkinReading
@@ -19,6 +20,9 @@ def format_rates(reading: SkinReading) -> list[Part]:
     Each text comes with a bool: whether it reports a problem.
     """
     total = len(reading.boards)
+    banner = format_banner(reading)
+    if banner is not None:
+        return [(banner, True), (f"{reading.boards_streaming}/{total} boards", True)]
     parts = [
         (f"{reading.scans_hz:.1f} scans/s", False),
         (f"{reading.boards_streaming}/{total} boards", reading.boards_streaming < total),
@@ -34,6 +38,18 @@ def format_rates(reading: SkinReading) -> list[Part]:
     return parts
 
 
+def format_banner(reading: SkinReading) -> str | None:
+    """Return the text "no data since 12:03:04" (local time) if no frames arrive; None otherwise."""
+    if reading.no_data_since_s is None:
+        return None
+    return f"no data since {format_clock(reading.no_data_since_s)}"
+
+
+def format_clock(unix_s: float) -> str:
+    """Format Unix seconds as local time, such as 12:03:04."""
+    return time.strftime("%H:%M:%S", time.localtime(unix_s))
+
+
 def format_errors(reading: SkinReading) -> list[Part]:
     """Return a text for each error counter above 0, or "no errors"; each with a bool: whether it reports a problem."""
     counts = [
@@ -45,7 +61,9 @@ def format_errors(reading: SkinReading) -> list[Part]:
         ("dropped by the hub", reading.hub_dropped or 0),
         ("bus recoveries", reading.bus_recoveries or 0),
     ]
-    parts = [(f"{count} {name}", True) for name, count in counts if count] or [("no errors", False)]
+    parts = [(f"{count} {name}", True) for name, count in counts if count]
+    if not parts and reading.no_data_since_s is None:
+        parts = [("no errors", False)]
     return [*parts, (f"{reading.unknown} unknown frames", False)] if reading.unknown else parts
 
 
@@ -55,7 +73,7 @@ def format_load(reading: SkinReading) -> list[Part]:
     Each text comes with a bool: whether it reports a problem.
     """
     parts = []
-    if reading.age_s is not None:
+    if reading.age_s is not None and reading.no_data_since_s is None:
         median, largest = (1e3 * age for age in reading.age_s)
         parts.append((f"age {median:.0f} to {largest:.0f} ms", False))
     if reading.bytes_waiting > QUEUE_BYTES and reading.age_s is not None:

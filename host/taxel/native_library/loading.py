@@ -6,14 +6,14 @@ import importlib.resources
 from taxel.errors import TaxelError
 
 
-def load_library(name: str, purpose: str, error: type[TaxelError]) -> ctypes.CDLL:
+def load_library(name: str, purpose: str, error: type[TaxelError], use_errno: bool = False) -> ctypes.CDLL:
     """Load the shared library `libNAME.so` of the package.
 
-    purpose: the library's name in messages to users, such as "the decoder". Raises `error` with one line if the library
-    is missing.
+    purpose: the library's name in messages to users, such as "the decoder". use_errno: `ctypes.get_errno` returns the
+    error number of the latest call. Raises `error` with one line if the library is missing.
     """
     path = importlib.resources.files("taxel") / "native" / f"lib{name}.so"
     try:
-        return ctypes.CDLL(str(path))
+        return ctypes.CDLL(str(path), use_errno=use_errno)
     except OSError as reason:
         raise error(f"{purpose} is missing from the package; install taxel again (pip install .)") from reason

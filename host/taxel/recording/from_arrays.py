@@ -16,8 +16,6 @@ values:
 """
 
 import difflib
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
@@ -25,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from taxel.hand.errors import format_path, format_value
-from taxel.recording.errors import DatasetError
+from taxel.hand.errors import format_value
+from taxel.input_files.numpy_archive import ArchiveError, NumpyArchive
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import (
     GRASP,
@@ -40,7 +38,7 @@ from taxel.recording.grasp_format import (
 )
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel
-from taxel.recording.grasp_storage import check_target, convert_writing_errors, put_in_place
+from taxel.recording.grasp_storage import open_whole_dataset
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
@@ -130,57 +128,30 @@ class _Npz:
         if not path.is_file():
             self._location.fail("an .npz file", "a folder" if path.is_dir() else "nothing", "check the path")
         try:
-            self._zip = zipfile.ZipFile(path)
-        except (zipfile.BadZipFile, OSError) as error:
+            self._archive = NumpyArchive(path)
+        except (ArchiveError, OSError) as error:
             self._location.fail("an .npz file", format_value(str(error)), "write it with numpy.savez")
 
     def __enter__(self) -> _Values:
-        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._read_array, self._location)
+        return _Values(self._archive.names, self._read_array, self._location)
 
     def __exit__(self, *_: object) -> None:
         """Close the .npz file at the end of the `with` block."""
-        self._zip.close()
+        self._archive.close()
 
     def _read_array(self, name: str) -> Any:
         """Read one array of the .npz file. Raises DatasetError for a damaged, truncated or too large array."""
         location = self._location.key(name)
         try:
-            member = self._zip.getinfo(f"{name}.npy")
-            if member.file_size > LARGEST_ARRAY_BYTES:
-                location.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", str(member.file_size), "split the grasp")
-            with self._zip.open(member) as file:
-                version = np.lib.format.read_magic(file)
-                header = (
-                    np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-                )
-                shape, _, dtype = header(file)
-                # NumPy allocates the size in the header, so a false header is rejected before NumPy reads the data.
-                if int(np.prod(shape, dtype=object)) * dtype.itemsize > member.file_size:
-                    location.fail("a complete array", "a truncated one", "write it again")
-            with self._zip.open(member) as file:
-                return np.lib.format.read_array(file, allow_pickle=False)
-        except (ValueError, OSError, KeyError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
-            reason = format_value(str(error).partition("\n")[0])
-            location.fail("a plain array", reason, "store numbers or texts, without Python objects")
+            return self._archive.read(name, LARGEST_ARRAY_BYTES)
+        except ArchiveError as error:
+            location.fail("a plain array", format_value(str(error)), "store numbers or texts, without Python objects")
 
 
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
     """Write the arrays to a temporary dataset file, which then replaces `path`. Raises DatasetError."""
-    target, location = Path(path), Location(str(path))
-    check_target(target, overwrite, location)
-    # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
-    # nor destroys an existing one.
-    temporary = target.with_name(f".{target.name}.import")
-    try:
-        _write_dataset(temporary, values)
-        with convert_writing_errors(location):
-            put_in_place(temporary, target, overwrite, location)
-    except DatasetError as error:
-        if error.file != format_path(temporary):
-            raise
-        raise DatasetError(format_path(path), *error.args[1:]) from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with open_whole_dataset(path, overwrite) as part:
+        _write_dataset(part, values)
 
 
 def _write_dataset(path: Path, values: _Values) -> None:
@@ -202,7 +173,7 @@ def _write_dataset(path: Path, values: _Values) -> None:
         objects={name: ObjectMesh(**values.table(f"objects/{name}", tuple(MESH))) for name in values.ids("objects")},
         sensor_model=model,
     )
-    with GraspDatasetWriter.create(path, header, overwrite=True) as out:
+    with GraspDatasetWriter.create_part(path, header) as out:
         for grasp_id in values.ids("grasps"):
             fields = {name: values.get(f"grasps/{grasp_id}/{name}") for name in GRASP_ATTRIBUTES}
             names = (*OPTIONAL_GRASP_ATTRIBUTES, *GRASP)

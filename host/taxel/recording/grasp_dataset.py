@@ -46,9 +46,22 @@ class GraspDataset:
         baseline_frames: smallest number of baseline frames that each grasp must have; 0: not checked. Raises
         DatasetError for the first deviation from the format.
         """
-        self.path = Path(path)
+        self._open(Path(path), open_hdf5(Path(path), "r"), baseline_frames)
+
+    @classmethod
+    def from_file(cls, file: Any, path: str | PathLike[str]) -> GraspDataset:
+        """Read and check a dataset in an open HDF5 file, which `close` closes.
+
+        file: h5py.File. path: name for error messages. Raises DatasetError for the first deviation from the format.
+        """
+        dataset = cls.__new__(cls)
+        dataset._open(Path(path), file, 0)
+        return dataset
+
+    def _open(self, path: Path, file: Any, baseline_frames: int) -> None:
+        """Read and check the structure of the dataset in an open HDF5 file, which is closed after an error."""
+        self.path, self._file = path, file
         self._location = Location(str(path))
-        self._file = open_hdf5(self.path, "r")
         try:
             self._read_header(Node(self._file, self._location))
             if baseline_frames:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
+import os
+import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import prod
@@ -12,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files import open_regular_file
+from taxel.input_files.numpy_archive import ArchiveError, check_expansion
 from taxel.optional import optional_import
 from taxel.recording.grasp_checks import Location, check_header, convert_type
 from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LONGEST_TEXT, STRING, ArraySpec
@@ -21,6 +26,12 @@ with optional_import("h5py", "a grasp dataset (.h5)"):
 
 _LARGEST_ATTRIBUTE = 2**20
 """Largest number of values of an attribute. The longest attribute, baseline_counts, has one value for each taxel."""
+
+_HEAP_SIGNATURE = b"GCOL\x01\0\0\0"
+_HEAP_HEADER = struct.Struct("<8xQ")
+"""Header of a global heap: signature, version, and size of the heap with its header, bytes."""
+_HEAP_OBJECT = struct.Struct("<H6xQ")
+"""Header of an object of a heap: number, and size of its data, bytes; of object 0 with its header."""
 
 _DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
@@ -46,8 +57,17 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
     location = Location(str(path))
     if not path.is_file():
         location.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
-    try:
+    if mode != "w":
+        _check_heaps(path, location)
+    with convert_opening_errors(location):
         return h5py.File(path, mode, libver=libver)
+
+
+@contextmanager
+def convert_opening_errors(location: Location) -> Iterator[None]:
+    """Context manager that converts exceptions of the HDF5 library for a file that cannot be opened to DatasetError."""
+    try:
+        yield
     except OSError as error:
         text = str(error)
         if "signature not found" in text:
@@ -57,6 +77,39 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
         if "unable to lock" in text:
             location.fail("a file that no program is writing", "one that is open elsewhere", "wait until it is closed")
         location.fail("a readable HDF5 file", format_value(text.partition("\n")[0]), _DAMAGED)
+
+
+def _check_heaps(path: Path, location: Location) -> None:
+    """Raise DatasetError for a damaged heap of texts, over which the HDF5 library would loop without end.
+
+    A heap consists of objects, each with its size; the object 0 is the free space at the end. The library advances by
+    the size without checking that it is not 0 (HDF5 File Format Specification 3.0, section III.E, Global Heap).
+    """
+    with open_regular_file(path) as file:
+        if not os.fstat(file.fileno()).st_size:
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            start = data.find(_HEAP_SIGNATURE)
+            while start >= 0:
+                if not _is_complete_heap(data, start):
+                    location.fail("undamaged heaps of texts", f"a damaged one at byte {start}", _DAMAGED)
+                start = data.find(_HEAP_SIGNATURE, start + 1)
+
+
+def _is_complete_heap(data: mmap.mmap, start: int) -> bool:
+    """Whether the objects of the heap at byte `start` fill the heap."""
+    if start + _HEAP_HEADER.size > len(data):
+        return False
+    (size,) = _HEAP_HEADER.unpack_from(data, start)
+    place, end = start + _HEAP_HEADER.size, start + size
+    if end > len(data):
+        return False
+    while place + _HEAP_OBJECT.size <= end:
+        index, length = _HEAP_OBJECT.unpack_from(data, place)
+        if index == 0 and length < _HEAP_OBJECT.size:
+            return False
+        place += length if index == 0 else _HEAP_OBJECT.size + (length + 7) // 8 * 8
+    return bool(place <= end)
 
 
 class Node:
@@ -149,6 +202,16 @@ class Node:
             location.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
         return child
 
+    @staticmethod
+    def _check_expansion(dataset: Any, location: Location) -> None:
+        """Raise DatasetError for a large array whose stored bytes are far fewer than its bytes in memory."""
+        with convert_hdf5_errors(location):
+            size, stored_size = dataset.nbytes, dataset.id.get_storage_size()
+        try:
+            check_expansion(size, stored_size)
+        except ArchiveError as error:
+            location.fail("an array of bounded size", str(error), "store the array without compression")
+
     def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Return a dataset of the HDF5 group after a check of its type, shape and storage; values are not read."""
         dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
@@ -165,6 +228,7 @@ class Node:
         if spec.dtype == STRING and text.length is not None and text.length > 4 * LONGEST_TEXT:
             location.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
         check_header(shape, dtype, spec, sizes, location)
+        self._check_expansion(dataset, location)
         if chunks is not None and prod(chunks) * dtype.itemsize > LARGEST_ARRAY_BYTES:
             location.fail(f"chunks of at most {LARGEST_ARRAY_BYTES} bytes", f"{list(chunks)}", "use smaller chunks")
         return dataset

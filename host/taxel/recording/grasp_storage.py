@@ -3,17 +3,19 @@
 HDF5 changes a file by many small writes, and a file in which only some of them have happened may be unreadable.
 Therefore:
 
-1. A new file is written completely under another name and then renamed.
+1. The header of a new file is written under another name, and the file is then renamed.
 2. A grasp is written as an anonymous group and flushed. These writes use only space that nothing refers to yet.
 3. Then the group is linked under ``/grasps`` and flushed again. All links of ``/grasps`` are in its one object header,
    in space that is reserved when the file is created, so that this flush changes the file by one write. By default HDF5
    stores more than 8 links in a heap and a B-tree: several writes, with an unreadable file between them.
 4. The object header is within the first page of the file, because a kill can split a longer write at a page boundary.
+5. A file with its final name is flushed to the disk after steps 2 and 3, so that a power failure loses no complete
+   grasp and no link refers to missing data.
 
 The metadata cache may write entries at any time. This does no harm: during step 2 it contains nothing that the file
 refers to, and step 3 is too small to evict an entry. One risk remains: from about `RESERVED_GRASPS` grasps on, the
 header grows by further blocks, each linked by a separate write. A kill between these two writes, some microseconds of
-each grasp, leaves a file that does not open. A power failure is not covered: no step waits for the disk.
+each grasp, leaves a file that does not open.
 """
 
 import ctypes
@@ -22,22 +24,22 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import format_value
+from taxel.hand.errors import format_path, format_value
 from taxel.optional import optional_import
+from taxel.output import OutputError, PendingOutput
+from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
+from taxel.recording.hdf5_output import WritableFile, hold_signals
 
 with optional_import("h5py", "a grasp dataset (.h5)"):
     import h5py  # type: ignore[import-untyped, unused-ignore]
-    from h5py import h5f, h5g, h5p
+    from h5py import h5g, h5p
     from h5py._objects import phil  # type: ignore[import-untyped, unused-ignore]
-
-# Files of HDF5 1.8 have no "open for writing" mark. With later versions the file of a killed writer needs h5clear.
-LIBVER = ("v108", "v108")
 
 PAGE_BYTES = 4096
 RESERVED_GRASPS = 200  # ids of four digits need 19 bytes each, so that all links fit into the first page
@@ -53,58 +55,46 @@ _GZIP_LEVEL = 1
 def convert_writing_errors(location: Location) -> Iterator[None]:
     """Context manager that converts exceptions of the system and the HDF5 library during writing into a DatasetError.
 
+    Ctrl-C and SIGTERM are delayed to the end of the block, so that a grasp is written completely or not at all.
     location: the place in the file that the error message names.
     """
     try:
-        yield
+        with hold_signals():
+            yield
+    except OutputError as error:
+        location.fail(error.expected, error.found, error.remedy)
     except (OSError, RuntimeError, ValueError) as error:
-        reason = format_value(str(error).partition("\n")[0])
+        reason = getattr(error, "strerror", None) or format_value(str(error).partition("\n")[0])
         location.fail("space and permission to write", reason, "correct that and write the grasp again")
 
 
 def check_target(target: Path, overwrite: bool, location: Location) -> None:
-    """Raise DatasetError for a path at which a new file must not or cannot be created."""
+    """Raise DatasetError for a path at which a new file must not be created."""
     if target.is_dir() or (target.exists() and not overwrite):
-        _fail_existing(location)
-    if not target.parent.is_dir():
-        location.fail("a folder to write in", "none", "create the folder first")
+        location.fail("a new file", "an existing one", "choose another name, or request overwriting")
 
 
-def get_part_path(target: Path) -> Path:
-    """Return the path of a dataset file until it is complete.
+@contextmanager
+def open_whole_dataset(path: str | os.PathLike[str], overwrite: bool) -> Iterator[Path]:
+    """Context manager: an empty temporary file for a dataset, which gets the name `path` at the end of the block.
 
-    A file that a killed program left at this path can be deleted.
+    An exception leaves an existing dataset as it was. Raises DatasetError that names `path`, also in place of a
+    DatasetError of the block that names the temporary file.
     """
-    return target.with_name(f".{target.name}.part")
-
-
-def put_in_place(part: Path, target: Path, overwrite: bool, location: Location) -> None:
-    """Rename a complete file to its final name in one step. Without `overwrite` an existing file is not replaced."""
-    if not overwrite:
-        try:
-            os.link(part, target)  # unlike a rename, a link fails if the name exists
-            part.unlink()
-            return
-        except FileExistsError:
-            part.unlink()
-            _fail_existing(location)
-        except OSError:
-            pass  # the file system has no hard links
-    os.replace(part, target)
-
-
-def _fail_existing(location: Location) -> NoReturn:
-    """Raise DatasetError because a file exists and must not be replaced."""
-    location.fail("a new file", "an existing one", "choose another name, or request overwriting")
-
-
-def create_file(path: Path) -> Any:
-    """Create an empty HDF5 file without time stamps, as an h5py.File; an existing file is replaced."""
-    access = h5p.create(h5p.FILE_ACCESS)
-    access.set_libver_bounds(h5f.LIBVER_V18, h5f.LIBVER_V18)
-    creation = h5p.create(h5p.FILE_CREATE)
-    creation.set_obj_track_times(False)
-    return h5py.File(h5f.create(os.fsencode(path), h5f.ACC_TRUNC, creation, access))
+    target, location = Path(path), Location(str(path))
+    check_target(target, overwrite, location)
+    with convert_writing_errors(location):
+        pending = PendingOutput(target, overwrite=overwrite)
+    try:
+        yield pending.part
+        with convert_writing_errors(location):
+            pending.commit()
+    except DatasetError as error:
+        if error.file != format_path(pending.part):
+            raise
+        raise DatasetError(format_path(target), *error.args[1:]) from None
+    finally:
+        pending.discard()
 
 
 def create_group(parent: Any, name: str | None) -> Any:
@@ -160,23 +150,25 @@ def write_attributes(group: Any, values: Mapping[str, Any]) -> None:
         group.attrs.create(name, np.int64(value) if isinstance(value, int) else value)
 
 
-def link_grasp(file: Any, grasp: Any, grasp_id: str) -> None:
+def link_grasp(file: WritableFile, grasp: Any, grasp_id: str, is_durable: bool = False) -> None:
     """Make a complete grasp, an HDF5 group without a name, a part of the file under its id.
 
-    A program that is killed at any time during this call leaves a readable file.
+    A program that is killed at any time during this call leaves a readable file. is_durable: the grasp also survives a
+    power failure after the call. Raises OSError.
     """
-    _flush(file)
+    _flush(file, is_durable)
     file["grasps"][grasp_id] = grasp
-    _flush(file)
+    _flush(file, is_durable)
 
 
-def _flush(file: Any) -> None:
+def _flush(file: WritableFile, is_durable: bool) -> None:
     """Write all buffered data to the HDF5 file; a program that is killed during this call leaves a readable file."""
     # HDF5 writes the end address before it extends the file; a kill between these writes would leave a truncated file.
-    size = file.id.get_filesize()
-    if os.path.getsize(file.filename) < size:
-        os.truncate(file.filename, size)
+    file.raw.extend_to(file.id.get_filesize())
     file.flush()
+    if is_durable:
+        file.raw.sync()
+        file.check()
 
 
 def _group_properties() -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from os import PathLike
@@ -11,22 +12,18 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 from taxel.hand.errors import format_value
+from taxel.output import LiveOutput
 from taxel.recording.grasp_checks import Location, check_choice, check_created, check_text
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
-from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_record import GraspRecord, check_arrays, check_attributes
 from taxel.recording.grasp_sensor_model import SensorModel, check_sensor_model
 from taxel.recording.grasp_storage import (
-    LIBVER,
     check_target,
     convert_writing_errors,
-    create_file,
     create_grasps_group,
     create_group,
-    get_part_path,
     link_grasp,
-    put_in_place,
     write_array,
     write_attributes,
 )
@@ -40,6 +37,7 @@ from taxel.recording.grasp_tables import (
     check_sensors,
     check_taxels,
 )
+from taxel.recording.hdf5_output import WritableFile, create_hdf5, extend_hdf5
 
 _ID_DIGITS = 4
 
@@ -72,47 +70,71 @@ class GraspDatasetWriter:
     `extend` can add further ones. The same content with the same `created` gives the same bytes.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Open a complete dataset file to add grasps; called by `create` and `extend`.
+    def __init__(self, output: LiveOutput, is_live: bool = True) -> None:
+        """Open a complete dataset file to add grasps; called by the class methods.
 
-        Raises DatasetError for a file with errors.
+        output: the locked file. is_live: each grasp is flushed to the disk. Raises DatasetError for a file with errors.
         """
-        with GraspDataset(path) as data:  # reject a file with errors before anything is added
+        self.path = output.path
+        self._output, self._is_live = output, is_live
+        self._location = Location(str(self.path))
+        # A file with errors is rejected before it is open for writing.
+        with GraspDataset.from_file(extend_hdf5(output, self._location, is_read_only=True), self.path) as data:
             self._source = data.source
             self._objects = frozenset(data.objects)
             self._sizes = {"n": data.taxels.n, "s": data.sensors.s}
             self._ids = list(data.ids)
-        self.path = path
-        self._location = Location(str(path))
-        self._file = open_hdf5(path, "r+", LIBVER)
+        self._file = extend_hdf5(output, self._location)
 
     @classmethod
     def create(cls, path: str | PathLike[str], header: DatasetHeader, *, overwrite: bool = False) -> GraspDatasetWriter:
-        """Create a dataset without grasps. overwrite: replace an existing file.
+        """Create a dataset without grasps that is readable while grasps are added.
 
+        overwrite: replace an existing file, which is preserved as `.NAME.previous` from the first grasp to `close`.
         Raises DatasetError for an existing file (unless overwrite) and for the first error in the header.
         """
         target, location = Path(path), Location(str(path))
         check_target(target, overwrite, location)
-        attributes = _check_attributes(header, location)
-        sizes: dict[str, int] = {}
-        tables = _check_tables(header, location, sizes)
-        model = _check_model(header.sensor_model, header.source, location.key("sensor_model"), sizes["n"])
-        part = get_part_path(target)
+        content = _HeaderContent(header, location)
         with convert_writing_errors(location):
-            _write_new(part, attributes, tables, model)
-            put_in_place(part, target, overwrite, location)
-        return cls(target)
+            output = LiveOutput(target, overwrite=overwrite)
+        try:
+            with convert_writing_errors(location):
+                content.write(output)
+            writer = cls(output)
+            with convert_writing_errors(location):
+                output.begin()
+        except BaseException:
+            output.discard()
+            raise
+        return writer
+
+    @classmethod
+    def create_part(cls, part: Path, header: DatasetHeader) -> GraspDatasetWriter:
+        """Create a dataset in an empty file of `open_whole_dataset`, which nobody reads before it is complete."""
+        location = Location(str(part))
+        content = _HeaderContent(header, location)
+        with convert_writing_errors(location):
+            output = LiveOutput.without_name(part)
+            content.write(output)
+        return cls(output, is_live=False)
 
     @classmethod
     def extend(cls, path: str | PathLike[str]) -> GraspDatasetWriter:
         """Open an existing dataset, such as one from an interrupted campaign, to add grasps; its grasps are kept.
 
-        Raises DatasetError for a file that the reader rejects.
+        Raises DatasetError for a file that the reader rejects, or that another program writes.
         """
-        target = Path(path)
-        get_part_path(target).unlink(missing_ok=True)
-        return cls(target)
+        location = Location(str(path))
+        if not Path(path).is_file():
+            location.fail("an HDF5 file", "a folder" if Path(path).is_dir() else "nothing", "check the path")
+        with convert_writing_errors(location):
+            output = LiveOutput.extend(path)
+        try:
+            return cls(output)
+        except BaseException:
+            output.fail()
+            raise
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -158,13 +180,25 @@ class GraspDatasetWriter:
             write_attributes(group, attributes)
             for key, array in arrays.items():
                 write_array(group, key, array)
-            link_grasp(self._file, group, name)
+            link_grasp(self._file, group, name, is_durable=self._is_live)
+            self._output.publish()
         self._ids.append(name)
         return name
 
     def close(self) -> None:
-        """Close the grasp dataset. A second call has no effect."""
-        self._file.close()
+        """Close the grasp dataset. A second call has no effect.
+
+        Raises DatasetError if the system refused a write. Complete grasps then stay in the file, and so does a file
+        that this dataset has replaced.
+        """
+        if self._output.file.closed:
+            return
+        try:
+            with convert_writing_errors(self._location):
+                self._file.close()
+                self._output.close()
+        finally:
+            self._output.fail()
 
     def __enter__(self) -> GraspDatasetWriter:
         return self
@@ -172,8 +206,32 @@ class GraspDatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the grasp dataset at the end of the `with` block."""
-        self.close()
+        """Close the grasp dataset at the end of the `with` block.
+
+        After an exception, a dataset without grasps does not replace an existing file.
+        """
+        if kind is None or self._output.is_published:
+            self.close()
+            return
+        with suppress(OSError):
+            self._file.close()
+        self._output.discard()
+
+
+class _HeaderContent:
+    """The checked content of a new dataset file without grasps."""
+
+    def __init__(self, header: DatasetHeader, location: Location) -> None:
+        """Check a header. Raises DatasetError for its first error."""
+        self._attributes = _check_attributes(header, location)
+        sizes: dict[str, int] = {}
+        self._tables = _check_tables(header, location, sizes)
+        self._model = _check_model(header.sensor_model, header.source, location.key("sensor_model"), sizes["n"])
+
+    def write(self, output: LiveOutput) -> None:
+        """Write the content to an empty output."""
+        with create_hdf5(output) as file:
+            _write_content(file, self._attributes, self._tables, self._model)
 
 
 def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, Any]:
@@ -220,23 +278,24 @@ def _check_model(model: SensorModel | None, source: str, location: Location, n: 
     return None if model is None else check_sensor_model(vars(model), location, n)
 
 
-def _write_new(path: Path, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:
-    """Create a dataset file with attributes, tables and sensor model, but without grasps.
+def _write_content(
+    file: WritableFile, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None
+) -> None:
+    """Write attributes, tables and sensor model to an empty HDF5 file.
 
     tables: (table, specification of its arrays) by HDF5 path.
     """
-    with create_file(path) as file:
-        create_grasps_group(file)
-        write_attributes(file, attributes)
-        groups = {"": file}
-        for name in ("taxels", "sensors", "objects", *(key for key in tables if "/" in key)):
-            parent, _, leaf = name.rpartition("/")
-            groups[name] = create_group(groups[parent], leaf)
-            if name in tables:
-                table, specs = tables[name]
-                for key in specs:
-                    write_array(groups[name], key, getattr(table, key))
-        if model is not None:
-            values = {item.name: getattr(model, item.name) for item in fields(model)}
-            present = {name: value for name, value in values.items() if value is not None}
-            write_attributes(create_group(file, "sensor_model"), present)
+    create_grasps_group(file)
+    write_attributes(file, attributes)
+    groups = {"": file}
+    for name in ("taxels", "sensors", "objects", *(key for key in tables if "/" in key)):
+        parent, _, leaf = name.rpartition("/")
+        groups[name] = create_group(groups[parent], leaf)
+        if name in tables:
+            table, specs = tables[name]
+            for key in specs:
+                write_array(groups[name], key, getattr(table, key))
+    if model is not None:
+        values = {item.name: getattr(model, item.name) for item in fields(model)}
+        present = {name: value for name, value in values.items() if value is not None}
+        write_attributes(create_group(file, "sensor_model"), present)

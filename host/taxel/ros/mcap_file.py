@@ -8,13 +8,15 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self
+from typing import IO, Final, Self, cast
 
 from taxel.link import CaptureError
-from taxel.link.capture import EXISTS
+from taxel.link.live_records import open_live_output
 from taxel.optional import optional_import
+from taxel.output import LiveOutput
 from taxel.ros.cdr import encode
 from taxel.ros.definitions import make_ros2_schema
+from taxel.ros.record_stream import RecordStream
 from taxel.ros.tf_tree import make_header
 from taxel.ros.topics import TopicMessage
 
@@ -45,11 +47,18 @@ class McapFile:
     file exists and `overwrite` is False, or if the file cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], head: Mapping[str, object], overwrite: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        head: Mapping[str, object],
+        overwrite: bool = False,
+        output: LiveOutput | None = None,
+    ) -> None:
         """Create an MCAP file and write the header of the recording.
 
-        head: header of the recording, JSON values. Raises CaptureError if the file exists and `overwrite` is False, or
-        if the file cannot be written.
+        head: header of the recording, JSON values. output: open output that is written instead of `path`; None: a new
+        file, which replaces an existing one with its first message. Raises CaptureError if the file exists and
+        `overwrite` is False, or if the file cannot be written.
         """
         self.path = Path(path)
         self.messages = 0
@@ -58,21 +67,24 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._flushed_s = time.monotonic()
         self._has_unflushed = False
+        self._is_grouping = False
+        self._output = open_live_output(path, overwrite) if output is None else output
+        self._stream = RecordStream(self._output.file)
         try:
-            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb")  # noqa: SIM115
-        except FileExistsError:
-            raise CaptureError(os.fspath(path), EXISTS) from None
-        except OSError as error:
-            raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror})") from error
-        self._writer = Writer(self._file, CHUNK_BYTES, CompressionType.ZSTD)
-        self._writer.start("ros2", LIBRARY)
-        self.add_metadata(METADATA, head)
+            self._writer = Writer(cast(IO[bytes], self._stream), CHUNK_BYTES, CompressionType.ZSTD)
+            self._writer.start("ros2", LIBRARY)
+            self.add_metadata(METADATA, head)
+            with self._errors():
+                self._output.begin()
+        except BaseException:
+            self._output.discard()
+            raise
 
     def add_metadata(self, name: str, values: Mapping[str, object]) -> None:
         """Add a metadata record to the MCAP file; each value is written as JSON."""
         with self._lock, self._errors():
             self._writer.add_metadata(name, {key: json.dumps(value) for key, value in values.items()})
-            self._file.flush()
+            self._stream.flush()
 
     def publish(self, message: TopicMessage) -> None:
         """Append a ROS message to its topic in the MCAP file."""
@@ -95,14 +107,28 @@ class McapFile:
         with self._lock, self._errors():
             self._flush_if_due()
 
+    @contextlib.contextmanager
+    def group(self) -> Iterator[None]:
+        """Context in which no chunk is written, so that a chunk that is due contains all messages of the block."""
+        self._is_grouping = True
+        try:
+            yield
+        finally:
+            self._is_grouping = False
+            self.tick()
+
     def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
         """Append an encoded message to a topic of the MCAP file. type_name: "package/Name". time_ns: Unix time."""
+        self._stream.check()
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._new_channel(topic, type_name)
         self._writer.add_message(channel, max(time_ns, 0), data, max(time_ns, 0))
         self.messages += 1
         self._has_unflushed = True
+        if not self._output.is_published:
+            self._flush()
+            self._output.publish()
 
     def _new_channel(self, topic: str, type_name: str) -> int:
         """Register a channel of the MCAP file for a topic, with the schema of its type; return its number."""
@@ -116,28 +142,55 @@ class McapFile:
     def _flush_if_due(self) -> None:
         """Write the current chunk of the MCAP file if `FLUSH_S` seconds have elapsed since the last chunk."""
         now_s = time.monotonic()
-        if self._has_unflushed and now_s - self._flushed_s >= FLUSH_S:
-            self._writer.flush()  # type: ignore[no-untyped-call]
-            self._flushed_s = now_s
-            self._has_unflushed = False
+        if self._has_unflushed and not self._is_grouping and now_s - self._flushed_s >= FLUSH_S:
+            self._flush()
 
-    def _errors(self) -> contextlib.AbstractContextManager[None]:
+    def _flush(self) -> None:
+        """Write the current chunk of the MCAP file."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._stream.flush()
+        self._flushed_s = time.monotonic()
+        self._has_unflushed = False
+
+    @contextlib.contextmanager
+    def _errors(self) -> Iterator[None]:
         """Context manager that converts an OSError into a `CaptureError` that names this file."""
-        return _convert_writing_errors(self.path)
+        try:
+            yield
+        except OSError as error:
+            problem = f"cannot be written ({error.strerror}); the part before is kept"
+            raise CaptureError(str(self.path), problem + self._output.describe_previous()) from error
 
     @property
     def is_closed(self) -> bool:
         """Whether the file is closed."""
-        return self._file.closed
+        return self._output.file.closed
 
     def close(self) -> None:
-        """Write the last chunk and the index of the MCAP file, and close the file. A second call has no effect."""
+        """Write the last chunk and the index of the MCAP file, and close the file. A second call has no effect.
+
+        After a failed write only the file is closed. A file without messages does not replace an existing one.
+        """
         with self._lock, self._errors():
-            if not self._file.closed:
-                try:
+            if self._output.file.closed:
+                return
+            try:
+                if not self.messages and not self._output.is_published:
+                    self._output.discard()
+                elif not self._stream.has_failed:
+                    self._flush()
                     self._writer.finish()  # type: ignore[no-untyped-call]
-                finally:
-                    self._file.close()
+                    self._stream.flush()
+                    self._output.close()
+            finally:
+                self._output.fail()
+
+    def discard(self) -> None:
+        """Close the file; remove a file without messages."""
+        if self.messages:
+            self.close()
+        else:
+            self._output.discard()
 
     def __enter__(self) -> Self:
         return self
@@ -147,12 +200,3 @@ class McapFile:
     ) -> None:
         """Complete and close the MCAP file at the end of the `with` block."""
         self.close()
-
-
-@contextlib.contextmanager
-def _convert_writing_errors(path: Path) -> Iterator[None]:
-    """Context manager that converts an OSError into a `CaptureError` that names the file."""
-    try:
-        yield
-    except OSError as error:
-        raise CaptureError(str(path), f"cannot be written ({error.strerror}); the part before is kept") from error

@@ -1,6 +1,5 @@
 """Joint angles of an MCAP recording, from its topic /joint_states."""
 
-import json
 import os
 from collections.abc import Sequence
 from typing import Final
@@ -8,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from taxel.hand.joint_history import JointHistory
+from taxel.input_files import open_regular_file, parse_json
+from taxel.link.recording_header import check_recording_header
 from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode
 from taxel.ros.mcap_file import METADATA
@@ -30,7 +31,7 @@ def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> Join
     schemas: dict[int, str] = {}
     channels: set[int] = set()
     try:
-        with open(path, "rb") as file:
+        with open_regular_file(path) as file:
             for record in read_records(file):
                 if isinstance(record, Schema):
                     schemas[record.id] = record.name.replace("/msg/", "/")
@@ -39,7 +40,8 @@ def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> Join
                     if is_joint and schemas.get(record.schema_id) == JOINT_TYPE:
                         channels.add(record.id)
                 elif isinstance(record, Metadata) and record.name == METADATA:
-                    offset_s = float(json.loads(record.metadata.get("epoch_offset_ns", "0"))) * 1e-9
+                    offset_ns = parse_json(record.metadata.get("epoch_offset_ns", "0").encode())
+                    offset_s = float(check_recording_header({"epoch_offset_ns": offset_ns})["epoch_offset_ns"]) * 1e-9
                 elif isinstance(record, Message) and record.channel_id in channels:
                     _add_message(history, record.data, offset_s)
     except (*DAMAGE, CdrError, OSError):

@@ -1,11 +1,12 @@
 """Reader of MCAP recordings, as a link whose bytes come from the file instead of a port."""
 
-import json
 import os
-from collections.abc import Iterator
-from typing import Any, BinaryIO
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link import CaptureError, Chunk, Link
+from taxel.link.recording_header import check_recording_header
 from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode, decode_ros1
 from taxel.ros.definitions import SEPARATOR, fields, parse_fields
@@ -21,6 +22,9 @@ with optional_import("mcap", "an MCAP file (.mcap)"):
 SCAN_TYPE = "taxel_msgs/TaxelScan"
 READ_TYPES = (BYTES_TYPE, SCAN_TYPE, ORIGINAL_TYPE)
 """Message types of a skin."""
+
+METADATA_MAX = 1 << 22
+"""Largest size of one entry of the header, bytes; the text of a hand has at most 1 MiB."""
 
 _DECODERS = {"cdr": decode, "ros1": decode_ros1}  # by message encoding of a channel
 _ORIGINAL_NAME = ORIGINAL_TYPE.partition("/")[2]
@@ -42,7 +46,7 @@ class McapReader:
         """
         self.name = os.fspath(path)
         try:
-            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         self.header: dict[str, Any] = {}
@@ -125,7 +129,15 @@ class McapReader:
             if name in READ_TYPES and (is_cdr or (name == ORIGINAL_TYPE and record.message_encoding == "ros1")):
                 self._channels[record.id] = (name, record.message_encoding)
         elif isinstance(record, Metadata) and record.name == METADATA:
-            self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
+            self._add_metadata(record.metadata)
+
+    def _add_metadata(self, metadata: Mapping[str, str]) -> None:
+        """Add JSON texts by key to the header of the recording. Raises `CaptureError` for an invalid entry."""
+        try:
+            values = {key: parse_json(value.encode(), METADATA_MAX) for key, value in metadata.items()}
+            self.header |= check_recording_header(values)
+        except TextError as error:
+            raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def _check_schema(self, schema: Schema) -> str:
         """Return the type of an MCAP schema, "package/Name".

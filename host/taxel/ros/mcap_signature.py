@@ -2,6 +2,8 @@
 
 import os
 
+from taxel.input_files import open_regular_file
+
 SIGNATURE = b"\x89MCAP0\r\n"
 """First bytes of every MCAP file (mcap.dev/spec, Magic)."""
 
@@ -22,7 +24,7 @@ def is_ros1_bag(path: str | os.PathLike[str]) -> bool:
 def _has_signature(path: str | os.PathLike[str], signature: bytes) -> bool:
     """Whether a file begins with `signature`; False for a file that cannot be read."""
     try:
-        with open(path, "rb") as file:
+        with open_regular_file(path) as file:
             return file.read(len(signature)) == signature
     except OSError:
         return False

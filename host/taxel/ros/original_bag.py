@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 
+from taxel.input_files import check_regular_file
 from taxel.link import CaptureError
 from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode_ros1
@@ -56,6 +57,7 @@ def _open_reader(name: str) -> Reader:
     assertions for a damaged bag; every error of the library therefore means a damaged bag.
     """
     try:
+        check_regular_file(name)
         reader = Reader(name)
         reader.open()
     except FileNotFoundError:

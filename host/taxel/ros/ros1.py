@@ -1,6 +1,7 @@
 """A ROS 1 node that publishes the topics of the skin."""
 
 import os
+import shutil
 import time
 from collections.abc import Callable
 from typing import Any
@@ -31,7 +32,10 @@ class Ros1Node:
         self._time = genpy.Time
         master = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         if not rosgraph.is_master_online():
-            raise RosError(f"no ROS master answers at {master}; start one (roscore), or set ROS_MASTER_URI")
+            remedy = "start one (roscore)"
+            if shutil.which("roscore") is None:
+                remedy = "ROS has no roscore here: install ROS (on Debian: apt-get install ros-core) and start roscore"
+            raise RosError(f"no ROS master answers at {master}; {remedy}, or set ROS_MASTER_URI")
         self._rospy.init_node(name, disable_signals=True)
         self._classes: dict[str, dict[str, Any]] = {}
         self._publishers: dict[str, Any] = {}

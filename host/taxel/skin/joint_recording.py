@@ -6,8 +6,9 @@ from typing import Final
 
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointFileWriter, JointHistory
-from taxel.link import Link
-from taxel.skin.skin import Skin
+from taxel.output import LiveOutput
+from taxel.skin.recording_link import RecordingLink
+from taxel.skin.recording_skin import RecordingSkin
 from taxel.stream import TaxelFrame
 
 JOINT_SUFFIX: Final = ".joints.csv"
@@ -18,18 +19,17 @@ def get_joint_path(capture: str | os.PathLike[str]) -> Path:
     return Path(os.fspath(capture) + JOINT_SUFFIX)
 
 
-class JointRecordingSkin(Skin):
+class JointRecordingSkin(RecordingSkin):
     """A skin on a link that records the bytes; the joint angles of each poll cycle are written to their own file."""
 
-    def __init__(self, link: Link, hand: Hand, joints: JointHistory, path: Path) -> None:
-        """Open the skin and create the file of joint angles."""
+    def __init__(self, link: RecordingLink, hand: Hand, joints: JointHistory, output: LiveOutput) -> None:
+        """Open the skin, and write the heading of the joint angles to an open output."""
         self._joints = joints
-        self._writer = JointFileWriter(path, joints.names)
         try:
+            self._writer = JointFileWriter(output, joints.names)
             super().__init__(link, hand)
         except BaseException:
-            self._writer.close()
-            os.unlink(path)
+            output.discard()
             raise
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxel.hand import Hand
-from taxel.link import Link
-from taxel.ros.topics import JointSource, SkinTopics
+from taxel.link import Chunk, Link
+from taxel.ros.topics import JointSource, SkinTopics, TopicMessage
+from taxel.skin.confirmed_bytes import ConfirmedBytes
 from taxel.skin.recording_link import RecordingLink
-from taxel.skin.skin import Skin
+from taxel.skin.recording_skin import RecordingSkin
 from taxel.stream import TaxelFrame
 
 if TYPE_CHECKING:  # the library mcap is loaded only when an MCAP file is written
@@ -21,20 +22,26 @@ BASELINE_METADATA = "taxel_baseline"
 BOARDS_METADATA = "taxel_boards"
 
 
-class McapBytes:
-    """Writer of the hub's bytes into an MCAP file that the caller opens and closes."""
+class McapBytes(ConfirmedBytes):
+    """Writer of the hub's bytes into an MCAP file that the caller opens and closes.
+
+    Bytes are written when they are confirmed, because compressed chunks cannot be cut.
+    """
 
     def __init__(self, file: McapFile, header: Mapping[str, Any]) -> None:
         """Create a writer of received bytes into an open MCAP file; header: header of the recording with its clock."""
+        super().__init__()
         self._file = file
         self._offset_ns = int(header["epoch_offset_ns"])
         self._uses_hub_clock = header["clock"] == "hub"
         self.frame_ns = self._offset_ns
         """Time of the latest frame, Unix nanoseconds."""
 
-    def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes of the hub to the MCAP file; time_ns: their arrival, nanoseconds of the link's clock."""
-        self._file.write_bytes(data, time_ns, self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns)
+    def _append(self, chunk: Chunk) -> None:
+        """Append a chunk to the MCAP file."""
+        time_ns = chunk.arrival_ns
+        file_ns = self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns
+        self._file.write_bytes(chunk.data, time_ns, file_ns)
 
     def tick(self) -> None:
         """Write buffered data of the MCAP file to disk if this is due."""
@@ -44,7 +51,7 @@ class McapBytes:
         """Do nothing: the topics are completed after the link is closed, and then `McapSkin` closes the file."""
 
 
-class McapSkin(Skin):
+class McapSkin(RecordingSkin):
     """A skin whose frames are written to an MCAP file as topics, beside the bytes that contained them."""
 
     def __init__(
@@ -57,6 +64,7 @@ class McapSkin(Skin):
         """
         self._file = file
         self._bytes = McapBytes(file, header)
+        self._delivered: list[TopicMessage] = []
         super().__init__(RecordingLink(link, self._bytes), hand)
         self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints)
         self._has_baseline = False
@@ -65,13 +73,30 @@ class McapSkin(Skin):
         """Check a taxel frame and write its ROS messages to the MCAP file; write a complete baseline once."""
         frame = super()._check_frame(frame)
         self._bytes.frame_ns = self._topics.time_ns(frame.time_s)
-        for message in self._topics.take(frame):
-            self._file.publish(message)
+        self._delivered.extend(self._topics.take(frame))
         if self._topics.baseline is not None and not self._has_baseline:
             self._has_baseline = True
             values = {name: np.asarray(value).tolist() for name, value in vars(self._topics.baseline).items()}
             self._file.add_metadata(BASELINE_METADATA, values)
         return frame
+
+    def _write_delivered(self, position: int, splits: bool) -> None:
+        """Write the bytes of the delivered frames, and then the messages of these frames."""
+        with self._file.group():
+            super()._write_delivered(position, splits)
+            self._publish_delivered()
+
+    def _publish_delivered(self) -> None:
+        """Write the messages of the delivered frames."""
+        for message in self._delivered:
+            self._file.publish(message)
+        self._delivered.clear()
+
+    def end_recording(self) -> None:
+        """End the bytes after the last frame that the reader has received, and write the messages of these frames."""
+        super().end_recording()
+        if not self._file.is_closed:
+            self._publish_delivered()
 
     def close(self) -> None:
         """Stop the frames of the hub, write the last messages to the MCAP file, and close link and file."""

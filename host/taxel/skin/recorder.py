@@ -9,15 +9,18 @@ import numpy.typing as npt
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
-from taxel.link.capture import EXISTS
+from taxel.link.live_records import EXISTS, open_live_output
 from taxel.link.pcapng import SUFFIX as PCAPNG_SUFFIX
 from taxel.link.pcapng import PcapngWriter
+from taxel.output import LiveOutput
 from taxel.ros.topics import JointSource
+from taxel.skin.capture_bytes import CaptureBytes
+from taxel.skin.confirmed_bytes import PcapngBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
-from taxel.skin.opening import open_source
+from taxel.skin.opening import open_source, open_waiting_source
 from taxel.skin.recording_link import RecordingLink, make_recording_header
-from taxel.skin.skin import Skin
+from taxel.skin.recording_skin import RecordingSkin
 
 MCAP_SUFFIX = ".mcap"
 
@@ -28,19 +31,21 @@ def open_recorded(
     hand: Hand | str | None = None,
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
-) -> Skin:
+    waits: bool = False,
+) -> RecordingSkin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); a name that ends in .pcapng makes a file for Wireshark, and any other name a capture, both with the bytes
     alone. joint_position: joint angles of the hand's robot, radians [j], or a function that returns them, for the TF
     tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, beside a
-    file without topics in the file PATH.joints.csv.
+    file without topics in the file PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and
+    continues in the same file (`Skin.reconnection` lists the gaps).
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    link, description = open_source(url, hand)
+    link, description = (open_waiting_source if waits else open_source)(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
     except BaseException:
@@ -56,8 +61,14 @@ def record_link(
     path: str | os.PathLike[str],
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
-) -> Skin:
-    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
+    output: LiveOutput | None = None,
+    joint_output: LiveOutput | None = None,
+) -> RecordingSkin:
+    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
+
+    output, joint_output: open outputs that are written instead of `path`, and instead of the file of measured joint
+    angles beside a capture; None: new files.
+    """
     if joint_position is None:
         joint_position = header.get("joint_position")
     elif isinstance(joint_position, JointHistory):
@@ -65,27 +76,29 @@ def record_link(
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position)
+        return _record_mcap(link, hand, header, path, overwrite, joint_position, output)
     try:
-        writer = _open_writer(path, header, overwrite)
+        writer = _open_writer(path, header, overwrite, output)
     except BaseException:
         link.close()
         raise
     try:
         if isinstance(joint_position, JointHistory):
-            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, get_joint_path(path))
-        return Skin(RecordingLink(link, writer), hand)
+            companion = joint_output or open_live_output(get_joint_path(path), overwrite)
+            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, companion)
+        return RecordingSkin(RecordingLink(link, writer), hand)
     except BaseException:
-        if writer.records == 0:
-            os.unlink(path)  # a capture without any bytes is of no use
+        writer.discard()  # a capture without any bytes is of no use
         raise
 
 
-def _open_writer(path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool) -> CaptureWriter | PcapngWriter:
-    """Create a PCAPNG file for a name that ends in .pcapng, else a capture."""
+def _open_writer(
+    path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool, output: LiveOutput | None
+) -> CaptureBytes | PcapngBytes:
+    """Create a PCAPNG file for a name that ends in .pcapng, else a capture; output: as in `record_link`."""
     if os.fspath(path).endswith(PCAPNG_SUFFIX):
-        return PcapngWriter(path, header, overwrite)
-    return CaptureWriter(path, header, overwrite)
+        return PcapngBytes(PcapngWriter(path, header, overwrite, output))
+    return CaptureBytes(CaptureWriter(path, header, overwrite, output))
 
 
 def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
@@ -103,22 +116,22 @@ def _record_mcap(
     path: str | os.PathLike[str],
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
-) -> Skin:
+    output: LiveOutput | None,
+) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
+    output: open output that is written instead of `path`; None: a new file.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 
-        file = McapFile(path, header, overwrite)
+        file = McapFile(path, header, overwrite, output)
     except BaseException:
         link.close()
         raise
     try:
         return McapSkin(link, hand, file, header, make_joint_source(joint_position))
     except BaseException:
-        file.close()
-        if file.messages == 0:
-            os.unlink(path)
+        file.discard()
         raise

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from taxel.hand import Hand
 from taxel.hand.loading import read_hand_text
-from taxel.link import Chunk, Link
+from taxel.link import Chunk, Link, Reconnection
 from taxel.stream.frame_stream import has_arrivals
 from taxel.version import VERSION
 
@@ -21,6 +21,17 @@ class ByteWriter(Protocol):
 
     def tick(self) -> None:
         """Write buffered data to disk if this is due; called after a read without data."""
+        ...
+
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """State that the bytes before `position` of the stream stay in the recording.
+
+        splits: write them now, even if that divides a chunk of received bytes into two.
+        """
+        ...
+
+    def cut(self, position: int) -> None:
+        """Remove the bytes from `position` of the stream on; called after the last `write`."""
         ...
 
     def close(self) -> None:
@@ -42,6 +53,7 @@ class RecordingLink:
         self.has_flow_control = link.has_flow_control
         self.has_arrivals = has_arrivals(link)
         self.header: dict[str, Any] = getattr(link, "header", {})
+        self.reconnection: Reconnection | None = getattr(link, "reconnection", None)
 
     def read(self, timeout_s: float) -> Chunk | None:
         """Return the next chunk of bytes of the link after recording it; None after `timeout_s` seconds."""
@@ -56,10 +68,20 @@ class RecordingLink:
         """Send bytes to the hub. Sent bytes are not recorded."""
         self._link.write(data)
 
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """State that the reader has received the frames in the first `position` bytes; splits: as in `ByteWriter`."""
+        self._writer.confirm(position, splits)
+
+    def cut(self, position: int) -> None:
+        """Remove all bytes after the first `position` bytes from the recording. The link must not be read meanwhile."""
+        self._writer.cut(position)
+
     def close(self) -> None:
         """Close the recorded link, then the recording."""
-        self._link.close()
-        self._writer.close()
+        try:
+            self._link.close()
+        finally:
+            self._writer.close()
 
 
 def make_recording_header(

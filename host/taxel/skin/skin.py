@@ -1,19 +1,21 @@
 """An open skin: its board frames, its frames of the whole skin, and its losses."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.link import Link, get_clock
-from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
+from taxel.link import Link, Reconnection, get_clock
+from taxel.signal import BASELINE_SAMPLES, BaselineResult
+from taxel.skin.baseline import measure_baseline
+from taxel.skin.frame import SkinFrame
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 from taxel.stream.cycles import CycleSorter
-from taxel.types import BoolArray, CountArray
+from taxel.stream.hub_client import HubError, VersionError
 
 FrameFormat = Literal["plain", "compact"]
 """Frames on the wire: "plain", 16-bit raw counts; "compact", the same raw counts in fewer bytes."""
@@ -28,27 +30,16 @@ class BoardMismatchError(TaxelError):
     """A board on the bus differs from the board that the hand description has at the same address."""
 
 
-class SkinFrame(NamedTuple):
-    """Raw counts of the whole skin in one poll cycle.
-
-    cycle: number of the hub's poll cycle. time_s: start of the first board's scan, seconds of the host clock.
-    raw_counts: u16[n] in the hand's taxel order, 0 where `valid` is False. valid: bool[n], True where the frame of the
-    taxel's board arrived.
-    """
-
-    cycle: int
-    time_s: float
-    raw_counts: CountArray
-    valid: BoolArray
-
-
 class Skin:
     """An open skin: an iterator over the frames of its boards (`TaxelFrame`), in the order of their arrival.
 
     Use the skin as a context manager. The iteration ends at the end of a recording. It raises a `TaxelError` of one
-    line if the port vanishes, or if a frame comes from a board that the hand does not have; all earlier frames are
-    delivered first. After a restart of the hub, the handshake and START are repeated.
+    line if the port vanishes (unless its link opens the port again: `taxel.link.ReopeningLink`), or if a frame comes
+    from a board that the hand does not have; all earlier frames are delivered first. After a restart of the hub, the
+    handshake and START are repeated.
     """
+
+    _is_recording = False
 
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
         """Start the stream of taxel frames of a hub, unless the link is a recording.
@@ -61,15 +52,22 @@ class Skin:
         self._rate_hz = rate_hz
         self._compact = frames == "compact"
         self._stream = self.hub.stream
+        if self._is_recording:
+            self._stream.keep_undelivered()
         self._slices = {board.address: hand.get_slice(board.address) for board in hand.boards}
         self._sorter = CycleSorter(len(hand.boards))
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
+        self.reconnection: Reconnection | None = getattr(link, "reconnection", None)
+        """State of a port that is opened again after it has vanished; None: the skin ends with its port."""
+        self._openings = 1
         try:
             if not link.is_recorded:
                 self._start()
         except BaseException:
             self._stream.close()
             raise
+        if self.reconnection is not None:
+            self.reconnection.is_enabled = True
 
     def _start(self) -> None:
         """Make the handshake with the hub, check the boards, set the poll rate and start the stream of frames."""
@@ -81,10 +79,27 @@ class Skin:
         self.hub.start(self._compact)
 
     def _resume(self) -> None:
-        """Repeat handshake, poll rate and START after a restart of the hub."""
+        """Repeat handshake, poll rate and START after a restart of the hub or an interruption of the link."""
         self.hub.handshake()
         self.hub.set_rate(self._rate_hz)
-        self.hub.start(self._compact)
+        self.hub.start(self._compact, is_first=False)  # a restart of the hub resets the counting of poll cycles anyway
+
+    def _resume_if_possible(self, reconnection: Reconnection) -> None:
+        """Repeat the handshake of a port that was opened again; without a reply, the next call repeats it.
+
+        The frames that arrive meanwhile are kept. Raises `VersionError` for a hub of another protocol.
+        """
+        openings = reconnection.openings
+        if not reconnection.is_open or (self.hub.has_handshake and openings == self._openings):
+            return
+        self.hub.attempts = 1  # the caller also draws or counts, and must not wait longer than necessary
+        try:
+            self._resume()
+        except VersionError:
+            raise
+        except HubError:
+            return
+        self._openings = openings
 
     def _discover_boards(self) -> None:
         """Read the boards that the hub has found, until all boards of the hand are found or time is up."""
@@ -117,6 +132,11 @@ class Skin:
         if self._stream.link.is_recorded:
             return []
         return [board.name for board in self.hand.boards if board.address not in self.hub.boards]
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Highest rate of scans that was requested; None: the rate that the bus permits."""
+        return self._rate_hz
 
     @property
     def link(self) -> Link:
@@ -172,7 +192,9 @@ class Skin:
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
         """Wait up to `timeout_s` for bytes of the hub and decode them; restart the stream if the hub has restarted."""
-        if not (self.hub.has_handshake or self._stream.link.is_recorded):
+        if self.reconnection is not None:
+            self._resume_if_possible(self.reconnection)
+        elif not (self.hub.has_handshake or self._stream.link.is_recorded):
             self._resume()
         self._stream.poll(timeout_s)
 
@@ -196,11 +218,26 @@ class Skin:
         The taxels of a board whose frame is missing in a cycle are not valid in that cycle.
         """
         for frame in self:
-            self._sorter.add(frame)  # the sorter outlives this iterator: the next iterator finishes an incomplete cycle
-            while (frames := self._sorter.pop()) is not None:
-                yield self._assemble(frames)
+            yield from self.collect_scans([frame])
         while (frames := self._sorter.pop(is_end=True)) is not None:
             yield self._assemble(frames)
+
+    def expect_boards(self, count: int) -> None:
+        """Set the number of boards whose frames complete a poll cycle: those of this port, if other ports have others.
+
+        Call it before the first scan.
+        """
+        self._sorter = CycleSorter(max(count, 1))
+
+    def collect_scans(self, frames: Iterable[TaxelFrame]) -> Iterator[SkinFrame]:
+        """Add frames of boards to their poll cycles, and yield the frames of the whole skin that are then complete.
+
+        frames: of this skin, in the order of their arrival. Incomplete cycles remain for the next call.
+        """
+        for frame in frames:
+            self._sorter.add(frame)  # the sorter outlives the caller's iterator, whose successor finishes the cycle
+            while (complete := self._sorter.pop()) is not None:
+                yield self._assemble(complete)
 
     def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
         """Combine the frames of one poll cycle to a frame of the whole skin; taxels of missing boards are not valid."""
@@ -221,20 +258,7 @@ class Skin:
         progress: called with the completed share, 0 to 1. Raises `TaxelError` if a recording ends before the baseline
         is complete.
         """
-        baseline = Baseline(self.hand.n_taxels, samples=samples)
-        cycles = 0
-        for scan in self.scans():
-            cycles += 1
-            baseline.update(scan.raw_counts, scan.valid)
-            if progress is not None:
-                progress(baseline.progress)
-            if baseline.is_ready:
-                return baseline.result()
-            if cycles >= 2 * samples and baseline.ready_mask.any():
-                return BaselineResult(baseline.mean, baseline.noise, baseline.disturbed, baseline.count)
-        raise TaxelError(
-            f"{self._stream.link.name}: the recording ended after {cycles} scans; a baseline needs {samples}"
-        )
+        return measure_baseline(self.hand.n_taxels, self.scans(), samples, progress, self._stream.link.name)
 
     def close(self) -> None:
         """Stop the stream of the hub and close the link."""

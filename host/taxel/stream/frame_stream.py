@@ -11,6 +11,7 @@ from taxel.stream.frames import HubMessage, TaxelFrame, build_taxel_frames
 from taxel.stream.pump import Pump
 from taxel.stream.ring import RingBuffer
 from taxel.stream.row_clock import RowClock
+from taxel.stream.undelivered import UndeliveredBytes
 
 RECORDED_BYTES_AT_ONCE = 1 << 17
 """Bytes of a recording that are decoded at a time: large enough for speed, small enough for constant memory."""
@@ -62,6 +63,7 @@ class FrameStream:
         self._pump: Pump | None = None
         self._end: BaseException | None = None
         self._pending_end: Exception | None = None
+        self._undelivered: UndeliveredBytes | None = None
         if not (link.is_recorded or self._is_stepped):
             self._ring = RingBuffer(ring_capacity, overwrite_oldest=link.is_real_time)
             self._pump = Pump(link, self._ring)
@@ -99,7 +101,10 @@ class FrameStream:
             raise
         if not chunks:
             return False
-        for batch in self._decoder.push(self._note_arrivals(chunks)):
+        data = self._note_arrivals(chunks)
+        if self._undelivered is not None:
+            self._undelivered.add(self._decoder, data, self.bytes_received - len(data), bool(self.frames))
+        for batch in self._decoder.push(data):
             self._append_frames(batch)
         while self._on_acknowledgements is not None and (payload := self._decoder.take_acknowledgements()):
             self._on_acknowledgements(payload)
@@ -146,8 +151,44 @@ class FrameStream:
 
     def _append_frames(self, batch: Batch) -> None:
         """Append the taxel frames of a decoded batch to `frames`, with their times on the host's clock."""
+        if self._undelivered is not None:
+            self._undelivered.note_batch(batch)
         for rows, times_s in self._rows.take(batch, self._arrival_ends, self._arrival_ns):
+            if self._undelivered is not None:
+                self._undelivered.note_frames(rows)
             self.frames.extend(build_taxel_frames(batch, rows, times_s))
+
+    def keep_undelivered(self) -> None:
+        """Keep what `cut` needs; call before the first `poll`. Costs a copy of 0.3 MB in each `poll`."""
+        self._undelivered = UndeliveredBytes()
+
+    @property
+    def link_position(self) -> int:
+        """Number of bytes of the link up to the last decoded byte, with those that the ring buffer has lost."""
+        return self._ring.taken if self._ring is not None else self.bytes_received
+
+    @property
+    def delivered_position(self) -> int:
+        """Number of bytes of the link up to the last frame that was taken from `frames`; needs `keep_undelivered`."""
+        assert self._undelivered is not None
+        return self.link_position - (self.bytes_received - self._undelivered.find_end(len(self.frames)))
+
+    def cut(self) -> int:
+        """End the stream after the last frame that was taken from `frames`; return its end on the link, bytes.
+
+        The counters are set to this end. After the end of the link, when all frames were taken, nothing is cut. Call
+        `keep_undelivered` at the start and `release` before; the stream cannot be read afterwards.
+        """
+        assert self._undelivered is not None
+        is_complete = self._end is not None and not self.frames
+        end = self.bytes_received if is_complete else self._undelivered.find_end(len(self.frames))
+        link_end = self.link_position if is_complete else self.delivered_position
+        if not is_complete:
+            self._undelivered.rewind(self._decoder, end)
+            self.bytes_received = end
+            self.frames.clear()
+        self._end = self._end or EOFError()
+        return link_end
 
     def release(self) -> None:
         """Stop reading the link and leave it open, so that another reader can use it."""

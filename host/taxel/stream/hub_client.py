@@ -80,6 +80,8 @@ class HubClient:
         self._replies: dict[int, HubMessage] = {}
         self._sequence = 0
         self._tag = 0
+        self.attempts = ATTEMPTS
+        """Number of times that a request is sent before it fails."""
 
     def _take(self, message: HubMessage) -> None:
         """Store a hub message: as the reply to a request, or as the latest message of its type."""
@@ -128,10 +130,10 @@ class HubClient:
         """Send a frame, repeat it until its reply arrives, and return the reply.
 
         key: index of the reply in `_replies`, the tag of a command or the negative tag of a handshake. Raises
-        `HubError` after `ATTEMPTS` attempts.
+        `HubError` after `attempts` attempts.
         """
         self._replies.pop(key, None)
-        for _ in range(ATTEMPTS):
+        for _ in range(self.attempts):
             self._send(frame_type, payload)
             deadline = self._now_s() + REPLY_TIMEOUT_S
             while self._now_s() < deadline:
@@ -144,8 +146,8 @@ class HubClient:
                 if key in self._replies:
                     return self._replies.pop(key)
         raise HubError(
-            f"{self._link.name}: no reply from a hub after {ATTEMPTS} attempts; check that this is the hub's port and "
-            f"that its baud rate is {self._link.baud:.0f}"
+            f"{self._link.name}: no reply from a hub after {self.attempts} attempts; check that this is the hub's port "
+            f"and that its baud rate is {self._link.baud:.0f}"
         )
 
     def wait(self, seconds: float) -> None:
@@ -183,9 +185,10 @@ class HubClient:
             raise HubError(f"{self._link.name}: the hub rejected {label}: {name.lower().replace('_', ' ')}")
         return reply.trailing_bytes
 
-    def start(self, compact: bool = False) -> None:
+    def start(self, compact: bool = False, is_first: bool = True) -> None:
         """Start streaming; `compact`: request compact frames from the boards that support them.
 
+        is_first: poll cycles since an earlier stream do not count as missing; False: they count, after an interruption.
         Raises `HubError` if the hub does not support compact frames.
         """
         if compact and self.version < COMPACT_VERSION:
@@ -193,7 +196,8 @@ class HubClient:
                 f"{self._link.name}: compact frames need protocol version {COMPACT_VERSION}, the agreed version is "
                 f"{self.version}; update its firmware or open the link with frames=plain"
             )
-        self.stream.prepare_stream_start()
+        if is_first:
+            self.stream.prepare_stream_start()
         self.command(Command.START, pack(StartArguments, {"flags": int(StartFlag.COMPACT)}) if compact else b"")
 
     def stop(self) -> None:

@@ -31,6 +31,8 @@ class RingBuffer:
         self._failure: BaseException | None = None
         self._is_closed = False
         self.overrun_bytes = 0
+        self.taken = 0
+        """Position after the bytes that the last call of `read` returned, counted from the first written byte."""
 
     def __len__(self) -> int:
         return self._written - self._read
@@ -86,6 +88,7 @@ class RingBuffer:
                 raise self._failure
             chunks = [Chunk(self._load(end), arrival) for end, arrival in self._arrivals]
             self._arrivals.clear()
+            self.taken = self._read
             self._condition.notify_all()
             return chunks
 

@@ -12,6 +12,7 @@ from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 from taxel.hand.transforms import apply
+from taxel.output.figure import save_figure
 from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
 from taxel.thesis.matching import ObjectClouds
 from taxel.thesis.object_result import ObjectResult
@@ -67,7 +68,7 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
         **{f"I-{number}": _draw_object_shares(result) for number, result in enumerate(results, 4)},
     }
     for number, figure in figures.items():
-        figure.savefig(out / _name_file(number), dpi=110, facecolor="white")
+        save_figure(figure, out / _name_file(number), dpi=110, facecolor="white")
     return find_figures(out)
 
 

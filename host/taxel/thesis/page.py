@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from taxel.gap.page.rendering import render
 from taxel.gap.page.text import ABSENT, format_number, make_readable
+from taxel.output import write_whole
 from taxel.thesis.figures import FIGURES
 from taxel.thesis.gap_summary import GapSummary
 from taxel.thesis.printed import INCONSISTENCIES
@@ -56,7 +57,7 @@ def write_page(path: Path, content: PageContent) -> None:
     style = (resources.files("taxel.thesis") / "page.css").read_text(encoding="utf-8")
     context = _build_context(content)
     text = render("thesis.html", package="taxel.thesis", policy=SECURITY_POLICY, style=style, **context)
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def _build_context(content: PageContent) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.page import write_page as write_gap_page
 from taxel.grasp.plan import make_thesis_plan
+from taxel.output import write_whole
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.thesis.figures import find_figures, save_figures
 from taxel.thesis.gap_summary import GapSummary, summarise_gap
@@ -182,7 +183,7 @@ def _write_outputs(out: Path, results: Sequence[SeedResult], shown_folder: Path,
         "objects": [result.to_json() for result in shown.objects],
         "gap": None if gap is None else gap.to_json(),
     }
-    (out / "thesis.json").write_text(json.dumps(values, indent=1))
+    write_whole(out / "thesis.json", json.dumps(values, indent=1))
     return summary
 
 
@@ -223,7 +224,7 @@ def _diagnose(campaign: Campaign, out: Path, results: Sequence[ObjectResult], sh
     report = diagnose(campaign.real, campaign.sim, show=lambda _, done, total: show("diagnosing", done, total)).report
     (out / "gap").mkdir(exist_ok=True)
     text = json.dumps(report, allow_nan=False)
-    (out / "gap" / "report.json").write_text(text)
+    write_whole(out / "gap" / "report.json", text)
     write_gap_page(json.loads(text), out / "gap" / "report.html")
     printed = {
         name: {row["stage"]: float(row["mean_m"]) for row in select_rows("I_10_to_12_sim_to_real", name)}

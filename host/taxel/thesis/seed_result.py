@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from taxel.errors import TaxelError
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
+from taxel.output import write_whole
 from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.settings import describe_settings
 from taxel.thesis.shape_counts import ShapeCount
@@ -40,9 +43,7 @@ class SeedResult:
             "objects": [result.to_json() for result in self.objects],
             "shapes": [count.to_json() for count in self.shapes],
         }
-        part = folder / f"{FILE_NAME}.part"
-        part.write_text(json.dumps(values, indent=1))
-        part.replace(folder / FILE_NAME)
+        write_whole(folder / FILE_NAME, json.dumps(values, indent=1))
 
 
 def read_seed_result(folder: Path) -> SeedResult | None:
@@ -54,7 +55,7 @@ def read_seed_result(folder: Path) -> SeedResult | None:
     if not path.exists():
         return None
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = parse_json(read_regular_file(path, JSON_BYTES_MAX))
         result = SeedResult(
             values["seed"],
             tuple(values["made"]),

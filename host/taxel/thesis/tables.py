@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from taxel.cloud.distance import DistanceStats
+from taxel.output import open_whole_text
 from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
 from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.printed import (
@@ -62,7 +63,7 @@ class Table:
 
     def write(self, path: Path) -> None:
         """Write the table as CSV: row keys, then reproduced value, printed value and ratio of each column."""
-        with path.open("w", encoding="utf-8", newline="") as file:
+        with open_whole_text(path) as file:
             out = csv.writer(file)
             out.writerow([*self.keys, *(f"{name}_{kind}" for name in self.columns for kind in CSV_KINDS)])
             for row in self.rows:

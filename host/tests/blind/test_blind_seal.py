@@ -11,6 +11,7 @@ from taxel.blind.run_folder import COMMITMENTS, KEYS, open_sealed_worlds, seal_w
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.seal import SealBrokenError, commitment, verify_commitment
 from taxel.blind.world import World
+from taxel.output import write_whole
 
 
 @pytest.fixture
@@ -32,14 +33,18 @@ def test_sealing_publishes_commitments_and_no_dataset(out):
 
 
 def test_commitments_are_written_before_the_keys(tmp_path, monkeypatch):
-    def interrupt(*arguments, **options):
-        raise KeyboardInterrupt
+    def interrupt(path, data, mode=0o666):
+        if path.name == "keys.json":
+            raise KeyboardInterrupt
+        write_whole(path, data, mode=mode)
 
-    monkeypatch.setattr("pathlib.Path.touch", interrupt)
+    monkeypatch.setattr("taxel.blind.run_folder.write_whole", interrupt)
     with pytest.raises(KeyboardInterrupt):
         seal_worlds(tmp_path / "check", 2, 0, None)
     assert len(json.loads((tmp_path / "check" / COMMITMENTS).read_text())) == 2
     assert not (tmp_path / "check" / KEYS).exists()
+    monkeypatch.undo()
+    assert len(seal_worlds(tmp_path / "check", 2, 0, None)) == 2, "the folder of the interrupted check was refused"
 
 
 def test_a_commitment_is_the_sha256_of_the_whole_key(out):

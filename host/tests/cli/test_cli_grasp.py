@@ -2,14 +2,16 @@
 
 import io
 import json
+import shutil
 from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 
+import h5py
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
-from taxel.cli import grasp
+from taxel.cli import grasp, show
 from taxel.grasp.timeline import Timeline
 from taxel.recording.grasp_dataset import GraspDataset
 
@@ -160,6 +162,28 @@ def test_show_prints_the_failed_grasps_of_a_campaign(paired_campaign, capsys, tm
     path = paired_campaign[0] / "real.h5"
     assert run_taxel("show", path, "--out", tmp_path) == 0
     assert f"{path}: cylinder: 0 of 2 grasps failed, 0 attempts repeated" in capsys.readouterr().out.splitlines()
+
+
+def rename_grasps(path: Path, out: Path) -> Path:
+    """A copy of a dataset in which the id of every grasp begins with x."""
+    shutil.copyfile(path, out)
+    with h5py.File(out, "a") as file:
+        for name in list(file["grasps"]):
+            file.move(f"grasps/{name}", f"grasps/x{name}")
+    return out
+
+
+def test_show_draws_a_common_condition_of_datasets_without_common_ids(paired_campaign, tmp_path, monkeypatch):
+    real, sim = (paired_campaign[0] / f"{source}.h5" for source in ("real", "sim"))
+    with GraspDataset(sim) as data:
+        ids = {grasp.id for grasp in data}
+    chosen = []
+    monkeypatch.setattr(show, "save_grasp", lambda paths, out, grasps: chosen.append(grasps))
+    renamed = rename_grasps(sim, tmp_path / "renamed.h5")
+    assert run_taxel("show", real, renamed, "--out", tmp_path) == 0
+    ((first, second),) = chosen
+    assert first in ids
+    assert second == f"x{first}"
 
 
 def test_the_original_sensing_writes_a_dataset_of_the_original_hand(tmp_path):

@@ -127,7 +127,7 @@ INVALID_OPTIONS = {  # case: (options added to the example, expected text of the
     "negative noise": (["--noise-counts", "-3"], "noise_counts"),
     "unknown hand": (["--hand", "shadow"], "shadow"),
     "missing calibration": (["--calibration", "none.toml"], "none.toml: file: expected a file"),
-    "missing folder": (["--out", "nowhere/x.h5"], "nowhere"),
+    "file instead of a folder": (["--out", f"{__file__}/x.h5"], "Not a directory"),
 }
 
 
@@ -156,7 +156,7 @@ def test_an_invalid_map_file_or_sensing_level_gives_one_error_line(guide, capsys
     (guide / "map.toml").write_text("[boards\n")
     status, _, err = capture_taxel(capsys, *example_arguments("rollout"))
     assert (status, err.count("\n")) == (1, 1)
-    assert "map.toml: file: expected valid TOML" in err
+    assert "map.toml: line 1, column 8: expected valid TOML" in err
     status, _, err = capture_taxel(capsys, *example_arguments("rollout"), "--sensing", "magic")
     assert (status, err.count("\n")) == (1, 1)
     assert "--sensing: expected layer, rigid, coupled, cones, found 'magic'" in err

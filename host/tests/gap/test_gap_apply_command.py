@@ -239,3 +239,24 @@ def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, pat
     assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", resim) == 0
     assert "there is no gap" in capsys.readouterr().out
     assert out.read_bytes() == Path(paths[1]).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (
+            "<!DOCTYPE html>",
+            "expected the report.json of a diagnosis, found an HTML page; give the report.json beside",
+        ),
+        ('{"a": 1,\n"b"', "expected the report.json of a diagnosis, found no valid JSON in line 2"),
+        ('{"a": NaN}', "expected the report.json of a diagnosis, found no valid JSON"),
+    ],
+)
+def test_a_file_that_is_no_report_is_refused_without_the_message_of_a_parser(capsys, paths, tmp_path, content, problem):
+    path = tmp_path / "x.html"
+    path.write_text(content)
+    for words in (("apply", path, paths[1]), ("export", path, "--to", "python"), ("next", path)):
+        options = () if words[0] == "next" else ("--out", tmp_path / "out.h5")
+        line = run_refused_command(capsys, "gap", *words, *options)
+        assert problem in line
+        assert "char" not in line

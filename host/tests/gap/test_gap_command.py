@@ -48,7 +48,7 @@ def test_frames_of_the_simulator_that_violate_physics_are_reported(capsys, paths
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "intact") == 0
     assert "faulty grasp" not in capsys.readouterr().out
     assert run_taxel("gap", "diagnose", real, sim, "--out", tmp_path / "spike") == 0
-    assert "faulty grasp of the simulator: 0000: force jump" in " ".join(capsys.readouterr().out.split())
+    assert "Faulty grasp of the simulator: 0000: force jump" in " ".join(capsys.readouterr().out.split())
     assert "0000: force jump" in (tmp_path / "spike" / "report.html").read_text()
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +31,8 @@ from taxel.gap.export.genesis_options import OPTIONS
 from taxel.gap.features.features import Layout
 from taxel.gap.fitting.chain import FittedEffect
 from taxel.gap.fitting.state import state_of
+from taxel.gap.page.action import recommend_action
+from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS, model_of
 from taxel.gap.report.reading import read_report
 from taxel.recording.grasp_dataset import GraspDataset
@@ -159,6 +163,27 @@ def rewrite(module: ModuleType, sim: str, out: Path) -> None:
         for seed, name in enumerate(data.ids):
             copy.put(name, "raw_counts", with_module(effects, data[name], seed).astype(np.uint16))
             copy.put(name, "valid", effects.valid_frames)
+
+
+def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(case, tmp_path, monkeypatch):
+    own = case("saturation")
+    action = recommend_action(CheckedReport(own.report), str(own.path))
+    monkeypatch.chdir(tmp_path)
+    assert run_taxel(*shlex.split(action.command)[1:]) == 0
+    monkeypatch.syspath_prepend(tmp_path)
+    with GraspDataset(own.sim) as data:
+        grasp = max(data, key=lambda one: int(one.raw_counts[0].max()) - int(one.raw_counts.min()))
+        frames = list(zip(grasp.timestamp, grasp.raw_counts, grasp.contact_force, strict=True))
+    *start, change = action.lines
+    names: dict[str, Any] = {}
+    exec("\n".join(start), names)
+    signals = []
+    for time_s, counts, force in frames:
+        names |= {"time_s": time_s, "counts": counts, "force": force}
+        exec(change, names)
+        signals.append(30_000.0 - names["counts"])
+    simulated = max(30_000.0 - float(counts.min()) for _, counts, _ in frames)
+    assert 650.0 < np.max(signals) < 750.0 < simulated
 
 
 @pytest.mark.parametrize("name", sorted(set(WORLDS) - set(PARTLY)))
@@ -582,8 +607,8 @@ def test_wrong_inputs_are_refused_with_one_line(case, tmp_path):
         export_report(tmp_path / "none.json", "python", out)
     with pytest.raises(GapInputError, match=r"expected a file with the extension \.xml"):
         export_report(report, "mujoco", out)
-    with pytest.raises(GapInputError, match="expected a folder to write in, found none"):
-        export_report(report, "python", tmp_path / "none" / "skin.py")
+    export_report(report, "python", tmp_path / "new" / "skin.py")  # a missing folder is created
+    assert (tmp_path / "new" / "skin.py").exists()
     with pytest.raises(GapInputError, match="expected another file than the inputs"):
         export_report(report, "python", report, overwrite=True)
     with pytest.raises(GapInputError, match='/source: expected "sim"'):

@@ -7,11 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from taxel.cli.gap_summary import format_nested_agreement
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.errors import GapInputError
 from taxel.gap.page import write_page
+from taxel.gap.page.certainty_section import describe_repeated_searches
+from taxel.gap.report.checked_report import CheckedReport
 
 
 def clipped(force, drop):
@@ -30,7 +31,7 @@ def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(world, tm
     assert "chosen_inside" not in plain["after"]
     page = tmp_path / "report.html"
     write_page(json.loads(json.dumps(nested)), page)
-    assert "Repeated searches" in page.read_text()
+    assert "4 of 4 searches without one" in page.read_text()
 
 
 def test_nested_search_with_three_sessions_is_refused(world, tmp_path):
@@ -39,4 +40,7 @@ def test_nested_search_with_three_sessions_is_refused(world, tmp_path):
 
 
 def test_nested_agreement_counts_searches_with_the_same_effects():
-    assert format_nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith(": 1 of 2")
+    after = {"chosen_inside": [["noise"], ["noise", "stiffness"]]}
+    verdict = {"effects": ["noise", "unknown"]}
+    report = CheckedReport({"format": "taxel-gap-report", "version": 2, "after": after, "verdict": verdict})
+    assert describe_repeated_searches(report) == ["1 of 2 searches without one session find the same effects."]

@@ -126,6 +126,7 @@ def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(worl
     assert first.separates[0].startswith("seconds of latency, ")
     assert "standard error" in first.why
     assert first.press.closing_scale < 1.0
+    assert not any(" by 0 %" in one.why or not one.why for one in found.presses)
     gains = {
         (one.press.approach, one.press.closing_scale): one.gain for one in found.presses if not one.press.hold_scale > 1
     }
@@ -187,7 +188,7 @@ def test_report_and_page_contain_the_proposed_grasps(diagnosed, tmp_path):
     assert any(not one["recorded"] for one in presses)
     write_page(report, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "Recommended measurements" in page
+    assert "All recommended contacts" in page
     assert presses[0]["press"] in page
 
 

@@ -153,7 +153,7 @@ def test_an_unknown_board_name_arranges_all_boards_in_rows() -> None:
 
 def test_boards_without_a_name_are_labelled_by_their_address() -> None:
     report = report_of("rig4") | {"sensors": []}
-    assert texts(unrolled_svg(report), "name") == ["board 80", "board 81", "board 82", "board 83"]
+    assert texts(unrolled_svg(report), "name") == ["board 0x50", "board 0x51", "board 0x52", "board 0x53"]
 
 
 def test_a_long_name_is_shortened_and_escaped() -> None:

@@ -135,7 +135,8 @@ def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
     out = tmp_path / "[/bold]x"
     result = CliRunner().invoke(build_app("gap"), ["gap", "diagnose", real, sim, "--out", str(out)])
     assert result.exit_code == 0, result.output
-    assert "press[/bold]0" in result.output
+    assert "[/bold]x/report.html" in result.output
+    assert "press[/bold]0" in (out / "report.html").read_text()
     assert json.loads((out / "report.json").read_text())["format"] == "taxel-gap-report"
     assert sorted(path.name for path in out.iterdir()) == ["report.html", "report.json"]
 

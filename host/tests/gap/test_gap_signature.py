@@ -294,7 +294,7 @@ def test_report_and_page_contain_the_signatures(world, tmp_path):
     page = page_text(report)
     assert "Generic distortions" in page
     assert "TX lines: a different signal" in page
-    assert "<b>Signature:</b>" in page
+    assert '<p class="signature">' in page
     left["bank"] = [{"name": "<new>_kind", "scope": "hand", "share": 0.4, "p_value": None}]
     page = page_text(report)
     assert "&lt;new&gt; kind" in page

@@ -169,7 +169,7 @@ def test_other_file_with_the_name_of_a_shard_is_refused(generated, tmp_path):
 def test_pictures_of_a_shard_can_be_drawn(generated, tmp_path):
     shard = generated.folder / "shard-00001.h5"
     save_clouds([shard], tmp_path / "clouds.png")
-    save_grasp([shard], tmp_path / "grasp.png", "g000000002")
+    save_grasp([shard], tmp_path / "grasp.png", ["g000000002"])
     assert (tmp_path / "clouds.png").stat().st_size > 1000
 
 

@@ -180,7 +180,7 @@ def test_mesh_with_holes_is_accepted(folder):
         ("layer_stiffness = 1.2", "friction = 0.5", 'simulator.friction: expected 0 unless sensing is "rigid"'),
         ("top_share = 0.5", "top_share = 2", "grasp.top_share: expected a number from 0 to 1, found 2"),
         ("white_counts = [0, 20]", "loud = 3", "loud: expected one of white_counts, "),
-        ("grasps = 500", "grasps = 500 500", "file: expected TOML, found "),
+        ("grasps = 500", "grasps = 500 500", "line 2, column 14: expected valid TOML, found "),
     ],
 )
 def test_invalid_recipe_gives_an_error_of_one_line(folder, line, replacement, message):

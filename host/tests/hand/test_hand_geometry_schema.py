@@ -174,8 +174,8 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "a normal too long to square": (
         "0.001, 0, 1, 0]",
         f"0.001, 0,\n{LONG}, 0]",
-        "geometry.strip.taxels[0]",
-        "a normal",
+        "geometry.strip.taxels[0][4]",
+        "an integer of 64 bits",
     ),
     "a board without a link": (
         LINK,

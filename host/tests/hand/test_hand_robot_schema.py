@@ -123,8 +123,8 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "a number too long to square": (
         "axis = [0, 1, 0]",
         f"axis = [0, {'1' * 180}, 0]",
-        "joints[0].axis",
-        "an axis of length 1",
+        "joints[0].axis[1]",
+        "an integer of 64 bits",
     ),
     "control code in the description": ("A mast", r"\u001b[2J", "description", "one printable line"),
     "position in millimetres": ("[0.3, 0, 0]", "[300, 0, 0]", "joints[0].position_m", "found 300; convert to metres"),

@@ -13,6 +13,7 @@ from taxel.hand.joint_history import (
     NoJointAnglesError,
     read_joint_file,
 )
+from taxel.output import LiveOutput
 
 NAMES = ("a", "b")
 
@@ -62,7 +63,7 @@ def test_silent_live_source_is_reported_once() -> None:
 
 def test_file_is_read_back_exactly(tmp_path: Path) -> None:
     path = tmp_path / "x.joints.csv"
-    writer = JointFileWriter(path, NAMES)
+    writer = JointFileWriter(LiveOutput(path, overwrite=False), NAMES)
     angles = np.array([[0.1, 1 / 3], [-0.7, 1e-9]])
     for time_s, row in zip((0.125, 0.375), angles, strict=True):
         writer.write(time_s, row)

@@ -43,7 +43,7 @@ INPUTS = {  # case: (file name, function that writes it, expected text of the er
     "binary table": ("a.csv", lambda path: path.write_bytes(b"\xff\xfe\x00\x01"), "expected a table as UTF-8 text"),
     "no archive": ("a.npz", lambda path: path.write_text("no zip"), "expected a NumPy archive (.npz)"),
     "other archive": ("a.npz", write_other_zip, "expected a NumPy array"),
-    "Python objects": ("a.npz", write_objects, "expected a plain array, found Python objects"),
+    "Python objects": ("a.npz", write_objects, "expected a NumPy array, found 'it contains Python objects or records'"),
     "no array": ("a.npy", lambda path: path.write_bytes(b"\x93NUMPY"), "expected a NumPy array"),
     "Parquet": ("a.parquet", lambda path: path.write_bytes(b"PAR1xxxxPAR1"), "expected a Parquet table"),
     "HDF5": ("a.h5", lambda path: path.write_text("text"), "expected an HDF5 file"),

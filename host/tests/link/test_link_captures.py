@@ -1,6 +1,7 @@
 """Capture files: records are read back as written, and damage is reported after the records that precede the damage."""
 
 import json
+import os
 import resource
 import struct
 
@@ -151,13 +152,40 @@ def test_an_impossible_record_length_ends_the_capture_after_the_preceding_record
     assert f"byte {first_bad_byte}" in str(end)
 
 
-@pytest.mark.parametrize("baud", [None, "fast", 0, -5, 1e300, [1], True])
-def test_an_invalid_baud_rate_in_a_header_is_replaced_by_the_default(tmp_path, baud):
+@pytest.mark.parametrize("baud", [0, -5, 1e299])
+def test_an_implausible_baud_rate_in_a_header_is_replaced_by_the_default(tmp_path, baud):
     path = tmp_path / "a.bin"
     CaptureWriter(path, {"baud": baud}).close()
     link = CaptureLink(path)
     assert link.baud == 1e6
     link.close()
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ('{"baud": "fast"}', "baud: expected a number, found 'fast'"),
+        ('{"baud": null}', "baud: expected a number, found None"),
+        ('{"baud": true}', "baud: expected a number, found True"),
+        ('{"baud": 1e300}', r"baud: expected a number, found 1e\+300"),
+        ('{"baud": 1e999}', "file: expected numbers of at most 1.8e308, found 1e999"),
+        ('{"baud": Infinity}', "file: expected JSON, found Infinity, which JSON does not have"),
+        ('{"epoch_offset_ns": 1e30}', r"epoch_offset_ns: expected an integer of 64 bits, found 1e\+30"),
+        ('{"epoch_offset_ns": "0"}', "epoch_offset_ns: expected an integer of 64 bits, found '0'"),
+        ('{"clock": ["hub"]}', "clock: expected 'host' or 'hub', found a list"),
+        ('{"hand": 3}', "hand: expected a text, found 3"),
+        ('{"joint_position": {"a": 1}}', "joint_position: expected a list of at most 1000 numbers, found a dict"),
+        ('{"joint_position": [0, NaN]}', "file: expected JSON, found NaN, which JSON does not have"),
+        ('{"hand": "a", "hand": "b"}', "file: expected each key of an object once, found 'hand' twice"),
+        ("[" * 100_000, "file: expected JSON of at most 100 levels, found more"),
+        ("[1]", "header: expected a JSON object, found a list"),
+    ],
+)
+def test_a_wrong_header_gives_one_error_line(tmp_path, header, message):
+    path = tmp_path / "a.bin"
+    path.write_bytes(struct.pack("<8sHHI", b"TAXELCAP", 1, 0, len(header)) + header.encode())
+    with pytest.raises(CaptureError, match=rf"a\.bin: has a damaged header \({message}"):
+        CaptureLink(path)
 
 
 def test_an_existing_capture_is_overwritten_only_on_request(tmp_path):
@@ -168,13 +196,33 @@ def test_an_existing_capture_is_overwritten_only_on_request(tmp_path):
         CaptureWriter(path)
     assert path.read_bytes() == before
     CaptureWriter(path, overwrite=True).close()
-    assert read_capture(path)[0] == []
+    assert path.read_bytes() == before, "a capture without records replaced one with records"
+    with CaptureWriter(path, overwrite=True) as writer:
+        writer.write(b"new", 1)
+    assert read_capture(path)[0] == [(b"new", 1)]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.bin"]
 
 
-def test_a_capture_in_a_missing_folder_gives_one_error_line(tmp_path):
+def test_a_capture_in_a_missing_folder_creates_the_folder(tmp_path):
+    CaptureWriter(tmp_path / "new" / "folder" / "a.bin").close()
+    assert read_capture(tmp_path / "new" / "folder" / "a.bin")[0] == []
+
+
+def test_a_capture_in_a_file_instead_of_a_folder_gives_one_error_line(tmp_path):
+    (tmp_path / "file").write_text("")
     with pytest.raises(CaptureError, match="cannot be written") as caught:
-        CaptureWriter(tmp_path / "none" / "a.bin")
+        CaptureWriter(tmp_path / "file" / "a.bin")
     assert "\n" not in str(caught.value)
+
+
+def test_a_second_program_cannot_write_the_same_capture(tmp_path):
+    path = tmp_path / "a.bin"
+    with CaptureWriter(path) as writer:
+        writer.write(b"kept", 1)
+        with pytest.raises(CaptureError, match=f"process {os.getpid()} is writing"):
+            CaptureWriter(path, overwrite=True)
+        writer.write(b"also kept", 2)
+    assert read_capture(path)[0] == [(b"kept", 1), (b"also kept", 2)]
 
 
 def test_writing_to_a_recording_is_refused(tmp_path):

@@ -312,3 +312,11 @@ def test_settings_are_written_to_the_world_with_all_digits():
     world_lines = dict(line.split(maxsplit=1) for line in format_world(load_hand("flat8"), settings).splitlines())
     for name in ("scl_hz", "hub_clock_ppm", "noise_counts", "usb_latency_ms"):
         assert float(world_lines[name]) == getattr(settings, name)
+
+
+@pytest.mark.parametrize("option", ["stimulus", "host_input"])
+def test_a_pipe_as_input_of_the_emulator_is_refused_without_waiting(tmp_path, option):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(LinkError, match=r"pipe: cannot be read \(is a pipe, no regular file"):
+        run_emulator("", tmp_path / "a.bin", 0.1, **{option: pipe})

@@ -169,7 +169,7 @@ def test_the_error_for_a_missing_capture_names_the_file(tmp_path):
 
 
 def test_a_folder_is_refused_as_a_capture(tmp_path):
-    with pytest.raises(CaptureError, match="directory"):
+    with pytest.raises(CaptureError, match="is a folder"):
         open_link(f"file:{tmp_path}")
 
 

@@ -32,6 +32,8 @@ class FakeSkin:
     counts: dict[int, BoardCount] = field(default_factory=dict)
     bytes_discarded: int = 0
     bytes_waiting: int = 0
+    rate_hz: float | None = None
+    reconnection: Any = None
 
     def __post_init__(self) -> None:
         self.link = SimpleNamespace(name="fake", is_real_time=self.is_real_time, is_recorded=self.is_recorded)

@@ -170,4 +170,6 @@ def test_page_is_served_on_loopback_only(capsys, capture):
     pytest.importorskip("viser")
     arguments = ("monitor", f"file:{capture}", "--speed", 50, "--web", "--port", 0, "--seconds", 5)
     assert run_taxel(*arguments) == 0
-    assert re.search(r"the skin is at http://127\.0\.0\.1:\d+/; press Ctrl-C to quit", capsys.readouterr().out)
+    assert re.search(
+        r"the skin is at http://127\.0\.0\.1:\d+/\?token=[\w-]{32} \(press Ctrl-C to quit\)", capsys.readouterr().out
+    )

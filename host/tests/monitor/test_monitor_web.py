@@ -8,8 +8,8 @@ import pytest
 from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.monitor.colours import TABLE, colour_steps
-from taxel.monitor.page import format_status_html, format_table_html
-from taxel.monitor.scene import build_scene
+from taxel.monitor.web.page import format_status_html, format_table_html
+from taxel.monitor.web.scene import build_scene
 
 TIMEOUT_S = 200.0
 COLOUR_TOLERANCE = 14
@@ -48,12 +48,20 @@ class BrowserView:
         self.page.evaluate(script)
 
 
+def wait_for(condition):
+    """Wait until the page fulfils a condition without a further drawing."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
 @pytest.fixture
 def browser(fake_skin):
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
     skin = fake_skin()
     skin.pass_time(1.0)
-    with web.WebView(skin.monitor, "fake", 0) as view, Page(view.url, 900, 600) as page:
+    with web.WebView(skin.monitor, "fake", 0, has_control=True) as view, Page(view.url, 900, 600) as page:
         yield BrowserView(skin, view, page)
 
 
@@ -78,6 +86,12 @@ def test_browser_shows_the_hand_in_its_colours(browser):
     browser.draw_until(lambda: is_shown(-1, 300))  # the palm is hidden, the back of the hand is visible
     browser.click("Take the baseline again")
     browser.draw_until_text("\u00b7 0 active")
+    skin.now_s += 10.0
+    browser.view._drawings = 2  # the next drawing updates the panel
+    browser.view.draw(skin.read())
+    wait_for(lambda: "no data since" in browser.page.text())
+    browser.draw_until(lambda: "no data since" not in browser.page.text())
+    wait_for(lambda: "the program does not respond" in browser.page.text())  # nothing is drawn
     assert browser.page.problems == []
 
 
@@ -90,6 +104,8 @@ def test_page_gets_no_public_address(fake_skin):
 
 
 def test_time_series_are_those_of_the_selection(fake_skin):
+    from taxel.monitor.web.view import BOARDS, MOST_ACTIVE
+
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
     pytest.importorskip("viser")
     skin = fake_skin()
@@ -100,11 +116,11 @@ def test_time_series_are_those_of_the_selection(fake_skin):
             skin.raw[thumb.start + 7] -= signal
             skin.pass_time(0.1)
             view.draw(skin.read())
-        view._choice.value = web.MOST_ACTIVE
+        view._choice.value = MOST_ACTIVE
         names, values = view._select_series()
         assert "fingertip thumb TX 3 RX 3" in names
         assert values[:, names.index("fingertip thumb TX 3 RX 3")].tolist() == [0.0, 300.0, 900.0]
-        view._choice.value = web.BOARDS
+        view._choice.value = BOARDS
         names, values = view._select_series()
         assert names[0] == "fingertip thumb"
         assert values.shape == (3, 5)

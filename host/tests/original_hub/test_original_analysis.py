@@ -117,4 +117,4 @@ def test_grasps_of_an_original_hub_can_be_diagnosed(
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["counts"]["real"] == {"grasps": 4, "sessions": 2}
     assert len(report["sensors"]) == 17
-    assert "Unrolled hand" in (tmp_path / "gap" / "report.html").read_text()
+    assert '<svg class="hand"' in (tmp_path / "gap" / "report.html").read_text()

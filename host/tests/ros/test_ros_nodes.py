@@ -178,8 +178,12 @@ def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
         pytest.skip(missing)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(shutil, "which", lambda _: "/usr/bin/roscore")
     message = run_refused_command(capsys, "ros", "emulator:", "--ros-version", "1")
     assert "no ROS master answers at http://127.0.0.1:9; start one (roscore)" in message
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    message = run_refused_command(capsys, "ros", "emulator:", "--ros-version", "1")
+    assert "install ROS (on Debian: apt-get install ros-core) and start roscore" in message
 
 
 def test_missing_ros_gives_an_error_of_one_line(monkeypatch, capsys):

@@ -154,6 +154,22 @@ def test_a_restart_is_detected_after_a_lost_frame(count_losses, make_hub):
     assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
 
 
+def test_a_restart_behind_a_closed_port_is_recognised_by_the_uptime(count_losses, make_hub):
+    hub_before, hub_after = make_hub(5000), make_hub(3)  # the frames 0 to 2 of the restarted hub were lost
+    data = hub_before.encode_handshake(tag=1, uptime_us=9_000_000) + hub_before.encode_taxels(0x20, 700)
+    data += hub_after.encode_handshake(tag=2, uptime_us=2_000_000) + hub_after.encode_taxels(0x20, 0)
+    account = count_losses(data)
+    assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
+
+
+def test_frames_of_a_hub_that_kept_running_behind_a_closed_port_are_lost(count_losses, make_hub):
+    hub_before, hub_after = make_hub(10), make_hub(500)
+    data = hub_before.encode_handshake(tag=1, uptime_us=9_000_000) + hub_before.encode_taxels(0x20, 5)
+    data += hub_after.encode_handshake(tag=2, uptime_us=11_000_000) + hub_after.encode_taxels(0x20, 40)
+    account = count_losses(data)
+    assert (account.restarts, account.lost_on_wire) == (0, 488)
+
+
 def test_the_first_handshake_of_a_hub_is_not_a_restart(count_losses, hub):
     assert count_losses(hub.encode_handshake() + hub.encode_handshake(tag=1) + hub.encode_log()).restarts == 0
 

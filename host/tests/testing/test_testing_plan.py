@@ -93,9 +93,9 @@ def test_an_unknown_kind_is_refused(make_plan):
         ("taxel_test_plan = true", "plan.toml: taxel_test_plan: expected 1, found true"),
         ("taxel_test_plan = 1.0", "plan.toml: taxel_test_plan: expected 1, found 1.0"),
         ("taxel_test_plan = 1\nname = 'x'\n[phases.a]", "plan.toml: version: expected this key, found nothing; add"),
-        ("taxel_test_plan = [", "plan.toml: file: expected TOML, found"),
-        ("name = 1\nname = 2", "plan.toml: file: expected TOML, found"),
-        ("x = " + "[" * 200 + "\n" + "[" * 390, "plan.toml: file: expected a few levels of lists, found hundreds"),
+        ("taxel_test_plan = [", "plan.toml: end of document: expected valid TOML, found Invalid value"),
+        ("name = 1\nname = 2", "plan.toml: end of document: expected valid TOML, found Cannot overwrite a value"),
+        ("x = " + "[" * 200 + "\n" + "[" * 390, "plan.toml: file: expected a few nested lists, found hundreds"),
         (PLAN_HEAD, "plan.toml: phases: expected this key, found nothing; add phases"),
         (PLAN_HEAD + "phases = 3", "plan.toml: phases: expected a table, found 3; write a table"),
         (PLAN_HEAD + "[phases]", "plan.toml: phases: expected one phase or more, found none; add"),
@@ -125,7 +125,7 @@ def test_an_unknown_kind_is_refused(make_plan):
         (PLAN_HEAD + "[phases.a.limits]\nx = { min = true }", "phases.a.limits.x.min: expected a number, or -inf"),
         (
             PLAN_HEAD + f"[phases.a.limits]\nx = {{ max = 1{'0' * 350} }}",
-            "x.max: expected a number, or inf for no bound",
+            "x.max: expected an integer of 64 bits, found an integer of 1163 bits",
         ),
         (
             PLAN_HEAD + "[phases.a.limits]\nx = { min = 2, max = 1 }",
@@ -158,7 +158,7 @@ def test_an_unknown_kind_is_refused(make_plan):
             "plan.toml: file: expected lines of at most 400 bytes, found one of 506",
         ),
         ("x = 1\n" * 60_000, "plan.toml: file: expected at most 262144 bytes, found more"),
-        (b"x = '\xff'", "plan.toml: file: expected UTF-8 text, found byte 0xFF in line 1; save the file as UTF-8"),
+        (b"x = '\xff'", "plan.toml: line 1: expected UTF-8 text, found byte 0xFF; correct the syntax"),
     ],
 )
 def test_every_error_in_a_plan_gives_one_error_line(text, expected_text):
@@ -172,7 +172,7 @@ def test_every_error_in_a_plan_gives_one_error_line(text, expected_text):
 def test_a_missing_plan_gives_one_error_line(tmp_path):
     with pytest.raises(PlanError, match=r"none\.toml: file: expected a readable test plan, found No such file"):
         read_plan(tmp_path / "none.toml")
-    with pytest.raises(PlanError, match="found Is a directory"):
+    with pytest.raises(PlanError, match="found is a folder, no regular file"):
         read_plan(tmp_path)
 
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taxel_tools.testing import whole_file
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.junit import format_junit
 from taxel_tools.testing.page import render_page
@@ -184,7 +183,7 @@ def test_a_power_cut_leaves_the_old_file_unchanged(full_record, make_record, tmp
     def cut_power(*arguments):
         raise PowerCutError
 
-    monkeypatch.setattr(whole_file.os, step, cut_power)
+    monkeypatch.setattr(os, step, cut_power)
     with pytest.raises(PowerCutError):
         write_json(full_record, path, overwrite=True)
     assert comparison_key(read_json(path)) == comparison_key(old)
@@ -200,9 +199,10 @@ def test_the_content_is_written_to_disk_before_the_name(full_record, tmp_path, m
 
 
 def test_an_unwritable_path_gives_one_error_line(full_record, tmp_path):
-    with pytest.raises(ResultFileError, match="expected a writable file, found No such file or directory"):
-        write_json(full_record, tmp_path / "none" / "r.json")
-    with pytest.raises(ResultFileError, match="found an existing one"):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultFileError, match="expected a writable file, found Not a directory"):
+        write_json(full_record, tmp_path / "file" / "r.json")
+    with pytest.raises(ResultFileError, match="found a folder"):
         write_json(full_record, tmp_path, overwrite=True)
 
 
@@ -248,7 +248,7 @@ WHITE = (*NOISE, "measurements", 0)
         (("outcome",), "good", "outcome: expected error, as its values require, found 'good'"),
         (("seconds",), "4", "seconds: expected a finite number, found '4'"),
         (("seconds",), True, "seconds: expected a finite number, found true"),
-        (("seconds",), 10**400, "seconds: expected a finite number, found an integer of 1329 bits"),
+        (("seconds",), 10**400, "file: expected integers of at most 20 digits, found one of 401 characters"),
         (("phases",), {}, "phases: expected a list, found a table"),
         (NOISE, 1, "phases[1]: expected a table, found 1"),
         ((*NOISE, "name"), "identity", "phases: expected unique entries, found 'identity' twice"),
@@ -298,18 +298,18 @@ def test_each_kind_of_damage_gives_one_error_line(full_record, path, value, expe
     [
         (
             b"",
-            "r.json: file: expected JSON, found Expecting value in line 1, column 1; is this a complete result file?",
+            "r.json: line 1: expected valid JSON, found Expecting value in column 1; is this a complete result file?",
         ),
         (b"[]", "r.json: taxel_test_record: expected 1, found None"),
         (b'{"taxel_test_record": NaN}', "r.json: file: expected JSON, found NaN, which JSON does not have"),
         (
             b'{"taxel_test_record": 1, "taxel_test_record": 1}',
-            "expected each key once, found 'taxel_test_record' twice",
+            "expected each key of an object once, found 'taxel_test_record' twice",
         ),
-        (b'{"taxel_test_record": 1e999}', "r.json: taxel_test_record: expected 1, found inf"),
-        (b"[" * 100_000, "r.json: file: expected JSON of a few levels, found hundreds"),
-        (b"9" * 10_000, "r.json: file: expected JSON, found an integer of thousands of digits"),
-        (b'"\xff"', "r.json: file: expected UTF-8 text, found byte 0xFF at 1"),
+        (b'{"taxel_test_record": 1e999}', "r.json: file: expected numbers of at most 1.8e308, found 1e999"),
+        (b"[" * 100_000, "r.json: file: expected JSON of at most 100 levels, found more"),
+        (b"9" * 10_000, "r.json: file: expected integers of at most 20 digits, found one of 10000 characters"),
+        (b'"\xff"', "r.json: line 1: expected UTF-8 text, found byte 0xFF"),
     ],
 )
 def test_a_file_that_is_not_a_result_file_gives_one_error_line(data, expected_text):
@@ -329,8 +329,8 @@ def test_a_truncated_file_is_always_refused(size):
 
 
 def test_a_file_beyond_the_size_limit_is_refused_before_parsing(monkeypatch):
-    monkeypatch.setattr("taxel_tools.testing.result_file.FILE_BYTES_MAX", 10)
-    with pytest.raises(ResultFileError, match="expected at most 10 bytes, found more"):
+    monkeypatch.setattr("taxel_tools.testing.result_file.JSON_BYTES_MAX", 10)
+    with pytest.raises(ResultFileError, match="expected at most 10 bytes, found more than 10 bytes"):
         parse_json(b" " * 11, "r.json")
 
 

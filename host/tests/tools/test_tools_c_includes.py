@@ -19,6 +19,7 @@ PERMITTED = {
     "sensor": ("codec", "hal", "generated"),
     "hub": ("codec", "hal", "generated"),
     "bootloader": ("codec", "hal", "generated"),
+    "linux_hub": ("hub", "codec", "hal", "generated"),
     "boards/psoc4200/regs": (),
     "boards/psoc4200": ("boards/psoc4200/regs", "sensor", "hub", "bootloader", "codec", "hal", "generated"),
     "emulator/base": ("generated",),

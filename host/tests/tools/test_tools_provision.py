@@ -226,7 +226,7 @@ def test_a_valid_plan_is_read(tmp_path):
         ("[16, 17]", "[256]", "board[0].idac_codes: expected at most 16 numbers from 0 to 255"),
         ("[16, 17]", '"16"', "board[0].idac_codes: expected at most 16 numbers"),
         ("kind = 1", "colour = 1", "board[0].colour: expected one of "),
-        ("kind = 1", "kind =", "file: expected TOML"),
+        ("kind = 1", "kind =", "line 5, column 7: expected valid TOML"),
         (
             "[[board]]",
             '[[board]]\nunique_id = "0011223344556677"\n[[board]]',

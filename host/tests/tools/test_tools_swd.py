@@ -90,6 +90,16 @@ def test_a_dry_run_prints_the_exact_command_and_runs_nothing(run, install_tools,
     assert document == {"command": [*OPENOCD, f"program {{{bootloader}}} verify reset exit"], "done": False}
 
 
+def test_a_dry_run_needs_no_program_for_the_debug_port(run, install_tools, bootloader):
+    install_tools()
+    for options, tool in (((), "openocd"), (("--swd-tool", "pyocd"), "pyocd")):
+        status, out, err = run(bootloader, "--dry-run", *options)
+        assert (status, out) == (0, "")
+        assert f"  {tool} " in err
+        assert f"note: {tool} is not on the PATH; install it before the board is programmed" in err
+    assert json.loads(run(bootloader, "--dry-run", "--json")[1])["command"][0] == "openocd"
+
+
 def test_the_command_does_not_use_a_shell(run, install_tools, tmp_path):
     install_tools("pyocd")
     path = tmp_path / "a;touch evil $(touch evil) `touch evil`.hex"

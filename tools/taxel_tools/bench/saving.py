@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from taxel.errors import TaxelError
+from taxel.output import OutputError, PendingOutput
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.history import Change, History, Summary
 from taxel_tools.testing.junit import write_junit
@@ -29,39 +30,45 @@ def check_output(out: Path, history_file: Path) -> None:
 def save_record(record: TestRecord, out: Path, history_file: Path) -> Path:
     """Write report.html, result.json and junit.xml to a new folder in `out`, and add the test to the history.
 
-    Returns the folder. Raises `TaxelError`; after an error of the history alone, the folder is complete.
+    The folder appears when all three files are complete. Returns the folder. Raises `TaxelError`; after an error of the
+    history alone, the folder is complete.
     """
     stamp = record.started_utc.replace(":", "").replace("-", "").split(".")[0]
     name = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in record.serial_number) or "board"
-    folder = _create_folder(out, f"{name}-{stamp}")
-    write_json(record, folder / "result.json")
-    write_junit(record, folder / "junit.xml")
     changes: list[Change] = []
     earlier: list[Summary] = []
     history_error = None
     try:
         with History(history_file) as history:
             changes, earlier = history.compare(record), history.list_earlier(record.serial_number)
-            history.add(record)
     except HistoryError as error:
         history_error = error
-    from taxel_tools.testing.page import write_page  # needs the extra `bench`, which the other functions do not
+    with _create_folder(out, f"{name}-{stamp}") as pending:
+        from taxel_tools.testing.page import write_page  # needs the extra `bench`, which the other functions do not
 
-    write_page(record, folder / "report.html", changes, earlier)
-    if history_error:
+        write_json(record, pending.part / "result.json")
+        write_junit(record, pending.part / "junit.xml")
+        write_page(record, pending.part / "report.html", changes, earlier)
+        folder = pending.path
+    if history_error is None:
+        try:
+            with History(history_file) as history:
+                history.add(record)
+        except HistoryError as error:
+            history_error = error
+    if history_error is not None:
         raise TaxelError(f"{history_error}; the reports are saved in {folder}")
     return folder
 
 
-def _create_folder(out: Path, name: str) -> Path:
+def _create_folder(out: Path, name: str) -> PendingOutput:
     """Create the folder for the reports of a test in `out`; tests within one second are numbered."""
     for number in range(TESTS_PER_SECOND_MAX):
         folder = out / (name if not number else f"{name}-{number}")
         try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
+            return PendingOutput(folder, overwrite=False, is_folder=True)
+        except OutputError:  # a test within the same second has this name, or is being written
             continue
         except OSError as error:
             raise TaxelError(f"{folder}: {error.strerror}; choose another folder with --out") from None
-        return folder
     raise TaxelError(f"{out / name}: {TESTS_PER_SECOND_MAX} tests in one second; choose another folder with --out")

@@ -8,22 +8,21 @@ from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import read_cyacd
 from taxel_tools.files.firmware import Firmware, FirmwareImage, format_slot, parse_image
 from taxel_tools.files.intel_hex import read_intel_hex
-from taxel_tools.files.manifest import read_manifest
+from taxel_tools.files.manifest import read_firmware_bytes, read_manifest
 
 MANIFEST_SUFFIXES: Final = {".toml", ".json"}
-SIZE_MAX: Final = 1 << 20
-"""Size limit of a file in bytes; a `.cyacd` file of one slot has 27,000."""
 
 
 def load_firmware(paths: Sequence[Path]) -> Firmware:
     """Read firmware files: `.cyacd`, `.hex`, `.bin` (an image with its header) and manifests; at most one image per
     slot.
 
-    Raises `FirmwareFileError` for damaged or contradicting files, OSError for a file that cannot be read.
+    Raises `FirmwareFileError` for damaged, contradicting or too large files and for pipes and devices, OSError for a
+    file that cannot be read.
     """
     images: list[FirmwareImage] = []
     for path in paths:
-        data = _read_bytes(path)
+        data = read_firmware_bytes(path)
         images += read_manifest(path, data, _read_one) if path.suffix in MANIFEST_SUFFIXES else [_read_one(path, data)]
     first = images[0]
     for image in images[1:]:
@@ -52,15 +51,6 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
                 "use one file for each slot",
             )
     return Firmware(tuple(images))
-
-
-def _read_bytes(path: Path) -> bytes:
-    """Content of a firmware file. Raises `FirmwareFileError` if the file is longer than `SIZE_MAX`."""
-    with path.open("rb") as file:
-        data = file.read(SIZE_MAX + 1)
-    if len(data) > SIZE_MAX:
-        raise FirmwareFileError(str(path), "file", f"at most {SIZE_MAX} bytes", "more", "is this a firmware file?")
-    return data
 
 
 def _read_one(path: Path, data: bytes) -> FirmwareImage:

@@ -18,22 +18,40 @@ structure is accepted too.
 """
 
 import hashlib
-import json
 import re
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from taxel.hand.errors import format_value
+from taxel.input_files import InputFileError, TextError, parse_json, parse_toml, read_regular_file
 from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage, format_slot, parse_image
 
+SIZE_MAX: Final = 1 << 20
+"""Size limit of a file in bytes; a `.cyacd` file of one slot has 27,000."""
+IMAGES_MAX: Final = 2
+"""Largest number of images of a manifest: one for each slot."""
+NAME_LENGTH_MAX: Final = 255
+"""Largest number of characters of a file name; Linux permits 255 bytes."""
 KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
 DEVICE_NAMES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
 
 ReadOne = Callable[[Path, bytes], FirmwareImage]
+
+
+def read_firmware_bytes(path: Path) -> bytes:
+    """Content of a firmware file. Raises `FirmwareFileError` unless it is a regular file of at most `SIZE_MAX` bytes,
+    OSError.
+    """
+    try:
+        return read_regular_file(path, SIZE_MAX)
+    except InputFileError as error:
+        raise FirmwareFileError(
+            str(path), "file", f"a regular file of at most {SIZE_MAX} bytes", "another", "is this a firmware file?"
+        ) from error
 
 
 def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
@@ -43,11 +61,17 @@ def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareIm
     Raises `FirmwareFileError`, OSError.
     """
     document = _parse_document(path, data)
-    if document.get("taxel_firmware") != 1:
-        _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a firmware manifest?")
+    version = document.get("taxel_firmware")
+    if type(version) is not int or version != 1:  # in Python, True == 1 and 1.0 == 1
+        _fail(path, "taxel_firmware", "1", format_value(version), "is this a firmware manifest?")
     entries = document.get("image")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         _fail(path, "image", "one table or more", "none", "add an [[image]] table for each file")
+    if len(entries) > IMAGES_MAX:
+        _fail(path, "image", f"at most {IMAGES_MAX} tables", str(len(entries)), "keep one image for each slot")
+    unknown = sorted(set(document) - {"taxel_firmware", "image"})
+    if unknown:
+        _fail(path, unknown[0], "taxel_firmware or image", "an unknown key", "correct its name")
     return [_read_image(path, f"image[{i}]", entry, read_one) for i, entry in enumerate(entries)]
 
 
@@ -56,11 +80,9 @@ def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
     invalid text.
     """
     try:
-        text = data.decode()
-        document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:  # A JSON, TOML or UTF-8 error.
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise FirmwareFileError(str(path), "file", kind, str(error).splitlines()[0], "correct the file") from None
+        document = parse_json(data) if path.suffix == ".json" else parse_toml(data)
+    except TextError as error:
+        _fail(path, error.position, error.expected, error.found, "correct the file")
     if not isinstance(document, dict):
         _fail(path, "file", "a table", "something else", "see docs/how-to-flash-boards.md")
     return document
@@ -80,10 +102,12 @@ def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne
     if unknown:
         _fail(path, f"{field}.{unknown[0]}", f"one of {', '.join(sorted(KEYS))}", "an unknown key", "correct its name")
     name = entry.get("file")
-    if not isinstance(name, str) or not name:
-        _fail(path, f"{field}.file", "a file name", repr(name), "add the file name")
+    if not isinstance(name, str) or not name.isprintable() or not 0 < len(name) <= NAME_LENGTH_MAX:
+        _fail(
+            path, f"{field}.file", f"a file name of at most {NAME_LENGTH_MAX} characters", format_value(name), "add it"
+        )
     file = path.parent / name
-    data = file.read_bytes()
+    data = read_firmware_bytes(file)
     expected_hash = entry.get("sha256")
     actual_hash = hashlib.sha256(data).hexdigest()
     if expected_hash is not None and str(expected_hash).lower() != actual_hash:
@@ -126,22 +150,22 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
     """
     claims: dict[str, Any] = {}
     if "device" in entry:
-        if entry["device"] not in DEVICE_NAMES:
-            _fail(path, f"{field}.device", "board or hub", repr(entry["device"]), "correct it")
+        if not isinstance(entry["device"], str) or entry["device"] not in DEVICE_NAMES:
+            _fail(path, f"{field}.device", "board or hub", format_value(entry["device"]), "correct it")
         claims["device"] = DEVICE_NAMES[entry["device"]]
     if "kind" in entry:
         kind = entry["kind"]
         if not isinstance(kind, int) or isinstance(kind, bool) or not 0 <= kind <= 255:
-            _fail(path, f"{field}.kind", "0 to 255", repr(kind), "correct it")
+            _fail(path, f"{field}.kind", "0 to 255", format_value(kind), "correct it")
         claims["kind"] = kind
     if "slot" in entry:
         if entry["slot"] not in ("A", "B"):
-            _fail(path, f"{field}.slot", "A or B", repr(entry["slot"]), "correct it")
+            _fail(path, f"{field}.slot", "A or B", format_value(entry["slot"]), "correct it")
         claims["slot"] = "AB".index(entry["slot"])
     if "version" in entry:
         match = re.fullmatch(r"(\d{1,3})\.(\d{1,3})\.(\d{1,3})", str(entry["version"]))
         if not match or any(int(part) > 255 for part in match.groups()):
-            _fail(path, f"{field}.version", "three numbers such as 1.2.0", repr(entry["version"]), "correct it")
+            _fail(path, f"{field}.version", "three numbers such as 1.2.0", format_value(entry["version"]), "correct it")
         claims["version"] = tuple(int(part) for part in match.groups())
     return claims
 

@@ -1,6 +1,6 @@
 """Errors of the test framework. Each prints as one line and stores its data."""
 
-from taxel.errors import FieldError, TaxelError
+from taxel.errors import FieldError, TaxelError, fit_line
 
 
 class FatalTestError(TaxelError):
@@ -46,4 +46,4 @@ class HistoryError(TaxelError):
         self.problem = problem
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}"
+        return f"{fit_line(self.path, 1000)}: {fit_line(self.problem)}"

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from taxel.hand.errors import format_path
+from taxel.input_files import is_regular_file
 from taxel_tools.testing.drift import Change, compare_value
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.record import Measurement, Outcome, TestRecord
@@ -64,6 +65,8 @@ class History:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         """Open or create a file of test results. Raises `HistoryError` if the file is locked or is no history."""
         self.path = Path(path)
+        if self.path.exists() and not is_regular_file(self.path):
+            self._fail("expected a history of tests, found no regular file; choose another file")
         with self._translate_errors():
             # Explicit transactions: sqlite3 would start them too late to exclude another station.
             self._connection = sqlite3.connect(self.path, timeout=LOCK_TIMEOUT_S, isolation_level=None)
@@ -213,6 +216,18 @@ class History:
             self._fail("expected a history of tests, found the database of another program; choose another file")
         if version != SCHEMA_VERSION:
             self._fail(f"expected a history of version {SCHEMA_VERSION}, found version {version}; use a newer release")
+        self._check_integrity()
+
+    def _check_integrity(self) -> None:
+        """Raise `HistoryError` for a damaged file. A query by a damaged index would silently omit earlier tests.
+
+        The check reads the whole file, about one second for 100 MB, which is a thousand tests.
+        """
+        with self._translate_errors():
+            problem = self._connection.execute("PRAGMA integrity_check(1)").fetchone()[0]
+        if problem != "ok":
+            reason = " ".join(str(problem).split())
+            self._fail(f"expected an undamaged history, found: {reason}; restore a copy, or choose another file")
 
     def _is_new(self) -> bool:
         """Whether the history file is an empty database."""

@@ -25,11 +25,11 @@ import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 from taxel.hand.checks import suggest_name
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import read_regular_file
 from taxel_tools.testing.errors import SerialNumberError
 from taxel_tools.testing.options import Options
 from taxel_tools.testing.plan_tables import FILE_BYTES_MAX, Location, PhaseTable, parse_toml, read_phases
@@ -135,8 +135,7 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     """Read a test plan file. Raises `PlanError` as one line, also for an unreadable file."""
     location = Location(format_path(path))
     try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(FILE_BYTES_MAX + 1)
+        data = read_regular_file(path, FILE_BYTES_MAX)
     except OSError as error:
         location.fail("a readable test plan", error.strerror or type(error).__name__, "check the file name")
     return parse_plan(data, location.file)

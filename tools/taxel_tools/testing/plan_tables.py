@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from taxel.hand.checks import suggest_name
 from taxel.hand.errors import format_value
+from taxel.input_files import TextError
+from taxel.input_files import parse_toml as parse_bounded_toml
 from taxel_tools.errors import PlanError
 
 FILE_BYTES_MAX = 2**18
-LINE_BYTES_MAX = 400  # The memory that tomllib needs for a dotted key grows with the square of its parts.
+LINE_BYTES_MAX = 400  # A plan is written by hand; a longer line is a sign of another kind of file.
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
@@ -98,15 +99,9 @@ def parse_toml(data: bytes, top: Location) -> dict[str, Any]:
     if longest > LINE_BYTES_MAX:
         top.fail(f"lines of at most {LINE_BYTES_MAX} bytes", f"one of {longest}", "split this line")
     try:
-        return tomllib.loads(data.decode("utf-8"))
-    except RecursionError:
-        top.fail("a few levels of lists", "hundreds", "is this a test plan?")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        top.fail("UTF-8 text", f"byte 0x{data[error.start]:02X} in line {line}", "save the file as UTF-8")
-    except ValueError as error:
-        problem = str(error).partition("\n")[0]
-        top.fail("TOML", problem if problem.isprintable() else format_value(problem), "correct the syntax")
+        return parse_bounded_toml(data, FILE_BYTES_MAX)
+    except TextError as error:
+        raise PlanError(top.file, error.position, error.expected, error.found, "correct the syntax") from None
 
 
 def read_phases(location: Location, value: object) -> dict[str, PhaseTable]:

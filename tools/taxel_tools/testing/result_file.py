@@ -5,13 +5,14 @@ import binascii
 import json
 import os
 import re
-from collections import Counter
 from dataclasses import asdict
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError, read_regular_file
+from taxel.input_files import parse_json as parse_json_text
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.fields import Field, encode_number
 from taxel_tools.testing.record import (
@@ -30,9 +31,6 @@ from taxel_tools.testing.record import (
 from taxel_tools.testing.whole_file import write_whole
 
 VERSION: Final = 1
-FILE_BYTES_MAX: Final = 2**28
-"""256 MiB: a test with a hundred pictures takes a tenth of this size."""
-
 _TEST_KEYS = (
     "taxel_test_record", "serial_number", "operator", "station", "plan_name", "plan_version", "plan_sha256",
     "device", "software_version", "started_utc", "outcome", "phases", "seconds",
@@ -74,8 +72,7 @@ def read_json(path: str | os.PathLike[str]) -> TestRecord:
     """Read and check a result file. Raises `ResultFileError` as one line for the first defect, never OSError."""
     top = Field(format_path(path), None)
     try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(FILE_BYTES_MAX + 1)
+        data = read_regular_file(path, JSON_BYTES_MAX)
     except OSError as error:
         top.fail("a readable result file", "check the file name", error.strerror or type(error).__name__)
     return parse_json(data, top.file)
@@ -83,7 +80,11 @@ def read_json(path: str | os.PathLike[str]) -> TestRecord:
 
 def parse_json(data: bytes, source: str) -> TestRecord:
     """Parse the bytes of an untrusted result file. Raises `ResultFileError` as `read_json` does."""
-    top = Field(source, _parse_document(data, Field(source, None)))
+    try:
+        top = Field(source, parse_json_text(data, JSON_BYTES_MAX, permits_surrogates=True))
+    except TextError as error:
+        remedy = "is this a complete result file?"
+        raise ResultFileError(source, error.position, error.expected, error.found, remedy) from None
     version = top.content.get("taxel_test_record") if isinstance(top.content, dict) else None
     if type(version) is not int or version != VERSION:
         remedy = "is this a result file of this release?"
@@ -105,41 +106,6 @@ def parse_json(data: bytes, source: str) -> TestRecord:
         phases=phases,
         seconds=fields["seconds"].number(),
     )
-
-
-def _parse_document(data: bytes, top: Field) -> object:
-    """Parse the JSON text of a result file. Raises `ResultFileError` with the reason and the position."""
-
-    def fail(expected: str, found: str) -> NoReturn:
-        """Raise `ResultFileError` for the whole result file."""
-        top.fail(expected, "is this a complete result file?", found)
-
-    def refuse(constant: str) -> NoReturn:
-        """Refuse a constant such as NaN, which Python reads although JSON does not have it."""
-        fail("JSON", f"{constant}, which JSON does not have")
-
-    def unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
-        """Table from the pairs of a JSON object. Fails if a key occurs twice."""
-        table = dict(pairs)
-        if len(table) != len(pairs):
-            counts = Counter(key for key, _ in pairs)
-            fail("each key once", f"{format_value(counts.most_common(1)[0][0])} twice")
-        return table
-
-    if len(data) > FILE_BYTES_MAX:
-        fail(f"at most {FILE_BYTES_MAX} bytes", "more")
-    try:
-        return json.loads(data.decode("utf-8"), parse_constant=refuse, object_pairs_hook=unique)
-    except UnicodeDecodeError as error:
-        fail("UTF-8 text", f"byte 0x{data[error.start]:02X} at {error.start}")
-    except RecursionError:
-        fail("JSON of a few levels", "hundreds")
-    except json.JSONDecodeError as error:
-        fail("JSON", f"{error.msg} in line {error.lineno}, column {error.colno}")
-    except ResultFileError:
-        raise
-    except ValueError:  # Python refuses an integer of thousands of digits.
-        fail("JSON", "an integer of thousands of digits")
 
 
 def _parse_phase(field: Field) -> PhaseRecord:

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
+from taxel.recording.hdf5_output import change_hdf5
 
 SPIKE_FACTOR: Final = (10.0, 30.0)
 """Range of the factor on all forces in one frame of a force spike (a defect that this project's simulator once had
@@ -77,7 +78,7 @@ def damage(path: Path, fault: str, seed: int) -> str:
     rng = np.random.default_rng(seed)
     with GraspDataset(path) as data:
         grasp = str(rng.choice(data.ids))
-    with h5py.File(path, "r+") as file:
+    with change_hdf5(path) as file:
         FAULTS[fault](file, grasp, rng)
     return grasp
 

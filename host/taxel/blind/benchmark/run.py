@@ -16,6 +16,7 @@ from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.errors import TaxelError
+from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 ANSWERS, BASES = "answers.jsonl", "bases"
 
@@ -44,16 +45,15 @@ def run_benchmark(
     todo = [world for world in worlds if set(entries) - set(answers.get(world.number, {}))]
     progress(count - len(todo), count)
     task = partial(diagnose_world, entries=tuple(entries), seed=seed, bases=out / BASES)
-    with (out / ANSWERS).open("a") as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with AppendedLines(out / ANSWERS) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for done, (world, record) in enumerate(zip(todo, pool.map(task, todo), strict=True), count - len(todo) + 1):
             line = {"number": world.number, **run, **record}
-            file.write(json.dumps(line) + "\n")
-            file.flush()
+            file.append(json.dumps(line))
             answers.setdefault(world.number, {}).update(record["entries"])
             answers[world.number]["gap"] = record["gap"]
             progress(done, count)
     score = {name: _score_entry(name, worlds, answers) for name in entries}
-    (out / "score.json").write_text(json.dumps({"worlds": count, "seed": seed, "score": score}, indent=1) + "\n")
+    write_whole(out / "score.json", json.dumps({"worlds": count, "seed": seed, "score": score}, indent=1) + "\n")
     return score
 
 
@@ -89,9 +89,7 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
 def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     """Answers of an earlier run by world and entry. Raises TaxelError if they belong to another run."""
     answers: dict[int, dict[str, Any]] = {}
-    if not path.exists():
-        return answers
-    for number, text in enumerate(path.read_text().splitlines(), 1):
+    for number, text in enumerate(read_complete_lines(path), 1):
         try:
             line = json.loads(text)
             is_same = all(line[key] == value for key, value in run.items())

@@ -17,6 +17,7 @@ from taxel.gap.data.prepare import prepared
 from taxel.gap.features.metric import gap_of_change, measure
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
+from taxel.recording.hdf5_output import change_hdf5
 from taxel.types import FloatArray
 
 FIRST_STRENGTH: Final = 0.5
@@ -71,7 +72,7 @@ def write_injected(
     """Copy a dataset and change its counts by injections with their strengths."""
     shutil.copyfile(real, out)
     gaps = _read_separations(sim)
-    with h5py.File(out, "r+") as file:
+    with change_hdf5(out) as file:
         for number, name in enumerate(sorted(file["grasps"])):
             group = file["grasps"][name]
             raw, phase = group["raw_counts"][...].astype(np.float64), group["phase"][...]

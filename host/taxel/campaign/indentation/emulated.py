@@ -86,7 +86,7 @@ def run_indentation_session(
     world = format_session_world(setup, settings, indentations[0].session)
     with SkinContact(world) as contact:
         motions = [
-            _scene_motion(plan, indentation, _solve(plan, indentation, settings, contact), begin, end)
+            make_scene_motion(plan, indentation, solve_path(plan, indentation, settings, contact), begin, end)
             for indentation, begin, end in zip(indentations, begins[:-1], begins[1:], strict=True)
         ]
     cycles = run_emulated_skin(plan.hand, world, motions, begins[-1] + 0.1)
@@ -95,7 +95,7 @@ def run_indentation_session(
     ]
 
 
-def _solve(
+def solve_path(
     plan: IndentationPlan, indentation: PlannedIndentation, settings: EmulatedSettings, contact: SkinContact
 ) -> EquilibriumPath:
     """Solve for the true poses of the object from first contact to hold, with random variation of pose and force.
@@ -120,7 +120,7 @@ def _solve(
         raise error.for_indentation(indentation.id) from None
 
 
-def _scene_motion(
+def make_scene_motion(
     plan: IndentationPlan, indentation: PlannedIndentation, path: EquilibriumPath, begin_s: float, end_s: float
 ) -> SceneMotion:
     """Make the motion of the object in one indentation: inwards, hold, and back along the same poses.

@@ -10,6 +10,7 @@ from taxel.cloud.errors import CloudFileError
 from taxel.cloud.files import obj, pcd, ply, stl, xyz
 from taxel.cloud.files.source import Source
 from taxel.cloud.mesh import TriangleMesh
+from taxel.output import write_whole
 from taxel.types import FloatArray, IntArray
 
 PathLike = str | os.PathLike[str]
@@ -105,4 +106,4 @@ def _select_handler(path: PathLike, table: Mapping[str, Handler], content: str) 
 def _write(path: PathLike, content: bytes, overwrite: bool) -> None:
     """Write bytes to a new file. Raises CloudFileError for an existing file unless `overwrite` is set."""
     require_new_file(path, overwrite)
-    Path(path).write_bytes(content)
+    write_whole(path, content, overwrite=overwrite)

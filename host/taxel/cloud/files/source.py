@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from taxel.cloud.errors import CloudFileError
+from taxel.input_files import check_regular_file, read_regular_file
 
 MAX_FILE_BYTES: Final = 64 * 2**20
 """More than a million triangles. The cloud of a campaign has less than one megabyte."""
@@ -33,17 +33,15 @@ class Source:
     def open(cls, path: str | os.PathLike[str]) -> Source:
         """Read the bytes of a point cloud or mesh file.
 
-        Raises CloudFileError for an empty or too large file, OSError.
+        Raises CloudFileError for an empty or too large file, OSError, also for a pipe or a device.
         """
-        size = Path(path).stat().st_size
+        size = check_regular_file(path).st_size
         source = cls(str(path), b"")
         if size > MAX_FILE_BYTES:
             source.fail("file", f"at most {MAX_FILE_BYTES} bytes", str(size), "reduce the number of points")
-        # A pipe or a device states no size, so the number of bytes that are read is limited as well.
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
-        if not 0 < len(data) <= MAX_FILE_BYTES:
-            source.fail("file", f"1 to {MAX_FILE_BYTES} bytes", str(len(data)), "use another file")
+        data = read_regular_file(path, MAX_FILE_BYTES)
+        if not data:
+            source.fail("file", f"1 to {MAX_FILE_BYTES} bytes", "0", "use another file")
         return cls(str(path), data)
 
     def fail(self, field: str, expected: str, found: str, remedy: str) -> NoReturn:

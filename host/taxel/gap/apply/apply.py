@@ -28,6 +28,7 @@ from taxel.gap.effects.effect import OBJECT
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.hand.errors import format_path
+from taxel.input_files import open_regular_file
 from taxel.recording.grasp_dataset import GraspDataset
 
 Text = str | PathLike[str]
@@ -153,7 +154,7 @@ def _notes(found: ReportedGap, sim: Path, out: Path) -> list[str]:
         return [f"{why}: no effect was added, {out} is a copy"]
     if found.remainder:
         notes.append("a part of the gap has an unknown cause, which was not added")
-    with sim.open("rb") as file:
+    with open_regular_file(sim) as file:
         if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
             notes.append("the report was made from another simulated dataset")
     with GraspDataset(sim) as data:

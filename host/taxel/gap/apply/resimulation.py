@@ -23,6 +23,7 @@ from taxel.gap.features.metric import Interval, measure, shrink_by
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.report.model import model_of
 from taxel.gap.report.reading import ReportedEffect, reported_effect
+from taxel.input_files import open_regular_file
 from taxel.types import FloatArray
 
 BUILTIN: Final = "builtin"
@@ -162,5 +163,5 @@ def _measure_set(judge: Judge, effects: tuple[str, ...], features: FloatArray, p
 
 def _digest(path: Path) -> str:
     """SHA-256 of a file."""
-    with path.open("rb") as file:
+    with open_regular_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

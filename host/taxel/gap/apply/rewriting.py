@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
@@ -16,10 +15,11 @@ from numpy.typing import NDArray
 
 from taxel.gap.errors import GapInputError
 from taxel.hand.errors import format_path
+from taxel.output import LiveOutput, PendingOutput
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
-from taxel.recording.grasp_hdf5 import open_hdf5
-from taxel.recording.grasp_storage import check_target, convert_writing_errors, put_in_place, write_array
+from taxel.recording.grasp_storage import check_target, convert_writing_errors, write_array
+from taxel.recording.hdf5_output import extend_hdf5
 
 NOTE: Final = "gap_applied"
 """Attribute of the file that says what was added; a second one is called gap_applied_2, and so on."""
@@ -38,18 +38,24 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
             raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
     check_target(target, overwrite, place)
     with convert_writing_errors(place):
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        pending = PendingOutput(target, overwrite=overwrite)
+    # A user's simulator creates its file itself and may need the ending of the target's name.
+    folder = pending.part.with_name(pending.part.name + ".folder")
     whole = folder / target.name
     try:
+        with convert_writing_errors(place):
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
         yield whole
         with convert_writing_errors(place):
-            put_in_place(whole, target, overwrite, place)
+            pending.commit(whole)
     except DatasetError as error:
         if error.file != format_path(whole):
             raise
         raise DatasetError(format_path(target), *error.args[1:]) from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        pending.discard()
 
 
 def copied(source: str | PathLike[str], target: Path) -> None:
@@ -63,7 +69,8 @@ class Rewriting:
 
     def __init__(self, path: Path) -> None:
         self._place = Location(str(path))
-        self._file = open_hdf5(path, "r+")
+        self._output = LiveOutput.without_name(path)
+        self._file = extend_hdf5(self._output, self._place)
 
     def put(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:
         """Replace an array of a grasp; its attributes stay. Raises DatasetError where the disk refuses."""
@@ -72,12 +79,14 @@ class Rewriting:
             node = group[name]
             if h5py.h5o.get_info(node.id).rc == 1 and np.can_cast(array.dtype, node.dtype):
                 node[...] = array
+                self._file.check()
                 return
             # It stands in several places, or holds narrower integers.
             notes = dict(node.attrs)
             del group[name]
             write_array(group, name, array)
             group[name].attrs.update(notes)
+            self._file.check()
 
     def note(self, text: str) -> None:
         """Say in the file's attributes what was done to it."""
@@ -94,8 +103,11 @@ class Rewriting:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with convert_writing_errors(self._place):
-            self._file.close()
+        try:
+            with convert_writing_errors(self._place):
+                self._file.close()
+        finally:
+            self._output.file.close()
 
 
 def changed(before: NDArray[Any], after: NDArray[Any]) -> bool:

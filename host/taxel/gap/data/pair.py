@@ -23,6 +23,7 @@ from taxel.gap.data.reading import Groups, Progress, Recording, read_recording
 from taxel.gap.data.simulator_faults import SimulatorFault, find_faults, without_faults
 from taxel.gap.data.timing import timing_of
 from taxel.gap.errors import GapInputError
+from taxel.input_files import open_regular_file
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import REAL, SIM
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -224,5 +225,5 @@ def grouped(taxels: TaxelTable, sensors: SensorTable, has_lines: bool = True) ->
 
 
 def _digest(path: Path) -> str:
-    with path.open("rb") as file:
+    with open_regular_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

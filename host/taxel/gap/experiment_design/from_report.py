@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -25,7 +24,7 @@ from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import State
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import block_names
-from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_effect, read_report
+from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_effect, read_report, read_report_values
 from taxel.gap.report.report_values import ReportValue
 from taxel.gap.verdict.explanation import get_questioned
 from taxel.gap.verdict.held_out import held_out
@@ -50,7 +49,7 @@ def findings_in(path: Text, show: Show = ignore_progress) -> Findings:
     line; OSError for a report that cannot be read.
     """
     reported = read_report(path)
-    report = CheckedReport(json.loads(Path(path).read_bytes()))
+    report = CheckedReport(read_report_values(path))
     pair = _pair(report, reported, show)
     judge = prepared(pair)
     state = judge.state

@@ -32,6 +32,9 @@ WELL_KNOWN: Final = 0.05
 LEAST_BITS: Final = 0.01
 """A press that adds less tells nothing."""
 
+LEAST_DECREASE: Final = 0.01
+"""Relative decrease of a standard error below which a press is no reason to record: the smallest that is shown."""
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -156,8 +159,10 @@ class _Questions:
             names = self._pairs[best].names
             deviations = f"{np.sqrt(after[best]):.1f} standard deviations instead of {np.sqrt(before[best]):.1f}"
             return Advice(press, gain, names, f"{_words(names[0])} and {_words(names[1])} would differ by {deviations}")
-        why = f"the standard error of {label} decreases by {100 * share:.0f} %" if label else ""
-        return Advice(press, gain, (label,) if label else (), why)
+        if not label or share < LEAST_DECREASE:
+            return Advice(press, 0.0, (), "")
+        why = f"the standard error of {label} decreases by {100 * share:.0f} %"
+        return Advice(press, gain, (label,), why)
 
     def _told(self, added: Added) -> tuple[float, str, float]:
         """Bits of the effects' values, of each effect the mean; which of them gains most, and the share by which its

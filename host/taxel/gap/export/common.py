@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,8 +17,10 @@ from taxel.gap.apply.same_hand import check_hand
 from taxel.gap.data.boards import BoardLayout, layouts_of
 from taxel.gap.effects.effect import BOARD, TAXEL
 from taxel.gap.effects.layer_law import Law, law_of
-from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
+from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report, read_report_values
+from taxel.gap.report.report_values import ReportValue
 from taxel.hand.errors import format_path
+from taxel.input_files import is_regular_file, open_regular_file
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import TaxelTable
@@ -111,7 +112,8 @@ def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = N
     """
     found = read_report(report)
     if sim is None:
-        path = Path(json.loads(Path(report).read_bytes())["inputs"]["sim"].get("path", ""))
+        inputs = ReportValue(read_report_values(report)).field("inputs")
+        path = Path(inputs.field("sim").optional_text("path"))
         missing = _reason_against(path, found)
         if missing:
             return ExportSource(found, None, missing, None, None)
@@ -124,9 +126,9 @@ def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = N
 
 def _reason_against(path: Path, found: ReportedGap) -> str:
     """The reason for which the dataset of a report cannot be used, or an empty text."""
-    if not path.is_file():
+    if not is_regular_file(path):
         return f"the simulated dataset {format_path(path)} was not found; give --sim"
-    with path.open("rb") as file:
+    with open_regular_file(path) as file:
         if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
             return f"the simulated dataset {format_path(path)} has changed since the diagnosis; give --sim"
     return ""

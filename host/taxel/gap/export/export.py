@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -18,6 +17,7 @@ from taxel.gap.export.mujoco_xml import DEFAULT_TIMESTEP_S, write_mjcf
 from taxel.gap.export.python_module import write_python
 from taxel.gap.export.translation import Translation, translate
 from taxel.hand.errors import format_path, format_value
+from taxel.output import write_whole
 
 FORMATS: Final = ("mujoco", "genesis", "isaac", "python")
 """Simulators for which effects are written."""
@@ -101,17 +101,12 @@ def _check_targets(texts: Mapping[Path, str], inputs: tuple[Path | None, ...], o
             raise GapInputError("--out", "another file than the inputs", where, "choose another name")
         if path.exists() and not overwrite:
             raise GapInputError(where, "a new file", "an existing one", "choose another --out, or give --overwrite")
-        if not path.parent.is_dir():
-            raise GapInputError(where, "a folder to write in", "none", "create the folder first")
 
 
 def _replace(path: Path, text: str) -> None:
     """Write a file completely before it takes its name. Raises GapInputError if the folder is not writable."""
     try:
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-            whole = Path(folder) / path.name
-            whole.write_text(text, encoding="utf-8")
-            whole.replace(path)
+        write_whole(path, text)
     except OSError as error:
         found = error.strerror or str(error)
         raise GapInputError(format_path(path), "a writable folder", found, "choose another --out") from None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.effect import Parameter, Prior
 from taxel.gap.errors import GapInputError
+from taxel.hand.errors import format_path
+from taxel.input_files import TextError, parse_toml, read_regular_file
 
 LARGEST_BYTES: Final = 1 << 20
 
@@ -27,21 +26,19 @@ def read_priors(path: str | PathLike[str]) -> Priors:
     Raises GapInputError of one line, OSError.
     """
     file = Path(path)
-    with file.open("rb") as stream:
-        data = stream.read(LARGEST_BYTES + 1)
-    if len(data) > LARGEST_BYTES:
-        raise GapInputError(str(file), "at most 1 MiB", "a larger file", "give a file of priors")
     try:
-        tables = tomllib.loads(data.decode("utf-8"))
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise GapInputError(str(file), "valid TOML", " ".join(str(error).split())[:80], "correct the line") from None
+        tables = parse_toml(read_regular_file(file, LARGEST_BYTES))
+    except TextError as error:
+        raise GapInputError(f"{file}: {error.position}", error.expected, error.found, "correct the line") from None
     return {name: _effect(str(file), name, table) for name, table in tables.items()}
 
 
 def _effect(file: str, name: str, table: Any) -> dict[str, Prior]:
     if name not in catalogue.all_effects() or not catalogue.all_effects()[name]:
         known = ", ".join(effect for effect, forms in catalogue.all_effects().items() if forms)
-        raise GapInputError(f"{file}: [{name}]", f"one of {known}", "another name", "correct the name")
+        raise GapInputError(
+            f"{file}: [{format_path(name)[:60]}]", f"one of {known}", "another name", "correct the name"
+        )
     if not isinstance(table, dict):
         raise GapInputError(f"{file}: {name}", "a table", type(table).__name__, f"write [{name}] above its parameters")
     parameters: dict[str, Parameter] = {}
@@ -57,7 +54,7 @@ def _prior(where: str, parameters: Mapping[str, Parameter], key: str, value: Any
     if not isinstance(value, dict) or set(value) != {"value", "std"}:
         raise GapInputError(where, "{ value = ..., std = ... }", repr(value)[:40], "give both numbers")
     numbers = [value["value"], value["std"]]
-    if any(isinstance(one, bool) or not isinstance(one, int | float) or not np.isfinite(one) for one in numbers):
+    if any(isinstance(one, bool) or not isinstance(one, int | float) or not abs(one) < 1e300 for one in numbers):
         raise GapInputError(where, "two finite numbers", repr(value)[:40], "correct the numbers")
     known = parameters[key]
     if not known.low <= value["value"] <= known.high or value["std"] <= 0:

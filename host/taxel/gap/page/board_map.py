@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taxel.gap.page.board_places import find_places
+from taxel.gap.page.locations import format_board
 from taxel.gap.page.text import make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand.unrolled_layout import SIDES, get_short_name
@@ -93,7 +94,7 @@ def list_boards(report: CheckedReport) -> tuple[Board, ...]:
     for address, indices in sorted(members.items()):
         own_tx, own_rx = (tuple(axis[index] for index in indices) for axis in (tx, rx))
         row, column = find_places(report.board_kinds.get(address, ""), own_tx, own_rx)
-        name = report.board_names.get(address, f"board {address}")
+        name = report.board_names.get(address) or format_board(report, address)
         boards.append(Board(address, name, tuple(indices), own_tx, own_rx, row, column))
     return tuple(boards)
 

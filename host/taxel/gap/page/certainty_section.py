@@ -1,44 +1,34 @@
-"""The certainty of the verdict: probabilities of causes, reasons for doubt, decisive conditions, faulty grasps."""
+"""The certainty of the verdict: what supports it, reasons for doubt, decisive conditions, faulty grasps."""
 
 from typing import Any
 
 from taxel.gap.calibration.calibration import LISTED
-from taxel.gap.page.bars import Axis, build_share_bar
-from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
-from taxel.gap.page.glossary import DESCRIPTIONS
-from taxel.gap.page.text import clean_text, format_percent, make_readable
+from taxel.gap.page.cells import SectionData
+from taxel.gap.page.confidence import label_cause, list_shown_causes, rank_causes
+from taxel.gap.page.text import (
+    SPACE,
+    clean_text,
+    format_counts,
+    format_p_equation,
+    format_percent,
+    format_probability,
+    format_shrink,
+    format_shrink_interval,
+    is_small,
+    join_words,
+    make_readable,
+)
 from taxel.gap.report.checked_report import CheckedReport
 
-MIN_SHOWN = 0.05
-"""Probability below which a cause shares one line with the others."""
 
-NO_GAP_DESCRIPTION = "No cause is present that alone produces a gap of half the floor."
-
-_HEADINGS = (Heading("Cause"), Heading("Probability", "pic"), Heading("", "n"))
-
-
-def build_certainty_section(report: CheckedReport) -> SectionData | None:
-    """The section; None for a report of version 1, which has no probabilities. Raises GapInputError."""
-    table = report.verdict.optional("probabilities")
-    if table is None:
-        return None
-    values = sorted(((name, value.as_number()) for name, value in table.entries()), key=lambda pair: -pair[1])
-    axis = Axis.over([1.0])
-    rows: list[tuple[CellContent, ...]] = [
-        (
-            Cell(_label(name), _describe(name), is_bold=value >= LISTED),
-            build_share_bar(axis, value, value >= LISTED),
-            format_percent(value),
-        )
-        for name, value in values
-        if value >= MIN_SHOWN
-    ]
-    small = [_label(name) for name, value in values if value < MIN_SHOWN]
+def build_certainty_section(report: CheckedReport) -> SectionData:
+    """The section. Raises GapInputError."""
+    shown = {name for name, _ in list_shown_causes(report)}
     context: dict[str, Any] = {
-        "table": make_table(_HEADINGS, rows, "Probabilities of the causes", "wide"),
-        "small": ", ".join(small),
-        "min_shown": format_percent(MIN_SHOWN),
-        "reasons": [clean_text(text) for text in report.verdict.texts("reasons")],
+        "calibration": _describe_calibration(report),
+        "support": list_support(report),
+        "doubts": list_doubts(report),
+        "small": join_words([label_cause(name) for name, _ in rank_causes(report) if name not in shown]),
         "influence": _describe_influence(report),
         "problems": [
             f"{clean_text(one.text('grasp'))}: {clean_text(one.text('problem'))} ({clean_text(one.text('handled'))})"
@@ -48,12 +38,68 @@ def build_certainty_section(report: CheckedReport) -> SectionData | None:
     return SectionData("certainty", "Certainty", "certainty", context)
 
 
-def _label(name: str) -> str:
-    return "unknown cause" if name == "unknown" else make_readable(name)
+def list_support(report: CheckedReport) -> list[str]:
+    """What supports the verdict, one sentence each."""
+    after, p = report.after, report.gap.optional_number("p_value")
+    support = []
+    if report.is_no_gap:
+        if (bound := report.gap.optional_number("bound")) is not None:
+            size = format_counts(bound)
+            support.append(f"A difference above the floor of more than {size} is improbable (5{SPACE}%).")
+        return support
+    if is_small(p):
+        support.append(f"The gap is hardly due to chance ({format_p_equation(p)}).")
+    if any(name != "unknown" for name in report.verdict.texts("effects")):
+        bounds = after.optional_interval("shrink_ci95")
+        interval = f" (95{SPACE}% interval {format_shrink_interval(bounds)})" if bounds else ""
+        shrink = format_shrink(after.optional_number("shrink"))
+        support.append(f"The gap shrinks by {shrink}{interval} in sessions that were not used for the fit.")
+    return [*support, *describe_repeated_searches(report)]
 
 
-def _describe(name: str) -> str:
-    return NO_GAP_DESCRIPTION if name == "no_gap" else "" if name == "unknown" else DESCRIPTIONS.get(name, "")
+def describe_repeated_searches(report: CheckedReport) -> list[str]:
+    """How many searches without one session find the effects of the full search; empty if none was made.
+
+    "unknown" is not compared: it marks a remainder without an effect and is not the result of a search.
+    """
+    searches = report.after.optional_list("chosen_inside")
+    if not searches:
+        return []
+    names = set(report.verdict.texts("effects")) - {"unknown"}
+    agreeing = sum({name.as_text() for name in search.items()} == names for search in searches)
+    return [f"{agreeing} of {len(searches)} searches without one session find the same effects."]
+
+
+def list_doubts(report: CheckedReport) -> list[str]:
+    """Reasons for doubt, one sentence each: those of the verdict, tests, and effects that may replace a named one."""
+    doubts = [_as_sentence(text) for text in report.verdict.texts("reasons")]
+    if any(name != "unknown" for name in report.verdict.texts("effects")):
+        p, rest = report.gap.optional_number("p_value"), report.root.field("unexplained").optional_number("p_value")
+        if p is not None and not is_small(p):
+            doubts.append(f"The mean over all sessions shows no significant gap ({format_p_equation(p)}).")
+        if is_small(rest):
+            doubts.append(f"A part of the gap is not explained ({format_p_equation(rest)}).")
+    table = report.verdict.optional("confounded_with")
+    for name, value in table.entries() if table is not None else ():
+        others = [make_readable(other.as_text()) for other in value.items()]
+        if others:
+            doubts.append(f"These contacts do not distinguish {make_readable(name)} from {join_words(others, 'or')}.")
+    return doubts
+
+
+def _as_sentence(text: str) -> str:
+    """The text with a capital letter and a full stop."""
+    clean = clean_text(text)
+    return f"{clean[:1].upper()}{clean[1:]}" + ("" if clean.endswith((".", "!", "?")) else ".")
+
+
+def _describe_calibration(report: CheckedReport) -> str:
+    """What the largest probability means; empty for a report without probabilities."""
+    ranked = rank_causes(report)
+    if not ranked or ranked[0][1] < LISTED:
+        return ""
+    percent = format_probability(ranked[0][1])
+    return f"Of all statements with a probability of {percent}, {percent} are true."
 
 
 def _describe_influence(report: CheckedReport) -> list[str]:

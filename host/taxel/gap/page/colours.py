@@ -1,38 +1,39 @@
 """The colour scale of the unrolled hand.
 
 Both ramps have uniform steps of OKLab lightness (Ottosson 2020), so that they are readable without hue, by colour-blind
-readers and in a grey print. A taxel without excess is pale on a light page and dark on a dark page.
+readers and in a grey print. Their hue is that of the accent colour of the page, 258 degrees.
+A taxel without excess is pale on a light page and dark on a dark page.
 """
 
 import math
 
 LIGHT = (
-    "#efede7",
-    "#e8d6b6",
-    "#e3be8a",
-    "#dfa461",
-    "#de853d",
-    "#d66730",
-    "#c84a35",
-    "#b3313e",
-    "#991f45",
-    "#7a144f",
-    "#581450",
-    "#381147",
+    "#ebeff4",
+    "#ccdcf3",
+    "#adc9f1",
+    "#90b5ed",
+    "#73a2e7",
+    "#588ede",
+    "#3e7ad3",
+    "#2467c5",
+    "#0453b4",
+    "#034495",
+    "#023476",
+    "#00265a",
 )
 DARK = (
-    "#2f2d33",
-    "#4a3253",
-    "#6b3663",
-    "#8d3b68",
-    "#b14061",
-    "#cd4f52",
-    "#e06645",
-    "#ef813e",
-    "#f79d45",
-    "#fcba5a",
-    "#fcd681",
-    "#fef0a9",
+    "#23272c",
+    "#2a3648",
+    "#314665",
+    "#385783",
+    "#4167a1",
+    "#4a79be",
+    "#558bda",
+    "#639ef4",
+    "#7eb2fe",
+    "#a0c6fe",
+    "#c0d9ff",
+    "#e0ecff",
 )
 STEPS = len(LIGHT)
 

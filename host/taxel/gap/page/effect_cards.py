@@ -2,16 +2,14 @@
 
 from typing import Any
 
-from taxel.gap.page.bars import Axis, build_prediction_bar
 from taxel.gap.page.cells import Heading, make_table
 from taxel.gap.page.glossary import DESCRIPTIONS, IDENTIFIABILITIES
-from taxel.gap.page.locations import format_board, format_effect_locations
+from taxel.gap.page.locations import format_board, format_board_address, format_effect_locations
 from taxel.gap.page.text import (
     clean_text,
     format_interval,
     format_number,
     format_percent,
-    format_percent_interval,
     format_with_unit,
     join_words,
     make_readable,
@@ -21,35 +19,32 @@ from taxel.gap.report.report_values import ReportValue
 
 _HEADINGS = (Heading("Parameter"), Heading("Value", "n"), Heading("95\N{NO-BREAK SPACE}% interval", "n"))
 _MAX_INDEX = 2**20
+_SAME_QUANTITY = {"log_gain": "scale"}
+"""Parameters that are not shown beside another one, of which they are the logarithm."""
+
 _MIN_FOLDED = 6
 """Number of boards from which the values of a parameter are folded behind their range."""
 
-_DIAMOND, _DOT = "\N{WHITE DIAMOND}", "\N{BLACK CIRCLE}"
+NEUTRAL_DIFFERENCE = 0.005
+"""Difference from the neutral value below which two decimals do not show a difference, in the unit of the parameter."""
 
 
-def build_effect_card(report: CheckedReport, effect: ReportValue, axis: Axis) -> dict[str, Any]:
-    """Variables of the card of an effect. axis: of the shrinks, common to all cards. Raises GapInputError."""
+def build_effect_card(report: CheckedReport, effect: ReportValue) -> dict[str, Any]:
+    """Variables of the card of an effect. Raises GapInputError."""
     name = effect.text("name")
     identifiability, meaning = IDENTIFIABILITIES[effect.choice("identifiability", tuple(IDENTIFIABILITIES))]
-    predicted, measured = (effect.optional_number(f"{key}_shrink") for key in ("predicted", "measured"))
-    bounds = effect.optional_interval("measured_shrink_ci95")
-    measured_interval = f" ({format_percent_interval(bounds)})" if bounds else ""
     facts = [
-        ("Location", "", format_effect_locations(report, effect)),
-        ("Identifiability", "", f"{identifiability}: {meaning}"),
-        ("Share of the shrink", "", f"{format_percent(effect.optional_number('shapley_share'))} (Shapley)"),
-        ("Gap with this effect alone", "", format_with_unit(effect.optional_number("gap_after_alone"), "counts")),
-        ("Predicted", _DIAMOND, f"{format_percent(predicted)} of the gap"),
-        ("Measured", _DOT, f"{format_percent(measured)}{measured_interval}"),
+        ("Location", format_effect_locations(report, effect)),
+        ("Identifiability", f"{identifiability}: {meaning}"),
     ]
+    if sum(other.flag("in_verdict") for other in report.effects) > 1:
+        share = format_percent(effect.optional_number("shapley_share"))
+        facts.append(("Part of the reduction", f"{share} (Shapley share)"))
     rows, groups = _parameter_tables(report, effect)
     return {
         "name": make_readable(name),
         "description": DESCRIPTIONS.get(name, ""),
-        "facts": [{"term": term, "symbol": symbol, "text": text} for term, symbol, text in facts if text],
-        "bar": build_prediction_bar(axis, predicted, measured, bounds),
-        "low": format_percent(axis.low),
-        "high": format_percent(axis.high),
+        "facts": [{"term": term, "text": text} for term, text in facts if text],
         "parameters": make_table(_HEADINGS, rows, "Fitted parameters", "parameters") if rows else None,
         "parameter_groups": groups,
     }
@@ -84,13 +79,28 @@ def _parameter_tables(
 
 
 def _parameter_groups(effect: ReportValue) -> dict[str, list[tuple[str, ReportValue]]]:
-    """Boards and values of each parameter, by the name of the parameter without "@board"."""
+    """Boards and values of each parameter that is not neutral, by the name of the parameter without "@board"."""
     parameters = effect.optional("parameters")
     groups: dict[str, list[tuple[str, ReportValue]]] = {}
-    for key, parameter in parameters.entries() if parameters is not None else ():
+    entries = list(parameters.entries()) if parameters is not None else []
+    bases = {key.partition("@")[0] for key, _ in entries}
+    for key, parameter in entries:
         base, _, board = key.partition("@")
+        if _SAME_QUANTITY.get(base) in bases or is_neutral(parameter):
+            continue
         groups.setdefault(base, []).append((board, parameter))
     return groups
+
+
+def is_neutral(parameter: ReportValue) -> bool:
+    """Whether a parameter changes nothing: a value at its neutral value, or an empty list."""
+    value, neutral = parameter.field("value").content, parameter.optional_number("neutral")
+    if isinstance(value, list):
+        return not value
+    if neutral is None or value is None or isinstance(value, str):
+        return False
+    size = max(1.0, abs(neutral))
+    return abs(parameter.number("value") - neutral) < NEUTRAL_DIFFERENCE * size
 
 
 def _unit(parameter: ReportValue) -> str:
@@ -105,7 +115,7 @@ def _row(report: CheckedReport, base: str, board: str, parameter: ReportValue) -
     label = make_readable(base.removesuffix(f"_{unit}") if unit else base)
     if board:
         is_address = board.isascii() and board.isdigit()
-        label += f", {format_board(report, int(board)) if is_address else clean_text(board)}"
+        label += f", {format_board_address(report, int(board)) if is_address else clean_text(board)}"
     bounds = parameter.optional_interval("ci95")
     return label, _amount(report, parameter, unit), format_interval(bounds) if bounds else ""
 

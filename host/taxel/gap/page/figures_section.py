@@ -1,118 +1,93 @@
-"""The main figures: gap, floor and shrink."""
+"""The main figures: gap, floor and shrink, and the sections with their details."""
 
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
 from taxel.gap.page.text import (
     format_count,
+    format_counts,
     format_interval,
     format_p_equation,
-    format_percent,
+    format_shrink,
+    format_shrink_interval,
     format_with_unit,
 )
 from taxel.gap.report.checked_report import CheckedReport
-from taxel.gap.report.report_values import ReportValue
+from taxel.gap.report.report_values import Interval
 
-_COUNTS = "counts"
-_TERMS = {"Gap": "gap", "Floor": "floor", "Excess": "excess"}
-"""Terms of the labels, for links to the section of terms."""
+_HEADINGS = (Heading("Figure"), Heading("Value", "n"), Heading("Meaning"))
 
-Row = tuple[Cell, Cell]
+Row = tuple[str, Cell, Cell]
 
 
 def build_figures_section(report: CheckedReport) -> SectionData:
-    """The section. Raises GapInputError."""
-    groups = (
-        ("All grasps", _gap_rows(report)),
-        ("Held-out grasps", _after_rows(report)),
-        ("In millimetres", _mm_rows(report)),
-    )
-    tables = [
-        make_table((Heading(title), Heading("Value", "n")), rows, title, "figures") for title, rows in groups if rows
-    ]
-    has_interval = report.gap.optional_interval("ci95") is not None
-    return SectionData("figures", "Figures", "figures", {"tables": tables, "has_interval": has_interval})
+    """The section without its details. Raises GapInputError."""
+    rows = [*_gap_rows(report), *_test_rows(report), *_mm_rows(report)]
+    return SectionData("figures", "Figures", "figures", {"table": make_table(_HEADINGS, rows, "Figures", "figures")})
 
 
 def _gap_rows(report: CheckedReport) -> list[Row]:
-    """Rows on the gap over all grasps, in counts."""
-    gap = report.gap
-    significance = "above the floor" if gap.flag("significant") else "not above the floor"
-    excess = f"gap² minus floor²; {format_p_equation(gap.optional_number('p_value'))}, {significance}"
-    rows = [
-        _row(gap, "value", "Gap", _COUNTS, "RMS difference of the mean features"),
-        _row(gap, "floor", "Floor", _COUNTS, "gap caused by repeats and sessions alone"),
-        _row(gap, "excess", "Excess", "counts²", excess),
-    ]
-    if gap.optional_number("bound") is not None:
-        note = "with a probability of 95 %, the part of the gap above the floor is smaller"
-        rows.append(_row(gap, "bound", "Bound", _COUNTS, note))
+    """Gap before and after, floor and shrink, all of the same held-out grasps."""
+    after, effects = report.after, sum(name != "unknown" for name in report.verdict.texts("effects"))
+    before, floor = after.optional_number("before"), after.optional_number("floor")
+    rows = [_row("Gap before" if effects else "Gap", before, "counts", "RMS difference in held-out grasps")]
+    floor_row = _row("Floor", floor, "counts", "part that repeats and sessions alone cause")
+    if not _has_floor(report):
+        floor_row = ("Floor", Cell("not measured"), Cell("no repeats and one session", is_small=True))
+    if not effects:
+        return [*rows, floor_row]
+    value, predicted = after.optional_number("value"), after.optional_number("predicted_shrink")
+    note = f"with {format_count(effects, 'effect')} added, fitted to the other sessions"
+    rows += [_row("Gap after", value, "counts", note, after.optional_interval("ci95")), floor_row]
+    shrink, bounds = after.optional_number("shrink"), after.optional_interval("shrink_ci95")
+    rows.append(
+        (
+            "Shrink",
+            Cell(format_shrink(shrink), format_shrink_interval(bounds)),
+            Cell("1 \u2212 after / before", is_small=True),
+        )
+    )
+    if predicted is not None and before is not None:
+        note = "fixed before the held-out grasps were evaluated"
+        rows.append(_row("Predicted gap after", before * (1.0 - predicted), "counts", note))
     return rows
 
 
-def _after_rows(report: CheckedReport) -> list[Row]:
-    """Rows on the gap of held-out grasps, before and after the effects of the verdict are added."""
-    after, effects = report.after, _effect_count(report)
-    predicted = after.optional_number("predicted_shrink")
-    prediction = (
-        "" if predicted is None or not effects else f"; predicted before this evaluation: {format_percent(predicted)}"
-    )
-    reducible = after.optional_number("reducible_shrink")
-    reducible_note = (
-        "not stated, because the excess before is not significantly positive"
-        if reducible is None
-        else "share of the squared gap above the floor"
-    )
-    added = f"the {format_count(effects, 'effect')} of the verdict" if effects else "nothing"
-    return [
-        _row(after, "before", "Before", _COUNTS, "gap of the grasps that were not used for the fit"),
-        _row(after, "value", "After", _COUNTS, f"with {added} added"),
-        _row(after, "floor", "Floor", _COUNTS, "of the same grasps"),
-        (
-            Cell("Shrink", f"share of the gap{prediction}", term="shrink"),
-            Cell(format_percent(after.optional_number("shrink"))),
-        ),
-        (Cell("Reducible shrink", reducible_note), Cell(format_percent(reducible))),
-        *_repeated_search_rows(report),
-    ]
+def _has_floor(report: CheckedReport) -> bool:
+    """Whether repeats or sessions determine the floor."""
+    return any(part.optional_number("floor") != 0.0 for part in (report.after, report.gap))
 
 
-def _repeated_search_rows(report: CheckedReport) -> list[Row]:
-    """Agreement of the searches that were repeated without each session."""
-    searches = report.after.optional_list("chosen_inside")
-    if not searches:
+def _test_rows(report: CheckedReport) -> list[Row]:
+    """Whether a gap exists, from all sessions together."""
+    gap = report.gap
+    if not _has_floor(report):
         return []
-    names = set(report.verdict.texts("effects")) - {"unknown"}
-    agreeing = sum({name.as_text() for name in search.items()} == names for search in searches)
-    note = "searches without one session that find the same effects"
-    return [(Cell("Repeated searches", note), Cell(f"{agreeing} of {len(searches)}"))]
-
-
-def _effect_count(report: CheckedReport) -> int:
-    return sum(name != "unknown" for name in report.verdict.texts("effects"))
+    significance = "the gap is above the floor" if gap.flag("significant") else "the gap is not above the floor"
+    p_value = format_p_equation(gap.optional_number("p_value"))
+    rows = [("Test of all sessions", Cell(p_value), Cell(significance, is_small=True))]
+    if report.is_no_gap and (bound := gap.optional_number("bound")) is not None:
+        note = "the part of the gap above the floor is smaller, with a probability of 95 %"
+        rows.append(_row("Bound", bound, "counts", note))
+    return rows
 
 
 def _mm_rows(report: CheckedReport) -> list[Row]:
-    """Rows on the gap in millimetres; none if the report has no such gap."""
+    """Distances of contact clouds in millimetres; none if the report has no such distances."""
     mm = report.gap.optional("mm")
     if mm is None or mm.optional_number("value") is None:
         return []
+    floor_note = "between repeats of the same grasp"
+    note = "with as many random taxels active: the influence of a denser cloud"
     return [
-        _row(mm, "value", "Gap", "mm", "between the clouds of active taxels"),
-        _row(mm, "floor", "Floor", "mm", "between repeats of the same grasp"),
-        _row(
-            mm,
-            "placebo",
-            "Placebo",
-            "mm",
-            "with the same number of randomly activated taxels: the effect of a denser cloud",
-        ),
+        _row("Cloud distance", mm.number("value"), "mm", "between contact clouds", mm.optional_interval("ci95")),
+        *([_row("its floor", mm.optional_number("floor"), "mm", floor_note)] if _has_floor(report) else []),
+        _row("its placebo", mm.optional_number("placebo"), "mm", note),
     ]
 
 
-def _row(entry: ReportValue, key: str, label: str, unit: str, note: str) -> Row:
-    """Label and value of a number of the report, with its 95 % interval if the key is "value"."""
-    content = entry.field(key)
-    value = None if content.content is None else content.as_number()
-    bounds = entry.optional_interval("ci95") if key == "value" else None
-    return Cell(label, note, term=_TERMS.get(label, "")), Cell(
-        format_with_unit(value, unit), format_interval(bounds, value or 0.0) if bounds else ""
-    )
+def _row(label: str, value: float | None, unit: str, note: str, bounds: Interval | None = None) -> Row:
+    """Label, value with its 95 % interval, and meaning of a number."""
+    if unit == "counts":
+        interval = f"{bounds[0]:.1f} to {bounds[1]:.1f}" if bounds else ""
+        return label, Cell(format_counts(value), interval), Cell(note, is_small=True)
+    interval = format_interval(bounds, value or 0.0) if bounds else ""
+    return label, Cell(format_with_unit(value, unit), interval), Cell(note, is_small=True)

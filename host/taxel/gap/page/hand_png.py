@@ -9,6 +9,7 @@ from taxel.gap.page.colours import LIGHT, STEPS
 from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, BoardDrawing, ViewDrawing, require_unrolled_hand
 from taxel.gap.page.text import SMALL_P, format_number
 from taxel.gap.report.checked_report import CheckedReport
+from taxel.output.figure import save_figure
 
 # Lengths in taxel pitches of the picture, unless the name states another unit.
 _INCHES_PER_PITCH = 0.09
@@ -64,7 +65,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
             x += view.width + _GAP
     _draw_scale(axis, hand.top, height - _SCALE + 2.0)
     try:
-        figure.savefig(path, dpi=_DPI, format="png", facecolor=_GROUND, metadata={"Software": None})
+        save_figure(figure, path, dpi=_DPI, format="png", facecolor=_GROUND, metadata={"Software": None})
     finally:
         plt.close(figure)
 

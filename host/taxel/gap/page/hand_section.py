@@ -1,36 +1,59 @@
-"""The unrolled hand before and after, with the colour scale."""
+"""The picture before and after: the gap as bars, and the unrolled hand with the colour scale."""
 
 import math
 from typing import Any
 
-from taxel.gap.page.cells import SectionData
+from taxel.gap.page.bars import Axis, build_waterfall_bar
+from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, TableData, make_table
 from taxel.gap.page.colours import STEPS
 from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, UnrolledHand, read_unrolled_hand
-from taxel.gap.page.text import SMALL_P, format_number, format_with_unit, join_words, make_readable
+from taxel.gap.page.text import SMALL_P, format_counts, format_number, format_shrink, join_words, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
-def build_hand_section(report: CheckedReport) -> SectionData | None:
-    """The section; None if the report has no excess of taxels. Raises GapInputError."""
+def build_hand_section(report: CheckedReport) -> SectionData:
+    """The section; a report without excess of taxels has only the bars. Raises GapInputError."""
     hand = read_unrolled_hand(report)
-    if hand is None:
-        return None
     added = [make_readable(name) for name in report.verdict.texts("effects") if name != "unknown"]
-    values = {stage: report.after.optional_number(key) for stage, key in zip(STAGES, ("before", "value"), strict=True)}
-    stages = [
-        {
-            "name": stage,
-            "heading": stage.capitalize(),
-            "value": format_with_unit(values[stage], "counts"),
-            "note": f", with {join_words(added) or 'nothing'} added" if stage == "after" else "",
-            "views": hand.draw(stage),
-        }
-        for stage in STAGES
+    stages = [] if hand is None else [_stage(hand, stage, added) for stage in (STAGES if added else STAGES[:1])]
+    title = "Before and after" if added else "The remaining noise" if report.is_no_gap else "The difference"
+    context = {
+        "bars": _bars(report, added),
+        "has_floor": bool(report.after.optional_number("floor")),
+        "stages": stages,
+        "legend": None if hand is None else _legend(hand),
+    }
+    return SectionData("hand", title, "hand", context)
+
+
+def _bars(report: CheckedReport, added: list[str]) -> TableData:
+    """The gap of held-out grasps as bars, before and, with named effects, after."""
+    after = report.after
+    before, floor = after.number("before"), after.optional_number("floor") or None
+    value = after.optional_number("value")
+    axis = Axis.over([before, floor, value])
+    rows: list[tuple[CellContent, ...]] = [
+        (
+            "Gap before" if added else "Gap",
+            build_waterfall_bar(axis, 0.0, before, "total", floor),
+            format_counts(before),
+        )
     ]
-    title = "Unrolled hand: noise" if report.is_no_gap else "Unrolled hand"
-    return SectionData("hand", title, "hand", {"stages": stages, "legend": _legend(hand)})
+    if added and value is not None:
+        shrink = after.optional_number("shrink")
+        note = f"shrink {format_shrink(shrink)}" if shrink is not None else ""
+        bar = build_waterfall_bar(axis, 0.0, value, "mark", floor)
+        rows.append((f"with {join_words(added)}", bar, Cell(format_counts(value), note)))
+    headings = (Heading("Simulator"), Heading("Gap", "pic"), Heading("", "n"))
+    return make_table(headings, rows, "The gap before and after", "bars")
+
+
+def _stage(hand: UnrolledHand, stage: str, added: list[str]) -> dict[str, Any]:
+    """Variables of the pictures of a stage."""
+    heading = {"before": "Before", "after": f"With {join_words(added)}"}[stage] if added else "Measured"
+    return {"name": stage, "heading": heading, "views": hand.draw(stage)}
 
 
 def _legend(hand: UnrolledHand) -> dict[str, Any]:

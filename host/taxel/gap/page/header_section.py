@@ -3,8 +3,8 @@
 from pathlib import PureWindowsPath
 from typing import Any
 
-from taxel.gap.page.glossary import STATUSES
-from taxel.gap.page.text import clean_text, format_count, make_readable
+from taxel.gap.page.confidence import build_confidence
+from taxel.gap.page.text import clean_text, format_count
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
@@ -28,11 +28,10 @@ def build_header_context(report: CheckedReport) -> dict[str, Any]:
     return {
         "real": clean_text(get_file_name(inputs.field("real").text("path"))),
         "sim": clean_text(get_file_name(inputs.field("sim").text("path"))),
+        "kind": "Difference of two sensors" if inputs.flag("real_real") else "Sim-to-real gap",
+        "confidence": build_confidence(report),
         "headline": clean_text(report.verdict.optional_text("headline") or report.verdict.text("one_line")),
-        "verdict": clean_text(report.verdict.text("one_line")) if report.verdict.optional_text("headline") else "",
-        "status": STATUSES[report.status],
-        "status_class": report.status,
-        "effects": [make_readable(name) for name in report.verdict.texts("effects") if name != report.status],
+        "verdict": clean_text(report.verdict.text("one_line")),
         "note": note,
         "counts": _counts_text(report),
     }

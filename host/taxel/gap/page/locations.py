@@ -22,7 +22,19 @@ def read_line(entry: ReportValue) -> tuple[int, str, int]:
 def format_board(report: CheckedReport, address: int) -> str:
     """A board by its name, or by its address if the report has no name."""
     name = report.board_names.get(address)
-    return make_readable(name) if name else f"board {address}"
+    return make_readable(name) if name else f"board {_address_text(report, address)}"
+
+
+def format_board_address(report: CheckedReport, address: int) -> str:
+    """A board by its name and its address as on the board: "palm (0x20)"."""
+    name = report.board_names.get(address)
+    if not name or not report.has_bus_addresses:
+        return format_board(report, address)
+    return f"{make_readable(name)}{SPACE}({_address_text(report, address)})"
+
+
+def _address_text(report: CheckedReport, address: int) -> str:
+    return f"0x{address:02X}" if report.has_bus_addresses else str(address)
 
 
 def format_line(report: CheckedReport, line: tuple[int, str, int]) -> str:

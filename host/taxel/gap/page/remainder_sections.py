@@ -1,9 +1,9 @@
-"""Open questions: confounded effects, the unexplained part, and recommended measurements."""
+"""Open questions: the unexplained part, and recommended measurements."""
 
 from typing import Any
 
 from taxel.gap.page.bars import Axis, build_share_bar
-from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
+from taxel.gap.page.cells import Cell, Heading, SectionData, TableData, make_table
 from taxel.gap.page.locations import format_location
 from taxel.gap.page.text import (
     SMALL_P,
@@ -52,25 +52,10 @@ _SCOPES = {
 }
 _RECOMMENDATION_HEADINGS = (
     Heading("Measurement"),
-    Heading("Separates"),
-    Heading("Expected information, bits", "pic"),
+    Heading("Separates or narrows"),
+    Heading("Information, bits", "pic"),
     Heading("", "n"),
 )
-
-
-def build_confounded_section(report: CheckedReport) -> SectionData | None:
-    """Classes of confounded effects; None if there are none. Raises GapInputError."""
-    table = report.verdict.optional("confounded_with")
-    entries = [] if table is None else [(name, [i.as_text() for i in value.items()]) for name, value in table.entries()]
-    classes = [
-        {"first": make_readable(name), "others": [make_readable(other) for other in others]}
-        for name, others in entries
-        if others
-    ]
-    if not classes:
-        return None
-    context = {"classes": classes, "has_recommendation": build_recommendation_section(report) is not None}
-    return SectionData("confounded", "Confounded effects", "confounded", context)
 
 
 def build_unexplained_section(report: CheckedReport) -> SectionData:
@@ -136,7 +121,7 @@ def _distortion(entry: ReportValue) -> Cell:
     return Cell(make_readable(name), meaning)
 
 
-def build_recommendation_section(report: CheckedReport) -> SectionData | None:
+def build_recommendation_table(report: CheckedReport) -> TableData | None:
     """The recommended measurements; None if the report has none. Raises GapInputError."""
     measurements = report.root.optional_list("next_presses")
     if not measurements:
@@ -153,5 +138,4 @@ def build_recommendation_section(report: CheckedReport) -> SectionData | None:
         for measurement, gain in zip(measurements, gains, strict=True)
     ]
     caption = "Measurements with the largest expected information first"
-    table = make_table(_RECOMMENDATION_HEADINGS, rows, caption, "recommendations")
-    return SectionData("next", "Recommended measurements", "table", {"table": table})
+    return make_table(_RECOMMENDATION_HEADINGS, rows, caption, "recommendations")

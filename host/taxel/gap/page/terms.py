@@ -1,17 +1,23 @@
-"""Definitions of terms, copied from the glossary of the documentation by tools/codegen/page_terms.py."""
+"""Definitions of the terms on the page: those of the glossary of the documentation, and the effects."""
 
 import re
 import tomllib
 from functools import cache
 
+from taxel.gap.page.glossary import DESCRIPTIONS
 from taxel.gap.page.rendering import read_resource
 
 
 @cache
 def read_definitions() -> dict[str, str]:
-    """Definitions by term, in alphabetical order."""
-    entries = tomllib.loads(read_resource("terms.toml"))["term"]
-    return {entry["name"]: entry["definition"] for entry in entries}
+    """Definitions by term, in alphabetical order.
+
+    The file terms.toml is copied from the glossary by tools/codegen/page_terms.py; the effects of the catalogue follow
+    `DESCRIPTIONS`.
+    """
+    entries = {entry["name"]: entry["definition"] for entry in tomllib.loads(read_resource("terms.toml"))["term"]}
+    effects = {name.replace("_", " "): text for name, text in DESCRIPTIONS.items() if name != "unknown"}
+    return dict(sorted({**effects, **entries}.items(), key=lambda item: item[0].lower()))
 
 
 def make_anchor(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from taxel.gap.page.bars import Axis, build_waterfall_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
-from taxel.gap.page.text import MINUS, format_interval, format_number, format_percent, make_readable
+from taxel.gap.page.text import MINUS, format_interval, format_number, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import Interval
 
@@ -16,9 +16,9 @@ _START_NAMES = ("gap", "before")  # names of a first entry that contains the gap
 
 
 def build_waterfall_section(report: CheckedReport) -> SectionData | None:
-    """The section; None if no effect was added. Raises GapInputError."""
+    """The section; None for fewer than two effects, whose gaps before and after are all steps. Raises GapInputError."""
     steps = report.root.optional_list("waterfall")
-    if not steps:
+    if sum(step.text("effect") not in _START_NAMES for step in steps) < 2:
         return None
     floor = report.after.optional_number("floor")
     gap, bounds = report.after.number("before"), None
@@ -53,5 +53,5 @@ def _counts(gap: float, bounds: Interval | None, first: float, is_bold: bool = F
 
 
 def _change(difference: float, first: float) -> str:
-    text = format_percent(difference / first) if first > 0 else format_number(difference)
+    text = format_number(difference, first)
     return text if text.startswith(MINUS) or difference == 0 else f"+{text}"

@@ -91,7 +91,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             side: {"path": path, "sha256": digest}
             for side, path, digest in zip(("real", "sim"), pair.paths, pair.digests, strict=True)
         }
-        | {"problems": [one.to_json() for one in pair.faults]}
+        | {"problems": [one.to_json() for one in pair.faults], "real_real": pair.is_real_real}
         | ({"lacking": sorted(pair.lacking)} if pair.lacking else {})
         | ({} if pair.unit is None else {"unit": {"name": pair.unit[0], "counts_per_unit": pair.unit[1]}}),
         "seed": inputs.seed,
@@ -123,6 +123,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             "ci95": held.value.ci95,
             "predicted_shrink": float(held.predicted.mean()),
             "shrink": held.shrink.value,
+            "shrink_ci95": held.shrink.ci95,
             "reducible_shrink": held.reducible,
         },
         "unexplained": dict(inputs.unexplained),

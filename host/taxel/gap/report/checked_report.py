@@ -16,6 +16,9 @@ VERSIONS = (1, 2)
 
 STATUSES = ("no_gap", "explained", "partly_explained", "unknown")
 
+FIRST_ADDRESS = 0x08
+"""Smallest address of an I2C slave (UM10204, table 4); smaller ones are numbers of sensors without a bus."""
+
 _MAX_TAXELS = 2**20
 _MAX_ADDRESS = 255
 _MAX_LINE = 255
@@ -78,6 +81,14 @@ class CheckedReport:
         """Names of the boards by address, as the report gives them."""
         entries = self.root.optional_list("sensors") + self.where.optional_list("sensors")
         return {address_of(entry): entry.text("name") for entry in reversed(entries)}
+
+    @cached_property
+    def has_bus_addresses(self) -> bool:
+        """Whether the addresses of the boards are I2C addresses, and not only numbers of sensors from 0 on.
+
+        Addresses below 0x08 are reserved on an I2C bus.
+        """
+        return min(self.board_names, default=FIRST_ADDRESS) >= FIRST_ADDRESS
 
     @cached_property
     def board_kinds(self) -> dict[int, str]:

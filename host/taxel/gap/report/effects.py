@@ -20,6 +20,7 @@ from taxel.gap.fitting.chain import Chain, FittedEffect
 from taxel.gap.fitting.fit import start_of
 from taxel.gap.fitting.judge import MODEL_SHARE, Judge
 from taxel.gap.report.model import model_of, noise_parts
+from taxel.gap.report.neutral import find_neutral
 from taxel.gap.verdict.attribution import Attribution
 from taxel.gap.verdict.explanation import Explanation
 from taxel.gap.verdict.held_out import HeldOut
@@ -119,7 +120,7 @@ def parameters_of(
         )
         interval = together(sessions, presses, COMMON_SHARE * abs(value) + own)
         interval = interval.at_least(np.array([one[label][0] for one in drawn if label in one]))
-        entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit}
+        entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit, "neutral": find_neutral(link, label)}
     return entries
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -24,12 +23,11 @@ from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.report_values import REMEDY, Interval, ReportValue
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import InputFileError, TextError, parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.types import FloatArray
 
 Block = int | str
-
-LARGEST_BYTES: Final = 2**28
-"""Of a report: a thousand taxels take about one millionth of it each."""
 
 MOST_NOISE_COUNTS: Final = 65_535.0
 LONGEST_S: Final = 1e6
@@ -83,7 +81,7 @@ class ReportedGap:
 def read_report(path: str | PathLike[str]) -> ReportedGap:
     """Read and check a report. Raises GapInputError of one line; OSError for a file that cannot be read."""
     place = Path(path)
-    content = place.read_bytes() if _size(place) <= LARGEST_BYTES else _fail(place, "at most 256 MiB", "more")
+    content = _read_bytes(place)
     try:
         return _reported(place, _parsed(place, content), hashlib.sha256(content).hexdigest())
     except GapInputError as error:
@@ -91,10 +89,22 @@ def read_report(path: str | PathLike[str]) -> ReportedGap:
         raise GapInputError(where, error.expected, error.found, error.remedy) from None
 
 
-def _size(path: Path) -> int:
-    if not path.is_file():
+def read_report_values(path: str | PathLike[str]) -> dict[str, Any]:
+    """Return the JSON object of a report, without a check of its entries. Raises GapInputError of one line; OSError."""
+    place = Path(path)
+    return _parsed(place, _read_bytes(place))
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Content of a report. Raises GapInputError for a path that is no regular file of a permitted size, OSError."""
+    if not path.exists() or path.is_dir():
         _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "no file")
-    return path.stat().st_size
+    try:
+        return read_regular_file(path, JSON_BYTES_MAX)
+    except InputFileError:
+        raise GapInputError(
+            format_path(path), f"a regular file of at most {JSON_BYTES_MAX} bytes", "another", REMEDY
+        ) from None
 
 
 def _fail(path: Path, expected: str, found: str) -> NoReturn:
@@ -102,13 +112,16 @@ def _fail(path: Path, expected: str, found: str) -> NoReturn:
 
 
 def _parsed(path: Path, content: bytes) -> dict[str, Any]:
-    def refuse(word: str) -> NoReturn:
-        raise ValueError(f"the number {word}")
-
+    """Parse the JSON text of a report. Raises GapInputError."""
     try:
-        found = json.loads(content, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        _fail(path, "a report in JSON", format_value(str(error)))
+        found = parse_json(content)
+    except TextError as error:
+        if content.lstrip()[:1] == b"<":
+            raise GapInputError(
+                format_path(path), "the report.json of a diagnosis", "an HTML page", "give the report.json beside it"
+            ) from None
+        where = "" if error.position == "file" else f" in {error.position}"
+        _fail(path, "the report.json of a diagnosis", f"no valid JSON{where}")
     return found if isinstance(found, dict) else _fail(path, "a report in JSON", format_value(found))
 
 

@@ -9,6 +9,13 @@ from typing import Final
 
 from taxel.gap.calibration.calibration import LISTED, NO_GAP, SMALLEST_CAUSE, UNKNOWN
 from taxel.gap.features.metric import Gap
+from taxel.gap.verdict.headlines import (
+    HEADLINES,
+    REAL_AND_SIMULATED,
+    Sides,
+    make_either_headline,
+    make_headline,
+)
 from taxel.gap.verdict.held_out import HeldOut
 
 LEAST_SESSIONS: Final = 3
@@ -31,41 +38,6 @@ WORDS: Final = {
     UNKNOWN: "a cause that is not in the catalogue",
 }
 """Meaning of each cause; an effect of a plug-in has none."""
-
-HEADLINES: Final = {
-    "contact_propagation": "{Real} spreads pressure sideways; {sim} does not.",
-    "electrode_crosstalk": "Electrodes couple taxels in {real}, not in {sim}.",
-    "noise": "{Real} is noisier than {sim}.",
-    "gain_mismatch": "Some taxels are more or less sensitive than in {sim}.",
-    "stiffness": "{Real} is softer or harder than in {sim}.",
-    "nonlinearity": "{Real} follows another load curve than {sim}.",
-    "baseline_drift": "{Real} drifts without contact; {sim} does not.",
-    "hysteresis": "{Real} creeps and recovers slowly; {sim} does not.",
-    "saturation": "{Real} saturates at high force; {sim} does not.",
-    "proximity": "{Real} responds before contact; {sim} does not.",
-    "dropout": "Parts of {real} do not respond.",
-    "pose_error": "An object or bracket is not where {sim} places it.",
-    "latency": "Some boards of {real} lag behind {sim}.",
-    UNKNOWN: "The two differ; no effect of the catalogue explains the difference.",
-}
-"""One sentence of at most twelve words for a single cause; {real}, {Real} and {sim} are the words of `Sides`."""
-
-
-@dataclass(frozen=True)
-class Sides:
-    """Words for the two datasets, within a sentence."""
-
-    real: str = "the real skin"
-    sim: str = "the simulator"
-
-    def fill(self, text: str) -> str:
-        """A sentence with these words."""
-        return text.format(real=self.real, Real=self.real.capitalize(), sim=self.sim)
-
-
-REAL_AND_SIMULATED: Final = Sides()
-
-TWO_REAL: Final = Sides("the first sensor", "the second sensor")
 
 
 @dataclass(frozen=True)
@@ -122,48 +94,77 @@ def judge_verdict(
     known = tuple(name for name in effects if name != UNKNOWN)
     own = {name: tuple(other for other in others if other not in known) for name, others in rivals.items()}
     rivals = {name: others for name, others in own.items() if others}
-    few = held.sessions < LEAST_SESSIONS
-    size = f"{gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
     reasons = list(warnings)
-    if few:
+    is_tentative = held.sessions < LEAST_SESSIONS
+    if is_tentative:
         reasons.insert(0, f"too few sessions for a verdict: {held.sessions} recorded, needs {LEAST_SESSIONS}")
-    if not effects and not few:
-        bound = f"smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
-        line = f"No gap: {size}; the part above the floor is {bound}."
-        return Verdict(
-            "no_gap", (), probabilities, f"{sides.sim.capitalize()} agrees with {sides.real}.", line, tuple(reasons)
-        )
-    if not effects or (few and not known):
-        line = f"Unknown: {size}; {reasons[0]}."
+    if not effects and not is_tentative:
+        bound = f"is smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
+        line = f"No gap: the difference is {describe_size(held)}; the part above the floor {bound}."
+        headline = f"{sides.sim.capitalize()} agrees with {sides.real}."
+        return Verdict("no_gap", (), probabilities, headline, line, tuple(reasons))
+    if not effects or (is_tentative and not known):
+        line = f"Unknown: the difference is {describe_size(held)}; {reasons[0]}."
         headline = f"Too few sessions for a verdict: record {LEAST_SESSIONS} or more."
         return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons))
     if not known:
-        line, headline = f"Unknown: a gap of {size} that no effect of the catalogue explains.", HEADLINES[UNKNOWN]
-        if not set(probabilities) - {UNKNOWN, NO_GAP}:
-            line = f"Unknown: a gap of {size}; no effect of the catalogue was tried."
-        elif rivals and probabilities.get(UNKNOWN, 0.0) < LISTED:
-            first = next(iter(rivals))
-            either = f"{_to_words(first)} or {_to_words(rivals[first][0])}"
-            line = f"Unknown: a gap of {size}; the most probable causes are {either}."
-            headline = f"Either {_to_plain(first)} or {_to_plain(rivals[first][0])}; another contact separates the two."
-            reasons.append("no cause has a probability of 0.5 or more")
-        return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
-    said = "; ".join(f"{_to_words(name)}, {100 * probabilities[name]:.0f} %" for name in known)
-    line = f"a gap of {size}, reduced by {100 * held.shrink.value:.0f} % with {said}"
-    headline = _make_headline(known, sides)
+        return _judge_unknown(held, probabilities, rivals, reasons, sides)
+    remains = _describe_remaining_excess(gap, held)
+    has_more = UNKNOWN in effects or bool(remains)
     if UNKNOWN in effects:
         percent = f"{100 * probabilities[UNKNOWN]:.0f} %"
         reasons.append(f"a cause outside the catalogue is present with a probability of {percent}")
-    remains = _describe_remaining_excess(gap, held)
     if remains:
         reasons.append(remains)
-    status = "partly_explained" if UNKNOWN in effects or few or remains else "explained"
-    start = "Partly explained" if status == "partly_explained" else "Explained"
+    status = "partly_explained" if has_more or is_tentative else "explained"
+    least = min(probabilities[name] for name in known)
+    headline = make_headline(known, sides, has_more, is_tentative, least)
+    line = f"{'Partly explained' if status == 'partly_explained' else 'Explained'}: {_describe_shrink(held, known)}"
     if UNKNOWN in effects:
-        end = "; the cause of the remaining gap is unknown"
-    else:
-        end = f"; {reasons[0]}" if few else f"; {remains}" if remains else ""
-    return Verdict(status, effects, probabilities, headline, f"{start}: {line}{end}.", tuple(reasons), rivals)
+        line += "; the cause of the remaining gap is unknown"
+    elif is_tentative or remains:
+        line += f"; {reasons[0] if is_tentative else remains}"
+    return Verdict(status, effects, probabilities, headline, f"{line}.", tuple(reasons), rivals)
+
+
+def _judge_unknown(
+    held: HeldOut,
+    probabilities: Mapping[str, float],
+    rivals: Mapping[str, Sequence[str]],
+    reasons: list[str],
+    sides: Sides,
+) -> Verdict:
+    """The verdict of a gap without a named effect. reasons: the other reasons for doubt."""
+    size, headline = describe_size(held), sides.fill(HEADLINES[UNKNOWN])
+    line = f"Unknown: the gap is {size}; no effect of the catalogue explains the gap."
+    if not set(probabilities) - {UNKNOWN, NO_GAP}:
+        line = f"Unknown: the gap is {size}; no effect of the catalogue was tried."
+    elif rivals and probabilities.get(UNKNOWN, 0.0) < LISTED:
+        first = next(iter(rivals))
+        second = rivals[first][0]
+        line = f"Unknown: the gap is {size}; the most probable causes are {_to_words(first)} or {_to_words(second)}."
+        headline = make_either_headline(first, second, sides)
+        reasons = [*reasons, "no cause has a probability of 0.5 or more"]
+    return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
+
+
+def describe_size(held: HeldOut) -> str:
+    """The gap and the floor of held-out sessions; without repeats and with one session the floor is not measured."""
+    floor = f"floor {held.floor2**0.5:.1f}" if held.floor2 > 0.0 else "floor not measured"
+    return f"{held.before:.1f} counts ({floor})"
+
+
+def _describe_shrink(held: HeldOut, known: Sequence[str]) -> str:
+    """What the named effects change in held-out sessions."""
+    causes = " and ".join(_to_words(name) for name in known)
+    verb = "reduces" if len(known) == 1 else "reduce"
+    is_at_floor = held.left2.low is None or held.left2.low <= 0.0
+    relation = "the rest agrees with the floor of" if is_at_floor else "the floor is"
+    floor = f"; {relation} {held.floor2**0.5:.1f} counts" if held.floor2 > 0.0 else ""
+    change = f"from {held.before:.1f} to {held.after:.1f} counts, by {100 * held.shrink.value:.0f} %"
+    if held.shrink.value < 0.0:
+        return f"{causes} {verb} no gap: {held.before:.1f} counts before, {held.after:.1f} after{floor}"
+    return f"{causes} {verb} the gap {change}{floor}"
 
 
 def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
@@ -177,18 +178,7 @@ def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
     return f"{left.value**0.5:.1f} counts above the floor remain in held-out sessions"
 
 
-def _make_headline(known: Sequence[str], sides: Sides) -> str:
-    """At most twelve words for one or several named effects."""
-    if len(known) == 1:
-        return sides.fill(HEADLINES.get(known[0], f"{{Real}} has {_to_plain(known[0])}; {{sim}} does not."))
-    names = [_to_plain(name) for name in known[:3]]
-    return f"{sides.sim.capitalize()} lacks {', '.join(names[:-1])} and {names[-1]}."
-
-
-def _to_plain(name: str) -> str:
-    return name.replace("_", " ")
-
-
 def _to_words(name: str) -> str:
     """Name and meaning of a cause."""
-    return f"{_to_plain(name)} ({WORDS[name]})" if name in WORDS else _to_plain(name)
+    plain = name.replace("_", " ")
+    return f"{plain} ({WORDS[name]})" if name in WORDS else plain

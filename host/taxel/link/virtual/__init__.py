@@ -1,5 +1,6 @@
 """An emulated world in this process, with its UART and its I2C bus, in virtual time."""
 
+from taxel.link.virtual.master_world import VirtualMasterWorld
 from taxel.link.virtual.processor import Fault, HandlerCost, Processor
 from taxel.link.virtual.smbus import VirtualSMBus
 from taxel.link.virtual.uart import VirtualMemoryLink, VirtualSerialLink
@@ -12,6 +13,7 @@ __all__ = [
     "HandlerCost",
     "PowerCut",
     "Processor",
+    "VirtualMasterWorld",
     "VirtualMemoryLink",
     "VirtualSMBus",
     "VirtualSerialLink",

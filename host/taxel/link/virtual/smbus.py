@@ -35,9 +35,13 @@ class VirtualSMBus:
         one write and one read of one address (EOPNOTSUPP, as with some adapters).
     """
 
-    def __init__(self, world: VirtualWorld) -> None:
-        """Connect an emulated I2C adapter to the bus of a virtual world, without packet error checking (pec = 0)."""
+    def __init__(self, world: VirtualWorld, recovers: bool = False) -> None:
+        """Connect an emulated I2C adapter to the bus of a virtual world, without packet error checking (pec = 0).
+
+        recovers: the adapter's driver frees a held bus after a failed transfer, as many drivers of Linux do.
+        """
         self._world = world
+        self._recovers = recovers
         self.fd: int | None = -1
         self.pec = 0
 
@@ -64,6 +68,8 @@ class VirtualSMBus:
         result, data = self._world.transfer(address, write, read_size)
         if result:
             number = _ERRORS[result]
+            if self._recovers and number not in (errno.ENXIO, errno.EREMOTEIO):
+                self._world.recover_bus()
             raise OSError(number, os.strerror(number))
         return data
 

@@ -114,6 +114,7 @@ def _load_library() -> ctypes.CDLL:
         ("set_stimulus", integer, pointer, pointer),
         ("inject_fault", integer, pointer, text, byte, number, number),
         ("transfer_i2c", integer, pointer, byte, text, size, text, size, time),
+        ("recover_bus", None, pointer),
         ("read_fault_log", size, pointer, time, ctypes.POINTER(_FaultEventStruct), size, ctypes.POINTER(time)),
         ("flash_bytes", pointer, pointer, byte),
         ("flash_wear", pointer, pointer, byte),
@@ -244,6 +245,10 @@ class VirtualWorld:
             self._open_handle, address, write, len(write), buffer, read_size, timeout
         )
         return int(result), buffer.raw[:read_size]
+
+    def recover_bus(self) -> None:
+        """Free a bus whose SDA a board holds low, as the driver of an adapter does: up to nine clocks, then stop."""
+        self._library.taxel_bench_recover_bus(self._open_handle)
 
     def read_faults(self, first: int = 0) -> list[FaultEvent]:
         """Return the faults that have occurred in the virtual world, beginning with number `first`.

@@ -18,9 +18,10 @@ from taxel.hand import Hand, load_hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, Link
 from taxel.recording.formats.csv_format import CsvSink, open_csv
-from taxel.recording.formats.frame_table import FrameSink, check_free
+from taxel.recording.formats.frame_table import FrameSink, check_target
 from taxel.recording.formats.grasp_options import GraspOptions
 from taxel.recording.formats.recorded_joints import load_recorded_joints
+from taxel.recording.formats.recording_sink import RecordingSink
 from taxel.ros.topics import SkinTopics
 from taxel.skin import Skin, load_recorded_hand, open_source
 from taxel.skin.recorder import make_joint_source, record_link
@@ -137,7 +138,7 @@ def convert(
     """
     format_name = format_of(target)
     path = Path(os.fspath(target).rstrip("/") or "/")
-    check_free(path, overwrite)
+    check_target(path, overwrite)
     link, description = open_recording(source, hand, grasp)
     try:
         header = make_recording_header(f"file:{os.fspath(source)}", link, description, hand)
@@ -147,8 +148,14 @@ def convert(
     has_bytes = not isinstance(link, FramesLink)
     angles = _choose_joints(source, description, header, joint_position, grasp)
     if format_name in ("capture", "pcapng", "mcap"):
-        skin = record_link(link, description, header, path, overwrite, angles)
-        return _convert_frames(skin, None, [] if has_bytes else [ENCODED_NOTE], progress)
+        try:
+            recording = RecordingSink(path, overwrite, isinstance(angles, JointHistory) and format_name != "mcap")
+        except BaseException:
+            link.close()
+            raise
+        with recording.discarded_on_error():
+            recorded = record_link(link, description, header, path, overwrite, angles, *recording.open())
+        return _convert_frames(recorded, recording, [] if has_bytes else [ENCODED_NOTE], progress)
     skin = Skin(link, description)
     if isinstance(angles, JointHistory):
         header.pop("joint_position", None)
@@ -204,11 +211,11 @@ def _open_sink(
     measured = angles if isinstance(angles, JointHistory) else None
     if format_name == "csv":
         topics = SkinTopics(skin.hand, skin.hub, 0, make_joint_source(angles))
-        return CsvSink(path, skin.hand, header, topics, (options.object, options.approach), measured)
+        return CsvSink(path, skin.hand, header, topics, (options.object, options.approach), measured, overwrite)
     if format_name == "parquet":
         from taxel.recording.formats.parquet_format import ParquetSink
 
-        return ParquetSink(path, skin.hand, header, measured)
+        return ParquetSink(path, skin.hand, header, measured, overwrite)
     from taxel.recording.formats.hdf5_format import Hdf5Sink  # needs h5py, which is optional
 
     generator = f"taxel convert {importlib.metadata.version('taxel')}"
@@ -216,9 +223,9 @@ def _open_sink(
 
 
 def _convert_frames(
-    skin: Skin, sink: FrameSink | None, notes: list[str], progress: Callable[[float], None]
+    skin: Skin, sink: FrameSink, notes: list[str], progress: Callable[[float], None]
 ) -> ConversionResult:
-    """Pass all frames of the skin to the writer `sink`; None: the skin itself writes the target.
+    """Pass all frames of the skin to the writer `sink`.
 
     The target file is completed also if the source is truncated. progress: called with the converted seconds.
     """
@@ -229,8 +236,7 @@ def _convert_frames(
         with skin:
             try:
                 for frame in skin:
-                    if sink is not None:
-                        sink.take(frame)
+                    sink.take(frame)
                     count += 1
                     first, last = min(first, frame.time_s), max(last, frame.time_s)
                     if count % 1000 == 0:
@@ -245,8 +251,7 @@ def _convert_frames(
             result = ConversionResult(count, missing, losses.lost_on_wire, max(0.0, last - first), notes)
         is_complete = True
     finally:
-        if sink is not None:
-            sink.close(is_complete)
+        sink.close(is_complete)
     if truncation is not None:
         raise truncation
     return result

@@ -5,11 +5,10 @@
 simulator (section 4.2, Figure 4.6). `joints.csv` contains the measured joint angles of each poll cycle.
 """
 
-import csv
 import heapq
 import os
-import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,8 +16,19 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointFileWriter, JointHistory
+from taxel.input_files import TextError, read_regular_file
+from taxel.input_files.csv_rows import parse_float, parse_integer, read_csv_rows
 from taxel.link import CaptureError
-from taxel.recording.formats.frame_table import HEADER_MAX, check_frame, fail, format_header, parse_header
+from taxel.output import LiveOutput
+from taxel.recording.formats.frame_table import (
+    HEADER_MAX,
+    check_frame,
+    convert_output_errors,
+    fail,
+    format_header,
+    open_target,
+    parse_header,
+)
 from taxel.ros.contacts import POINT
 from taxel.ros.topics import SkinTopics
 from taxel.stream import TaxelFrame
@@ -30,8 +40,6 @@ JOINTS_FILE = "joints.csv"
 COLUMNS = ("frame", "address", "time_s", "sequence", "cycle", "board_time_us", "hub_time_us")
 ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active")
 """Columns of `active.csv`, which `taxel import active` reads."""
-
-_LINE_MAX = 1 << 16
 
 
 class CsvSink:
@@ -49,35 +57,47 @@ class CsvSink:
         topics: SkinTopics | None = None,
         grasp: tuple[str, str] = ("unknown", "recording"),
         joints: JointHistory | None = None,
+        overwrite: bool = False,
     ) -> None:
         """Create a writer of a folder of CSV files, one per board, and write the recording's header.
 
         path: final name of the folder; it is written under another name until it is complete. topics: source of the
         contact cloud for `active.csv`; None: no such file. grasp: (object, approach), columns of `active.csv`. joints:
-        measured joint angles, written to `joints.csv` for each poll cycle.
+        measured joint angles, written to `joints.csv` for each poll cycle. overwrite: replace an existing recording.
+        Raises CaptureError.
         """
         self._path = path
-        self._part = path.with_name(f".{path.name}.part")
-        shutil.rmtree(self._part, ignore_errors=True)
-        self._part.mkdir()
-        (self._part / HEADER_FILE).write_text(format_header(header))
         self._names = {board.address: board.name for board in hand.boards}
         self._files: dict[int, TextIO] = {}
         self._frames = 0
         self._topics = topics
         self._grasp = ",".join(grasp)
-        has_active = topics is not None and topics.tree.has_geometry
         self._joints = joints
-        self._joint_writer = None if joints is None else JointFileWriter(self._part / JOINTS_FILE, joints.names)
-        self._active = self._create_file(ACTIVE_FILE, ACTIVE_COLUMNS) if has_active else None
+        self._joint_writer: JointFileWriter | None = None
+        self._active: TextIO | None = None
+        if path.exists() and not (path / HEADER_FILE).is_file():
+            raise CaptureError(os.fspath(path), "is no folder of a recording, so it is not overwritten")
+        with open_target(path, overwrite, is_folder=True) as pending:
+            self._pending = pending
+            (pending.part / HEADER_FILE).write_text(format_header(header))
+            if joints is not None:
+                output = LiveOutput.without_name(pending.part / JOINTS_FILE)
+                self._joint_writer = JointFileWriter(output, joints.names)
+            if topics is not None and topics.tree.has_geometry:
+                self._active = self._create_file(ACTIVE_FILE, ACTIVE_COLUMNS)
 
     def _create_file(self, name: str, columns: tuple[str, ...]) -> TextIO:
         """Open a new CSV file in the unfinished folder and write the line of column names."""
-        file = (self._part / name).open("w", newline="")
+        file = (self._pending.part / name).open("w", newline="")
         file.write(",".join(columns) + "\n")
         return file
 
     def take(self, frame: TaxelFrame) -> None:
+        """Append a taxel frame to the CSV files. Raises CaptureError if the system refuses."""
+        with convert_output_errors(self._path):
+            self._write_frame(frame)
+
+    def _write_frame(self, frame: TaxelFrame) -> None:
         """Append a taxel frame as a row to the CSV file of its board, and the active taxels to `active.csv`."""
         file = self._files.get(frame.address)
         if file is None:
@@ -109,18 +129,25 @@ class CsvSink:
 
         An existing folder is replaced only if it is a recording.
         """
-        for file in (*self._files.values(), *([self._active] if self._active else [])):
-            file.close()
-        if self._joint_writer is not None and self._joints is not None:
-            self._joint_writer.finish(self._joints)
-        if not is_complete:
-            shutil.rmtree(self._part, ignore_errors=True)
-            return
-        if self._path.exists():
-            if not (self._path / HEADER_FILE).is_file():
-                raise CaptureError(os.fspath(self._path), "is no folder of a recording, so it is not overwritten")
-            shutil.rmtree(self._path)
-        self._part.rename(self._path)
+        try:
+            if is_complete:
+                with convert_output_errors(self._path):
+                    for file in self._list_files():
+                        file.close()
+                    if self._joint_writer is not None and self._joints is not None:
+                        self._joint_writer.finish(self._joints)
+                    self._pending.commit()
+        finally:
+            for file in self._list_files():
+                with suppress(OSError):  # the first failure is raised above
+                    file.close()
+            if self._joint_writer is not None:
+                self._joint_writer.discard()
+            self._pending.discard()
+
+    def _list_files(self) -> list[TextIO]:
+        """Return the open files of frames and active taxels."""
+        return [*self._files.values(), *([] if self._active is None else [self._active])]
 
 
 def open_csv(path: Path) -> FramesLink:
@@ -129,9 +156,10 @@ def open_csv(path: Path) -> FramesLink:
     Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
     """
     header_file = path / HEADER_FILE
-    if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
+    try:
+        header = parse_header(read_regular_file(header_file, HEADER_MAX), header_file)
+    except OSError:
         fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder from taxel convert")
-    header = parse_header(header_file.read_text(errors="replace"), header_file)
     files = sorted(file for file in path.glob("*.csv") if file.name not in (ACTIVE_FILE, JOINTS_FILE))
     rows = heapq.merge(*(_read_rows(file) for file in files), key=lambda row: row[0])
     link = FramesLink(os.fspath(path), (frame for _, frame in rows))
@@ -144,20 +172,29 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
 
     Raises RecordingFormatError for the first malformed row.
     """
-    with path.open(newline="") as file:
-        lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
-        heading = tuple(next(lines, ()))
+    try:
+        lines = read_csv_rows(path)
+        heading = tuple(next(lines, (1, []))[1])
         if heading[: len(COLUMNS)] != COLUMNS:
             fail(path, "line 1", ",".join(COLUMNS), ",".join(heading)[:80], "restore the original columns")
-        for number, line in enumerate(lines, 2):
+        for number, line in lines:
             if len(line) != len(heading):
                 fail(path, f"line {number}", f"{len(heading)} columns", len(line), "check that the file is complete")
-            try:
-                values: dict[str, float] = {name: int(text) for name, text in zip(COLUMNS, line, strict=False)
-                                            if name != "time_s"}  # fmt: skip
-                values["time_s"] = float(line[2])
-                counts = list(map(int, line[len(COLUMNS) :]))
-                frame = check_frame(values, counts, path, f"line {number}")
-            except (ValueError, OverflowError) as error:
-                fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
-            yield int(values["frame"]), frame
+            yield _parse_row(line, path, number)
+    except OSError as error:
+        fail(path, "file", "a readable CSV file", error.strerror, "restore the folder of taxel convert")
+    except TextError as error:
+        fail(path, error.position, error.expected, error.found, "correct the line")
+
+
+def _parse_row(line: list[str], path: Path, number: int) -> tuple[int, TaxelFrame]:
+    """Return frame number and taxel frame of a row. Raises RecordingFormatError. number: of the line."""
+    try:
+        values: dict[str, float] = {
+            name: parse_integer(text) for name, text in zip(COLUMNS, line, strict=False) if name != "time_s"
+        }
+        values["time_s"] = parse_float(line[2])
+        counts = list(map(parse_integer, line[len(COLUMNS) :]))
+    except ValueError as error:
+        fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
+    return int(values["frame"]), check_frame(values, counts, path, f"line {number}")

@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
@@ -10,8 +11,11 @@ import numpy as np
 
 from taxel.errors import FieldError
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError, parse_json
 from taxel.link import CaptureError
-from taxel.link.capture import EXISTS
+from taxel.link.live_records import EXISTS
+from taxel.link.recording_header import check_recording_header
+from taxel.output import OutputError, PendingOutput
 from taxel.stream import TaxelFrame
 
 FORMAT = "taxel-recording"
@@ -49,12 +53,38 @@ def fail(file: str | os.PathLike[str], field: str, expected: str, found: object,
     raise RecordingFormatError(format_path(os.fspath(file)), field, expected, format_value(found), remedy)
 
 
-def check_free(path: Path, overwrite: bool) -> None:
-    """Raise CaptureError if `path` exists and `overwrite` is False, or if its folder does not exist."""
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raise CaptureError if `path` exists and `overwrite` is False, before the source is opened."""
     if path.exists() and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    if not path.parent.is_dir():
-        raise CaptureError(os.fspath(path), "cannot be written (its folder is missing)")
+
+
+@contextmanager
+def open_target(path: Path, overwrite: bool, is_folder: bool = False) -> Iterator[PendingOutput]:
+    """Context manager for the creation of a writer: the output of a conversion, discarded if the block fails.
+
+    Raises CaptureError if the system refuses, or if another program writes the output.
+    """
+    with convert_output_errors(path):
+        pending = PendingOutput(path, overwrite=overwrite, is_folder=is_folder)
+    try:
+        with convert_output_errors(path):
+            yield pending
+    except BaseException:
+        pending.discard()
+        raise
+
+
+@contextmanager
+def convert_output_errors(path: Path) -> Iterator[None]:
+    """Context manager that converts errors of an output to a CaptureError that names `path`."""
+    try:
+        yield
+    except OutputError as error:
+        problem = f"expected {error.expected}, found {error.found}; {error.remedy}"
+        raise CaptureError(os.fspath(path), problem) from None
+    except OSError as error:
+        raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror or error})") from error
 
 
 def format_header(header: Mapping[str, Any]) -> str:
@@ -62,17 +92,17 @@ def format_header(header: Mapping[str, Any]) -> str:
     return json.dumps({"format": FORMAT, "version": VERSION, **header}, indent=1)
 
 
-def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
+def parse_header(text: bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
     """Parse a recording's header that `format_header` has written; file: name in error messages.
 
     Raises RecordingFormatError for another format or version.
     """
     try:
-        header = json.loads(text)
-    except (ValueError, RecursionError):
-        fail(file, "header", "JSON", text[:40], "write it with taxel convert")
-    if not isinstance(header, dict) or header.get("format") != FORMAT or header.get("version") != VERSION:
-        found = header.get("version") if isinstance(header, dict) and header.get("format") == FORMAT else header
+        header = check_recording_header(parse_json(text, HEADER_MAX))
+    except TextError as error:
+        fail(file, f"header, {error.position}", error.expected, error.found, "write it with taxel convert")
+    if header.get("format") != FORMAT or header.get("version") != VERSION:
+        found = header.get("version") if header.get("format") == FORMAT else header
         fail(file, "header", f"format {FORMAT}, version {VERSION}", str(found)[:60], "write it with taxel convert")
     return header
 
@@ -88,7 +118,10 @@ def check_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[
     time_s = values["time_s"]
     if not 0.0 <= time_s <= LARGEST_TIME_S:
         fail(file, f"{row}, time_s", "seconds, 0 or more", time_s, "correct the row")
-    array = np.asarray(counts, dtype=np.int64)
+    try:
+        array = np.asarray(counts, dtype=np.int64)
+    except (TypeError, ValueError, OverflowError):
+        fail(file, f"{row}, raw counts", "0 to 65535", str(counts)[:60], "correct the row")
     if array.ndim != 1 or not len(array) or array.min() < 0 or array.max() > 65_535:
         fail(file, f"{row}, raw counts", "0 to 65535", f"{array.min()} to {array.max()}" if array.size else "none",
              "correct the row")  # fmt: skip

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import numpy as np
 from taxel.grasp.objects import make_thesis_objects
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.errors import format_value
+from taxel.hand.errors import format_path, format_value
 from taxel.hand.joint_history import JointHistory
 from taxel.hand.kinematics import build_kinematics
+from taxel.output import LiveOutput, PendingOutput
+from taxel.recording.errors import DatasetError
 from taxel.recording.formats.frame_table import fail
 from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
 from taxel.recording.grasp_checks import Location
@@ -20,16 +23,15 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import REAL
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import (
-    LIBVER,
     convert_writing_errors,
     create_group,
     link_grasp,
-    put_in_place,
     write_array,
     write_attributes,
 )
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
+from taxel.recording.hdf5_output import extend_hdf5
 from taxel.stream import TaxelFrame
 from taxel.stream.cycles import CycleSorter
 from taxel.stream.encoder import FramesLink
@@ -67,9 +69,8 @@ class Hdf5Sink:
         poses of the sensors of every row. Raises DatasetError for an unknown object, and HandGeometryError for a
         hand description without geometry.
         """
-        self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
+        self._hand, self._options = hand, options
         self._location = Location(str(path))
-        self._part = path.with_name(f".{path.name}.part")
         kinematics = build_kinematics(hand)
         self._measured = joint_position if isinstance(joint_position, JointHistory) else None
         self._kinematics = kinematics
@@ -78,9 +79,20 @@ class Hdf5Sink:
         else:
             self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
         self._pose = kinematics.compute_sensor_poses(self._joints)
-        _create_dataset(self._part, hand, generator, _make_objects(options.object, self._location))
-        self._file = open_hdf5(self._part, "r+", LIBVER)
-        self._group = create_group(self._file, None)
+        objects = _make_objects(options.object, self._location)
+        with convert_writing_errors(self._location):
+            self._pending = PendingOutput(path, overwrite=overwrite)
+        try:
+            _create_dataset(self._pending.part, hand, generator, objects)
+            self._output = LiveOutput.without_name(self._pending.part)
+            self._file = extend_hdf5(self._output, self._location)
+            self._group = create_group(self._file, None)
+        except DatasetError as error:
+            self._pending.discard()
+            raise DatasetError(format_path(path), *error.args[1:]) from None
+        except BaseException:
+            self._pending.discard()
+            raise
         self._columns = {board.address: column for column, board in enumerate(hand.boards)}
         self._sorter = CycleSorter(len(hand.boards))
         self._rows: list[dict[str, Any]] = []
@@ -166,6 +178,7 @@ class Hdf5Sink:
                     data = self._group[name]
                     data.resize(len(data) + len(block), axis=0)
                     data[-len(block) :] = block
+            self._file.check()
         self._rows.clear()
 
     def close(self, is_complete: bool) -> None:
@@ -173,13 +186,15 @@ class Hdf5Sink:
         try:
             if is_complete:
                 self._finish()
-            self._file.close()
-            if is_complete:
-                GraspDataset(self._part).close()
-                put_in_place(self._part, self._path, self._overwrite, self._location)
+                with convert_writing_errors(self._location):
+                    self._file.close()
+                    GraspDataset(self._pending.part).close()
+                    self._pending.commit()
         finally:
-            self._file.close()
-            self._part.unlink(missing_ok=True)
+            with suppress(OSError):  # the first failure of a write is raised above
+                self._file.close()
+            self._output.file.close()
+            self._pending.discard()
 
     def _finish(self) -> None:
         """Write the last rows and the attributes, and link the grasp to the dataset.
@@ -218,7 +233,7 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
         np.ones(len(hand.boards)),
     )
     header = DatasetHeader(REAL, hand.name, taxels, sensors, objects, generator)
-    GraspDatasetWriter.create(path, header, overwrite=True).close()
+    GraspDatasetWriter.create_part(path, header).close()
 
 
 def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:

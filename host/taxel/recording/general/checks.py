@@ -64,6 +64,8 @@ def check_header(header: GeneralHeader, n: int, location: Location) -> None:
 
 def check_contact(contact: Contact, n: int, is_vector: bool, location: Location) -> None:
     """Raise DatasetError for the first deviation. n: number of taxels. is_vector: whether values have 3 components."""
+    if contact.time.ndim != 1:
+        location.key("time").fail("one time for each frame", f"shape {contact.time.shape}", "correct that array")
     frames = len(contact.time)
     shape = (frames, n, AXES) if is_vector else (frames, n)
     if contact.values.shape != shape:

@@ -23,16 +23,27 @@ from taxel.recording.general.format import (
     Properties,
     TaxelPlaces,
 )
+from taxel.recording.general.hdf5_fields import (
+    check_links,
+    decode_text,
+    read_flags,
+    read_floats,
+    read_integer,
+    read_integers,
+    read_number,
+    read_text,
+)
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import FORMAT, LARGEST_ARRAY_BYTES, SIM
+from taxel.recording.grasp_format import FORMAT, SIM, Phase
 from taxel.recording.grasp_hdf5 import convert_hdf5_errors, open_hdf5
 from taxel.recording.grasp_tables import ObjectMesh
 
 _ALIASES: Final = {"time": ("time", "timestamp", "t"), "values": ("values", "raw_counts", "data")}
 """Names under which a required array is accepted."""
 
-_NUMBERS: Final = "iufb"
+_LEVELS: Final = 3
+"""Levels of groups with data: the file, its groups, and their groups."""
 
 
 def read_version(path: str | PathLike[str]) -> int:
@@ -43,14 +54,14 @@ def read_version(path: str | PathLike[str]) -> int:
         if (name.decode() if isinstance(name, bytes) else name) != FORMAT:
             remedy = "import the file with taxel import, or see docs/dataset-format.md"
             location.key("format").fail(format_value(FORMAT), format_value(name), remedy)
-        return int(version)
+        return read_integer({"version": version}, "version", 0, location)
 
 
 def read_source(path: str | PathLike[str]) -> str:
     """Declared source of a grasp dataset, such as "real"; "" if none is declared. Raises DatasetError."""
     read_version(path)
     with open_hdf5(Path(path), "r") as file:
-        return _to_text(file.attrs.get("source", ""))
+        return read_text(file.attrs, "source", "", Location(str(path)))
 
 
 class GeneralDataset:
@@ -84,6 +95,7 @@ class GeneralDataset:
             raise
 
     def _read_tables(self) -> None:
+        check_links(self._file, self._location, _LEVELS)
         grasps = self._file.get("grasps")
         self.ids = tuple(sorted(grasps)) if grasps is not None else ()
         if not self.ids:
@@ -91,33 +103,52 @@ class GeneralDataset:
         shape = self._find(self.ids[0], "values").shape
         self.n, self.is_vector = int(shape[1]) if len(shape) > 1 else 0, len(shape) == 3
         attrs = self._file.attrs
+        own = self._location
         declared: dict[str, Any] = {
-            name: _to_text(attrs[name]) for name in ("unit", "contact", "modality") if name in attrs
+            name: read_text(attrs, name, "", own) for name in ("unit", "contact", "modality") if name in attrs
         }
-        declared |= {name: float(attrs[name]) for name in ("full_scale", "resolution") if name in attrs}
-        taxels = self._file.get("taxels", {})
-        places: dict[str, Any] = {
-            name: np.asarray(taxels[name][()], np.int64) for name in ("sensor", "tx", "rx") if name in taxels
-        }
-        places |= {
-            name: np.asarray(taxels[name][()], np.float64) for name in ("position", "normal", "size") if name in taxels
-        }
-        names = [_to_text(name) for name in getattr(taxels, "attrs", {}).get("sensor_names", ())]
-        objects = {
-            name: ObjectMesh(np.asarray(own["vertices"][()], np.float64), np.asarray(own["faces"][()], np.int32))
-            for name, own in self._file.get("objects", {}).items()
-        }
-        text = {key: _to_text(attrs.get(key, other)) for key, other in (("source", ""), ("sensor", "sensor"))}
+        declared |= {name: read_number(attrs, name, own) for name in ("full_scale", "resolution") if name in attrs}
         self.header = GeneralHeader(
-            source=text["source"],
-            sensor=text["sensor"],
-            generator=_to_text(attrs.get("generator", "unknown")),
+            source=read_text(attrs, "source", "", own),
+            sensor=read_text(attrs, "sensor", "sensor", own),
+            generator=read_text(attrs, "generator", "unknown", own),
             properties=Properties(**declared),
-            places=TaxelPlaces(**places),
-            sensor_names=tuple(names),
-            objects=objects,
+            places=self._read_places(),
+            sensor_names=self._read_sensor_names(),
+            objects=self._read_objects(),
         )
         check_header(self.header, self.n, self._location)
+
+    def _read_places(self) -> TaxelPlaces:
+        """Read what is known of the taxels."""
+        taxels, location = self._file.get("taxels", {}), self._location.key("taxels")
+        places: dict[str, Any] = {
+            name: read_integers(taxels[name], location.key(name)) for name in ("sensor", "tx", "rx") if name in taxels
+        }
+        names = ("position", "normal", "size")
+        places |= {name: read_floats(taxels[name], location.key(name)) for name in names if name in taxels}
+        return TaxelPlaces(**places)
+
+    def _read_sensor_names(self) -> tuple[str, ...]:
+        """Read the names of the sensors."""
+        names = getattr(self._file.get("taxels"), "attrs", {}).get("sensor_names", ())
+        location = self._location.key("taxels").key("sensor_names")
+        if np.ndim(names) != 1:
+            location.fail("a list of names", format_value(names), "store one string for each sensor")
+        return tuple(decode_text(name, location) for name in names)
+
+    def _read_objects(self) -> dict[str, ObjectMesh]:
+        """Read the meshes of the objects."""
+        meshes = {}
+        for name, own in self._file.get("objects", {}).items():
+            location = self._location.key("objects").key(name)
+            vertices = read_floats(own["vertices"], location.key("vertices"))
+            faces = read_integers(own["faces"], location.key("faces"))
+            is_index = (faces >= 0) & (faces < len(vertices))
+            if vertices.ndim != 2 or not np.isfinite(vertices).all() or not is_index.all():
+                location.fail("finite vertices [V, 3], and faces of their rows", "others", "write the mesh again")
+            meshes[name] = ObjectMesh(vertices, faces.astype(np.int32))
+        return meshes
 
     def __iter__(self) -> Iterator[Contact]:
         """Each contact in order; the repeats of a condition are numbered if the file has no numbers."""
@@ -146,26 +177,24 @@ class GeneralDataset:
             if "session" not in group.attrs:
                 location.key("session").fail("the number of a session", "none", "number the days or the mountings")
             labels = (
-                _to_text(group.attrs.get("object", DEFAULT_OBJECT)),
-                _to_text(group.attrs.get("approach", DEFAULT_APPROACH)),
+                read_text(group.attrs, "object", DEFAULT_OBJECT, location),
+                read_text(group.attrs, "approach", DEFAULT_APPROACH, location),
             )
             arrays: dict[str, Any] = {
-                name: _read_array(group[name], location.key(name))
-                for name in ("phase", "valid", "force", "separation", "sensor_pose", "object_pose")
+                name: read_floats(group[name], location.key(name))
+                for name in ("force", "separation", "sensor_pose", "object_pose")
                 if name in group
             }
-            values = _read_array(self._find(contact_id, "values"), location.key("values")).astype(np.float64)
-            time = _read_array(self._find(contact_id, "time"), location.key("time")).astype(np.float64)
             contact = Contact(
                 id=contact_id,
-                session=int(group.attrs["session"]),
-                time=time,
-                values=values,
+                session=read_integer(group.attrs, "session", 0, location),
+                time=read_floats(self._find(contact_id, "time"), location.key("time")),
+                values=read_floats(self._find(contact_id, "values"), location.key("values")),
                 object=labels[0],
                 approach=labels[1],
-                iteration=int(group.attrs.get("iteration", seen[labels])),
-                phase=None if "phase" not in arrays else arrays["phase"].astype(np.uint8),
-                valid=None if "valid" not in arrays else _to_frames(arrays["valid"]),
+                iteration=read_integer(group.attrs, "iteration", seen[labels], location),
+                phase=_read_phase(group, location),
+                valid=_read_valid(group, location),
                 force=arrays.get("force") if self.header.source == SIM else None,
                 separation=arrays.get("separation") if self.header.source == SIM else None,
                 sensor_pose=arrays.get("sensor_pose"),
@@ -221,21 +250,19 @@ def _convert_header(old: GraspDataset) -> GeneralHeader:
     )
 
 
-def _read_array(item: Any, location: Location) -> NDArray[Any]:
-    """Read a numeric array of bounded size. Raises DatasetError."""
-    if not hasattr(item, "dtype") or item.dtype.kind not in _NUMBERS:
-        kind = str(getattr(item, "dtype", "a group"))
-        location.fail("an array of numbers", kind, "write numbers")
-    if item.size * 8 > LARGEST_ARRAY_BYTES:
-        location.fail(f"at most {LARGEST_ARRAY_BYTES // 8} numbers", str(item.size), "divide the contact")
-    return np.asarray(item[()])
+def _read_phase(group: Any, location: Location) -> NDArray[np.uint8] | None:
+    """Read the phases of a contact, u8[T]; None without them. Raises DatasetError for a number that is no phase."""
+    if "phase" not in group:
+        return None
+    phase = read_integers(group["phase"], location.key("phase"))
+    if phase.size and not 0 <= phase.min() <= phase.max() <= max(Phase):
+        location.key("phase").fail("0 to 4", f"{phase.min()} to {phase.max()}", "see docs/dataset-format.md")
+    return phase.astype(np.uint8)
 
 
-def _to_frames(valid: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether each frame is valid, bool[T], from bool[T] or bool[T, s]."""
-    flags = valid.astype(bool)
-    return np.asarray(flags if flags.ndim == 1 else flags.any(axis=1))
-
-
-def _to_text(value: object) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+def _read_valid(group: Any, location: Location) -> NDArray[np.bool_] | None:
+    """Read whether each frame is valid, bool[T], from bool[T] or bool[T, s]; None without this array."""
+    if "valid" not in group:
+        return None
+    flags = read_flags(group["valid"], location.key("valid"))
+    return np.asarray(flags if flags.ndim != 2 else flags.any(axis=1))

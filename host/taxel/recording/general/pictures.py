@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.optional import optional_import
+from taxel.output.figure import save_figure
 from taxel.recording.general.dataset import GeneralDataset
 from taxel.recording.general.format import AXES
 from taxel.recording.general.values import HoldMeans, compute_hold_means, with_phases
@@ -50,7 +51,7 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
             axis.set_title(f"{condition[0]} {condition[1]}", fontsize=7)
         unit = data.header.properties.unit or "units of the file"
         line[0].set_ylabel(f"{data.header.source}\n±{limit:.3g} {unit}", fontsize=7)
-    figure.savefig(out, dpi=130)
+    save_figure(figure, out, dpi=130)
     plt.close(figure)
     return len(conditions)
 

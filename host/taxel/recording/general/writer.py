@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import fields
 from datetime import UTC, datetime
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,8 @@ from taxel.recording.general.checks import check_contact, check_header
 from taxel.recording.general.format import VERSION, Contact, GeneralHeader
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import FORMAT
-from taxel.recording.grasp_storage import check_target, convert_writing_errors, create_file, get_part_path, put_in_place
+from taxel.recording.grasp_storage import convert_writing_errors, open_whole_dataset
+from taxel.recording.hdf5_output import WritableFile, open_new_hdf5
 
 _CONTACT_ARRAYS = ("time", "values", "phase", "valid", "force", "separation", "sensor_pose", "object_pose")
 
@@ -29,28 +28,35 @@ def write_general(
     The file appears under its name when it is complete. Raises DatasetError for the first deviation from the format; an
     existing file then stays as it was.
     """
-    target = Path(path)
-    location = Location(str(target))
-    check_target(target, overwrite, location)
-    part, count = get_part_path(target), 0
-    try:
-        with convert_writing_errors(location), create_file(part) as file:
-            first: Contact | None = None
-            for contact in contacts:
-                if first is None:
-                    first = contact
-                    check_header(header, contact.values.shape[1] if contact.values.ndim > 1 else 0, location)
-                    _write_header(file, header)
-                own = location.key("grasps").key(contact.id)
-                check_contact(contact, first.values.shape[1], first.values.ndim == 3, own)
-                _write_contact(file, contact)
-                count += 1
+    location = Location(str(path))
+    with open_whole_dataset(path, overwrite) as part:
+        try:
+            with open_new_hdf5(part) as file:
+                count = _write_contacts(file, header, contacts, location)
+        except OSError as error:
+            with convert_writing_errors(location):
+                raise error
         if not count:
             location.key("grasps").fail("at least one contact", "none", "check the input")
-        put_in_place(part, target, overwrite, location)
-    finally:
-        with suppress(OSError):
-            part.unlink()
+    return count
+
+
+def _write_contacts(file: WritableFile, header: GeneralHeader, contacts: Iterable[Contact], location: Location) -> int:
+    """Write the header and all contacts; return their number."""
+    first: Contact | None = None
+    count = 0
+    for contact in contacts:
+        if first is None:
+            first = contact
+            check_header(header, contact.values.shape[1] if contact.values.ndim > 1 else 0, location)
+            with convert_writing_errors(location):
+                _write_header(file, header)
+        own = location.key("grasps").key(contact.id)
+        check_contact(contact, first.values.shape[1], first.values.ndim == 3, own)
+        with convert_writing_errors(own):
+            _write_contact(file, contact)
+            file.check()
+        count += 1
     return count
 
 

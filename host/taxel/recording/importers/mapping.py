@@ -6,13 +6,14 @@ A mapping is a TOML file with ``format = "taxel-import-map"`` and ``version = 1`
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, Final
 
 from taxel.hand.errors import format_value
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
 from taxel.recording.general.checks import check_properties
 from taxel.recording.general.format import MODALITIES, Direction, Properties
 from taxel.recording.grasp_checks import Location
@@ -135,9 +136,11 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
     location = Location(os.fspath(path))
     check_input(Path(path))
     try:
-        values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError, OSError) as error:
-        location.fail("valid TOML", format_value(str(error).partition("\n")[0]), "correct the syntax")
+        values = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
+    except TextError as error:
+        location.key(error.position).fail(error.expected, format_value(error.found), "correct the syntax")
+    except OSError as error:
+        location.fail("a readable file", error.strerror or type(error).__name__, "check the path")
     return parse_mapping(values, location)
 
 

@@ -38,7 +38,7 @@ class MappingTable:
         if name not in self._values:
             return default
         value = self._values.pop(name)
-        if kind is float and type(value) is int:
+        if kind is float and type(value) is int and abs(value) < 1e300:
             value = float(value)
         if type(value) is not kind:
             self.location.key(name).fail(_TYPE_NAMES[kind], format_value(value), "correct the value")

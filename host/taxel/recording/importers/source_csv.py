@@ -34,7 +34,10 @@ def open_file(path: Path) -> Source:
     if "\0" in first:
         location.fail("a table as UTF-8 text", "binary data", "save the table as CSV")
     separator = max(_SEPARATORS, key=first.count)
-    header = next(csv.reader([first.lstrip("# ")], delimiter=separator), [])
+    try:
+        header = next(csv.reader([first.lstrip("# ")], delimiter=separator), [])
+    except csv.Error as error:
+        location.key("line 1").fail("a CSV table", format_value(str(error)), "save the table as CSV again")
     names = [name.strip() for name in header]
     has_header = any(not _is_number(name) for name in names)
     if not has_header:

@@ -9,7 +9,6 @@ field ``task``.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,11 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files import TextError, parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.recording.grasp_checks import Location
 from taxel.recording.importers.fields import Field, Source
 from taxel.recording.importers.source_parquet import open_tables
 
 EPISODE, TIME, TASK_INDEX, TASK = "episode_index", "timestamp", "task_index", "task"
+
+_LARGEST_TASK: Final = 1e9
 
 _VERSIONS: Final = {"v2.": "episode_*.parquet", "v3.": "file-*.parquet"}
 
@@ -50,8 +53,8 @@ def open_file(path: Path) -> Source:
 def _read_json(file: Path, location: Location) -> Any:
     """Read a JSON file. Raises DatasetError."""
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        return parse_json(read_regular_file(file, JSON_BYTES_MAX))
+    except (OSError, TextError) as error:
         return location.fail("a JSON file", format_value(str(error)), "download the folder meta/ completely")
 
 
@@ -61,18 +64,27 @@ def _read_tasks(path: Path) -> dict[int, str]:
     if lines.is_file():
         location = Location(str(lines))
         try:
-            entries = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines() if line.strip()]
+            texts = read_regular_file(lines, JSON_BYTES_MAX).splitlines()
+            entries = [parse_json(line) for line in texts if line.strip()]
             return {int(entry[TASK_INDEX]): str(entry[TASK]) for entry in entries}
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, OverflowError, KeyError, TypeError) as error:
             location.fail("one JSON object with task_index and task in each line", format_value(str(error)), "fix it")
     if not table.is_file():
         return {}
     source = open_tables(table, [table], "table of tasks")
     # pandas stores the index of the table, the text of the task, under its own name or as __index_level_0__.
     name = next((name for name in (TASK, "__index_level_0__") if name in source.fields), TASK)
-    return dict(zip(source.read(TASK_INDEX).astype(int).tolist(), source.read(name).astype(str).tolist(), strict=True))
+    return dict(zip(_read_task_numbers(source), source.read(name).astype(str).tolist(), strict=True))
 
 
 def _name_tasks(source: Source, texts: dict[int, str]) -> NDArray[Any]:
     """Text of the task of each row."""
-    return np.array([texts.get(int(index), f"task {index}") for index in source.read_numbers(TASK_INDEX).ravel()])
+    return np.array([texts.get(index, f"task {index}") for index in _read_task_numbers(source)])
+
+
+def _read_task_numbers(source: Source) -> list[int]:
+    """Number of the task of each row. Raises DatasetError for a value that is no integer."""
+    values = source.read_numbers(TASK_INDEX).ravel()
+    if not np.isfinite(values).all() or (values != np.round(values)).any() or (np.abs(values) > _LARGEST_TASK).any():
+        source.at(TASK_INDEX).fail("the number of a task in each row", "other numbers", "correct the column")
+    return [int(value) for value in values]

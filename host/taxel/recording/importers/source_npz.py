@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files import open_regular_file, read_regular_file
+from taxel.input_files.numpy_archive import (
+    HEADER_BYTES,
+    ArchiveError,
+    ArrayHeader,
+    NumpyArchive,
+    parse_array,
+    parse_array_header,
+)
 from taxel.recording.grasp_checks import Location
+from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES
 from taxel.recording.importers.fields import Field, Source, check_size
 
 ARRAY_NAME: Final = "data"
@@ -24,53 +33,49 @@ def open_file(path: Path) -> Source:
     """Open a NumPy file; arrays are read on first use. Raises DatasetError for a damaged file and Python objects."""
     location = Location(str(path))
     if path.suffix.lower() == ".npy":
-        with path.open("rb") as file:
-            field = _read_header(file, ARRAY_NAME, location, lambda: _load_npy(path))
-        return Source(path, "NumPy file", {ARRAY_NAME: field})
+        own = location.key(ARRAY_NAME)
+        with _convert_errors(own, "a NumPy array"), open_regular_file(path) as file:
+            header = parse_array_header(file.read(HEADER_BYTES), path.stat().st_size)
+        return Source(path, "NumPy file", {ARRAY_NAME: _make_field(header, ARRAY_NAME, own, lambda: _load_npy(path))})
     fields = {}
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for member in archive.namelist():
-                name = member.removesuffix(".npy")
-                with archive.open(member) as file:
-                    fields[name] = _read_header(file, name, location, _make_loader(path, member, name))
-    except (zipfile.BadZipFile, OSError, EOFError, RuntimeError) as error:
-        location.fail("a NumPy archive (.npz)", format_value(str(error)), _DAMAGED)
+    with _convert_errors(location, "a NumPy archive (.npz)"):
+        archive = NumpyArchive(path)
+    with archive:
+        for name in archive.names:
+            own = location.key(name)
+            with _convert_errors(own, "a NumPy array"):
+                header = archive.read_header(name)
+            fields[name] = _make_field(header, name, own, _make_loader(path, name))
     return Source(path, "NumPy archive", fields)
 
 
-def _read_header(file: IO[bytes], name: str, location: Location, load: Any) -> Field:
-    """Read shape and type of an array without its values. Raises DatasetError."""
-    own = location.key(name)
+@contextmanager
+def _convert_errors(location: Location, expected: str) -> Iterator[None]:
+    """Context that converts the errors of a NumPy file into DatasetError. expected: for the message."""
     try:
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(file)
-    except (ValueError, EOFError) as error:
-        own.fail("a NumPy array", format_value(str(error).partition("\n")[0]), _DAMAGED)
-    if dtype.hasobject or dtype.names:
-        own.fail("a plain array", "Python objects or records", "store numbers or texts without Python objects")
-    check_size(shape, dtype.itemsize, own)
-    return Field(name, tuple(shape), str(dtype) if dtype.kind in "iufb" else "text", load)
+        yield
+    except (ArchiveError, OSError) as error:
+        location.fail(expected, format_value(str(error)), _DAMAGED)
 
 
-def _make_loader(path: Path, member: str, name: str) -> Any:
+def _make_field(header: ArrayHeader, name: str, location: Location, load: Callable[[], NDArray[Any]]) -> Field:
+    """Return the field of an array that is not read yet. Raises DatasetError for a size above the limit."""
+    check_size(header.shape, header.dtype.itemsize, location)
+    return Field(name, header.shape, str(header.dtype) if header.dtype.kind in "iufb" else "text", load)
+
+
+def _make_loader(path: Path, name: str) -> Callable[[], NDArray[Any]]:
     """Return a function that reads one array of an archive."""
 
     def load() -> NDArray[Any]:
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return np.asarray(np.lib.format.read_array(io.BytesIO(archive.read(member)), allow_pickle=False))
-        except (zipfile.BadZipFile, OSError, ValueError, EOFError, RuntimeError) as error:
-            return Location(str(path)).key(name).fail("a complete array", format_value(str(error)), _DAMAGED)
+        with _convert_errors(Location(str(path)).key(name), "a complete array"), NumpyArchive(path) as archive:
+            return archive.read(name, LARGEST_ARRAY_BYTES)
 
     return load
 
 
 def _load_npy(path: Path) -> NDArray[Any]:
     """Read the only array of a .npy file. Raises DatasetError."""
-    try:
-        return np.asarray(np.load(path, allow_pickle=False))
-    except (OSError, ValueError, EOFError) as error:
-        location = Location(str(path)).key(ARRAY_NAME)
-        return location.fail("a complete array", format_value(str(error).partition("\n")[0]), _DAMAGED)
+    with _convert_errors(Location(str(path)).key(ARRAY_NAME), "a complete array"):
+        data = read_regular_file(path, LARGEST_ARRAY_BYTES)
+        return parse_array(data, parse_array_header(data[:HEADER_BYTES], len(data)))

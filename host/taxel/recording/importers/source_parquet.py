@@ -46,7 +46,10 @@ def open_tables(path: Path, files: Sequence[Path], kind: str) -> Source:
                 fields[name] = Field(name, (), _describe_type(types[name]), _make_loader(files, name))
     if not rows:
         Location(str(path)).fail("rows", "none", "check whether the recording is empty")
-    shaped = {name: _with_shape(field, files[0], rows) for name, field in fields.items()}
+    try:
+        shaped = {name: _with_shape(field, files[0], rows) for name, field in fields.items()}
+    except Exception as error:  # as above
+        Location(str(files[0])).fail("readable columns", format_value(str(error).partition("\n")[0]), "write it again")
     return Source(path, kind, shaped, is_table=True)
 
 

@@ -24,7 +24,7 @@ def open_file(path: Path) -> Source:
         import zarr
     try:
         root = zarr.open(str(path), mode="r")
-        arrays = dict(_walk(root, ""))
+        arrays = dict(sorted(_walk(root, ""), key=lambda item: item[0]))  # a folder has no order
     except Exception as error:  # zarr raises several types for a damaged store
         location.fail("a Zarr store", format_value(str(error).partition("\n")[0]), _DAMAGED)
     fields = {}

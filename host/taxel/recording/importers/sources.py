@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from collections.abc import Callable
 from importlib import import_module
@@ -9,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Final, cast
 
+from taxel.input_files import is_regular_file
 from taxel.recording.grasp_checks import Location
 from taxel.recording.importers.fields import Field, Source
 
@@ -58,9 +60,19 @@ def check_input(path: Path) -> None:
         location.fail("a file with content", "an empty file", "record or copy the file again")
 
 
+def _check_folder(path: Path) -> None:
+    """Raise DatasetError for a file below a folder that is no regular file; libraries would wait for it without end."""
+    for folder, _, names in os.walk(path):
+        for name in names:
+            file = os.path.join(folder, name)
+            if not is_regular_file(file):
+                Location(file).fail("a regular file", "another kind of file", "copy the folder completely")
+
+
 def find_kind(path: Path) -> str:
     """Return the name of the module that reads a path. Raises DatasetError for an unknown kind."""
     if path.is_dir():
+        _check_folder(path)
         for name, module in _FOLDERS:
             if (path / name).is_file():
                 return module

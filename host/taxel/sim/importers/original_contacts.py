@@ -4,7 +4,6 @@ Raw contacts are x, y, z of the physics engine's contact points; active points a
 Source: the contact plug-in of abed-almrad/BICI_SENSORS_ROS. The files name neither grasp nor board.
 """
 
-import csv
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +14,15 @@ from scipy.spatial import cKDTree
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
+from taxel.hand.errors import format_path
 from taxel.hand.transforms import apply
+from taxel.input_files import TextError
+from taxel.input_files.csv_rows import parse_float, read_csv_rows
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N
 from taxel.sim.importers.active_points import MATCH_M
 from taxel.sim.importers.csv_grasps import PosedGrasp, group_rows_by_frame, read_hand, write_grasps
 from taxel.sim.importers.csv_table import CsvTable
-from taxel.sim.importers.errors import FileLocation
+from taxel.sim.importers.errors import FileLocation, ImportDataError
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import refuse_existing_file
 from taxel.sim.original_sensing import OriginalRules, StoredPoints, find_active, get_centres
@@ -50,16 +52,18 @@ def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
         source.fail("a CSV file", "a folder" if file.is_dir() else "no such file", "check the path")
     rows: list[list[float]] = []
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except UnicodeDecodeError:
-        source.fail("UTF-8 text", "other bytes", "give a contact file of the original simulator")
+        lines = list(read_csv_rows(file))
+    except TextError as error:
+        raise ImportDataError(
+            format_path(source.file), error.position, error.expected, error.found, "correct this line"
+        ) from None
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
-    for number, fields in enumerate(csv.reader(lines), start=1):
+    for number, fields in lines:
         if not any(field.strip() for field in fields) or (number == 1 and fields[0].strip() in {"x", "x_m"}):
             continue
         try:
-            values = [float(field) for field in fields]
+            values = [parse_float(field) for field in fields]
         except ValueError:
             values = [np.nan]
         expected = "x, y, z or x, y, z, force"

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.errors import HandGeometryError, format_path, format_value
-from taxel.recording.errors import DatasetError
+from taxel.hand.errors import HandGeometryError, format_value
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.recording.grasp_record import GraspRecord
-from taxel.recording.grasp_storage import check_target, convert_writing_errors, get_part_path, put_in_place
+from taxel.recording.grasp_storage import check_target, open_whole_dataset
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 from taxel.sim.importers.errors import FileLocation
@@ -85,13 +84,11 @@ def open_new_dataset(
 
     Raises DatasetError as the writer does, with the name of `path`.
     """
-    target, location = Path(path), Location(str(path))
-    check_target(target, options.overwrite, location)
-    temporary = target.with_name(f".{target.name}.import")
     model = options.sensor.make_dataset_model(options.hand, stiffness_n_per_m, layer)
-    try:
-        with GraspDatasetWriter.create(
-            temporary,
+    with (
+        open_whole_dataset(path, options.overwrite) as part,
+        GraspDatasetWriter.create_part(
+            part,
             DatasetHeader(
                 source=source,
                 hand=options.hand.name,
@@ -101,18 +98,9 @@ def open_new_dataset(
                 generator=f"taxel {version('taxel')}; {description}, seed {options.seed}",
                 sensor_model=model if source == "sim" else None,
             ),
-            overwrite=True,
-        ) as out:
-            yield out
-        with convert_writing_errors(location):
-            put_in_place(temporary, target, options.overwrite, location)
-    except DatasetError as error:
-        if error.file != format_path(temporary):
-            raise
-        raise DatasetError(format_path(path), *error.args[1:]) from None
-    finally:
-        temporary.unlink(missing_ok=True)
-        get_part_path(temporary).unlink(missing_ok=True)
+        ) as out,
+    ):
+        yield out
 
 
 def make_record(

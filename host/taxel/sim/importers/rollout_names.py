@@ -13,7 +13,6 @@ The model map is a TOML file (or an equal dictionary)::
 """
 
 import os
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Hand
-from taxel.hand.errors import HandGeometryError, format_value
+from taxel.hand.errors import HandGeometryError, format_path, format_value
 from taxel.hand.transforms import make_pose
-from taxel.sim.importers.errors import FileLocation, suggest_names
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
+from taxel.sim.importers.errors import FileLocation, ImportDataError, suggest_names
 from taxel.types import FloatArray
 
 __all__ = ["ModelParts", "find_parts", "load_map", "model_names"]
@@ -68,9 +69,11 @@ def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], FileLocation
     if not file.is_file():
         source.fail("a TOML file", "a folder" if file.is_dir() else "no such file", "check the path")
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8")), source
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        source.fail("valid TOML", format_value(str(error).partition("\n")[0]), "correct the syntax")
+        return parse_toml(read_regular_file(file, TOML_BYTES_MAX)), source
+    except TextError as error:
+        raise ImportDataError(
+            format_path(source.file), error.position, error.expected, format_value(error.found), "correct the syntax"
+        ) from None
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
 

@@ -1,8 +1,6 @@
 """Reading of the states of a rollout from an .npz file."""
 
 import os
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files.numpy_archive import ArchiveError, NumpyArchive
+from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES
 from taxel.sim.importers.errors import FileLocation, suggest_names
 from taxel.sim.importers.hand_motion import parse_phase
 from taxel.types import FloatArray
@@ -120,13 +120,10 @@ def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         source.fail("an .npz file", "a folder" if path.is_dir() else "no such file", "check the path")
     try:
-        with np.load(path, allow_pickle=False) as loaded:
-            if not isinstance(loaded, np.lib.npyio.NpzFile):
-                source.fail("an .npz file", "a single array", "save the states by name with numpy.savez")
-            return {name: loaded[name] for name in loaded.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        reason = format_value(str(error).partition("\n")[0])
-        source.fail("an .npz file of plain arrays", reason, "save numbers and texts with numpy.savez")
+        with NumpyArchive(path) as archive:
+            return {name: archive.read(name, LARGEST_ARRAY_BYTES) for name in archive.names}
+    except (ArchiveError, OSError) as error:
+        source.fail("an .npz file of plain arrays", format_value(str(error)), "save numbers and texts with numpy.savez")
 
 
 def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: FileLocation) -> FloatArray:

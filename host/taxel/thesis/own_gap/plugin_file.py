@@ -9,6 +9,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from taxel.errors import TaxelError
+from taxel.output import open_whole
 from taxel.sim.contact_messages import ContactMessage, PairEntry
 from taxel.thesis.own_gap.plugin import PluginGrasp
 
@@ -45,9 +46,8 @@ def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp], settings: str
         "position": np.concatenate([np.zeros((0, 3)), *(entry.position for entry in entries)]),
         "force_n": np.concatenate([np.zeros(0), *(entry.force_n for entry in entries)]),
     }
-    temporary = path.with_suffix(".part.npz")
-    np.savez_compressed(temporary, **arrays)
-    temporary.replace(path)
+    with open_whole(path) as file:
+        np.savez_compressed(file, **arrays)
 
 
 def read_plugin_grasps(path: Path, settings: str) -> list[PluginGrasp]:

@@ -5,7 +5,7 @@ from html import escape
 
 from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE
 from taxel.monitor.reading import BoardReading, SkinReading
-from taxel.monitor.summary_text import Part, format_errors, format_load, format_rates
+from taxel.monitor.summary_text import Part, format_clock, format_errors, format_load, format_rates
 
 _HEADINGS = (
     ("board", "the address is shown over the name"),
@@ -28,7 +28,12 @@ def format_status_html(reading: SkinReading, title: str) -> str:
     rows = [_join_parts(format_rates(reading)), _join_parts(format_errors(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
     body = "".join(f"<div>{row}</div>" for row in rows)
-    return f'<div style="padding:0.2em 1em;font-size:0.85em"><b>{escape(title)}</b>{body}{advice}</div>'
+    since = "" if reading.no_data_since_s is None else format_clock(reading.no_data_since_s)
+    state = f'data-updated="{reading.watched_s:.2f}" data-ended="{reading.is_ended:d}" data-no-data-since="{since}"'
+    return (
+        f'<div id="taxel-status" {state} style="padding:0.2em 1em;font-size:0.85em">'
+        f"<b>{escape(title)}</b>{body}{advice}</div>"
+    )
 
 
 def _join_parts(parts: list[Part]) -> str:

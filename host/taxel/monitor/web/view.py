@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
+import sys
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from taxel.errors import TaxelError
 from taxel.monitor.colours import TABLE, UNKNOWN, ColourScale, colour_steps
 from taxel.monitor.history import History
 from taxel.monitor.model import SkinMonitor
-from taxel.monitor.page import format_legend_html, format_status_html, format_table_html
 from taxel.monitor.reading import SkinReading
-from taxel.monitor.scene import HandScene, build_scene
-from taxel.optional import optional_import
+from taxel.monitor.web.gate import Gate
+from taxel.monitor.web.page import format_legend_html, format_status_html, format_table_html
+from taxel.monitor.web.refusals import Refusals
+from taxel.monitor.web.scene import HandScene, build_scene
+from taxel.monitor.web.server import HOST, start_server
+from taxel.optional import require_packages
 from taxel.types import Float32Array
 
 if TYPE_CHECKING:
     import viser
 
-HOST = "127.0.0.1"
 LINES = 5
 """Number of time series in the plot."""
 
@@ -42,22 +44,32 @@ PALM, BACK = "palm side", "back"
 LINK_COLOUR = (205, 207, 212)
 
 
-class WebError(TaxelError):
-    """Error: the browser page of the monitor cannot be served."""
+def _print_line(text: str) -> None:
+    """Print a line of the page's server to standard error."""
+    print(f"taxel: {text}", file=sys.stderr, flush=True)
 
 
 class WebView:
-    """View of the monitor as a web page, served on 127.0.0.1 until `close`.
+    """View of the monitor as a web page, served on 127.0.0.1 until `close` to browsers that open `url`.
 
-    A context manager and a `taxel.monitor.View`. port: 0 for a free port. Raises `MissingPackageError` if viser is not
-    installed, `WebError` if the port is not available, `HandGeometryError` for a hand description without geometry.
+    A context manager and a `taxel.monitor.View`. Everything that a page sends is hostile until checked
+    (`taxel.monitor.web.gate`, `taxel.monitor.web.page_input`). `refusals` counts refused requests and messages.
     """
 
-    def __init__(self, monitor: SkinMonitor, title: str, port: int = 8080) -> None:
+    def __init__(
+        self,
+        monitor: SkinMonitor,
+        title: str,
+        port: int = 8080,
+        has_control: bool = False,
+        report: Callable[[str], None] = _print_line,
+    ) -> None:
         """Start a web server on 127.0.0.1 with a page that shows a 3D drawing of the hand and a control panel.
 
-        title: heading of the page. port: 0 for a free port. Raises MissingPackageError if viser is not installed,
-        WebError if the port is not available, HandGeometryError for a hand description without geometry.
+        title: heading of the page. port: 0 for a free port. has_control: the page can take the baseline again; False:
+        the page only shows. report: called with one line for the first refusal of each kind. Raises MissingPackageError
+        if viser is not installed, WebError if the port is not available, HandGeometryError for a hand description
+        without geometry.
         """
         self._monitor = monitor
         self._title = title
@@ -65,14 +77,20 @@ class WebView:
         self._scale = ColourScale(monitor.threshold)
         self._history = History(monitor.hand.n_taxels)
         self._drawings = 0
-        self._server = _start_server(port)
+        self._gate = Gate()
+        self.refusals = Refusals(report)
+        require_packages("--web", "web", "viser")
+        from taxel.monitor.web.page_input import PageInput  # needs msgspec, which viser installs
+
+        self._input = PageInput()
+        self._server = start_server(port, self._gate, self.refusals, self._input.check)
         self._draw_hand()
-        self._create_panel()
+        self._create_panel(has_control)
 
     @property
     def url(self) -> str:
-        """Address of the page."""
-        return f"http://{HOST}:{self._server.get_port()}/"
+        """Address of the page, with the token of this run: whoever has the address can open the page."""
+        return f"http://{HOST}:{self._server.get_port()}/?token={self._gate.token}"
 
     @property
     def has_client(self) -> bool:
@@ -122,7 +140,7 @@ class WebView:
         x, y, z = self._scene.centre + 1.75 * self._scene.radius * direction / np.linalg.norm(direction)
         return float(x), float(y), float(z)
 
-    def _create_panel(self) -> None:
+    def _create_panel(self, has_control: bool) -> None:
         """Create the control panel of the web page: status, view buttons, baseline button, plot and table."""
         gui = self._server.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
@@ -131,8 +149,9 @@ class WebView:
         self._legend = gui.add_html("")
         side = gui.add_button_group("view", (PALM, BACK))
         names = gui.add_checkbox("board names", initial_value=False)
-        baseline = gui.add_button("Take the baseline again", hint="Nothing may touch the skin during the baseline.")
-        options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
+        if has_control:
+            self._add_baseline_button()
+        self._options = options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
         self._choice = gui.add_dropdown("signal over time of", options, initial_value=BOARDS)
         self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
         self._plot = gui.add_uplot(
@@ -141,6 +160,10 @@ class WebView:
             legend={"live": False}, height=200, padding=(10, 24, 0, 0),
         )  # fmt: skip
         self._table = gui.add_html("")
+
+        self._input.allow(side._impl.uuid, (PALM, BACK))
+        self._input.allow(names._impl.uuid, (False, True))
+        self._input.allow(self._choice._impl.uuid, frozenset(options))
 
         @side.on_click
         def _(event: Any) -> None:
@@ -155,6 +178,12 @@ class WebView:
         def _(event: Any) -> None:
             for label in self._names:
                 label.visible = names.value
+
+    def _add_baseline_button(self) -> None:
+        """Add the button that takes the baseline again."""
+        hint = "Nothing may touch the skin during the baseline."
+        baseline = self._server.gui.add_button("Take the baseline again", hint=hint)
+        self._input.allow(baseline._impl.uuid, (True,))
 
         @baseline.on_click
         def _(event: Any) -> None:
@@ -192,7 +221,7 @@ class WebView:
     def _select_series(self) -> tuple[tuple[str, ...], Float32Array]:
         """Names and signals f32[t, k] of the selected time series."""
         hand, selection = self._monitor.hand, self._choice.value
-        if selection == BOARDS:
+        if selection not in self._options or selection == BOARDS:
             signals = self._history.taxels(np.arange(hand.n_taxels))
             boards = np.stack([_compute_row_maximum(part) for part in hand.split(signals).values()], axis=1)
             order = np.argsort(-np.nan_to_num(boards, nan=-np.inf).max(axis=0, initial=-np.inf), kind="stable")[:LINES]
@@ -232,28 +261,6 @@ def _make_line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
 def _make_scales(top: float) -> dict[str, Any]:
     """Return the ranges of the plot's axes: the last `SHOWN_S` seconds, and 0 to `top` counts."""
     return {"x": {"time": False, "range": (-SHOWN_S, 0.0)}, "y": {"range": (-0.05 * top, top)}}
-
-
-def _start_server(port: int) -> viser.ViserServer:
-    """Start the web server on this computer. Raises `WebError` if the port is not available."""
-    with optional_import("viser", "--web"):
-        import viser
-    # A browser may open a connection in advance and close it unused, for which websockets logs a traceback.
-    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner; the command prints the address
-            server = viser.ViserServer(host=HOST, port=port, label="taxel", verbose=False)
-    except OSError as error:
-        raise WebError(
-            f"port {port} of {HOST} is not available ({error.strerror or error}); choose another --port"
-        ) from None
-    # A page can request a public address through a relay of viser. The page must stay on this computer.
-    server.request_share_url = _disable_sharing  # type: ignore[method-assign]
-    return server
-
-
-def _disable_sharing(verbose: bool = True) -> None:
-    """Do nothing: replaces viser's function that would share the page on the internet."""
 
 
 def _draw_links(server: viser.ViserServer, hand: HandScene) -> None:

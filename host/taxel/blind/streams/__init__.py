@@ -1,0 +1,1 @@
+"""Blind check over time: hours of use with a hidden fault that begins at a secret time."""

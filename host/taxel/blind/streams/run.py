@@ -1,0 +1,98 @@
+"""Execution of the blind check over time: seal the streams, run the twin on each, and keep its events."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Final
+
+from taxel.blind.seal import commitment
+from taxel.blind.streams.emulation import Stream, make_stream
+from taxel.blind.streams.world import StreamWorld
+from taxel.blind.world_datasets import WorldNotMadeError
+from taxel.campaign.poll_cycles import PollCycles
+from taxel.output import write_whole
+from taxel.twin import Twin, read_reference
+from taxel.twin.causes import ReferenceFile
+from taxel.twin.naming import CauseNaming
+from taxel.twin.session import TwinSession
+from taxel.twin.sources import RECORDED_BLOCK, Block
+
+NAMED_AFTER: Final = (1, 10, 30, 100)
+"""Contacts after the onset at which the named cause is scored."""
+
+
+@dataclass(frozen=True, eq=False)
+class CyclesSource:
+    """Poll cycles in memory, as a source of a twin."""
+
+    cycles: PollCycles
+    is_live: bool = False
+    is_continuous: bool = True
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield blocks of poll cycles."""
+        for start in range(0, len(self.cycles.time_s), RECORDED_BLOCK):
+            part = slice(start, start + RECORDED_BLOCK)
+            yield Block(self.cycles.time_s[part], self.cycles.raw_counts[part], self.cycles.valid[part])
+
+
+def seal_streams(out: Path, worlds: Sequence[StreamWorld]) -> None:
+    """Write the hash of every stream to `out`/commitments.json, before any stream is made."""
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps({str(world.number): commitment(world.to_json()) for world in worlds}, indent=1)
+    write_whole(out / "commitments.json", text)
+
+
+def run_streams(
+    out: Path, worlds: Sequence[StreamWorld], jobs: int | None, progress: Callable[[int, int], None]
+) -> None:
+    """Make each stream without a result, run the twin on it, and write its events to `out`/NUMBER.json."""
+    missing = [world for world in worlds if not (out / f"{world.number}.json").exists()]
+    done = len(worlds) - len(missing)
+    progress(done, len(worlds))
+    for _ in _map(out, missing, jobs):
+        done += 1
+        progress(done, len(worlds))
+
+
+def _map(out: Path, worlds: Sequence[StreamWorld], jobs: int | None) -> Iterator[None]:
+    """Run the streams in processes, one for each core unless `jobs` states the number."""
+    jobs = min(jobs or os.cpu_count() or 1, max(len(worlds), 1))
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        yield from pool.map(partial(run_stream, out), worlds)
+
+
+def run_stream(out: Path, world: StreamWorld) -> None:
+    """Make one stream, run the twin on it, and write its events."""
+    reference = out / f"{world.number}.h5"
+    try:
+        stream = make_stream(world, reference)
+    except WorldNotMadeError as error:
+        _write(out, world, {"error": str(error)})
+        return
+    result = watch_stream(stream, reference)
+    reference.unlink()
+    _write(out, world, {**result, "start_s": stream.start_s, "contacts": [one.end_s for one in stream.schedule]})
+
+
+def watch_stream(stream: Stream, reference: Path) -> dict[str, object]:
+    """Run the twin on a stream; return its events and the largest evidence. The world is not an input."""
+    naming = CauseNaming(ReferenceFile.read(reference), counts=NAMED_AFTER)
+    twin = Twin(read_reference(reference), stream.schedule)
+    events, evidence = [], 0.0
+    for update in TwinSession(twin, CyclesSource(stream.cycles), naming).updates():
+        events += [event.to_json() for event in update.events]
+        evidence = max([evidence, *(result.evidence for result in update.results)])
+    return {"events": events, "evidence": evidence}
+
+
+def _write(out: Path, world: StreamWorld, result: dict[str, object]) -> None:
+    """Write a result and the opened world."""
+    write_whole(out / f"{world.number}.json", json.dumps({"world": world.to_json(), **result}))

@@ -1,0 +1,145 @@
+"""`taxel twin`."""
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from taxel.cli.options import AsJson, HandOption, Seconds
+from taxel.optional import require_packages
+
+if TYPE_CHECKING:
+    from taxel.twin.schedule import ContactSchedule
+    from taxel.twin.session import Update
+    from taxel.twin.sources import Source
+
+Reference = Annotated[
+    Path,
+    typer.Option(
+        help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import, twin --learn)."
+    ),
+]
+
+
+def twin(
+    url: Annotated[
+        str, typer.Argument(help="The skin (serial:, emulator:, file:RECORDING), or a grasp dataset FILE.h5.")
+    ],
+    reference: Reference,
+    contacts: Annotated[
+        Path | None, typer.Option(help="CSV of announced contacts: closing_s,hold_s,...,object,approach.")
+    ] = None,
+    hand: HandOption = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Speed of a recording, times real time. Default: maximum.")
+    ] = None,
+    false_alarm_hours: Annotated[
+        float, typer.Option(min=0.1, max=1e6, help="Mean time to a false alarm of the whole skin, hours.")
+    ] = 24.0,
+    name_causes: Annotated[bool, typer.Option("--causes/--no-causes", help="Name the cause of alarms.")] = True,
+    seconds: Seconds = None,
+    web: Annotated[bool, typer.Option("--web", help="Show the twin in a browser, on this machine only.")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page. 0: a free port.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a skin with its reference, and report changes with their time, place and cause.
+
+    The reference contains repeated contacts of the healthy skin. Each contact of the stream that the CSV file announces
+    is compared with the contacts of the same object and approach; without announced contacts only the state at rest is
+    compared. An alarm states a change that the reference does not explain.
+
+    Example: taxel twin today.h5 --reference healthy.h5 --json
+    """
+    require_packages("taxel twin", "gap", "h5py", "jinja2")
+    from taxel.twin import Twin, read_reference
+    from taxel.twin.causes import ReferenceFile
+    from taxel.twin.naming import CauseNaming
+    from taxel.twin.session import TwinSession
+
+    console = Console(stderr=True, markup=False)
+    known = read_reference(reference)
+    with _open_source(url, hand, speed, contacts, reference) as (source, schedule):
+        naming = CauseNaming(ReferenceFile.read(reference), source.is_live) if name_causes else None
+        with console.status("learning the reference") if console.is_terminal else _nothing():
+            watched = Twin(known, schedule, false_alarm_hours)
+        session = TwinSession(watched, source, naming)
+        updates = _limit(session.updates(), seconds)
+        try:
+            if web:
+                _show_in_browser(updates, session, port, as_json)
+            elif as_json or not console.is_terminal:
+                _print_events(updates, as_json)
+            else:
+                from taxel.twin.terminal import show_on_terminal
+
+                show_on_terminal(updates, session, console, url)
+        except KeyboardInterrupt:
+            return  # Ctrl-C is the usual end
+
+
+@contextmanager
+def _open_source(
+    url: str, hand: str | None, speed: float | None, contacts: Path | None, reference: Path
+) -> Iterator[tuple["Source", "ContactSchedule"]]:
+    """Open a skin or a grasp dataset, and read the announced contacts."""
+    from taxel.monitor import open_paced
+    from taxel.monitor.paced_link import SPEED_MAX
+    from taxel.twin import ContactSchedule, read_reference, read_schedule
+    from taxel.twin.sources import DatasetSource, SkinSource
+
+    schedule = ContactSchedule() if contacts is None else read_schedule(contacts)
+    if url.endswith((".h5", ".hdf5")) and ":" not in url:
+        dataset = DatasetSource.read(url)
+        yield dataset, schedule if contacts is not None else dataset.schedule
+        return
+    is_recorded = url.startswith("file:")
+    with open_paced(url, hand, None, (speed or SPEED_MAX) if is_recorded else 1.0) as skin:
+        source = SkinSource(skin)
+        known = read_reference(reference)
+        source.check(known.taxels, known.sensors, str(reference))
+        yield source, schedule
+
+
+@contextmanager
+def _nothing() -> Iterator[None]:
+    """Show nothing."""
+    yield
+
+
+def _limit(updates: Iterator["Update"], seconds: float | None) -> Iterator["Update"]:
+    """Yield updates for `seconds` of real time; None: all."""
+    started = time.monotonic()
+    for update in updates:
+        yield update
+        if seconds is not None and time.monotonic() - started >= seconds:
+            return
+
+
+def _print_events(updates: Iterator["Update"], as_json: bool) -> None:
+    """Print each event on a line."""
+    steps = alarms = 0
+    for update in updates:
+        steps += len(update.results)
+        for event in update.events:
+            text = event.to_json()
+            alarms += text["event"] == "alarm"
+            print(json.dumps(text, allow_nan=False) if as_json else str(event), flush=True)
+    if not as_json:
+        print(f"{steps} steps compared, {alarms} alarms")
+
+
+def _show_in_browser(updates: Iterator["Update"], session: object, port: int, as_json: bool) -> None:
+    """Serve the page of the twin, and print each event."""
+    from taxel.twin.session import TwinSession
+    from taxel.twin.web import TwinPage
+
+    assert isinstance(session, TwinSession)
+    with TwinPage(session, port) as page:
+        print(f"the twin is at {page.url}; press Ctrl-C to quit", flush=True)
+        _print_events(page.follow(updates), as_json)
+        page.wait()

@@ -1,0 +1,51 @@
+"""The line of confidence: the most probable causes with their probabilities as bars."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from taxel.gap.calibration.calibration import LISTED
+from taxel.gap.page.bars import Axis, build_share_bar
+from taxel.gap.page.text import format_probability, make_readable
+from taxel.gap.report.checked_report import CheckedReport
+
+MOST_CAUSES: Final = 4
+"""Causes in one line of a wide page."""
+
+MIN_SHOWN: Final = 0.05
+"""Probability below which a cause shares one line with the others."""
+
+_LABELS: Final[Mapping[str, str]] = {"unknown": "unknown cause", "no_gap": "no cause"}
+
+
+def rank_causes(report: CheckedReport) -> list[tuple[str, float]]:
+    """Causes, "unknown" and "no_gap" with their probabilities, largest first; empty for a report of version 1."""
+    table = report.verdict.optional("probabilities")
+    if table is None:
+        return []
+    return sorted(((name, value.as_number()) for name, value in table.entries()), key=lambda pair: -pair[1])
+
+
+def list_shown_causes(report: CheckedReport) -> list[tuple[str, float]]:
+    """Causes of the line: those that are not improbable, but at least one; causes of the verdict come first."""
+    ranked = rank_causes(report)
+    shown = [pair for pair in ranked if pair[1] >= MIN_SHOWN][:MOST_CAUSES]
+    return shown or ranked[:1]
+
+
+def label_cause(name: str) -> str:
+    """The name of a cause in words."""
+    return _LABELS.get(name) or make_readable(name)
+
+
+def build_confidence(report: CheckedReport) -> list[dict[str, Any]]:
+    """Variables of the line in the template of the page: label, bar, percentage and whether the cause is named."""
+    axis = Axis(0.0, 1.0)
+    return [
+        {
+            "label": label_cause(name),
+            "bar": build_share_bar(axis, value, value >= LISTED),
+            "percent": format_probability(value),
+            "is_named": value >= LISTED,
+        }
+        for name, value in list_shown_causes(report)
+    ]

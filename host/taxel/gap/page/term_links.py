@@ -1,0 +1,74 @@
+"""Links from the first use of each term in a section to its definition, with the definition as a tool tip."""
+
+import html
+import re
+from collections.abc import Iterator
+from functools import cache
+from typing import Final
+
+from taxel.gap.page.terms import make_anchor, read_definitions
+
+EXCLUDED: Final = frozenset({"a", "code", "h1", "h2", "pre", "svg", "style", "title", "caption", "b"})
+"""Elements whose text has no links: links, code and pictures, and texts of the report that stand out already."""
+
+_SPELLINGS: Final = {"confounded effects": ("confounded",), "held-out data": ("held-out", "held out")}
+"""Further spellings of terms."""
+
+_TAG: Final = re.compile(r"<(/?)([a-zA-Z][a-zA-Z0-9]*)[^>]*?(/?)>")
+
+
+def link_terms(markup: str) -> str:
+    """Link the first use of each term in well-formed markup. Text inside of `EXCLUDED` elements stays unchanged."""
+    linked: set[str] = set()
+    return "".join(_link_text(text, linked) if is_text else text for text, is_text in _split(markup))
+
+
+def _split(markup: str) -> Iterator[tuple[str, bool]]:
+    """Parts of markup, and whether a part is text in which terms are linked."""
+    depth, position = 0, 0
+    for tag in _TAG.finditer(markup):
+        if tag.start() > position:
+            yield markup[position : tag.start()], depth == 0
+        is_end, name, is_empty = tag.groups()
+        if name.lower() in EXCLUDED and not is_empty:
+            depth += -1 if is_end else 1
+        yield tag.group(), False
+        position = tag.end()
+    yield markup[position:], depth == 0
+
+
+def _link_text(text: str, linked: set[str]) -> str:
+    return _pattern().sub(lambda match: _link(match.group(), linked), text)
+
+
+def _link(words: str, linked: set[str]) -> str:
+    """A link to the definition of the term with this spelling; the words alone if the term is linked already."""
+    term = _terms()[_fold(words)]
+    if term in linked:
+        return words
+    linked.add(term)
+    definition = html.escape(read_definitions()[term], quote=True)
+    return f'<a class="term" href="#{make_anchor(term)}" title="{definition}">{words}</a>'
+
+
+def _fold(words: str) -> str:
+    return " ".join(words.replace("\N{NO-BREAK SPACE}", " ").lower().split())
+
+
+@cache
+def _terms() -> dict[str, str]:
+    """The term of each spelling, in lower case."""
+    spellings: dict[str, str] = {}
+    for term in read_definitions():
+        for name in (*term.split(", "), *_SPELLINGS.get(term, ())):
+            for plural in ("", "s", "es"):
+                spellings.setdefault(f"{name.lower()}{plural}", term)
+    return spellings
+
+
+@cache
+def _pattern() -> re.Pattern[str]:
+    """Any spelling as a whole word, the longest first."""
+    longest_first = sorted(_terms(), key=len, reverse=True)
+    words = "|".join(re.escape(name).replace(r"\ ", r"[\s\u00a0]+") for name in longest_first)
+    return re.compile(rf"(?<![\w&#-])(?:{words})(?![\w;-]|\.\w)", re.IGNORECASE)

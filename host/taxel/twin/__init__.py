@@ -1,0 +1,27 @@
+"""Digital twin of a skin: a live stream, compared with its reference."""
+
+from taxel.twin.comparison import HOURS_PER_FALSE_ALARM, StepResult, Twin, fit_reference_models
+from taxel.twin.errors import TwinInputError
+from taxel.twin.events import Alarm, CauseEvent, Cleared, Event, InputFault
+from taxel.twin.null_model import NullModels
+from taxel.twin.reference import Reference, read_reference
+from taxel.twin.schedule import Contact, ContactSchedule, read_schedule
+
+__all__ = [
+    "HOURS_PER_FALSE_ALARM",
+    "Alarm",
+    "CauseEvent",
+    "Cleared",
+    "Contact",
+    "ContactSchedule",
+    "Event",
+    "InputFault",
+    "NullModels",
+    "Reference",
+    "StepResult",
+    "Twin",
+    "TwinInputError",
+    "fit_reference_models",
+    "read_reference",
+    "read_schedule",
+]

@@ -1,0 +1,91 @@
+"""Sequential detection of a change with a guaranteed rate of false alarms.
+
+For each hypothesis h (quantity, place, amplitude) the detector sums, over all possible onsets, the likelihood ratio of
+the steps since the onset, weighted by the prior of the hypothesis and by the time between two steps divided by T:
+
+    M_h <- (M_h + prior_h dt / T) exp(log ratio of the step)
+
+This is the statistic of Shiryaev and Roberts. Without a change, and if the models of `null_model.py` hold, the sum of
+all M_h minus elapsed time / T is a martingale, whatever the correlation between hypotheses. An alarm at a sum of 1 then
+has a mean time to a false alarm of at least T (optional stopping; Pollak, Ann. Stat. 13 (1985) 206; as e-detectors:
+Shin, Ramdas and Rinaldo, 2022).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from taxel.twin.null_model import count_alternatives
+from taxel.twin.places import LEVELS, Places
+from taxel.twin.statistics import QUANTITIES, Quantity
+from taxel.types import FloatArray
+
+LARGEST: Final = 1e200
+"""Bound of a statistic, far above the alarm level of 1."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: in the unit of the quantity; NaN
+    for an alternative without a fixed amplitude.
+    """
+
+    quantity: int
+    place: int
+    amplitude: float
+
+
+class ChangeDetector:
+    """Detector of changes at all places of a skin."""
+
+    def __init__(self, places: Places, hours_per_false_alarm: float) -> None:
+        """Create a detector. hours_per_false_alarm: T, mean time to a false alarm, hours."""
+        self._period_s = 3600.0 * hours_per_false_alarm
+        self._prior = {quantity.name: _make_prior(quantity, places) for quantity in QUANTITIES}
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again, without evidence."""
+        self.evidence = {name: np.zeros_like(prior) for name, prior in self._prior.items()}
+
+    def update(self, elapsed_s: float, log_ratios: dict[str, FloatArray]) -> float:
+        """Add a step; return the sum of all statistics, an alarm if it is at least 1.
+
+        elapsed_s: time since the step before. log_ratios: f64[P, G] by quantity; a quantity that the step does not
+        contain keeps its evidence.
+        """
+        share = elapsed_s / self._period_s
+        total = 0.0
+        for name, evidence in self.evidence.items():
+            evidence += self._prior[name] * share
+            if name in log_ratios:
+                evidence *= np.exp(np.minimum(log_ratios[name], 400.0))
+                np.minimum(evidence, LARGEST, out=evidence)
+            total += float(evidence.sum())
+        return total
+
+    def find_largest(self) -> Hypothesis:
+        """The hypothesis with the largest likelihood, whatever its prior; among equals the first."""
+        best, found = -1.0, Hypothesis(0, 0, float("nan"))
+        for number, quantity in enumerate(QUANTITIES):
+            prior = self._prior[quantity.name]
+            evidence = np.where(prior > 0.0, self.evidence[quantity.name] / np.where(prior > 0.0, prior, 1.0), 0.0)
+            index = int(evidence.argmax())
+            if evidence.flat[index] > best:
+                place, column = divmod(index, evidence.shape[1])
+                own = quantity.amplitudes
+                amplitude = own[column] if column < len(own) else float("nan")
+                best, found = float(evidence.flat[index]), Hypothesis(number, place, amplitude)
+        return found
+
+
+def _make_prior(quantity: Quantity, places: Places) -> FloatArray:
+    """Prior probability of each hypothesis of a quantity, f64[P, G]; equal for quantities, levels and amplitudes."""
+    tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
+    own = np.where(tested, places.prior, 0.0)
+    own = own / own.sum() if own.sum() else own
+    alternatives = count_alternatives(quantity)
+    return np.repeat(own[:, None] / (len(QUANTITIES) * alternatives), alternatives, axis=1)

@@ -1,0 +1,16 @@
+"""Errors of the twin."""
+
+from taxel.errors import TaxelError
+
+
+class TwinInputError(TaxelError):
+    """A schedule or a reference of the twin that cannot be used; one line with the place and the action."""
+
+    def __init__(self, place: str, expected: str, found: str, action: str) -> None:
+        """Create the error. place: file and field. expected, found: what the field should contain and contains."""
+        super().__init__(place, expected, found, action)
+
+    def __str__(self) -> str:
+        """Format the error as one line."""
+        place, expected, found, action = self.args
+        return f"{place}: expected {expected}, found {found}; {action}"

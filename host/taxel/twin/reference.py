@@ -1,0 +1,288 @@
+"""The reference of a skin: its rest state, and the contacts of a reference session by condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_tables import SensorTable, TaxelTable
+from taxel.twin.errors import TwinInputError
+from taxel.twin.noise_level import ROUNDING, NoiseLevel
+from taxel.twin.places import Places
+from taxel.twin.rest_level import RestLevel, estimate_settings
+from taxel.twin.schedule import Condition, Contact, ContactSchedule
+from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
+from taxel.types import BoolArray, FloatArray, IntArray
+
+PRIOR_DEGREES_OF_FREEDOM: Final = 6.0
+"""Degrees of freedom of the variance that all conditions share, in the variance of one condition. A condition with
+seven repeats weighs its own variance and the shared one equally (chosen; the scale of every statistic is fitted
+afterwards, see `null_model.py`)."""
+
+LEAST_REPEATS: Final = 3
+"""Repeats of a condition below which its contacts are shown, but not tested: no variance is known."""
+
+NEIGHBOUR_PITCHES: Final = 1.6
+"""Distance to which a taxel's neighbours reach, in pitches: the eight taxels around it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionReference:
+    """Contacts of one condition in the reference.
+
+    mean: f64[BINS, n], signal, counts. squares: f64[BINS, n], sum of the squared deviations from the mean. repeats:
+    their number. scale: f64[BINS, n], counts: the largest signal in the neighbourhood of a taxel and its change to the
+    neighbouring bins, to which deviations of position, force and time are proportional.
+    """
+
+    mean: FloatArray
+    squares: FloatArray
+    repeats: int
+    scale: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Rest state and contacts of a skin of n taxels.
+
+    taxels, sensors, places: of the skin. rest: f64[n], mean raw count without contact. noise_variance: f64[n], of one
+    frame. conditions: contacts by condition. relative_variance: f64[BINS], variance of a signal relative to the square
+    of `ConditionReference.scale`. session_ratio: f64[BINS], variance between sessions relative to the variance within
+    a session; 0 for one session. missing: f64[s, 2], missing and expected frames. steps: the contacts themselves, with
+    their session, in order of time. baseline_s: median length of the interval
+    before a contact. rest_level: with the loadings of the taxels. noise_level: of the reference.
+    """
+
+    taxels: TaxelTable
+    sensors: SensorTable
+    places: Places
+    rest: FloatArray
+    noise_variance: FloatArray
+    conditions: Mapping[Condition, ConditionReference]
+    relative_variance: FloatArray
+    session_ratio: FloatArray
+    missing: FloatArray
+    steps: tuple[tuple[int, Step], ...]
+    baseline_s: float
+    rest_level: RestLevel
+    noise_level: NoiseLevel
+
+    @property
+    def is_tested(self) -> BoolArray:
+        """Whether each condition, in order, has enough repeats, bool[K]."""
+        return np.array([one.repeats >= LEAST_REPEATS for one in self.conditions.values()])
+
+    def compute_variance(self, condition: Condition, step: Step) -> FloatArray:
+        """Variance of a contact's signals about the true mean of its condition, f64[BINS, n], counts^2.
+
+        step: gives the numbers of averaged frames.
+        """
+        own = self.conditions[condition]
+        shared = PRIOR_DEGREES_OF_FREEDOM * self.relative_variance[:, None] * own.scale**2
+        between = (shared + own.squares) / (PRIOR_DEGREES_OF_FREEDOM + own.repeats - 1)
+        return np.asarray(between + self.compute_noise(step))
+
+    def compute_noise(self, step: Step) -> FloatArray:
+        """Variance of a step's signals from the noise of its frames, f64[BINS, n], counts^2."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.noise_variance * (1.0 / step.count + 1.0 / step.count[BEFORE]))
+
+
+def compute_signals(step: Step) -> FloatArray:
+    """Signal of each bin: mean raw count before the contact minus mean raw count, f64[BINS, n]; NaN without frames."""
+    means = step.compute_means()
+    return np.asarray(means[BEFORE] - means)
+
+
+def read_reference(path: str | PathLike[str]) -> Reference:
+    """Learn a reference from a grasp dataset of version 1. Raises DatasetError and TwinInputError with one line."""
+    with GraspDataset(path) as data:
+        steps = [
+            (grasp.session, make_step(grasp, data.sensors.index_of(data.taxels), data.sensors.s)) for grasp in data
+        ]
+        return learn_reference(data.taxels, data.sensors, steps, str(path))
+
+
+def make_step(grasp: Grasp, taxel_board: IntArray, boards: int) -> Step:
+    """Sums of one grasp of a dataset."""
+    contact = find_contact(grasp)
+    builder = StepBuilder(ContactSchedule([contact]), taxel_board, boards)
+    done = builder.take(grasp.timestamp, grasp.raw_counts, grasp.valid)
+    after = np.array([contact.end_s])  # a frame after the contact completes its step
+    done += builder.take(after, grasp.raw_counts[-1:], np.zeros_like(grasp.valid[-1:]))
+    return next(step for step in done if step.contact is not None)
+
+
+def find_contact(grasp: Grasp) -> Contact:
+    """The times of the phases of a grasp. Raises TwinInputError for phases that decrease or a contact without hold."""
+    place = f"/grasps/{grasp.id}/phase"
+    phase, time_s = grasp.phase.astype(np.int64), grasp.timestamp
+    if (np.diff(phase) < 0).any() or not (phase == Phase.HOLD).any() or phase[0] != Phase.BASELINE:
+        raise TwinInputError(place, "baseline, closing and hold in this order", "another order", "leave the grasp out")
+    period = float(np.median(np.diff(time_s)))
+    end = float(time_s[-1]) + period
+    starts = [
+        float(time_s[np.flatnonzero(phase >= number)[0]]) if (phase >= number).any() else end
+        for number in (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
+    ]
+    return Contact((starts[0], starts[1], starts[2], starts[3], end), (grasp.object, grasp.approach))
+
+
+def learn_reference(
+    taxels: TaxelTable, sensors: SensorTable, steps: Sequence[tuple[int, Step]], name: str
+) -> Reference:
+    """Learn a reference from contacts.
+
+    steps: session and sums of each contact, in order of time. name: of their source, for messages. Raises
+    TwinInputError if no condition is repeated often enough.
+    """
+    contacts = [(session, step) for session, step in steps if step.contact is not None]
+    near = _find_neighbours(taxels, sensors.index_of(taxels))
+    pairs = np.sum([step.pairs for _, step in contacts], axis=0)
+    squares = np.sum([step.squared_difference for _, step in contacts], axis=0)
+    noise = squares / np.maximum(2 * pairs, 1) + ROUNDING
+    counts = sum((step.count[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
+    totals = sum((step.total[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
+    by_condition: dict[Condition, list[tuple[int, FloatArray]]] = {}
+    for session, step in contacts:
+        if step.contact is not None:
+            by_condition.setdefault(step.contact.condition, []).append((session, compute_signals(step)))
+    conditions = {key: _learn_condition(own, near) for key, own in sorted(by_condition.items())}
+    tested = {key: one for key, one in conditions.items() if one.repeats >= LEAST_REPEATS}
+    if not tested:
+        raise TwinInputError(
+            f"{name}: /grasps",
+            f"a condition (object, approach) with at least {LEAST_REPEATS} repeats",
+            f"{len(contacts)} contacts of {len(conditions)} conditions",
+            "record more repeats",
+        )
+    received = sum((step.received for _, step in contacts), np.zeros(sensors.s, np.int64))
+    expected = sum((step.expected for _, step in contacts), np.zeros(sensors.s, np.int64))
+    white = noise * float(np.mean([np.nanmean(1.0 / np.maximum(step.count[HOLD], 1)) for _, step in contacts]))
+    relative = _compute_relative_variance(tested.values(), white)
+    ratio = _compute_session_ratio([by_condition[key] for key in tested])
+    rest = np.asarray(totals / np.maximum(counts, 1))
+    level = _learn_rest(contacts, RestLevel.start(np.asarray(noise), sensors.index_of(taxels)))
+    return Reference(
+        taxels,
+        sensors,
+        Places.of(taxels, sensors),
+        rest,
+        np.asarray(noise),
+        conditions,
+        relative,
+        ratio,
+        np.column_stack([expected - received, expected]).astype(np.float64),
+        tuple(contacts),
+        float(np.median([step.contact.start_s - step.start_s for _, step in contacts if step.contact is not None])),
+        level,
+        NoiseLevel(squares.astype(np.float64), pairs.astype(np.float64)),
+    )
+
+
+def _learn_rest(contacts: Sequence[tuple[int, Step]], level: RestLevel) -> RestLevel:
+    """Learn the loadings and the variances of the counts at rest from all contacts, in order of time.
+
+    The loadings are learnt in a first pass; the changes without their common part, of a second pass, give the
+    variances.
+    """
+    _follow_rest(contacts, level)
+    second = RestLevel(level.noise_variance, level.board, level.loading.copy(), level.loading_variance.copy())
+    second.settings = estimate_settings(*_follow_rest(contacts, second, is_naive=True))
+    return second
+
+
+def _follow_rest(
+    contacts: Sequence[tuple[int, Step]], level: RestLevel, is_naive: bool = False
+) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
+    """Update `level` with every step; return prediction errors, noise variances of the means, and common changes.
+
+    is_naive: every step defines the level, so that the errors are changes from step to step.
+    """
+    errors: list[FloatArray] = []
+    noise: list[FloatArray] = []
+    common: list[FloatArray] = []
+    last = None
+    everything = np.ones(len(level.board), dtype=bool)
+    for session, step in contacts:
+        if session != last:
+            level.forget(everything)
+        known = level.is_known
+        mean, _ = step.compute_rest()
+        error, _ = level.update(mean, step.count[REST], ~np.isfinite(mean))
+        if is_naive:
+            level.level = np.where(np.isfinite(mean), mean, level.level)
+        if session == last:
+            errors.append(np.where(known & np.isfinite(mean), error, np.nan))
+            noise.append(level.noise_variance / np.maximum(step.count[REST], 1))
+            common.append(level.common)
+        last = session
+    return errors, noise, common
+
+
+def _learn_condition(signals: Sequence[tuple[int, FloatArray]], near: list[IntArray]) -> ConditionReference:
+    """Mean and squared deviations of the contacts of a condition. near: neighbours of each taxel, with itself."""
+    values = np.stack([np.nan_to_num(value) for _, value in signals])
+    mean = values.mean(axis=0)
+    largest = np.stack([np.abs(mean[:, own]).max(axis=1) for own in near], axis=1)
+    padded = np.vstack([mean[:1], mean, mean[-1:]])
+    change = 0.5 * np.abs(padded[2:] - padded[:-2])
+    return ConditionReference(mean, ((values - mean) ** 2).sum(axis=0), len(signals), largest + change)
+
+
+def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
+    """Taxels of the same board around each taxel, with itself."""
+    found: list[IntArray] = [np.array([taxel]) for taxel in range(taxels.n)]
+    for column in np.unique(board).tolist():
+        own = np.flatnonzero(board == column)
+        if len(own) < 2:
+            continue
+        tree = cKDTree(taxels.position[own])
+        nearest = np.asarray(tree.query(taxels.position[own], k=2)[0])
+        pitch = float(np.median(nearest[:, 1]))
+        around = tree.query_ball_point(taxels.position[own], NEIGHBOUR_PITCHES * pitch)
+        for taxel, near in zip(own.tolist(), around, strict=True):
+            found[taxel] = own[np.array(near)]
+    return found
+
+
+def _compute_relative_variance(conditions: Iterable[ConditionReference], white: FloatArray) -> FloatArray:
+    """Variance of signals relative to `scale` squared, f64[BINS], beyond the noise of the frames (f64[n])."""
+    excess, size = np.zeros(BINS), np.zeros(BINS)
+    for one in conditions:
+        excess += np.maximum(one.squares - (one.repeats - 1) * 2.0 * white, 0.0).sum(axis=1)
+        size += (one.repeats - 1) * (one.scale**2).sum(axis=1)
+    return np.asarray(excess / np.maximum(size, 1e-9))
+
+
+def _compute_session_ratio(conditions: Sequence[Sequence[tuple[int, FloatArray]]]) -> FloatArray:
+    """Variance between sessions relative to the variance within sessions, f64[BINS]; method of moments, at least 0."""
+    within, between = np.zeros(BINS), np.zeros(BINS)
+    freedom_within = freedom_between = 0
+    repeats: list[float] = []
+    for signals in conditions:
+        sessions = sorted({session for session, _ in signals})
+        if len(sessions) < 2:
+            continue
+        means = []
+        for session in sessions:
+            values = np.stack([np.nan_to_num(value) for own, value in signals if own == session])
+            within += ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 2))
+            freedom_within += len(values) - 1
+            means.append(values.mean(axis=0))
+            repeats.append(1.0 / len(values))
+        stack = np.stack(means)
+        between += ((stack - stack.mean(axis=0)) ** 2).sum(axis=(0, 2))
+        freedom_between += len(sessions) - 1
+    if not freedom_within or not freedom_between:
+        return np.zeros(BINS)
+    ratio = (between / freedom_between) / np.maximum(within / freedom_within, 1e-12) - float(np.mean(repeats))
+    return np.asarray(np.maximum(ratio, 0.0))

@@ -1,0 +1,74 @@
+"""A twin session: tests, naming of causes, and the latest frame, from one source of poll cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxel.twin.comparison import StepResult, Twin
+from taxel.twin.contact_records import ContactRecorder
+from taxel.twin.events import Event, InputFault
+from taxel.twin.naming import CauseNaming
+from taxel.twin.prediction import TwinFrame, predict_frame
+from taxel.twin.sources import Block, Source
+
+SILENCE_S = 1.0
+"""Interval between two poll cycles that counts as a gap of the stream, seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Update:
+    """Results of a block. frame: the newest frame beside its prediction. frames: poll cycles in the block."""
+
+    results: tuple[StepResult, ...]
+    events: tuple[Event, ...]
+    frame: TwinFrame | None
+    frames: int
+
+
+class TwinSession:
+    """Runs a twin on a source. naming: None: causes are not named."""
+
+    def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None) -> None:
+        """Create a session."""
+        self.twin = twin
+        self._source = source
+        self._naming = naming
+        poses = naming.reference.poses if naming is not None else {}
+        self._recorder = ContactRecorder(twin.schedule, poses)
+        self._last_s = -np.inf
+
+    def updates(self) -> Iterator[Update]:
+        """Yield the results of each block of the source, and of the end of the stream."""
+        for block in self._source.blocks():
+            yield self.take(block)
+        results = self.twin.finish()
+        events = [event for result in results for event in result.events]
+        if self._naming is not None:
+            self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
+            events += self._naming.finish()
+        yield Update(tuple(results), tuple(events), None, 0)
+
+    def take(self, block: Block) -> Update:
+        """Process one block."""
+        events: list[Event] = list(self._find_gaps(block))
+        results = self.twin.take(*block)
+        events += [event for result in results for event in result.events]
+        if self._naming is not None:
+            self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
+            events += self._naming.add(self._recorder.take(*block))
+        frame = predict_frame(self.twin, float(block.time_s[-1]), block.raw_counts[-1], block.valid[-1])
+        return Update(tuple(results), tuple(events), frame, len(block.time_s))
+
+    def _find_gaps(self, block: Block) -> Iterator[InputFault]:
+        """Report intervals without frames, if the source has none by its nature."""
+        if not self._source.is_continuous:
+            return
+        times = np.concatenate([[self._last_s], block.time_s])
+        for row in np.flatnonzero(np.diff(times) > SILENCE_S).tolist():
+            if np.isfinite(times[row]):
+                length = times[row + 1] - times[row]
+                yield InputFault(float(times[row + 1]), "gap", f"no frame arrived for {length:.1f} s")
+        self._last_s = float(times[-1])

@@ -1,0 +1,31 @@
+"""Size of a change in counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.twin.reference import Reference
+from taxel.twin.statistics import Quantity
+from taxel.twin.steps import CLOSING, HOLD
+
+
+def compute_size(reference: Reference, quantity: Quantity, place: int, amplitude: float) -> float | None:
+    """Change of the largest signal of the reference at a place, counts; None for a quantity without counts.
+
+    A delay changes the signal by the steepest rise times the delay; noise changes its standard deviation.
+    """
+    members = reference.places.members
+    taxels = members.indices[members.indptr[place] : members.indptr[place + 1]]
+    if quantity.unit == "counts":
+        return amplitude
+    if quantity.name in ("gain", "recovery"):
+        return amplitude * max(float(one.mean[HOLD][:, taxels].max()) for one in reference.conditions.values())
+    if quantity.name == "delay":
+        rise = max(float(np.diff(one.mean[CLOSING][:, taxels], axis=0).max()) for one in reference.conditions.values())
+        times = [step.contact.times_s for _, step in reference.steps if step.contact is not None]
+        width = float(np.median([end - begin for begin, end, *_ in times])) / (CLOSING.stop - CLOSING.start)
+        return -amplitude * rise / width
+    if quantity.name == "noise":
+        sigma = float(np.sqrt(reference.noise_variance[taxels].max()))
+        return sigma * (float(np.exp(0.5 * amplitude)) - 1.0)
+    return None

@@ -1,0 +1,92 @@
+"""Commands on a full disk: one error line, exit status 1, the old file unchanged, no temporary file.
+
+A limit of the file size takes the place of the full disk: the system refuses a write beyond it, with another error.
+"""
+
+import resource
+import signal
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.recording import GraspDatasetWriter
+from taxel.recording.formats import convert
+from taxel.skin.recorder import open_recorded
+
+LIMIT_BYTES = 9000
+
+
+def limit_file_size():
+    """Let the system refuse larger files of a child process; without the default signal, which ends the process."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT_BYTES, LIMIT_BYTES))
+
+
+def run_taxel(*arguments):
+    """Exit status and standard error of `taxel` on a full disk."""
+    program = "import sys; from taxel.cli.main import main; sys.argv[0] = 'taxel'; main()"
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    result = subprocess.run(command, preexec_fn=limit_file_size, capture_output=True, text=True, check=False)
+    return result.returncode, result.stderr.strip()
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    """A capture of two seconds."""
+    path = tmp_path_factory.mktemp("capture") / "source.bin"
+    with open_recorded("emulator:?speed=max&duration_s=2", path, "flat8") as skin:
+        for _ in skin:
+            pass
+    return path
+
+
+@pytest.mark.parametrize("name", ["x.h5", "x.mcap", "x.bin", "x.parquet", "x.csv"])
+def test_conversion_on_a_full_disk_keeps_the_old_file(tmp_path, capture, name):
+    convert(capture, tmp_path / name)
+    files = [tmp_path / name] if (tmp_path / name).is_file() else sorted((tmp_path / name).iterdir())
+    contents = [file.read_bytes() for file in files]
+    status, errors = run_taxel("convert", capture, tmp_path / name, "--overwrite")
+    assert (status, errors.count("\n")) == (1, 0), errors
+    assert name in errors
+    assert [file.read_bytes() for file in files] == contents
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_dataset_writer_on_a_full_disk_ends_without_a_crash(tmp_path):
+    """The HDF5 library crashed at the end of the program after a failed write."""
+    program = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from crash_cases import _make_grasp, _make_header
+from taxel.errors import TaxelError
+from taxel.recording import GraspDatasetWriter
+try:
+    with GraspDatasetWriter.create(sys.argv[1], _make_header()) as out:
+        for number in range(20):
+            out.add(_make_grasp(number))
+            print(number + 1, flush=True)
+except TaxelError as error:
+    sys.exit(str(error))
+"""
+    from pathlib import Path
+
+    crash = Path(__file__).resolve().parents[3] / "tools" / "crash"
+    path = tmp_path / "x.h5"
+
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    command = [sys.executable, "-c", program, path, crash]
+    result = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr.count("\n")) == (1, 1), (result.returncode, result.stderr)
+    complete = len(result.stdout.split())
+    assert complete > 0
+    with h5py.File(path, "r") as file:
+        assert len(file["grasps"]) >= complete
+        assert all(np.isfinite(file["grasps"][name]["timestamp"][()]).all() for name in file["grasps"])
+    with GraspDatasetWriter.extend(path) as out:
+        assert len(out.ids) >= complete

@@ -1,0 +1,138 @@
+"""The oracle: whether the data of an accepted mutant are a permitted consequence of its mutation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from fuzz_files.document import EMPTY, Flat, is_equal, list_differences
+from fuzz_files.target import Rules
+
+_SHOWN: Final = 4
+_CHECKED: Final = 40
+"""Largest number of changed fields whose values are searched for; a repeated table may change thousands."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """The change of a file by a mutation.
+
+    fields: all fields of the mutated file by path; None: the file cannot be decoded, so that only the rules that need
+    no fields are applied. paths: of the changed fields. equivalent: those of them whose new text is the same number.
+    must_be_refused: whether the file is no file of its kind.
+    is_reordered: whether only the order of the values differs, which many formats ignore.
+    """
+
+    fields: Flat | None = None
+    paths: tuple[str, ...] = ()
+    equivalent: frozenset[str] = frozenset()
+    must_be_refused: bool = False
+    is_reordered: bool = False
+
+
+def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -> str:
+    """Return a description of the first silent error; "" if there is none.
+
+    before, after: data of the valid and of the mutated file.
+    """
+    changed, changes = change.fields, change.paths
+    differences = list_differences(before, after)
+    if not differences:
+        return _find_ignored(rules, change)
+    if rules.is_protected:
+        return f"the file has a checksum, but the data differ: {_list(differences)}"
+    if rules.subset:
+        return _find_foreign_elements(rules.subset, before, after)
+    if changed is None:
+        return ""
+    if not changes:
+        return f"no field of the file differs, but the data differ: {_list(differences)}"
+    unrelated = [path for path in differences if not _is_related(rules, path, changes)]
+    if unrelated:
+        return f"the changed fields {_list(changes)} have no relation to the different data {_list(unrelated)}"
+    new_values = [path for path in changes if path not in change.equivalent]
+    return _find_misread(rules, after, changed, new_values, differences)
+
+
+def _find_ignored(rules: Rules, change: Change) -> str:
+    """Return a description of a changed field that the reader accepts without an effect on its data."""
+    if change.fields is None or change.is_reordered or rules.is_protected or rules.subset:
+        return ""
+    # A field without an effect may be removed: its value was the default.
+    present = [path for path in change.paths if path in change.fields and path not in change.equivalent]
+    present = [path for path in present if not path.endswith("#")]
+    ignored = [path for path in present if not rules.unused.search(path) and not rules.derived.search(path)]
+    return f"the changed fields {_list(ignored)} have no effect" if ignored else ""
+
+
+def _find_foreign_elements(path: str, before: Flat, after: Flat) -> str:
+    """Return a description of elements of a list that the valid file does not contain."""
+    known, found = before[path], after[path]
+    foreign = [element for element in found if element not in known]
+    return f"{path}: {len(foreign)} elements that the valid file does not contain" if foreign else ""
+
+
+def _is_related(rules: Rules, path: str, changes: Sequence[str]) -> bool:
+    """Whether a difference of the data may follow from one of the changed fields."""
+    if not rules.related:
+        return True
+    return any(field.search(change) and data.search(path) for field, data in rules.related for change in changes)
+
+
+def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[str], differences: Sequence[str]) -> str:
+    """Return a description of a changed field whose new value is not among the different data."""
+    values = [after[path] for path in differences if path in after]
+    names = "\n".join(differences)  # a name in the file may be a part of a path of the data
+    for change in changes[:_CHECKED]:
+        if change not in changed or change.endswith("#") or rules.derived.search(change) or rules.unused.search(change):
+            continue
+        value = changed[change]
+        if is_equal(value, EMPTY) or (isinstance(value, np.ndarray) and value.dtype.kind not in "fiub"):
+            continue
+        if not any(_states(each, value) for each in values) and not (isinstance(value, str) and value in names):
+            return f"{change}: the value {ascii(value)[:60]} of the file is not in the data"
+    return ""
+
+
+def _states(value: Any, expected: Any) -> bool:
+    """Whether a value of the data is the value of the file; a text of the file may be a number in the data."""
+    if isinstance(expected, np.ndarray) and expected.ndim == 0:
+        expected = expected.item()
+    if is_equal(value, expected):
+        return True
+    if isinstance(value, np.ndarray):
+        return bool(value.size) and _is_in(value, expected)
+    number = _to_number(expected)
+    return number is not None and _to_number(value) == number
+
+
+def _is_in(array: Any, expected: Any) -> bool:
+    """Whether an array contains a number or a text, or NaN for a missing value."""
+    if array.dtype.kind == "U":
+        return bool(np.any(array == str(expected).strip()))
+    if array.dtype.kind not in "iufb":
+        return False
+    if expected is None or str(expected).strip().lower() in ("", "nan"):
+        return bool(np.isnan(array).any()) if array.dtype.kind == "f" else False
+    number = float(expected) if isinstance(expected, bool) else _to_number(expected)
+    return number is not None and bool(np.any(array == number))
+
+
+def _to_number(value: Any) -> float | None:
+    """Return a number or a text of a number as a float; None for other values."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return None if math.isnan(number) else number
+
+
+def _list(paths: Sequence[str]) -> str:
+    """Return the first paths as text."""
+    return ", ".join(paths[:_SHOWN]) + (", ..." if len(paths) > _SHOWN else "")

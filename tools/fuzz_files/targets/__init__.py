@@ -1,0 +1,1 @@
+"""The readers under test, by kind of file."""

@@ -1,0 +1,131 @@
+"""Targets: files that the project stores itself and reads again: reports, results, histories and sealed keys."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+from fuzz_files.array_codecs import Sqlite
+from fuzz_files.document import Flat, flatten
+from fuzz_files.target import COARSE, Rules, Target
+from fuzz_files.text_codecs import GzipJsonLines, Json
+from taxel.blind.records import read_records
+from taxel.blind.run_folder import open_sealed_worlds, seal_worlds
+from taxel.gap.page.document import page_text
+from taxel.gap.report.reading import read_report, read_report_values
+from taxel.generate.folder import open_folder
+from taxel.generate.recipe_file import read_recipe
+from taxel_tools.testing.history import History
+from taxel_tools.testing.record import Finding, Limit, Measurement, Outcome, PhaseRecord, TestRecord
+from taxel_tools.testing.result_file import read_json, write_json
+
+_SEEDS: Final = Path(__file__).parent.parent / "seeds"
+_DOCS: Final = Path(__file__).parents[3] / "docs"
+
+
+def write_report(folder: Path) -> str:
+    """Copy the stored gap report, which `taxel gap diagnose` has written."""
+    (folder / "report.json").write_bytes((_SEEDS / "gap_report.json").read_bytes())
+    return "report.json"
+
+
+def read_report_data(path: Path) -> Flat:
+    """Effects and taxels of a report."""
+    return flatten(read_report(path), "", ("path", "sha256", "effect"))
+
+
+def read_report_page(path: Path) -> Flat:
+    """Page of a report."""
+    return {"page": page_text(read_report_values(path))}
+
+
+def make_record() -> TestRecord:
+    """A bench test with two phases."""
+    white = Measurement("white", 9.5, "counts", Limit(None, 8.0), "TX 3", Outcome.FAIL)
+    name = Measurement("firmware", "0.3.1", "", None, "", Outcome.PASS)
+    finding = Finding("noisy TX line", "TX 3", "lift the solder joint", 4.25)
+    phases = [
+        PhaseRecord("noise", "Noise", Outcome.FAIL, True, 4.5, [white], [finding], [], ["a note"], ""),
+        PhaseRecord("identity", "Identity", Outcome.PASS, True, 0.5, [name], [], [], [], ""),
+    ]
+    return TestRecord(
+        "AB-0001", "op", "bench", "boards", "1", "0" * 64, {"kind": "palm"}, "0.2", "2026-01-31T09:30:00.000Z",
+        Outcome.FAIL, phases, 5.0,
+    )  # fmt: skip
+
+
+def write_result(folder: Path) -> str:
+    """Write the result of a bench test."""
+    write_json(make_record(), folder / "r.json")
+    return "r.json"
+
+
+def write_history(folder: Path) -> str:
+    """Write a history with one test."""
+    with History(folder / "h.db") as history:
+        history.add(make_record())
+    return "h.db"
+
+
+def read_history(path: Path) -> Flat:
+    """Earlier tests and changes of a device."""
+    with History(path) as history:
+        return flatten({"earlier": history.list_earlier("AB-0001"), "changes": history.compare(make_record())})
+
+
+def write_sealed(folder: Path) -> str:
+    """Write the sealed worlds of a blind check."""
+    seal_worlds(folder / "check", 2, 0, seed=1)
+    return "check"
+
+
+def read_sealed(path: Path) -> Flat:
+    """Worlds of a blind check."""
+    return flatten([world.to_json() for world in open_sealed_worlds(path)])
+
+
+def write_answers(folder: Path) -> str:
+    """Write the first answers of the published blind check."""
+    answers = GzipJsonLines().decode((_DOCS / "blind-check-answers.jsonl.gz").read_bytes())
+    (folder / "a.jsonl.gz").write_bytes(GzipJsonLines().encode(answers[:2]))
+    return "a.jsonl.gz"
+
+
+def read_answers(path: Path) -> Flat:
+    """Answers of a blind check."""
+    return flatten(read_records(path))
+
+
+def write_generated(folder: Path) -> str:
+    """Write the folder of a recipe that has no shards yet."""
+    (folder / "recipe.toml").write_text("grasps = 2\nseed = 3\n")
+    open_folder(folder / "out", read_recipe(folder / "recipe.toml"))
+    return "."
+
+
+def read_generated(path: Path) -> Flat:
+    """Numbers of the missing shards of a folder."""
+    return {"missing": str(open_folder(path / "out", read_recipe(path / "recipe.toml")))}
+
+
+_JSON: Final = ((r"\.json$", (Json(),)),)
+_ALL: Final = re.compile("")
+_RESULT: Final = Rules(derived=re.compile(r"#$|taxel_test_record|base64"))
+_UNUSED: Final = Rules(unused=_ALL)
+
+_REPORT_UNUSED: Final = re.compile(
+    r"sha256.|^(?!taxels\.(?:sensor|tx|rx)\b|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
+)
+
+_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^(verdict|effects)"))
+
+TARGETS: Final[tuple[Any, ...]] = (
+    Target("report", write_report, _JSON, read_report_data, 0.4, _REPORT),
+    Target("report-page", write_report, _JSON, read_report_page, 0.1, _UNUSED),
+    Target("result", write_result, _JSON, lambda path: flatten(read_json(path)), 8.0, _RESULT),
+    Target("history", write_history, ((r"\.db$", (Sqlite(),)),), read_history, 1.0, _UNUSED),
+    Target("sealed-keys", write_sealed, _JSON, read_sealed, 4.0, Rules(is_protected=True)),
+    Target("answers", write_answers, ((r"\.gz$", (GzipJsonLines(),)),), read_answers, 2.0, COARSE),
+    Target("generated", write_generated, _JSON, read_generated, 2.0, _UNUSED, mutable=r"\.json$"),
+)

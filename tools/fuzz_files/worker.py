@@ -1,0 +1,86 @@
+"""Process that reads mutants under limits; a supervisor ends it when one input takes too long."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Final
+
+from fuzz_files.judgement import FINDING, MutantReader, Outcome
+from fuzz_files.registry import list_targets
+
+MEMORY_MAX: Final = 1 << 30
+"""Largest additional memory of one input, bytes: the requirement for every reader."""
+
+_MARGIN: Final = 1 << 29
+"""Memory above the limit that the process may still allocate, so that an excess is reported and not only refused."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Inputs of one target. first, count: numbers of the inputs. is_repeated: whether a process has ended in it."""
+
+    target: str
+    seed: int
+    first: int
+    count: int
+    is_repeated: bool = False
+
+
+def run_worker(connection: Connection, number: Any, folder: str) -> None:
+    """Carry out tasks until None is received; send a Counter of outcomes and a list of (number, finding) for each.
+
+    number: shared integer, in which the worker stores the number of the present input; -1: none.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["TMPDIR"] = tempfile.tempdir = folder
+    sys.stderr = sys.stdout = open(os.devnull, "w")  # noqa: SIM115 # readers print progress
+    readers: dict[str, MutantReader] = {}
+    targets = list_targets()
+    while (task := connection.recv()) is not None:
+        try:
+            if task.target not in readers:
+                own = Path(folder) / task.target
+                own.mkdir()
+                readers[task.target] = MutantReader(targets[task.target], own)
+            connection.send(_run_task(readers[task.target], task, number))
+        except Exception as error:  # of the valid files: reported as a finding of the whole target
+            connection.send((Counter(), [(-1, f"the valid files are not read: {type(error).__name__}: {error}")]))
+
+
+def _run_task(reader: MutantReader, task: Task, number: Any) -> tuple[Counter[str], list[tuple[int, str]]]:
+    """Read the inputs of one task."""
+    counts: Counter[str] = Counter()
+    findings = []
+    _limit_memory()
+    for index in range(task.first, task.first + task.count):
+        mutant = reader.maker.make(task.seed, index)
+        base = _read_peak()
+        number.value = index
+        outcome = reader.judge(mutant)
+        number.value = -1
+        if _read_peak() > base + MEMORY_MAX:
+            outcome = Outcome(FINDING, f"memory: the reader needs {(_read_peak() - base) >> 20} MiB")
+        counts[outcome.kind] += 1
+        if outcome.kind == FINDING:
+            findings.append((index, outcome.text))
+    return counts, findings
+
+
+def _read_peak() -> int:
+    """Return the largest memory of the process so far, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def _limit_memory() -> None:
+    """Limit the private memory of the process to its present size plus the permitted additional memory."""
+    present = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    limit = present + MEMORY_MAX + _MARGIN
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
