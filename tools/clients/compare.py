@@ -53,7 +53,7 @@ def _pick(lines: list[str], name: str) -> list[str]:
 
 def _run_client(language: str, capture: Capture) -> tuple[list[str], list[str]]:
     """Lines of a client and the expected lines."""
-    return run_program([*build_program(language), "capture", str(capture.path)]), capture.expected
+    return run_program([*build_program(language, is_optimised=True), "capture", str(capture.path)]), capture.expected
 
 
 def _run_kaitai(capture: Capture) -> tuple[list[str], list[str]]:

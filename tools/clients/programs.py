@@ -1,5 +1,6 @@
 """Build and run the programs of the clients in other languages, which print decoded frames as text lines."""
 
+import fcntl
 import hashlib
 import shutil
 import subprocess
@@ -28,13 +29,14 @@ def find_program(names: Sequence[str], package: str) -> str:
     raise ProgramMissingError(f"{names[0]} is missing: apt-get install {package}")
 
 
-def build_program(language: str, name: str = "dump") -> list[str]:
+def build_program(language: str, name: str = "dump", is_optimised: bool = False) -> list[str]:
     """Build the program of a client, unless it is up to date; return the command that starts it.
 
-    name: file in the client's folder `tests` or `examples` without suffix. Raises ProgramMissingError if the compiler
-    is missing, and CalledProcessError with its output if it reports an error or a warning.
+    name: file in the client's folder `tests` or `examples` without suffix. is_optimised: for long captures; otherwise
+    the build takes half the time, and the Rust client detects overflows. Raises ProgramMissingError if the compiler is
+    missing, and CalledProcessError with its output if it reports an error or a warning.
     """
-    return {"cpp": _build_cpp, "rust": _build_rust, "lua": _build_lua}[language](name)
+    return {"cpp": _build_cpp, "rust": _build_rust, "lua": _build_lua}[language](name, is_optimised)
 
 
 def _compile(command: Sequence[str], language: str, name: str) -> Path:
@@ -49,7 +51,10 @@ def _compile(command: Sequence[str], language: str, name: str) -> Path:
     if target.exists():
         return target
     BUILD.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=BUILD) as folder:  # other processes may build the same file
+    with (BUILD / f"{target.name}.lock").open("w") as lock, tempfile.TemporaryDirectory(dir=BUILD) as folder:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # other processes of a test run need the same file
+        if target.exists():
+            return target
         output = Path(folder) / target.name
         result = subprocess.run([*command, "-o", str(output)], capture_output=True, text=True, timeout=_TIMEOUT_S)
         if result.returncode:
@@ -72,15 +77,16 @@ def compile_cpp(source: Path, name: str, options: Sequence[str]) -> Path:
     return _compile([compiler, "-std=c++17", *warnings, *options, "-I", include, str(source)], "cpp", name)
 
 
-def _build_cpp(name: str) -> list[str]:
+def _build_cpp(name: str, is_optimised: bool) -> list[str]:
     """Compile a program of the C++ client."""
-    return [str(compile_cpp(_find_source("cpp", name, ".cpp"), f"cpp-{name}", ["-O1"]))]
+    options = ["-O2" if is_optimised else "-O0"]
+    return [str(compile_cpp(_find_source("cpp", name, ".cpp"), f"cpp-{name}", options))]
 
 
-def _build_rust(name: str) -> list[str]:
+def _build_rust(name: str, is_optimised: bool) -> list[str]:
     """Compile the crate and a program that uses it."""
     compiler = find_program(("rustc",), "rustc")
-    command = [compiler, "--edition", "2021", "-O", "-D", "warnings"]
+    command = [compiler, "--edition", "2021", "-D", "warnings", *(["-O"] if is_optimised else [])]
     source = str(CLIENTS / "rust/src/lib.rs")
     crate = [*command, "--crate-type=rlib", "--crate-name=taxel_client", source]
     library = _compile(crate, "rust", "libtaxel_client")
@@ -88,8 +94,8 @@ def _build_rust(name: str) -> list[str]:
     return [str(_compile([*command, "--extern", f"taxel_client={library}", example], "rust", f"rust-{name}"))]
 
 
-def _build_lua(name: str) -> list[str]:
-    """The command of a program of the Lua client."""
+def _build_lua(name: str, is_optimised: bool) -> list[str]:
+    """The command of a program of the Lua client, which needs no build."""
     interpreter = find_program(("lua5.4", "lua5.3", "lua"), "lua5.4")
     return [interpreter, str(_find_source("lua", name, ".lua"))]
 

@@ -18,10 +18,14 @@ finally:
     sys.path.remove(FOLDER)
 
 
-@pytest.fixture(scope="session", params=programs.LANGUAGES)
-def command(request):
-    """The command of a client's program that prints decoded frames."""
+def skip_if_missing(function, *arguments):
+    """Result of a function; a missing compiler or interpreter skips the test, with one line for all tests."""
     try:
-        return programs.build_program(request.param)
+        return function(*arguments)
     except programs.ProgramMissingError as error:
         pytest.skip(str(error))
+
+
+def run_client(language, *arguments, text="", name="dump"):
+    """Lines that the program of a client prints."""
+    return programs.run_program([*skip_if_missing(programs.build_program, language, name), *arguments], text)

@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from host.tests.clients.conftest import captures, programs, reference
+from host.tests.clients.conftest import captures, programs, reference, run_client, skip_if_missing
 from taxel.recording.formats import convert
 
 SECONDS, SEED = 2.0, 45
@@ -35,9 +35,10 @@ def expected(folder):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_frames_and_losses_of_a_damaged_capture_are_equal(command, folder, expected, kind):
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_frames_and_losses_of_a_damaged_capture_are_equal(language, folder, expected, kind):
     assert " lost=0 " not in next(line for line in expected[kind] if line.startswith("end "))
-    assert programs.run_program([*command, "capture", str(folder / f"{kind}.bin")]) == expected[kind]
+    assert run_client(language, "capture", str(folder / f"{kind}.bin")) == expected[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -45,10 +46,7 @@ def test_the_dissector_shows_the_same_frames_and_losses(folder, expected, kind):
     names = ("taxel.sequence", "taxel.lost", "taxel.flags", "taxel.missing", "taxel.counts", "taxel.discarded")
     target = folder / f"{kind}.pcapng"
     convert(folder / f"{kind}.bin", target)
-    try:
-        packets = programs.run_dissector(target, names)
-    except programs.ProgramMissingError as error:
-        pytest.skip(str(error))
+    packets = skip_if_missing(programs.run_dissector, target, names)
     columns = [[value for packet in packets for value in packet[i].split(";") if value] for i in range(len(names))]
     frames = [line for line in expected[kind] if line.startswith("frame ")]
     end = next(line for line in expected[kind] if line.startswith("end "))
@@ -73,11 +71,12 @@ def test_the_dissector_shows_the_same_frames_and_losses(folder, expected, kind):
         (b"TAXELCAP\x01\x00\x00\x00\x00\x00\x00\x00" + bytes(8) + b"\x09\x00\x00\x00ab", "inside a record"),
     ],
 )
-def test_a_damaged_capture_is_refused_with_one_line(command, tmp_path, content, message):
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_a_damaged_capture_is_refused_with_one_line(language, tmp_path, content, message):
     path = tmp_path / "damaged.bin"
     path.write_bytes(content)
     with pytest.raises(subprocess.CalledProcessError) as failure:
-        programs.run_program([*command, "capture", str(path)])
+        run_client(language, "capture", str(path))
     assert message in failure.value.stderr
     assert str(path) in failure.value.stderr
     assert len(failure.value.stderr.splitlines()) == 1

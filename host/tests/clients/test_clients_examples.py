@@ -2,18 +2,14 @@
 
 import pytest
 
-from host.tests.clients.conftest import captures, programs, reference
+from host.tests.clients.conftest import captures, programs, reference, run_client
 
 
 @pytest.mark.parametrize("language", programs.LANGUAGES)
 def test_the_example_prints_one_line_for_each_taxel_frame(language, tmp_path, monkeypatch):
     captures.record_capture(tmp_path / "skin.bin", 0.5, "compact")
-    try:
-        command = programs.build_program(language, "print_frames")
-    except programs.ProgramMissingError as error:
-        pytest.skip(str(error))
     monkeypatch.chdir(programs.CLIENTS / language)
-    lines = programs.run_program([*command, str(tmp_path / "skin.bin")])
+    lines = run_client(language, str(tmp_path / "skin.bin"), name="print_frames")
     stream = reference.Stream("example", reference.TO_HOST, reference.read_stream(tmp_path / "skin.bin"))
     frames = [line for line in reference.format_stream(stream, has_wire=False) if "TAXELS" in line]
     expected = []

@@ -1,10 +1,11 @@
 """The Kaitai description decodes every golden vector and a capture, interpreted and (if installed) compiled."""
 
+import functools
 import json
 
 import pytest
 
-from host.tests.clients.conftest import captures, kaitai_frames, programs, reference
+from host.tests.clients.conftest import captures, kaitai_frames, reference, skip_if_missing
 from taxel_protocol import compact
 from taxel_protocol.original import FORMATS
 
@@ -14,18 +15,14 @@ SECONDS, SEED = 1.0, 46
 @pytest.fixture(scope="module", params=["interpret", "compile_description"])
 def open_description(request):
     """Function from the name of a description to its parser."""
-    make = getattr(kaitai_frames, request.param)
-    try:
-        make("taxel_capture")
-    except programs.ProgramMissingError as error:
-        pytest.skip(str(error))
-    return make
+    make = functools.cache(getattr(kaitai_frames, request.param))
+    return functools.partial(skip_if_missing, make)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def parse(open_description):
-    """Parser of streams."""
-    return open_description("taxel_stream")
+    """Parser of streams, opened by its first use in a test."""
+    return lambda *arguments: open_description("taxel_stream")(*arguments)
 
 
 def reduced(lines):

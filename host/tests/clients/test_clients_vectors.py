@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.clients.conftest import fuzzed_streams, programs, reference
+from host.tests.clients.conftest import fuzzed_streams, programs, reference, run_client
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -34,34 +34,38 @@ def without_wire(line):
     return line.partition(" wire=")[0]
 
 
-def test_every_frame_and_stream_is_decoded_and_encoded(command, streams, expected):
-    has_encoder = not command[-1].endswith(".lua")
-    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests(streams, [])))
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_every_frame_and_stream_is_decoded_and_encoded(language, streams, expected):
+    has_encoder = language != "lua"
+    lines = iter(run_client(language, "vectors", text=reference.format_requests(streams, [])))
     for stream, wanted in zip(streams, expected, strict=True):
         found = [next(lines) for _ in wanted]
         assert found == (wanted if has_encoder else list(map(without_wire, wanted))), stream.name
     assert next(lines, None) is None
 
 
-def test_every_register_is_decoded(command):
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_every_register_is_decoded(language):
     registers = reference.list_registers()
-    lines = programs.run_program([*command, "vectors"], reference.format_requests([], registers))
+    lines = run_client(language, "vectors", text=reference.format_requests([], registers))
     assert lines == [reference.format_register(vector) for vector in registers]
 
 
-def test_every_message_and_stream_of_the_original_hub_is_decoded(command):
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_every_message_and_stream_of_the_original_hub_is_decoded(language):
     vectors = reference.list_originals()
-    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests([], originals=vectors)))
+    lines = iter(run_client(language, "vectors", text=reference.format_requests([], originals=vectors)))
     for vector in vectors:
         expected = reference.format_original(vector)
         assert [next(lines) for _ in expected] == expected, vector["name"]
     assert next(lines, None) is None
 
 
-def test_arbitrary_streams_give_the_result_of_the_python_decoder(command):
+@pytest.mark.parametrize("language", programs.LANGUAGES)
+def test_arbitrary_streams_give_the_result_of_the_python_decoder(language):
     streams = [fuzzed_streams.make_random_stream(seed) for seed in range(40)]
     streams += [fuzzed_streams.make_compact_stream(seed) for seed in range(60)]
-    lines = iter(programs.run_program([*command, "vectors"], reference.format_requests(streams, [])))
+    lines = iter(run_client(language, "vectors", text=reference.format_requests(streams, [])))
     for stream in streams:
         expected = list(map(without_wire, reference.format_stream(stream, has_wire=False)))
         assert [without_wire(next(lines)) for _ in expected] == expected, stream.name
