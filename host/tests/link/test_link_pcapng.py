@@ -1,13 +1,16 @@
 """PCAPNG recordings: every byte, the times of the frames and the header survive; damaged files give one line."""
 
 import contextlib
+import json
+import os
 import struct
 
 import numpy as np
 import pytest
 
 from taxel.link import CaptureError
-from taxel.link.pcapng import PIECE_MAX, PcapngWriter, make_block, make_option
+from taxel.link.capture import HEADER_MAX
+from taxel.link.pcapng import COMMENT_MAX, PIECE_MAX, PcapngWriter, make_block, make_option
 from taxel.link.pcapng_link import PcapngLink, is_pcapng
 
 HEADER = {"hand": "original", "clock": "host", "epoch_offset_ns": 1_700_000_000_000_000_000, "baud": 115200.0}
@@ -90,7 +93,8 @@ def test_a_big_endian_file_is_read(tmp_path):
         (SECTION[:20], "is cut short in a block at byte 0"),
         (SECTION + make_interface()[:-2], "is cut short in a block at byte 28"),
         (SECTION + make_interface(1) + make_packet(b"a\0"), r"link type 1; expected 147 \(USER0\)"),
-        (SECTION + make_packet(b"a\0"), "is damaged"),
+        (SECTION + make_packet(b"a\0"), "is damaged at byte 28"),
+        (SECTION + make_interface() + make_packet(b"a\0", 2**62), "is damaged at byte 48"),
         (SECTION + struct.pack("<II", 6, 0xFFFFFFFC), "is damaged at byte 28"),
         (SECTION + struct.pack("<II", 6, 4), "is damaged at byte 28"),
         (
@@ -125,6 +129,69 @@ def test_an_existing_file_is_not_overwritten(tmp_path):
     with pytest.raises(CaptureError, match="exists already"):
         PcapngWriter(tmp_path / "x.pcapng", HEADER)
     assert (tmp_path / "x.pcapng").read_bytes() == b"precious"
+
+
+def test_an_overwritten_file_is_kept_until_the_new_one_has_a_packet(tmp_path):
+    path = tmp_path / "x.pcapng"
+    path.write_bytes(b"old")
+    PcapngWriter(path, HEADER, overwrite=True).close()
+    assert path.read_bytes() == b"old"
+    with PcapngWriter(path, HEADER, overwrite=True) as writer:
+        assert path.read_bytes() == b"old"
+        writer.write(b"\0abc\0", 5)
+        assert [chunk.data for chunk in read_all(path)[1]] == [b"\0abc\0"]
+    assert [file.name for file in tmp_path.iterdir()] == ["x.pcapng"]
+
+
+@pytest.mark.parametrize("length", [COMMENT_MAX - 1, COMMENT_MAX, COMMENT_MAX + 1])
+def test_a_comment_that_wireshark_adds_does_not_belong_to_the_header(tmp_path, length):
+    header = {"note": "x" * (length - len(json.dumps({"note": ""})))}
+    assert len(json.dumps(header)) == length
+    with PcapngWriter(tmp_path / "x.pcapng", header) as writer:
+        writer.write(b"a\0", 1)
+    data = (tmp_path / "x.pcapng").read_bytes()
+    size = struct.unpack_from("<I", data, 4)[0]
+    section = data[8 : size - 4].replace(make_option(4, b"taxel") + make_option(0, b""), b"")
+    section += make_option(1, b"a comment of the user") + make_option(4, b"Wireshark") + make_option(0, b"")
+    (tmp_path / "y.pcapng").write_bytes(make_block(0x0A0D0D0A, section) + data[size:])
+    assert read_all(tmp_path / "y.pcapng")[0].header == header
+
+
+def make_commented(*options):
+    return make_block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1) + b"".join(options))
+
+
+def test_the_comment_of_another_program_is_no_header(tmp_path):
+    (tmp_path / "x.pcapng").write_bytes(make_commented(make_option(1, b"of yesterday")) + make_interface())
+    assert read_all(tmp_path / "x.pcapng")[0].header == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ((make_option(1, b"{"),), "valid JSON"),
+        ((make_option(1, b'{"baud": "fast"}'),), "baud"),
+        ((make_option(1, b"[" * 1000), make_option(4, b"taxel")), "levels"),
+        ((make_option(4, b"taxel"),), "valid JSON"),
+    ],
+)
+def test_a_damaged_header_is_reported_as_such(tmp_path, options, problem):
+    (tmp_path / "x.pcapng").write_bytes(make_commented(*options))
+    with pytest.raises(CaptureError, match=f"has a damaged header.*{problem}"):
+        PcapngLink(tmp_path / "x.pcapng")
+
+
+def test_a_header_that_no_reader_accepts_is_not_written(tmp_path):
+    with pytest.raises(CaptureError, match="its header has more than"):
+        PcapngWriter(tmp_path / "x.pcapng", {"note": "x" * HEADER_MAX})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pipe_is_refused_without_waiting(tmp_path):
+    os.mkfifo(tmp_path / "x.pcapng")
+    assert not is_pcapng(tmp_path / "x.pcapng")
+    with pytest.raises(CaptureError, match="is a pipe"):
+        PcapngLink(tmp_path / "x.pcapng")
 
 
 def test_a_pcapng_file_is_recognised_by_its_first_bytes(tmp_path):
