@@ -34,7 +34,7 @@ CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install check clients demo blind hil soak fuzz-states crash-writers mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install check clients demo blind hil soak fuzz-states crash-writers proximity mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -147,6 +147,9 @@ load-web: $(STAMP)  ## 60 pages, slow readers and invalid frames for two minutes
 # The files are in memory if possible, because each of the thousands of runs flushes its files to the disk.
 crash-writers: $(STAMP)  ## kill every writer at every write call, and fail each call with ENOSPC and EIO (half an hour)
 	@$(BIN)/python tools/crash/crash_writers.py --jobs $(JOBS) $(if $(wildcard /dev/shm),--folder /dev/shm)
+
+proximity: $(STAMP)  ## accuracy of distances before contact on emulated skins with fresh seeds: half an hour; SEED, SKINS
+	@$(BIN)/python tools/proximity/measure_proximity.py --skins $(or $(SKINS),8) --seed $(or $(SEED),1)
 
 mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)

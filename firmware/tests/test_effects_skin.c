@@ -1,6 +1,8 @@
 /* Physical properties of each effect of the skin. */
 #include <math.h>
+#include <stdio.h>
 
+#include "emulator/effects/proximity_target.h"
 #include "skin_bench.h"
 
 #define MIDDLE 27u /* TX 3, RX 3 */
@@ -289,6 +291,74 @@ static void the_image_response_follows_its_formula(void)
     bench_close(&bench);
 }
 
+/* Rise at a gap under an effect line, with an object parallel to the skin. */
+static double rise_of_target(const char *line, double gap)
+{
+    bench_open(&bench, line, -1);
+    const double rise = rise_at_gap(gap, 0.0);
+    bench_close(&bench);
+    return rise;
+}
+
+static void a_conductor_at_ground_lowers_the_capacitance_before_contact(void)
+{
+    static const char line[] = "proximity conductor share=0.2 reach_m=0.004";
+    CHECK(fabs(rise_of_target(line, 0.0) + 0.2) < 1e-9);
+    double last = -0.2;
+    for (double gap = 1e-5; gap < 0.02; gap *= 1.3) {
+        const double rise = rise_of_target(line, gap);
+        CHECK(rise > last && rise < 0.0);
+        last = rise;
+    }
+    CHECK(rise_of_target(line, 0.02) == 0.0);
+}
+
+static void an_isolated_conductor_raises_the_capacitance(void)
+{
+    double last = 1.0;
+    for (double grounding = 0.0; grounding <= 1.0; grounding += 0.25) {
+        char line[80];
+        (void)snprintf(line, sizeof line, "proximity conductor share=0.2 reach_m=0.004 grounding=%g", grounding);
+        const double rise = rise_of_target(line, 0.001);
+        CHECK(rise < last);
+        last = rise;
+    }
+    CHECK(rise_of_target("proximity conductor share=0.2 reach_m=0.004 grounding=0", 0.001) > 0.2);
+}
+
+static void a_dielectric_raises_the_capacitance_near_the_skin_and_responds_less_than_a_conductor(void)
+{
+    static const char thin[] = "proximity dielectric share=0.2 reach_m=0.004 permittivity=3 thickness_m=0.001";
+    CHECK(rise_of_target(thin, 0.0) > 0.0);
+    CHECK(fabs(rise_of_target(thin, 0.002)) <
+          0.1 * -rise_of_target("proximity conductor share=0.2 reach_m=0.004", 0.002));
+    /* A thick body of water reflects nearly as a conductor at ground does. */
+    const double water = rise_of_target("proximity dielectric share=0.2 reach_m=0.004 permittivity=80", 0.002);
+    const double ground = rise_of_target("proximity conductor share=0.2 reach_m=0.004", 0.002);
+    CHECK(water < 0.75 * ground && water > ground);
+}
+
+/* Potentials of two line electrodes between two planes at ground, as a sum of image charges. */
+static void the_response_to_a_conductor_agrees_with_image_charges(void)
+{
+    const double distance = 0.004, depth = 0.002, radius = 0.0005;
+    const struct proximity_target target = {.is_conductor = true, .distance = distance, .grounding = 1.0};
+    for (double z = 0.001; z < 0.02; z *= 1.7) {
+        const double offset[2] = {0.0, distance};
+        double potential[2] = {0.0, 0.0};
+        for (int n = -20000; n <= 20000; n++) {
+            const double same = 2.0 * n * (depth + z), opposite = same - 2.0 * depth;
+            for (int i = 0; i < 2; i++) {
+                potential[i] += log(hypot(offset[i], opposite)) - log(n || i ? hypot(offset[i], same) : radius);
+            }
+        }
+        const double rest[2] = {log(2.0 * depth / radius), 0.5 * log1p(1.0)};
+        const double near_f = potential[1] / (potential[0] * potential[0] - potential[1] * potential[1]);
+        const double rest_f = rest[1] / (rest[0] * rest[0] - rest[1] * rest[1]);
+        CHECK(fabs(proximity_target_change(&target, z) - (near_f / rest_f - 1.0)) < 1e-3);
+    }
+}
+
 static void moisture_raises_rest_and_lowers_the_response(void)
 {
     bench_open(&bench, "moisture film board=0x22 tx=3 rx=3 radius_m=0.006 water=0.05", -1);
@@ -357,6 +427,10 @@ int main(void)
     RUN(bedding_reduces_sensitivity_permanently_with_the_work);
     RUN(proximity_raises_the_count_before_contact);
     RUN(the_image_response_follows_its_formula);
+    RUN(a_conductor_at_ground_lowers_the_capacitance_before_contact);
+    RUN(an_isolated_conductor_raises_the_capacitance);
+    RUN(a_dielectric_raises_the_capacitance_near_the_skin_and_responds_less_than_a_conductor);
+    RUN(the_response_to_a_conductor_agrees_with_image_charges);
     RUN(moisture_raises_rest_and_lowers_the_response);
     RUN(a_moist_patch_dries);
     RUN(pillars_of_twice_the_modulus_respond_as_to_half_the_force);

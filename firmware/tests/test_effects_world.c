@@ -125,6 +125,8 @@ static void effects_of_strength_zero_leave_the_stream_bit_identical(void)
         "indent bedding fraction=0 work_j_m2=10",
         "proximity image share=0 reach_m=0.004",
         "proximity wedge share=0 reach_m=0.001",
+        "proximity conductor share=0 reach_m=0.004",
+        "proximity dielectric share=0.2 reach_m=0.004 permittivity=1", /* as air */
         "moisture film board=0x22 tx=0 rx=3 radius_m=0.01 water=0",
         "moisture drying board=0x22 tx=0 rx=3 radius_m=0.01 water=0 seconds=10",
         "modulus taxels log_std=0",

@@ -36,6 +36,7 @@ NOTES: Final = {
     "taxel.recording": "recordings, grasp datasets",
     "taxel.ros": "ROS messages, MCAP, nodes",
     "taxel.signal": "baseline, activation, events, noise",
+    "taxel.proximity": "targets before contact",
     "taxel.sim": "simulated hand (MuJoCo)",
     "taxel.skin": "taxel.open: link, decoder and hand description in one object",
     "taxel.stream": "decoding of frames, clocks, loss counters",

@@ -47,6 +47,11 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
         "monitor": CommandEntry(
             "taxel.cli.monitor:monitor", "Show a skin live, in the terminal or in a browser.", SKIN
         ),
+        "proximity": CommandEntry(
+            "taxel.cli.proximity:proximity_app",
+            "Estimate distance and speed of a target before it touches the skin.",
+            SKIN,
+        ),
         "record": CommandEntry("taxel.cli.record:record", "Record a skin to a file.", SKIN),
         "replay": CommandEntry(
             "taxel.cli.replay:replay", "Summarise a recording, or play it into a serial port, ROS or a file.", SKIN

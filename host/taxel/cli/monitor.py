@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taxel.cli.options import HandOption, Seconds, ThresholdCounts, Url
+from taxel.cli.options import HandOption, ProximityFile, Seconds, ThresholdCounts, Url
 from taxel.errors import TaxelError
 from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_paced, watch
 from taxel.monitor.demo_skin import DEMO_BASELINE_FRAMES, DEMO_URL, open_demo
 from taxel.monitor.summary_text import format_line
+from taxel.proximity import open_watch
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 
@@ -44,6 +45,7 @@ def monitor(
         ),
     ] = None,
     threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
+    proximity: ProximityFile = None,
     seconds: Seconds = None,
     once: Annotated[
         bool, typer.Option("--once", help="Print one view after the baseline is complete, and exit.")
@@ -63,7 +65,8 @@ def monitor(
         frames = baseline_frames or (DEMO_BASELINE_FRAMES if url == DEMO_URL else BASELINE_SAMPLES)
         skin = open_demo(hand, rate_hz, frames) if url == DEMO_URL else open_paced(url, hand, rate_hz, speed)
     with skin:
-        model = SkinMonitor(skin, frames, threshold_counts)
+        estimators = None if proximity is None else open_watch(proximity, skin.hand)
+        model = SkinMonitor(skin, frames, threshold_counts, estimators)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:

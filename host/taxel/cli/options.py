@@ -36,6 +36,12 @@ Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Number of proce
 ThresholdCounts = Annotated[
     float, typer.Option("--threshold-counts", min=0.0, help="Signal above which a taxel is active, counts.")
 ]
+ProximityFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--proximity", help="Calibration of `taxel proximity calibrate`: also estimate targets before contact."
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output files.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 

@@ -11,7 +11,17 @@ from rich.console import Console
 
 from taxel.cli.gap_notices import GapNotices
 from taxel.cli.joint_sources import open_live_joints
-from taxel.cli.options import HandCan, HandOption, JointAngles, JointTopic, Overwrite, Seconds, Url, parse_joint_angles
+from taxel.cli.options import (
+    HandCan,
+    HandOption,
+    JointAngles,
+    JointTopic,
+    Overwrite,
+    ProximityFile,
+    Seconds,
+    Url,
+    parse_joint_angles,
+)
 from taxel.cli.progress import spinner, time_bar
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
@@ -33,6 +43,7 @@ def record(
     joints: JointAngles = None,
     joint_topic: JointTopic = None,
     hand_can: HandCan = None,
+    proximity: ProximityFile = None,
     wait: Annotated[
         bool, typer.Option("--wait", help="If the port vanishes, wait for it and continue in the same file.")
     ] = False,
@@ -43,7 +54,8 @@ def record(
     The file contains all bytes of the hub with their arrival times. A capture is written to disk at once. An MCAP file
     (needs the extra ros) also contains the skin's ROS 2 topics; a killed program loses less than a second of it. With
     --joint-topic or --hand-can, the measured joint angles of every poll cycle are recorded: in the topic /joint_states
-    of an MCAP file, or beside a capture in FILE.joints.csv.
+    of an MCAP file, or beside a capture in FILE.joints.csv. With --proximity, an MCAP file contains the targets before
+    contact in the topics /taxel/BOARD/proximity.
 
     With --wait, a port that vanishes (unplugged, hub without power) does not end the recording: the command waits,
     opens the port again under the same name, and continues in the same file. Frames that the hub sent meanwhile count
@@ -53,7 +65,7 @@ def record(
     """
     with (
         open_live_joints(hand, parse_joint_angles(joints), joint_topic, hand_can) as source,
-        open_recorded(url, out, hand, overwrite, source, wait) as skin,
+        open_recorded(url, out, hand, overwrite, source, wait, proximity) as skin,
     ):
         summary = StreamSummary(skin)
         try:

@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 
 from taxel.cli.joint_sources import choose_url_joints
-from taxel.cli.options import HandOption, JointAngles, JointFile, JointTopic, Seconds, Url
+from taxel.cli.options import HandOption, JointAngles, JointFile, JointTopic, ProximityFile, Seconds, Url
 from taxel.hand.joint_history import JointHistory
 from taxel.hand.kinematics import build_kinematics
+from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.original_topics import OriginalTopics
 from taxel.ros.pace import Pace
@@ -30,6 +31,7 @@ def ros(
         typer.Option("--ros-version", min=1, max=2, help="ROS 1 or 2. Default: 2 if rclpy is installed, else 1."),
     ] = None,
     seconds: Seconds = None,
+    proximity: ProximityFile = None,
     original_topics: Annotated[
         bool,
         typer.Option(
@@ -41,8 +43,10 @@ def ros(
     """Publish a skin as ROS topics.
 
     Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100
-    poll cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2). With
-    --original-topics: one topic sensor_ADDRESS_readings for each board, as the original ROS stack publishes it.
+    poll cycles are the baseline, during which nothing may touch the skin. With --proximity, the topics
+    /taxel/BOARD/proximity contain distance, speed and kind of a target before contact. Needs rospy (ROS 1) or rclpy
+    (ROS 2). With --original-topics: one topic sensor_ADDRESS_readings for each board, as the original ROS stack
+    publishes it.
 
     Example: taxel ros "emulator:" --seconds 1
     """
@@ -50,7 +54,8 @@ def ros(
     try:
         with open_skin(url, hand) as skin:
             angles = choose_url_joints(url, skin, joints, joint_file)
-            publish_skin(skin, node, angles, joint_topic, seconds, Pace(None), original_topics)
+            watch = None if proximity is None else open_watch(proximity, skin.hand)
+            publish_skin(skin, node, angles, joint_topic, seconds, Pace(None), original_topics, watch)
     finally:
         node.close()
 
@@ -63,12 +68,14 @@ def publish_skin(
     seconds: float | None,
     pace: Pace,
     has_original_topics: bool = False,
+    proximity: ProximityWatch | None = None,
 ) -> None:
     """Publish all frames of a skin as ROS topics until its end or until `seconds` have passed.
 
     node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians, or measured angles
     over time. joint_topic: topic with
     the joint angles, used instead of `angles`. has_original_topics: publish only the topics of the original ROS stack.
+    proximity: estimators of targets before contact.
     The times of a recording are shifted such that its first frame has the present time.
     """
     publisher = open_node() if node is None else node
@@ -89,7 +96,7 @@ def publish_skin(
                 topics = (
                     OriginalTopics(skin.hand, offset_ns)
                     if has_original_topics
-                    else SkinTopics(skin.hand, skin.hub, offset_ns, joints)
+                    else SkinTopics(skin.hand, skin.hub, offset_ns, joints, proximity=proximity)
                 )
             for message in topics.take(frame):
                 if joint_topic is None or message.topic != "/joint_states":

@@ -13,6 +13,7 @@ from taxel.monitor.board_faults import BoardFaults
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
+from taxel.proximity import ProximityWatch
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
@@ -43,14 +44,20 @@ class SkinMonitor:
     """
 
     def __init__(
-        self, skin: Skin, samples: int = BASELINE_SAMPLES, threshold: float = ACTIVATION_THRESHOLD_COUNTS
+        self,
+        skin: Skin,
+        samples: int = BASELINE_SAMPLES,
+        threshold: float = ACTIVATION_THRESHOLD_COUNTS,
+        proximity: ProximityWatch | None = None,
     ) -> None:
         """Create a monitor of the frames of an open skin.
 
         samples: number of frames of each board's baseline. threshold: counts of signal above which a taxel is active.
-        Raises ValueError for a number of samples or a threshold that `taxel.signal` rejects.
+        proximity: estimators of targets before contact; None: not estimated. Raises ValueError for a number of samples
+        or a threshold that `taxel.signal` rejects.
         """
         self.skin = skin
+        self._proximity = proximity
         self.hand = hand = skin.hand
         self.threshold = threshold
         self._raw = np.zeros(hand.n_taxels, dtype=np.uint16)
@@ -81,6 +88,8 @@ class SkinMonitor:
         for frame in frames:
             arrival_s = now_s if self._is_real_time else frame.time_s
             self._boards[frame.address].take(frame, arrival_s, self.threshold)
+            if self._proximity is not None:
+                self._proximity.take(frame, arrival_s)
         if frames:
             self._arrived_s = now_s
             self._newest_s = frames[-1].time_s
@@ -130,6 +139,7 @@ class SkinMonitor:
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
+            proximity=None if self._proximity is None else tuple(self._proximity.latest.values()),
             no_data_since_s=None if is_ended else self._find_silence(now_s),
             **self._read_counters(boards),
         )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from taxel.hand import Board
+from taxel.proximity import ProximityEstimate
 from taxel.types import BoolArray, CountArray, FloatArray
 
 
@@ -72,6 +73,7 @@ class SkinReading:
         advice: what the user should do, in one line; None if there is no problem.
         no_data_since_s: Unix time of the last frame, seconds, if none has arrived for longer than `NO_DATA_S`; else
             None. Rates and signals are then out of date.
+        proximity: targets in front of the boards before contact; None if they are not estimated.
     """
 
     signal_counts: FloatArray
@@ -101,6 +103,7 @@ class SkinReading:
     is_ended: bool
     advice: str | None
     no_data_since_s: float | None = None
+    proximity: tuple[ProximityEstimate, ...] | None = None
 
     @property
     def boards_streaming(self) -> int:
@@ -120,7 +123,7 @@ class SkinReading:
 
     def as_dict(self) -> dict[str, Any]:
         """Convert the reading to JSON values; None for unknown values."""
-        return {
+        values = {
             "time_s": _round_finite(self.time_s, 6),
             "watched_s": round(self.watched_s, 3),
             "scans_hz": round(self.scans_hz, 3),
@@ -145,6 +148,9 @@ class SkinReading:
             "advice": self.advice,
             "boards": [_make_board_dict(board) for board in self.boards],
         }
+        if self.proximity is not None:
+            values["proximity"] = [estimate.as_dict() for estimate in self.proximity]
+        return values
 
 
 def _format_utc(unix_s: float) -> str:

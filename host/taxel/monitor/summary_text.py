@@ -5,6 +5,7 @@ import time
 
 from taxel.monitor.advice import LAG_BYTES
 from taxel.monitor.reading import SkinReading
+from taxel.proximity.watch import WARNING_PROBABILITY
 
 QUEUE_BYTES = 1 << 14
 """Number of waiting bytes above which a stream in real time shows them. Between two polls fewer bytes wait; sources
@@ -35,7 +36,21 @@ def format_rates(reading: SkinReading) -> list[Part]:
         ]
     else:
         parts.append((f"baseline {100 * reading.baseline:.0f} %", False))
-    return parts
+    return parts + _format_proximity(reading)
+
+
+def _format_proximity(reading: SkinReading) -> list[Part]:
+    """Return a text for the nearest target before contact; a predicted contact counts as a problem."""
+    near = [each for each in reading.proximity or () if each.distance_m is not None]
+    if not near:
+        return []
+    nearest = min(near, key=lambda each: each.distance_m.median if each.distance_m else math.inf)
+    distance, speed = nearest.distance_m, nearest.speed_m_s
+    if distance is None or speed is None:
+        return []
+    name = nearest.board.replace("_", " ")
+    text = f"target {1e3 * distance.median:.1f} mm from {name}, {1e3 * speed.median:+.0f} mm/s"
+    return [(text, nearest.contact_soon > WARNING_PROBABILITY)]
 
 
 def format_banner(reading: SkinReading) -> str | None:

@@ -8,8 +8,10 @@ import numpy.typing as npt
 
 from taxel.hand import Hand
 from taxel.hand.joint_history import EDGE_S, JointHistory
+from taxel.proximity import ProximityWatch
 from taxel.ros.contacts import make_activations_message, make_baseline_message, make_contact_cloud_message
 from taxel.ros.diagnostics import make_diagnostics_message
+from taxel.ros.proximity import MESSAGE_TYPE, make_proximity_message
 from taxel.ros.tf_tree import FrameTree, make_header
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Activation, Baseline, BaselineResult
 from taxel.stream import HubClient, TaxelFrame
@@ -60,17 +62,20 @@ class SkinTopics:
         joints: JointSource | None = None,
         baseline_samples: int = BASELINE_SAMPLES,
         threshold_counts: float = ACTIVATION_THRESHOLD_COUNTS,
+        proximity: ProximityWatch | None = None,
     ) -> None:
         """Create a converter from taxel frames to ROS messages.
 
         hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to obtain Unix
         time. joints: function that returns the joint angles of the hand's robot; None: all 0. baseline_samples: number
-        of first scans that form the baseline. threshold_counts: signal above which a taxel is active.
+        of first scans that form the baseline. threshold_counts: signal above which a taxel is active. proximity:
+        estimators of targets before contact; None: no topics of targets.
         """
         self._hand = hand
         self._hub = hub
         self._offset_ns = epoch_offset_ns
         self._threshold = threshold_counts
+        self._proximity = proximity
         self.tree = FrameTree(hand, joints)
         self._measured = joints if isinstance(joints, JointHistory) else None
         self._sorter = CycleSorter(len(hand.boards))
@@ -97,6 +102,7 @@ class SkinTopics:
             yield from self._make_edge_message(frame.time_s - EDGE_S)
         self._newest_s = max(self._newest_s, frame.time_s)
         yield self._make_scan_message(frame)
+        yield from self._make_proximity_message(frame)
         self._sorter.add(frame)
         yield from self._make_completed_cycle_messages(is_end=False)
 
@@ -139,6 +145,15 @@ class SkinTopics:
             "raw_counts": frame.raw_counts,
         }
         return TopicMessage(f"/taxel/{name}/scan", "taxel_msgs/TaxelScan", time_ns, message)
+
+    def _make_proximity_message(self, frame: TaxelFrame) -> Iterator[TopicMessage]:
+        """Yield the message of the target in front of the frame's board, if proximity is estimated for this board."""
+        estimate = None if self._proximity is None else self._proximity.take(frame)
+        if estimate is not None:
+            time_ns = self.time_ns(frame.time_s)
+            head = make_header(time_ns, self.tree.get_bracket_frame(frame.address))
+            message = make_proximity_message(estimate, head)
+            yield TopicMessage(f"/taxel/{estimate.board}/proximity", MESSAGE_TYPE, time_ns, message)
 
     def _make_completed_cycle_messages(self, is_end: bool) -> Iterator[TopicMessage]:
         """Yield the messages of all complete poll cycles; is_end: the stream has ended, so all cycles are complete."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.link import Chunk, Link
+from taxel.proximity import ProximityWatch
 from taxel.ros.topics import JointSource, SkinTopics, TopicMessage
 from taxel.skin.confirmed_bytes import ConfirmedBytes
 from taxel.skin.recording_link import RecordingLink
@@ -55,18 +56,24 @@ class McapSkin(RecordingSkin):
     """A skin whose frames are written to an MCAP file as topics, beside the bytes that contained them."""
 
     def __init__(
-        self, link: Link, hand: Hand, file: McapFile, header: Mapping[str, Any], joints: JointSource | None
+        self,
+        link: Link,
+        hand: Hand,
+        file: McapFile,
+        header: Mapping[str, Any],
+        joints: JointSource | None,
+        proximity: ProximityWatch | None = None,
     ) -> None:
         """Open a skin on a link and record its bytes and ROS topics in an open MCAP file.
 
         header: header of the recording. joints: function that returns the joint angles of the hand's robot, radians;
-        None: all 0.
+        None: all 0. proximity: estimators of targets before contact, whose estimates become topics.
         """
         self._file = file
         self._bytes = McapBytes(file, header)
         self._delivered: list[TopicMessage] = []
         super().__init__(RecordingLink(link, self._bytes), hand)
-        self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints)
+        self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints, proximity=proximity)
         self._has_baseline = False
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:

@@ -13,6 +13,7 @@ from taxel.link.live_records import EXISTS, open_live_output
 from taxel.link.pcapng import SUFFIX as PCAPNG_SUFFIX
 from taxel.link.pcapng import PcapngWriter
 from taxel.output import LiveOutput
+from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.topics import JointSource
 from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.confirmed_bytes import PcapngBytes
@@ -32,6 +33,7 @@ def open_recorded(
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
     waits: bool = False,
+    proximity: str | os.PathLike[str] | None = None,
 ) -> RecordingSkin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
@@ -40,18 +42,29 @@ def open_recorded(
     alone. joint_position: joint angles of the hand's robot, radians [j], or a function that returns them, for the TF
     tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, beside a
     file without topics in the file PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and
-    continues in the same file (`Skin.reconnection` lists the gaps).
-    Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
+    continues in the same file (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP
+    file also contains the targets before contact. Raises `CaptureError`, before anything is opened, if the file exists
+    and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
     link, description = (open_waiting_source if waits else open_source)(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
+        watch = None if proximity is None else _open_recorded_watch(path, proximity, description)
     except BaseException:
         link.close()
         raise
-    return record_link(link, description, header, path, overwrite, joint_position)
+    return record_link(link, description, header, path, overwrite, joint_position, proximity=watch)
+
+
+def _open_recorded_watch(
+    path: str | os.PathLike[str], calibration: str | os.PathLike[str], hand: Hand
+) -> ProximityWatch:
+    """Open the estimators of an MCAP file. Raises `CaptureError` for a file of another kind, which has no topics."""
+    if not os.fspath(path).endswith(MCAP_SUFFIX):
+        raise CaptureError(os.fspath(path), f"contains no topics; a file with proximity needs a name in {MCAP_SUFFIX}")
+    return open_watch(calibration, hand)
 
 
 def record_link(
@@ -63,11 +76,12 @@ def record_link(
     joint_position: npt.ArrayLike | JointSource | None = None,
     output: LiveOutput | None = None,
     joint_output: LiveOutput | None = None,
+    proximity: ProximityWatch | None = None,
 ) -> RecordingSkin:
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
 
     output, joint_output: open outputs that are written instead of `path`, and instead of the file of measured joint
-    angles beside a capture; None: new files.
+    angles beside a capture; None: new files. proximity: estimators of targets before contact (MCAP files).
     """
     if joint_position is None:
         joint_position = header.get("joint_position")
@@ -76,7 +90,7 @@ def record_link(
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position, output)
+        return _record_mcap(link, hand, header, path, overwrite, joint_position, output, proximity)
     try:
         writer = _open_writer(path, header, overwrite, output)
     except BaseException:
@@ -117,11 +131,13 @@ def _record_mcap(
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
     output: LiveOutput | None,
+    proximity: ProximityWatch | None,
 ) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
-    output: open output that is written instead of `path`; None: a new file.
+    output: open output that is written instead of `path`; None: a new file. proximity: estimators of targets before
+    contact.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
@@ -131,7 +147,7 @@ def _record_mcap(
         link.close()
         raise
     try:
-        return McapSkin(link, hand, file, header, make_joint_source(joint_position))
+        return McapSkin(link, hand, file, header, make_joint_source(joint_position), proximity)
     except BaseException:
         file.discard()
         raise

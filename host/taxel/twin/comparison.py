@@ -16,7 +16,7 @@ from taxel.twin.missing_frames import MissingFrames
 from taxel.twin.null_model import NullModels, compute_log_ratios, fit_null_models
 from taxel.twin.onset import StepHistory
 from taxel.twin.reference import ConditionReference, Reference, compute_signals
-from taxel.twin.rest_level import RestLevel
+from taxel.signal.rest_level import RestLevel
 from taxel.twin.schedule import Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (

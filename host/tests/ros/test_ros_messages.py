@@ -20,7 +20,7 @@ STANDARD = (
     "sensor_msgs/JointState", "sensor_msgs/PointField", "sensor_msgs/PointCloud2", "diagnostic_msgs/DiagnosticArray",
 )  # fmt: skip
 CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # not part of Debian's ros-core
-OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes")
+OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes", "Proximity")
 HEADER = {"stamp": {"sec": 12, "nanosec": 345_678_901}, "frame_id": "palm"}
 MESSAGES = {
     "taxel_msgs/TaxelScan": {
@@ -29,6 +29,12 @@ MESSAGES = {
     },
     "taxel_msgs/Baseline": {
         "header": HEADER, "samples": 100, "mean": [1.5, float("nan")], "noise": [], "disturbed": [True, False, True],
+    },
+    "taxel_msgs/Proximity": {
+        "header": HEADER, "address": 0x21, "name": "palm", "ready": True, "present": 0.5, "contact": 0.25,
+        "distance_m": [0.5, 0.25, 1.0], "speed_m_s": [0.0, -0.5, 0.5], "contact_soon": 0.75, "horizon_s": 0.125,
+        "time_to_contact_s": [1.0, 0.5, float("inf")], "taxel": -1, "target": "grounded", "targets": ["grounded", ""],
+        "probabilities": [1.0, 0.0],
     },
     "sensor_msgs/JointState": {
         "header": HEADER, "name": ["a", "", "joint"], "position": [0.25], "velocity": [], "effort": np.zeros(2),

@@ -1,21 +1,36 @@
-"""Targets: files that the project stores itself and reads again: reports, results, histories and sealed keys."""
+"""Targets: files that the project stores itself and reads again: reports, results, histories, keys, calibrations."""
 
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from fuzz_files.array_codecs import Sqlite
 from fuzz_files.document import Flat, flatten
 from fuzz_files.target import COARSE, Rules, Target
-from fuzz_files.text_codecs import GzipJsonLines, Json
+from fuzz_files.text_codecs import Csv, GzipJsonLines, Json
 from taxel.blind.records import read_records
 from taxel.blind.run_folder import open_sealed_worlds, seal_worlds
 from taxel.gap.page.document import page_text
 from taxel.gap.report.reading import read_report, read_report_values
 from taxel.generate.folder import open_folder
 from taxel.generate.recipe_file import read_recipe
+from taxel.hand import Hand, load_hand
+from taxel.proximity import (
+    Hold,
+    KindCalibration,
+    ProximityCalibration,
+    TargetResponse,
+    format_holds,
+    read_calibration,
+    read_holds,
+    write_calibration,
+)
+from taxel.proximity.response import ResponseCurve
 from taxel_tools.testing.history import History
 from taxel_tools.testing.record import Finding, Limit, Measurement, Outcome, PhaseRecord, TestRecord
 from taxel_tools.testing.result_file import read_json, write_json
@@ -109,6 +124,39 @@ def read_generated(path: Path) -> Flat:
     return {"missing": str(open_folder(path / "out", read_recipe(path / "recipe.toml")))}
 
 
+@cache
+def _load_hand() -> Hand:
+    """Hand of the calibration."""
+    return load_hand("original")
+
+
+def write_proximity(folder: Path) -> str:
+    """Write a calibration of the response before contact."""
+    curve = ResponseCurve(np.array([0.0005, 0.002, 0.014]), np.array([-310.5, -190.25, -9.75]), 3.5)
+    targets = {"grounded": TargetResponse(curve, 0.025, 0.03125, ("palm",))}
+    calibration = ProximityCalibration("original", {"palm": KindCalibration(4.125, 0.375, targets)})
+    write_calibration(folder / "skin.json", calibration)
+    return "skin.json"
+
+
+def read_proximity(path: Path) -> Flat:
+    """Calibrated kinds of board."""
+    calibration = read_calibration(path, _load_hand())
+    return flatten({"hand": calibration.hand, "kinds": calibration.kinds})
+
+
+def write_hold_table(folder: Path) -> str:
+    """Write the holds of a calibration session."""
+    holds = [Hold(1.0, 2.5, "palm", "rest", None), Hold(3.0, 4.5, "palm", "grounded", 0.0035)]
+    (folder / "holds.csv").write_text(format_holds(holds))
+    return "holds.csv"
+
+
+def read_hold_table(path: Path) -> Flat:
+    """Holds of a session."""
+    return flatten(read_holds(path, _load_hand()))
+
+
 _JSON: Final = ((r"\.json$", (Json(),)),)
 _ALL: Final = re.compile("")
 _RESULT: Final = Rules(derived=re.compile(r"#$|taxel_test_record|base64"))
@@ -120,6 +168,12 @@ _REPORT_UNUSED: Final = re.compile(
 
 _REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^(verdict|effects)"))
 
+_PROXIMITY: Final = Rules(derived=re.compile("#$|distance_mm"))
+"""Distances are converted from millimetres to metres."""
+
+_HOLDS: Final = Rules(derived=_ALL)
+"""Rows are sorted by their time, and numbers are written in other ways than as texts."""
+
 TARGETS: Final[tuple[Any, ...]] = (
     Target("report", write_report, _JSON, read_report_data, 0.4, _REPORT),
     Target("report-page", write_report, _JSON, read_report_page, 0.1, _UNUSED),
@@ -127,5 +181,7 @@ TARGETS: Final[tuple[Any, ...]] = (
     Target("history", write_history, ((r"\.db$", (Sqlite(),)),), read_history, 1.0, _UNUSED),
     Target("sealed-keys", write_sealed, _JSON, read_sealed, 4.0, Rules(is_protected=True)),
     Target("answers", write_answers, ((r"\.gz$", (GzipJsonLines(),)),), read_answers, 2.0, COARSE),
+    Target("proximity", write_proximity, _JSON, read_proximity, 6.0, _PROXIMITY),
+    Target("proximity-holds", write_hold_table, ((r"\.csv$", (Csv(),)),), read_hold_table, 6.0, _HOLDS),
     Target("generated", write_generated, _JSON, read_generated, 2.0, _UNUSED, mutable=r"\.json$"),
 )

@@ -1,0 +1,64 @@
+#include "emulator/effects/proximity_target.h"
+
+#include <math.h>
+
+/* Assumed geometry of the electrodes, in units of their distance: the shield at half the distance, and strips of half
+ * the distance in width, which have the field of a round wire of a quarter of their width. */
+#define SHIELD_DEPTH 0.5
+#define WIRE_RADIUS 0.125
+
+/* Midpoint rule for the integral over the wave number q, up to the decay e^-16 of the field at the target. The steps are
+ * uniform in the square root of q, because a thick slab changes its reflection at small q. */
+#define WAVE_STEPS 160
+#define WAVE_DECAY 8.0
+
+/* Share of a field of wave number `q` (per metre) that the target reflects. */
+static double compute_reflection(const struct proximity_target *target, double q)
+{
+    if (target->is_conductor) {
+        return 1.0;
+    }
+    const double k = (target->permittivity - 1.0) / (target->permittivity + 1.0);
+    const double passage = exp(-2.0 * q * target->thickness);
+    return k * (1.0 - passage) / (1.0 - k * k * passage);
+}
+
+/* Coefficients of potential of the electrodes, of one itself and of one at the other, without and with a target. */
+struct potentials {
+    double own, other;
+};
+
+static struct potentials compute_potentials_at_rest(void)
+{
+    const double ratio = 2.0 * SHIELD_DEPTH;
+    return (struct potentials){.own = log(2.0 * SHIELD_DEPTH / WIRE_RADIUS), .other = 0.5 * log1p(ratio * ratio)};
+}
+
+static struct potentials compute_potentials(const struct proximity_target *target, double z)
+{
+    const double depth = SHIELD_DEPTH * target->distance, q_max = WAVE_DECAY / z;
+    struct potentials potentials = compute_potentials_at_rest();
+    for (int i = 0; i < WAVE_STEPS; i++) {
+        const double root = (i + 0.5) / WAVE_STEPS, q = q_max * root * root, step = 2.0 * q_max * root / WAVE_STEPS;
+        const double reflection = compute_reflection(target, q);
+        const double below = -0.5 * expm1(-2.0 * q * depth);
+        const double reflected = 4.0 * reflection * exp(-2.0 * q * z) * below * below /
+                                 (1.0 - reflection * exp(-2.0 * q * (depth + z))) / q * step;
+        potentials.own -= reflected;
+        potentials.other -= reflected * cos(q * target->distance);
+    }
+    return potentials;
+}
+
+double proximity_target_change(const struct proximity_target *target, double z)
+{
+    const struct potentials rest = compute_potentials_at_rest(), near = compute_potentials(target, z);
+    const double rest_mutual = rest.other / (rest.own * rest.own - rest.other * rest.other);
+    const double determinant = near.own * near.own - near.other * near.other;
+    double mutual = near.other / determinant;
+    if (target->is_conductor) {
+        const double depth = SHIELD_DEPTH * target->distance;
+        mutual += (1.0 - target->grounding) * 0.5 * depth / (depth + z) * (near.own - near.other) / determinant;
+    }
+    return mutual / rest_mutual - 1.0;
+}

@@ -1,0 +1,137 @@
+"""Response curve and its uncertainties from the signals of held targets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxel.optional import optional_import
+from taxel.proximity.errors import ProximityError
+from taxel.proximity.hold_signals import HeldSignal
+from taxel.proximity.response import TABLE_END_M, ResponseCurve, look_up, to_axis
+from taxel.proximity.skin_points import SkinPoints, compute_plane_gaps
+from taxel.types import FloatArray
+
+MIN_DISTANCES = 5
+"""Fewest distances of a calibration: a decaying curve needs about one support point per halving of its values."""
+
+DECAY_RANGE = (1.0, 6.0)
+"""Range of the power with which the signal decays beyond the last hold: from a field between plates (1) to that of a
+dipole and its image (6)."""
+
+MONOTONE_LIMIT = 3.0
+"""Largest deviation of a curve from a monotone one, in standard errors, at which the monotone curve is used. A larger
+value would force the response to a dielectric, which changes its sign, onto a monotone curve."""
+
+FACING_SHARE = 0.05
+"""Taxels whose predicted signals have a smaller share of the largest mean square do not face the plate."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """Result of a fit. curve_error: relative standard deviation of a hold that was left out of the fit. gain_spread:
+    relative standard deviation of the response between taxels.
+    """
+
+    curve: ResponseCurve
+    curve_error: float
+    gain_spread: float
+
+
+def fit_curve(points_of: dict[str, SkinPoints], signals: Sequence[HeldSignal], noise_counts: float) -> CurveFit:
+    """Fit the response curve of one kind of board and one target.
+
+    points_of: skin points by board name. signals: held signals of boards of this kind. noise_counts: white noise of one
+    frame. Raises `ProximityError` for fewer than `MIN_DISTANCES` distances.
+    """
+    knots = np.unique(np.array([signal.distance_m for signal in signals]))
+    if len(knots) < MIN_DISTANCES:
+        raise ProximityError(
+            f"{signals[0].board}, target {signals[0].target}: expected holds at {MIN_DISTANCES} distances or more, "
+            f"found {len(knots)}; hold the target at more distances"
+        )
+    gaps = [compute_plane_gaps(points_of[signal.board], signal.distance_m) for signal in signals]
+    curve = _fit_support_points(knots, gaps, signals, noise_counts)
+    table = curve.make_table()
+    predicted = [look_up(table, gap).mean(axis=1) for gap in gaps]
+    return CurveFit(
+        curve, _compute_curve_error(knots, curve, noise_counts, signals), _compute_spread(predicted, signals)
+    )
+
+
+def _fit_support_points(
+    knots: FloatArray, gaps: Sequence[FloatArray], signals: Sequence[HeldSignal], noise_counts: float
+) -> ResponseCurve:
+    """Fit the values of the curve at the held distances by least squares over all taxels.
+
+    On a curved board the taxels have different gaps at the same distance; the support points are those of the gaps.
+    """
+    decay = 3.0
+    for _ in range(3):  # the decay beyond the last support point follows from the last two of them
+        rows = np.concatenate([_hat_means(knots, gap, decay) for gap in gaps])
+        observed = np.concatenate([signal.signal_counts for signal in signals])
+        weight = np.concatenate([np.full(len(signal.signal_counts), np.sqrt(signal.frames)) for signal in signals])
+        values, *_ = np.linalg.lstsq(rows * weight[:, None], observed * weight, rcond=None)
+        ratio = values[-2] / values[-1] if values[-1] * values[-2] > 0 else 1.0
+        step = to_axis(knots[-1:])[0] - to_axis(knots[-2:-1])[0]
+        decay = float(np.clip(np.log(max(ratio, 1e-3)) / step, *DECAY_RANGE))
+    normal = (rows * weight[:, None]).T @ (rows * weight[:, None])
+    error = noise_counts * np.sqrt(np.diag(np.linalg.pinv(normal)))
+    return ResponseCurve(knots, _make_monotone(values, error), decay)
+
+
+def _hat_means(knots: FloatArray, gap: FloatArray, decay: float) -> FloatArray:
+    """Mean over each taxel's points of the hat functions of the support points, f64[n, k]. gap: f64[n, 9], metres."""
+    axis, ends = to_axis(np.minimum(gap, TABLE_END_M)), to_axis(knots)
+    index = np.clip(np.searchsorted(ends, axis, side="right") - 1, 0, len(ends) - 2)
+    share = np.minimum((axis - ends[index]) / (ends[index + 1] - ends[index]), 1.0)
+    fade = np.where(gap < TABLE_END_M, np.exp(-decay * np.maximum(axis - ends[-1], 0.0)), 0.0)
+    hats = np.zeros((*gap.shape, len(ends)))
+    np.put_along_axis(hats, index[..., None], ((1.0 - share) * fade)[..., None], axis=-1)
+    np.put_along_axis(hats, index[..., None] + 1, (share * fade)[..., None], axis=-1)
+    return np.asarray(hats.mean(axis=1))
+
+
+def _make_monotone(values: FloatArray, error: FloatArray) -> FloatArray:
+    """Return the nearest monotone values if they agree with the values within their errors, else the values."""
+    with optional_import("scipy", "the calibration of the proximity response"):
+        from scipy.optimize import isotonic_regression
+    is_rising = values[-1] > values[0]
+    monotone = np.asarray(isotonic_regression(values, weights=1.0 / error**2, increasing=bool(is_rising)).x)
+    deviation = np.abs(monotone - values) / np.maximum(error, 1e-9)
+    return monotone if deviation.max() <= MONOTONE_LIMIT else values
+
+
+def _compute_curve_error(
+    knots: FloatArray, curve: ResponseCurve, noise_counts: float, signals: Sequence[HeldSignal]
+) -> float:
+    """Compute the relative error of the curve at an inner support point that is predicted from the others.
+
+    The interpolation over a gap of twice the spacing overestimates the error between two support points by about a
+    factor of 4 for a smooth curve (second-order interpolation); the repeatability of the holds is contained in full.
+    """
+    errors = []
+    for index in range(1, len(knots) - 1):
+        kept = np.arange(len(knots)) != index
+        reduced = ResponseCurve(curve.distance_m[kept], curve.signal_counts[kept], curve.decay)
+        predicted = look_up(reduced.make_table(), curve.distance_m[index : index + 1])[0]
+        noise = noise_counts / np.sqrt(sum(signal.frames for signal in signals if signal.distance_m == knots[index]))
+        scale = max(abs(curve.signal_counts[index]), 3.0 * noise)
+        errors.append((predicted - curve.signal_counts[index]) / scale / 4.0)
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _compute_spread(predicted: Sequence[FloatArray], signals: Sequence[HeldSignal]) -> float:
+    """Compute the relative standard deviation between taxels of the response, weighted by the predicted signals."""
+    products: dict[str, list[FloatArray]] = {}
+    for value, signal in zip(predicted, signals, strict=True):
+        entry = products.setdefault(signal.board, [np.zeros(len(value)), np.zeros(len(value))])
+        entry[0] += value * signal.signal_counts
+        entry[1] += value**2
+    gains = np.concatenate(
+        [
+            (numerator / np.maximum(squares, 1e-9))[squares > FACING_SHARE * squares.max()]
+            for numerator, squares in products.values()
+        ]
+    )
+    return float(1.4826 * np.median(np.abs(gains - np.median(gains))))

@@ -1,0 +1,163 @@
+"""Estimate of the target in front of one board at one time."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taxel.proximity.motion_filter import MotionFilter
+from taxel.proximity.motion_grid import CENTRES_M, EDGES_M, SPEEDS_M_S, WIDTHS_M, compute_speed_widths
+from taxel.types import FloatArray
+
+INTERVAL = (0.025, 0.975)
+"""Quantiles of the interval of 95 %."""
+
+HIDDEN_PARTS_M = ((0.7, 3e-4), (0.3, 1.5e-3))
+"""Excess of the nearest part of a target over its template: probabilities and mean values (metres) of two exponential
+distributions. An edge or a corner that covers a small part of a taxel changes its signal little, so that a target can
+only be nearer than its template. The values reproduce the errors on emulated skins with the seeds 9 and 77 (plates,
+boxes, cylinders and spheres), which the check of docs/proximity.md does not contain."""
+
+PRESENT_PROBABILITY = 0.9
+"""Probability of a target above which its distance is reported. A smaller value reports farther targets, and more often
+one that does not exist."""
+
+TARGET_PROBABILITY = 0.9
+"""Probability above which the kind of target is named; below it the kind is not identifiable."""
+
+NOT_IDENTIFIABLE = "not identifiable"
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Median and interval of 95 % of a quantity."""
+
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ProximityEstimate:
+    """Estimate for one board at the scan time of one frame.
+
+    Attributes:
+        address, board: of the sensor. time_s: start of the scan, seconds of the stream's clock.
+        is_ready: whether the baseline is complete.
+        present: probability of a target in range that does not touch. contact: probability of a contact.
+        distance_m, speed_m_s: of the target; None unless `present` exceeds `PRESENT_PROBABILITY`. A positive speed
+            decreases the distance.
+        contact_soon: probability that a contact exists or begins within `horizon_s` of `time_s`.
+        time_to_contact_s: at the present speed; None for a target that does not approach, or without a target.
+        targets: probabilities of the calibrated targets. target: the most probable one, "not identifiable", "unknown"
+        if
+            no calibrated target fits the signals, or None without a target.
+        centre: the taxel of the board that is nearest to the target; None without a target.
+    """
+
+    address: int
+    board: str
+    time_s: float
+    is_ready: bool
+    present: float
+    contact: float
+    distance_m: Range | None
+    speed_m_s: Range | None
+    contact_soon: float
+    horizon_s: float
+    time_to_contact_s: Range | None
+    targets: dict[str, float]
+    target: str | None
+    centre: int | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Convert the estimate to JSON values; lengths in millimetres, times in seconds."""
+        return {
+            "time_s": round(self.time_s, 6),
+            "address": self.address,
+            "board": self.board,
+            "ready": self.is_ready,
+            "present": round(self.present, 4),
+            "contact": round(self.contact, 4),
+            "distance_mm": _scale(self.distance_m, 1e3),
+            "speed_mm_s": _scale(self.speed_m_s, 1e3),
+            "contact_soon": round(self.contact_soon, 4),
+            "horizon_s": round(self.horizon_s, 4),
+            "time_to_contact_s": _scale(self.time_to_contact_s, 1.0),
+            "target": self.target,
+            "targets": {name: round(value, 4) for name, value in self.targets.items()},
+            "taxel": self.centre,
+        }
+
+
+def _scale(value: Range | None, factor: float) -> dict[str, float | None] | None:
+    """Convert a range to JSON values; None for infinity."""
+    if value is None:
+        return None
+    pairs = (("median", value.median), ("low", value.low), ("high", value.high))
+    return {key: round(factor * each, 4) if math.isfinite(each) else None for key, each in pairs}
+
+
+def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
+    """Compute median and interval of a histogram with uniform density in each bin; edges: f64[bins + 1]."""
+    cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
+    low, median, high = np.interp((INTERVAL[0], 0.5, INTERVAL[1]), cumulative, edges).tolist()
+    return Range(median, low, high)
+
+
+def _compute_hidden_shift() -> FloatArray:
+    """Compute the distribution f64[G, G] of the distance of the nearest part for a template at each distance."""
+    shift = np.zeros((len(CENTRES_M), len(CENTRES_M)))
+    excess = CENTRES_M[:, None] - EDGES_M  # of a template at a centre over a nearest part at an edge
+    for probability, mean in HIDDEN_PARTS_M:
+        survival = np.where(excess > 0.0, np.exp(-np.maximum(excess, 0.0) / mean), 1.0)
+        survival[:, 0] = 0.0  # an excess beyond the distance itself would be a contact
+        shift += probability * np.diff(survival, axis=1)
+    return np.asarray(shift / shift.sum(axis=1, keepdims=True))
+
+
+_HIDDEN_SHIFT = _compute_hidden_shift()
+
+
+def compute_nearest_motion(state: MotionFilter) -> FloatArray:
+    """Compute the joint probabilities f64[V, G] of speed and distance of the nearest part of a target."""
+    return np.asarray(state.motion @ _HIDDEN_SHIFT)
+
+
+def summarise_distance(motion: FloatArray) -> Range:
+    """Summarise the distance, metres. motion: f64[V, G]."""
+    return compute_quantiles(motion.sum(axis=0), EDGES_M)
+
+
+def summarise_speed(motion: FloatArray) -> Range:
+    """Summarise the approach speed, metres per second. motion: f64[V, G]."""
+    widths = compute_speed_widths()
+    edges = np.concatenate([[SPEEDS_M_S[0] - 0.5 * widths[0]], 0.5 * (SPEEDS_M_S[1:] + SPEEDS_M_S[:-1])])
+    edges = np.append(edges, SPEEDS_M_S[-1] + 0.5 * widths[-1])
+    return compute_quantiles(motion.sum(axis=1), edges)
+
+
+def summarise_time_to_contact(motion: FloatArray) -> Range | None:
+    """Summarise the time until contact at constant speed, seconds; None if the median target does not approach.
+
+    motion: f64[V, G].
+    """
+    approaching = SPEEDS_M_S > 0
+    with np.errstate(divide="ignore"):
+        time = np.where(approaching[:, None], CENTRES_M / np.where(approaching, SPEEDS_M_S, 1.0)[:, None], np.inf)
+    order = np.argsort(time, axis=None)
+    cumulative = np.cumsum(motion.ravel()[order]) / motion.sum()
+    index = np.minimum(np.searchsorted(cumulative, (INTERVAL[0], 0.5, INTERVAL[1])), len(order) - 1)
+    low, median, high = time.ravel()[order][index].tolist()
+    return Range(median, low, high) if np.isfinite(median) else None
+
+
+def compute_contact_probability(motion: FloatArray, contact: float, horizon_s: float) -> float:
+    """Compute the probability that a contact exists or begins within a time, seconds, at constant speed.
+
+    motion: f64[V, G]. contact: probability of a contact at present.
+    """
+    reached = np.clip((SPEEDS_M_S[:, None] * horizon_s - EDGES_M[:-1]) / WIDTHS_M, 0.0, 1.0)
+    return float((motion * reached).sum() + contact)

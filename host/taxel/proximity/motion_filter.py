@@ -1,0 +1,118 @@
+"""Recursive Bayesian estimation of distance and approach speed on a grid, jointly with shape, gain and kind of
+target.
+"""
+
+import numpy as np
+
+from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, Transition, compute_speed_widths
+from taxel.types import FloatArray, IntArray
+
+KEPT_SHARE = 1e-3
+"""Templates whose probability is below this share of the largest one are left out until the window changes. The mixing
+of shapes gives each of some 200 templates 5e-4 per frame; a template below the limit therefore has only this share
+left, and a smaller likelihood than the others. The time per frame falls by a factor of 3 to 10."""
+
+NO_TARGET = 1e-6
+"""Probability of a target without contact below which its shape is forgotten."""
+
+RESUME_PROBABILITY_S = 2.0
+"""Rate (per second) at which a contact ends."""
+
+
+class MotionFilter:
+    """Probabilities of a target in front of one board.
+
+    `present`: f32[V, K, G], by speed, template and distance; `far`, `contact`: probabilities of no target in range, and
+    of a contact. All of them add up to 1. `template`: i64[K], index of each kept template on the axis of the
+    likelihood.
+    """
+
+    def __init__(self, prior: FloatArray) -> None:
+        """Start without a target. prior: f64[K], probabilities of the templates (of all targets)."""
+        self.reset(prior)
+
+    def reset(self, prior: FloatArray) -> None:
+        """Return to the state without a target."""
+        self._prior = (prior / prior.sum()).astype(np.float32)
+        self.template: IntArray = np.arange(len(prior))
+        self.present = np.zeros((len(SPEEDS_M_S), len(prior), len(CENTRES_M)), dtype=np.float32)
+        self.far, self.contact = 1.0, 0.0
+
+    def forget_shape(self) -> None:
+        """Keep distance and speed, and take the prior of the templates again: the window has changed."""
+        motion = self.present.sum(axis=1)
+        self.template = np.arange(len(self._prior))
+        self.present = motion[:, None, :] * self._prior[None, :, None]
+
+    def predict(self, transition: Transition) -> None:
+        """Advance the probabilities by the interval of a transition."""
+        motion = self.present.sum(axis=1)
+        touched = float((motion * transition.contact).sum())
+        departed = float((motion * transition.far).sum())
+        moved = np.matmul(self.present, transition.shift)
+        flat = moved.reshape(len(SPEEDS_M_S), -1)
+        present = (transition.speed.T @ flat).reshape(moved.shape)
+        leaving, arriving = transition.leaving_share, transition.arrival_share
+        disappeared = float(present.sum()) * leaving
+        released = self.contact * min(1.0, RESUME_PROBABILITY_S * arriving * 10.0)
+        arrived = self.far * arriving
+        present *= 1.0 - leaving
+        prior = self._prior[self.template]
+        prior = prior / prior.sum()
+        mixed = transition.shape_share * present.sum(axis=1)
+        present *= 1.0 - transition.shape_share
+        present += mixed[:, None, :] * prior[None, :, None]
+        present += arrived * transition.arrival[:, None, :] * prior[None, :, None]
+        present += released * _RELEASE[:, None, :] * prior[None, :, None]
+        self.present = present
+        self.contact += touched - released
+        self.far += departed + disappeared - arrived
+
+    def update(self, log_likelihood: FloatArray, log_absent: float, log_contact: float) -> None:
+        """Multiply by the likelihoods of a frame and normalise. log_likelihood: f64[all templates, G]."""
+        kept = log_likelihood[self.template]
+        largest = max(float(kept.max()), log_absent, log_contact)
+        self.present *= np.exp(kept - largest).astype(np.float32)
+        self.far *= float(np.exp(log_absent - largest))
+        self.contact *= float(np.exp(log_contact - largest))
+        total = float(self.present.sum()) + self.far + self.contact
+        if not total > 1e-30:  # every state was excluded: start again
+            self.reset(self._prior)
+            return
+        self.present /= total
+        self.far /= total
+        self.contact /= total
+        self._prune_templates()
+
+    def _prune_templates(self) -> None:
+        """Leave out templates of negligible probability, if a target is present; else take all of them again."""
+        weight = self.present.sum(axis=(0, 2))
+        if float(weight.sum()) < NO_TARGET:
+            if len(self.template) < len(self._prior):
+                self.forget_shape()
+            return
+        kept = weight > KEPT_SHARE * weight.max()
+        if self.far < 0.5 and kept.sum() < 0.8 * len(kept):
+            self.present = np.ascontiguousarray(self.present[:, kept])
+            self.template = self.template[kept]
+
+    @property
+    def motion(self) -> FloatArray:
+        """Joint probabilities f64[V, G] of speed and distance of a target that does not touch."""
+        return np.asarray(self.present.sum(axis=1), dtype=np.float64)
+
+    @property
+    def template_weight(self) -> FloatArray:
+        """Probabilities f64[all templates] of a target that does not touch."""
+        weight = np.zeros(len(self._prior))
+        weight[self.template] = self.present.sum(axis=(0, 2))
+        return weight
+
+
+def _compute_release() -> FloatArray:
+    """Distribution f32[V, G] of a target after a contact: within 2 mm, at rest or withdrawing."""
+    mass = np.outer(compute_speed_widths() * (SPEEDS_M_S <= 0), CENTRES_M < 2e-3)
+    return np.asarray(mass / mass.sum(), dtype=np.float32)
+
+
+_RELEASE = _compute_release()

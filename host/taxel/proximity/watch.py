@@ -1,0 +1,56 @@
+"""Estimates for all boards of a skin from its frames."""
+
+import os
+
+from taxel.hand import Hand
+from taxel.proximity.calibration import ProximityCalibration
+from taxel.proximity.calibration_file import read_calibration
+from taxel.proximity.estimate import ProximityEstimate
+from taxel.proximity.estimator import BoardEstimator
+from taxel.stream import TaxelFrame
+
+HORIZON_S = 0.19
+"""Time within which a contact is predicted, from the arrival of a frame. With 19 frames per second a contact that is to
+be known 80 ms ahead must be predicted one interval (54 ms) earlier. A longer horizon predicts earlier, and more often a
+contact that a braking target avoids."""
+
+WARNING_PROBABILITY = 0.7
+"""Probability of a contact within the horizon above which it counts as predicted. A smaller value predicts earlier, and
+more often a contact that does not follow."""
+
+
+class ProximityWatch:
+    """Estimator for each board whose kind is calibrated. The first 40 frames of each board are its baseline."""
+
+    def __init__(self, hand: Hand, calibration: ProximityCalibration, horizon_s: float = HORIZON_S) -> None:
+        """Create the estimators. horizon_s: time within which a contact is predicted."""
+        self.estimators = {
+            board.address: BoardEstimator(hand, board, calibration.kinds[board.kind.name], horizon_s)
+            for board in hand.boards
+            if board.kind.name in calibration.kinds
+        }
+        self.latest: dict[int, ProximityEstimate] = {}
+
+    @property
+    def progress(self) -> float:
+        """Mean share of the baselines of all boards with frames, 0 to 1."""
+        values = [estimator.progress for estimator in self.estimators.values() if estimator.progress > 0.0]
+        return sum(values) / len(values) if values else 0.0
+
+    def take(self, frame: TaxelFrame, arrival_s: float | None = None) -> ProximityEstimate | None:
+        """Process a frame; return the estimate of its board, or None for a board whose kind is not calibrated.
+
+        arrival_s: arrival on the clock of the frame's time; None: the time of the scan.
+        """
+        estimator = self.estimators.get(frame.address)
+        if estimator is None:
+            return None
+        age = 0.0 if arrival_s is None else max(arrival_s - frame.time_s, 0.0)
+        estimate = estimator.update(frame.time_s, frame.raw_counts, age)
+        self.latest[frame.address] = estimate
+        return estimate
+
+
+def open_watch(path: str | os.PathLike[str], hand: Hand, horizon_s: float = HORIZON_S) -> ProximityWatch:
+    """Create the estimators of a hand from a calibration file. Raises `CalibrationFileError`."""
+    return ProximityWatch(hand, read_calibration(path, hand), horizon_s)

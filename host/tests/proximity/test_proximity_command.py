@@ -1,0 +1,125 @@
+"""`taxel proximity` from the emulated stage to estimates."""
+
+import json
+import statistics
+
+import pytest
+from typer.testing import CliRunner
+
+from taxel.cli.main import build_app
+from taxel.proximity import ProximityCalibration, write_calibration
+from taxel.proximity.watch import open_watch
+from taxel.ros.topics import SkinTopics
+from taxel.skin import open_skin
+from taxel.skin.recorder import open_recorded
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(build_app("proximity"), ["proximity", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stage")
+    result = invoke("emulate", "--out", folder, "--boards", "medial_front_index", "--seed", "5")
+    assert result.exit_code == 0, result.output
+    arguments = (f"file:{folder}/plate.bin", "--holds", folder / "plate.csv", "--out", folder / "skin.json", "--json")
+    result = invoke("calibrate", *arguments)
+    assert result.exit_code == 0, result.output
+    return folder, json.loads(result.output)
+
+
+def test_calibration_of_the_emulated_stage_finds_a_negative_signal(stage):
+    _, document = stage
+    (response,) = document["responses"]
+    assert response["kind"] == "medial_front"
+    assert response["signal_counts"][0] < -100.0
+    assert response["signal_counts"][0] < response["signal_counts"][5] < response["signal_counts"][-1] < 1.0
+
+
+def test_watch_reports_the_held_distances(stage):
+    folder, _ = stage
+    result = invoke("watch", f"file:{folder}/plate.bin", "--calibration", folder / "skin.json", "--json")
+    assert result.exit_code == 0, result.output
+    estimates = [json.loads(line) for line in result.output.splitlines()]
+    holds = [line.split(",") for line in (folder / "plate.csv").read_text().splitlines()[1:]]
+    checked = 0
+    for start, end, board, target, distance in holds:
+        if target == "rest" or not 0.5 <= float(distance) <= 5.0:
+            continue
+        estimated = [each for each in estimates if float(start) + 1.0 < each["time_s"] < float(end)]
+        assert {each["board"] for each in estimated} == {board}
+        ranges = [each["distance_mm"] for each in estimated]
+        assert all(each["low"] <= float(distance) <= each["high"] for each in ranges)
+        assert abs(statistics.median(each["median"] for each in ranges) - float(distance)) < 0.5
+        checked += len(estimated)
+    assert checked > 50
+
+
+def test_text_of_watch_contains_distance_and_speed(stage):
+    folder, _ = stage
+    result = invoke("watch", f"file:{folder}/plate.bin", "--calibration", folder / "skin.json", "--seconds", "25")
+    assert result.exit_code == 0, result.output
+    assert "baseline complete" in result.output
+    assert " mm [" in result.output
+
+
+def test_existing_calibration_is_not_replaced(stage):
+    folder, _ = stage
+    before = (folder / "skin.json").read_bytes()
+    arguments = ("--holds", folder / "plate.csv", "--out", folder / "skin.json")
+    result = invoke("calibrate", f"file:{folder}/plate.bin", *arguments)
+    assert result.exit_code != 0
+    assert "expected a new file, found an existing one" in str(result.exception)
+    assert (folder / "skin.json").read_bytes() == before
+
+
+def test_recording_without_holds_is_an_error(stage):
+    folder, _ = stage
+    result = invoke("calibrate", f"file:{folder}/plate.bin", "--out", folder / "other.json")
+    assert result.exit_code != 0
+    assert "needs --holds" in str(result.exception)
+
+
+def test_topics_contain_the_target(stage):
+    folder, _ = stage
+    with open_skin(f"file:{folder}/plate.bin") as skin:
+        topics = SkinTopics(skin.hand, skin.hub, proximity=open_watch(folder / "skin.json", skin.hand))
+        messages = [message for frame in skin for message in topics.take(frame) if message.topic.endswith("/proximity")]
+    assert {message.topic for message in messages} >= {"/taxel/medial_front_index/proximity"}
+    near = [message.message for message in messages if message.message["present"] > 0.95]
+    assert near
+    assert all(0.0 < each["distance_m"][0] < 0.02 for each in near)
+
+
+def test_mcap_file_contains_the_target(stage, tmp_path):
+    folder, _ = stage
+    path = tmp_path / "skin.mcap"
+    with open_recorded(f"file:{folder}/plate.bin", path, proximity=folder / "skin.json") as skin:
+        for _ in zip(skin, range(4000), strict=False):
+            pass
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    assert "/taxel/medial_front_index/proximity" in topics
+
+
+def test_monitor_shows_the_nearest_target(stage):
+    folder, _ = stage
+    arguments = ["monitor", f"file:{folder}/plate.bin", "--speed", "40", "--proximity", str(folder / "skin.json")]
+    result = CliRunner().invoke(build_app("monitor"), arguments)
+    assert result.exit_code == 0, result.output
+    assert " mm from medial front index" in result.output
+    result = CliRunner().invoke(build_app("monitor"), [*arguments, "--json", "--speed", "1000"])
+    boards = [each["board"] for each in json.loads(result.output.splitlines()[-1])["proximity"]]
+    assert "medial_front_index" in boards
+    assert "palm" not in boards
+
+
+def test_proximity_of_a_plain_capture_is_refused(stage, tmp_path, calibration):
+    write_calibration(tmp_path / "skin.json", ProximityCalibration("original", {"medial_front": calibration}))
+    folder, _ = stage
+    with pytest.raises(Exception, match="contains no topics"):
+        open_recorded(f"file:{folder}/plate.bin", tmp_path / "x.bin", proximity=tmp_path / "skin.json")
+    assert not (tmp_path / "x.bin").exists()

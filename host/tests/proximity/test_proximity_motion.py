@@ -1,0 +1,32 @@
+"""Motion and probabilities of the filter."""
+
+import numpy as np
+import pytest
+
+from taxel.proximity.motion_filter import MotionFilter
+from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, get_transition
+
+
+@pytest.mark.parametrize("dt_s", [0.002, 0.054, 0.5, 20.0])
+def test_motion_conserves_the_probability(dt_s):
+    state = MotionFilter(np.array([1.0, 2.0, 1.0]))
+    for _ in range(50):
+        state.predict(get_transition(dt_s))
+        total = float(state.present.sum()) + state.far + state.contact
+        assert abs(total - 1.0) < 1e-3
+        assert state.far >= 0.0
+        assert state.contact >= 0.0
+
+
+def test_mass_moves_by_speed_times_interval():
+    transition = get_transition(0.05)
+    speed, column = int(np.argmin(np.abs(SPEEDS_M_S - 0.04))), int(np.argmin(np.abs(CENTRES_M - 5e-3)))
+    mean = float(transition.shift[speed, column] @ CENTRES_M)
+    assert mean == pytest.approx(CENTRES_M[column] - SPEEDS_M_S[speed] * 0.05, abs=3e-4)
+
+
+def test_impossible_frames_restart_the_filter():
+    state = MotionFilter(np.ones(3))
+    state.predict(get_transition(0.05))
+    state.update(np.full((3, len(CENTRES_M)), -np.inf), -np.inf, -1e6)
+    assert state.far + state.contact + float(state.present.sum()) == pytest.approx(1.0)
