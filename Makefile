@@ -62,6 +62,10 @@ blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues 
 blind-streams: $(STAMP)  ## the blind check of the twin: hours (STREAMS=6 STREAM_HOURS=0.5 for a short one)
 	@$(BIN)/python tools/twin/blind_streams.py --streams $(or $(STREAMS),150) --hours $(or $(STREAM_HOURS),2)
 
+.PHONY: compare-baselines
+compare-baselines: $(STAMP)  ## baseline policies after an hour of contact with drift, on WORLDS emulated worlds (minutes each)
+	@$(BIN)/python tools/baseline/compare_baselines.py --worlds $(if $(filter command,$(firstword $(origin WORLDS))),$(WORLDS),6)
+
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short compiled-tests

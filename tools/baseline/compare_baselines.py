@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from policies import ExponentialBaseline
-from worlds import LastingContact, run_world
+from baseline_policies import ExponentialBaseline
+from baseline_worlds import LastingContact, run_world
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
@@ -101,11 +101,11 @@ def _format(rows: list[dict[str, object]]) -> str:
     ]
     lines.append(f"{'':34s} " + "  ".join(f"{'median':>10s}{'largest':>10s}" for _ in AFTER_RELEASE_S))
     for name in POLICIES:
-        cells = []
+        columns = []
         for after in AFTER_RELEASE_S:
             values = np.array([row["errors"][f"{after:g}"][name] for row in rows])  # type: ignore[index]
-            cells.append(f"{np.median(values[:, 0]):10.1f}{values[:, 1].max():10.1f}")
-        lines.append(f"{name:34s} " + "  ".join(cells))
+            columns.append(f"{np.median(values[:, 0]):10.1f}{values[:, 1].max():10.1f}")
+        lines.append(f"{name:34s} " + "  ".join(columns))
     return "\n".join(lines)
 
 

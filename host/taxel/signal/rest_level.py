@@ -197,7 +197,7 @@ def estimate_slow_settings(
 
 
 def _compute_mean_square(changes: FloatArray, lag: int) -> float:
-    """Mean square change over `lag` steps, f64[K, n] changes of one step: the median over the taxels; NaN without one."""
+    """Mean square change over `lag` steps, f64[K, n] changes of one step: median over the taxels; NaN without one."""
     known = np.isfinite(changes)
     total, count = (
         np.cumsum(np.vstack([np.zeros(changes.shape[1]), part]), axis=0)

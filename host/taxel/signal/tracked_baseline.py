@@ -1,9 +1,9 @@
 """Baseline that follows drift for hours and holds under a lasting contact.
 
 Model of the mean count of a taxel in one interval: its count at rest without contact, and less with contact. The count
-at rest follows its board and changes slowly by itself (`rest_level.py`). Whether a taxel is in contact is a hidden state
-(`contact_state.py`). The count at rest is corrected without contact only; with contact it follows the taxels of its
-board that are free.
+at rest follows its board and changes slowly by itself (`rest_level.py`). Whether a taxel is in contact is a hidden
+state (`contact_state.py`). The count at rest is corrected without contact only; with contact it follows the taxels of
+its board that are free.
 """
 
 from __future__ import annotations
@@ -171,8 +171,8 @@ class TrackedBaseline:
 
         Several explanations of the interval are compared for each board, and the one with the largest posterior
         density is used: a common change that the free taxels show; a common change that all taxels show, so that all
-        contacts have ended; no common change; and a contact of the board that begins on many taxels at once. In a
-        drift, all taxels change alike; in a contact of the whole board, they do not.
+        contacts have ended; no common change; and a contact of the board that begins on many taxels at once. A drift
+        changes all taxels in proportion to their loadings; a contact of the whole board does not.
         """
         own = self._rest
         known = np.isfinite(mean)

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from taxel.signal.rest_level import RestLevel
 from taxel.twin.cleared import ClearedTest
 from taxel.twin.detector import ChangeDetector, Hypothesis
 from taxel.twin.events import Alarm, Cleared, Event, InputFault
@@ -16,7 +17,6 @@ from taxel.twin.missing_frames import MissingFrames
 from taxel.twin.null_model import NullModels, compute_log_ratios, fit_null_models
 from taxel.twin.onset import StepHistory
 from taxel.twin.reference import ConditionReference, Reference, compute_signals
-from taxel.signal.rest_level import RestLevel
 from taxel.twin.schedule import Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
+from taxel.signal.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.live_session import LiveSession
 from taxel.twin.noise_level import NoiseLevel
 from taxel.twin.reference import LEAST_REPEATS, Reference, compute_signals
-from taxel.signal.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.steps import CLOSING, HOLD, RECOVERY, RELEASE, REST, Step
 from taxel.types import BoolArray, FloatArray, IntArray
 

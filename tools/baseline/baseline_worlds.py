@@ -14,11 +14,11 @@ from taxel.hand import Hand
 
 DEGREES = 10.0
 COUNTS_PER_DEGREE = 12.0
-"""Warming of the board during the run, and its effect at rest (assumed: 0.4 % per degree, the temperature coefficient of
-a silicone's permittivity, of a count of 3,000)."""
+"""Warming of the board during the run, and its effect at rest (assumed: 0.4 % per degree, the temperature coefficient
+of a silicone's permittivity, of a count of 3,000)."""
 
 WARM_UP_S = 1800.0
-WANDER_COUNTS, WANDER_S = 20.0, 1800.0
+AMBIENT_COUNTS, AMBIENT_S = 20.0, 1800.0
 """Time constant of the warming; standard deviation and correlation time of the ambient temperature on top of it."""
 
 FIRST_CONTACT_S = 30.0
@@ -53,7 +53,7 @@ def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingCont
     end_s = begin_s + timeline.duration_s
     effects = (
         f"drift warm_up counts={DEGREES * COUNTS_PER_DEGREE:.1f} seconds={WARM_UP_S:.0f}",
-        f"drift wander counts={WANDER_COUNTS:.1f} seconds={WANDER_S:.0f}",
+        f"drift wander counts={AMBIENT_COUNTS:.1f} seconds={AMBIENT_S:.0f}",
         "noise pink counts=2.0",
     )
     settings = indentation_settings(hand, seed=int(rng.integers(2**31)), effects=effects)
