@@ -25,9 +25,6 @@ little."""
 LOADING_VARIANCE: Final = 0.25
 """Prior variance of a loading, whose prior mean is 1 (assumed: half of the taxels differ by less than a third)."""
 
-CORRELATED: Final = 10.0
-"""Successive deviations that count as one in the estimate of a loading: 1/f noise is correlated (assumed)."""
-
 LEAST_LOADING: Final = 0.2
 """Smallest loading of a taxel that takes part in the median: a smaller one would amplify its noise fivefold."""
 
@@ -59,7 +56,8 @@ class RestLevel:
     """Tracked count at rest of n taxels.
 
     noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common
-    change of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2.
+    change of its board. loading_variance: f64[n], of its estimate. correlated: successive deviations that count as one
+    in the estimate of a loading. level, variance: f64[n], counts and counts^2.
     unchecked: f64[n], common change since a taxel's own deviation was used last, counts. common: f64[s], change that
     the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
     the last step in which the board was compared.
@@ -70,6 +68,7 @@ class RestLevel:
     loading: FloatArray
     loading_variance: FloatArray
     settings: RestSettings = RestSettings()
+    correlated: float = 1.0
     level: FloatArray = field(init=False)
     variance: FloatArray = field(init=False)
     unchecked: FloatArray = field(init=False)
@@ -136,7 +135,7 @@ class RestLevel:
         self.level += expected + np.where(usable, settled / total, 0.0) * followed
         self.variance = np.where(usable, settled * (1.0 - settled / total), np.minimum(predicted, UNKNOWN_VARIANCE))
         gain = np.where(
-            usable, self.loading_variance * shared / (CORRELATED * total + self.loading_variance * shared**2), 0.0
+            usable, self.loading_variance * shared / (self.correlated * total + self.loading_variance * shared**2), 0.0
         )
         self.loading += gain * followed
         self.loading_variance *= 1.0 - gain * shared

@@ -36,6 +36,9 @@ MEDIAN_VARIANCE: Final = np.pi / 2.0
 """Variance of the median of many normal values, relative to that of their mean (Kenney and Keeping, Mathematics of
 Statistics, 1962)."""
 
+CORRELATED: Final = 10.0
+"""Successive deviations that count as one in the estimate of a loading: 1/f noise is correlated (assumed)."""
+
 LONG_LAG: Final = 20
 """Intervals over which the slow change of a level is measured: 1/f noise hardly grows with the time, a walk does."""
 
@@ -95,6 +98,7 @@ class TrackedBaseline:
             raise ValueError(f"board: expected 0 or more, found {columns.min()}")
         self.interval_s = check_positive("interval_s", interval_s)
         self._rest = RestLevel.start(np.maximum(sigma, ROUNDING_SIGMA) ** 2, columns, PER_INTERVAL)
+        self._rest.correlated = CORRELATED
         self._rest.level, self._rest.variance = mean, self._rest.noise_variance.copy()
         self._contact = ContactState.start(mean.size)
         self._contact_s = np.zeros(mean.size)

@@ -3,8 +3,8 @@
 from taxel.twin.comparison import HOURS_PER_FALSE_ALARM, StepResult, Twin, fit_reference_models
 from taxel.twin.errors import TwinInputError
 from taxel.twin.events import Alarm, CauseEvent, Cleared, Event, InputFault
-from taxel.twin.null_model import NullModels
 from taxel.twin.reference import Reference, read_reference
+from taxel.twin.scatter import Scatter
 from taxel.twin.schedule import Contact, ContactSchedule, read_schedule
 
 __all__ = [
@@ -16,8 +16,8 @@ __all__ = [
     "ContactSchedule",
     "Event",
     "InputFault",
-    "NullModels",
     "Reference",
+    "Scatter",
     "StepResult",
     "Twin",
     "TwinInputError",

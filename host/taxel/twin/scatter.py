@@ -19,8 +19,8 @@ from taxel.twin.schedule import Condition
 from taxel.twin.statistics import Scores
 from taxel.types import FloatArray, IntArray
 
-Key = tuple[str, Condition | None]
-"""Quantity and condition; no condition: an interval without contact, or a quantity of such an interval."""
+Key = tuple[str, Condition]
+"""Quantity and condition."""
 
 
 @dataclass(eq=False)
@@ -41,7 +41,9 @@ class Scatter:
         found = cls(models, level)
         for condition, scores in samples:
             for name, (estimate, information) in scores.items():
-                key = (name, condition if name in OF_CONTACTS else None)
+                if condition is None or name not in OF_CONTACTS:
+                    continue
+                key = (name, condition)
                 squares = found.squares.setdefault(key, np.zeros(len(level)))
                 number = found.number.setdefault(key, np.zeros(len(level)))
                 for rows, model in found._divide(name, information):
@@ -53,9 +55,8 @@ class Scatter:
         """Return the statistics of a step, f64[P] each, with the information that corresponds to their own scatter."""
         result: Scores = {}
         for name, (estimate, information) in scores.items():
-            key = (name, condition if name in OF_CONTACTS else None)
             own = information.copy()
-            if key in self.squares:
+            if condition is not None and (key := (name, condition)) in self.squares:
                 for rows, model in self._divide(name, information):
                     nu = model.degrees_of_freedom
                     factor = (nu + self.squares[key][rows]) / (nu + self.number[key][rows])
@@ -67,7 +68,7 @@ class Scatter:
 
     def get_repeats(self, name: str, condition: Condition | None) -> FloatArray | None:
         """Number of statistics of each place from which its scatter is known, f64[P]; None: unknown."""
-        return self.number.get((name, condition if name in OF_CONTACTS else None))
+        return None if condition is None else self.number.get((name, condition))
 
     def _divide(self, name: str, information: FloatArray) -> list[tuple[IntArray, NullModel]]:
         """Rows with information, with the model of their level."""
