@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taxel.blind.world_datasets import MAX_ATTEMPTS
 from taxel.campaign.indentation import IndentationDesign, IndentationPlan, indentation_settings, sample_indentation_plan
 from taxel.campaign.indentation.plan import PlannedIndentation
 from taxel.campaign.indentation.stream import TimedIndentation, run_emulated_stream
 from taxel.campaign.poll_cycles import PollCycles
+from taxel.errors import TaxelError
 from taxel.hand import Hand
 
 DEGREES = 10.0
@@ -44,7 +46,7 @@ class LastingContact:
 def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingContact:
     """Emulate `use_s` seconds with contacts, a contact of 1 N for `hold_s` seconds, and three minutes without."""
     rng = np.random.default_rng(seed)
-    plan = sample_indentation_plan(hand, int(rng.integers(2**31)), IndentationDesign(6, sessions=1, repeats=2))
+    plan = _sample_plan(hand, rng)
     contacts = _plan_use(plan, use_s, rng)
     begin_s = contacts[-1].begin_s + contacts[-1].timeline.duration_s + 10.0
     approach = replace(plan.approaches[int(rng.integers(len(plan.approaches)))], force_n=FORCE_N)
@@ -61,6 +63,17 @@ def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingCont
     board = np.repeat(np.arange(len(hand.boards)), [one.kind.taxel_count for one in hand.boards])
     release_s = end_s - timeline.recovery_s
     return LastingContact(runs[0], runs[1], begin_s + timeline.baseline_s, release_s, board)
+
+
+def _sample_plan(hand: Hand, rng: np.random.Generator) -> IndentationPlan:
+    """A plan of six approaches. Raises `TaxelError` if several random objects do not fit the boards."""
+    for last in (*[False] * (MAX_ATTEMPTS - 1), True):
+        try:
+            return sample_indentation_plan(hand, int(rng.integers(2**31)), IndentationDesign(6, sessions=1, repeats=2))
+        except TaxelError:
+            if last:
+                raise
+    raise AssertionError
 
 
 def _plan_use(plan: IndentationPlan, use_s: float, rng: np.random.Generator) -> list[TimedIndentation]:

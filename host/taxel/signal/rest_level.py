@@ -25,6 +25,9 @@ little."""
 LOADING_VARIANCE: Final = 0.25
 """Prior variance of a loading, whose prior mean is 1 (assumed: half of the taxels differ by less than a third)."""
 
+CORRELATED: Final = 10.0
+"""Successive deviations that count as one in the estimate of a loading: 1/f noise is correlated (assumed)."""
+
 LEAST_LOADING: Final = 0.2
 """Smallest loading of a taxel that takes part in the median: a smaller one would amplify its noise fivefold."""
 
@@ -57,7 +60,8 @@ class RestLevel:
 
     noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common
     change of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2.
-    common: f64[s], change that the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
+    unchecked: f64[n], common change since a taxel's own deviation was used last, counts. common: f64[s], change that
+    the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
     the last step in which the board was compared.
     """
 
@@ -68,6 +72,7 @@ class RestLevel:
     settings: RestSettings = RestSettings()
     level: FloatArray = field(init=False)
     variance: FloatArray = field(init=False)
+    unchecked: FloatArray = field(init=False)
     common: FloatArray = field(init=False)
     idle_s: FloatArray = field(init=False)
 
@@ -75,6 +80,7 @@ class RestLevel:
         """Begin without a level: the first step of a taxel defines it."""
         self.level = np.zeros(len(self.board))
         self.variance = np.full(len(self.board), UNKNOWN_VARIANCE)
+        self.unchecked = np.zeros(len(self.board))
         self.common = np.zeros(int(self.board.max()) + 1)
         self.idle_s = np.zeros(len(self.common))
 
@@ -119,17 +125,22 @@ class RestLevel:
         expected = np.where(known, self.loading * shared, 0.0)
         residual = np.where(usable, change - expected, 0.0)
         measured = self.compute_measured_variance(count)
+        # The error of a loading acts on the whole change since the taxel's own deviation was used.
         predicted = self.variance + max(self.settings.walk, LEAST_WALK)
+        settled = predicted + self.loading_variance * self.unchecked**2
         # The loadings are those of temperature. A faster common change may have another origin and other factors.
         unusual = np.maximum(np.abs(shared) - CLIPPED * self.settings.common, 0.0)
-        total = predicted + measured + self.loading_variance * shared**2 + LOADING_VARIANCE * unusual**2
+        total = settled + measured + self.loading_variance * shared**2 + LOADING_VARIANCE * unusual**2
         bound = CLIPPED * np.sqrt(total)
         followed = np.clip(residual, -bound, bound)
-        self.level += expected + np.where(usable, predicted / total, 0.0) * followed
-        self.variance = np.where(usable, predicted * (1.0 - predicted / total), np.minimum(predicted, UNKNOWN_VARIANCE))
-        gain = np.where(usable, self.loading_variance * shared / total, 0.0)
+        self.level += expected + np.where(usable, settled / total, 0.0) * followed
+        self.variance = np.where(usable, settled * (1.0 - settled / total), np.minimum(predicted, UNKNOWN_VARIANCE))
+        gain = np.where(
+            usable, self.loading_variance * shared / (CORRELATED * total + self.loading_variance * shared**2), 0.0
+        )
         self.loading += gain * followed
         self.loading_variance *= 1.0 - gain * shared
+        self.unchecked = np.where(finite, 0.0, self.unchecked + shared)
         first = finite & ~known
         self.level[first], self.variance[first] = mean[first], measured[first]
         return residual, np.asarray(total)

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.signal._arrays import check_positive, check_shape, to_raw_count_array, to_validity_mask
-from taxel.signal.contact_state import CONTACTS_PER_S, ContactState, to_probability
+from taxel.signal.contact_state import CONTACTS_PER_S, ContactState, Interval, to_probability
 from taxel.signal.rest_level import RestLevel, RestSettings, estimate_slow_settings
 from taxel.types import BoolArray, FloatArray, IntArray
 
@@ -98,7 +98,6 @@ class TrackedBaseline:
         self._rest.level, self._rest.variance = mean, self._rest.noise_variance.copy()
         self._contact = ContactState.start(mean.size)
         self._contact_s = np.zeros(mean.size)
-        self._unchecked = np.zeros(mean.size)
         self._stored: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=STORED)
         self._intervals = 0
         self._unseen = np.zeros(len(self._rest.common))
@@ -145,28 +144,41 @@ class TrackedBaseline:
         self._count: IntArray = np.zeros(len(self._contact_s), np.int64)
 
     def _end_interval(self, elapsed_s: float) -> TrackedState:
-        """Correct the counts at rest with the means of an interval. elapsed_s: to the next interval, seconds."""
+        """Correct the counts at rest with the frames of an interval. elapsed_s: to the next interval, seconds."""
+        state = self.correct(self._total, self._count, elapsed_s)
+        self._clear()
+        return state
+
+    def correct(self, total: IntArray, count: IntArray, elapsed_s: float) -> TrackedState:
+        """Correct the counts at rest with the frames of an interval that the caller has summed.
+
+        total: i64[n], sum of the raw counts of the valid frames. count: i64[n], number of valid frames. elapsed_s:
+        time to the next interval, seconds.
+        """
         own = self._rest
-        mean = np.where(self._count > 0, self._total / np.maximum(self._count, 1), np.nan)
+        mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
         was_free = ~self._contact.is_contact
-        self._contact, have_ended = self._find_contact(mean, elapsed_s)
+        self._contact, have_ended = self._find_contact(mean, count, elapsed_s)
         is_contact = self._contact.is_contact
         self._contact_s = np.where(is_contact, self._contact_s + elapsed_s, 0.0)
-        own.variance += np.where(is_contact, 0.0, self._compute_unchecked_variance(np.zeros(len(own.common))))
         own.forget(self._contact.has_risen)
+        ceased = self._contact.has_ceased
+        own.level[ceased], own.variance[ceased] = (
+            self._contact.free_level[ceased],
+            self._contact.free_variance[ceased],
+        )
+        own.unchecked[ceased] = 0.0
         # The levels of taxels that were in contact are uncertain: they follow the others, if there are any.
         change = np.where(np.isfinite(mean), mean - own.level, 0.0)
         usable = np.isfinite(mean) & own.is_known & ~is_contact
         common = own.find_common(change, usable & (was_free | have_ended[own.board]))
-        own.update(mean, self._count, is_contact, common)
-        self._unchecked = np.where(is_contact, self._unchecked + own.common[own.board], 0.0)
-        has_free = np.bincount(own.board, ~is_contact & (self._count > 0), len(own.common)) > 0
+        own.update(mean, count, is_contact, common)
+        has_free = np.bincount(own.board, ~is_contact & (count > 0), len(own.common)) > 0
         self._unseen = np.where(has_free, 0.0, self._unseen + elapsed_s / self.interval_s)
-        self._learn(mean, is_contact)
-        self._clear()
+        self._learn(mean, count, is_contact)
         return self.state
 
-    def _find_contact(self, mean: FloatArray, elapsed_s: float) -> tuple[ContactState, BoolArray]:
+    def _find_contact(self, mean: FloatArray, count: IntArray, elapsed_s: float) -> tuple[ContactState, BoolArray]:
         """State of contact after an interval with the means f64[n], and boards on which all contacts have ended.
 
         Several explanations of the interval are compared for each board, and the one with the largest posterior
@@ -189,42 +201,47 @@ class TrackedBaseline:
             (none, None, 0.0),
             (none, JOINT_CONTACT, joint),
         ):
-            states.append(state := self._try_common(mean, common, elapsed_s, begin))
+            states.append(state := self._try_common(mean, count, common, elapsed_s, begin))
             density = -0.5 * (COMMON_FREEDOM + 1.0) * np.log1p((common / scale) ** 2 / COMMON_FREEDOM)
             posterior.append(prior + density + np.bincount(own.board, state.log_evidence, len(common)))
         chosen = np.argmax(posterior, axis=0)
         return ContactState.select(states, chosen[own.board]), chosen == 1
 
-    def _try_common(self, mean: FloatArray, common: FloatArray, elapsed_s: float, begin: float | None) -> ContactState:
+    def _try_common(
+        self, mean: FloatArray, count: IntArray, common: FloatArray, elapsed_s: float, begin: float | None
+    ) -> ContactState:
         """State of contact if the boards changed by `common` f64[s]. begin: see `ContactState.update`."""
         own, change = self._rest, common[self._rest.board]
-        measured = own.compute_measured_variance(self._count)
-        variance = own.variance + self._compute_unchecked_variance(common) + measured
-        moved = replace(self._contact, level=self._contact.level + own.loading * change)
-        return moved.update(mean, mean - own.level - own.loading * change, variance, measured, elapsed_s, begin)
+        measured = own.compute_measured_variance(count)
+        variance = own.variance + self._compute_unchecked_variance(common, count) + measured
+        shift = own.loading * change
+        moved = replace(self._contact, level=self._contact.level + shift, free_level=self._contact.free_level + shift)
+        walk = own.settings.walk * elapsed_s / self.interval_s
+        residual = mean - own.level - shift
+        return moved.update(Interval(mean, residual, variance, measured, walk, elapsed_s, begin))
 
-    def _compute_unchecked_variance(self, common: FloatArray) -> FloatArray:
+    def _compute_unchecked_variance(self, common: FloatArray, count: IntArray) -> FloatArray:
         """Variance of the counts at rest by the drift since each taxel was free, f64[n], counts^2.
 
         common: f64[s], change of the boards in this interval. The error of a loading acts on the whole drift, and so
         does the error of the median loading of the free taxels, from which the drift follows.
         """
         own = self._rest
-        drift = self._unchecked + common[own.board]
+        drift = own.unchecked + common[own.board]
         free = np.bincount(own.board, ~self._contact.is_contact, len(common))[own.board]
         share = MEDIAN_VARIANCE / np.maximum(free, 1.0)
-        median_error = share * own.compute_measured_variance(self._count)
+        median_error = share * own.compute_measured_variance(count)
         return np.asarray(
-            own.loading_variance * drift**2 * (1.0 + share) + np.where(self._unchecked != 0.0, 2.0 * median_error, 0.0)
+            own.loading_variance * drift**2 * (1.0 + share) + np.where(own.unchecked != 0.0, 2.0 * median_error, 0.0)
         )
 
-    def _learn(self, mean: FloatArray, is_contact: BoolArray) -> None:
+    def _learn(self, mean: FloatArray, count: IntArray, is_contact: BoolArray) -> None:
         """Estimate the variability of the counts at rest from the latest intervals."""
         own = self._rest
         change = np.where(is_contact, np.nan, mean - self._previous - own.loading * own.common[own.board])
         self._previous = np.where(is_contact, np.nan, mean)
         if np.isfinite(change).any():
-            self._stored.append((change, own.noise_variance / np.maximum(self._count, 1), own.common.copy()))
+            self._stored.append((change, own.noise_variance / np.maximum(count, 1), own.common.copy()))
         self._intervals += 1
         if self._intervals % LEAST_STORED == 0 and len(self._stored) >= LEAST_STORED:
             changes, noise, common = zip(*self._stored, strict=True)
