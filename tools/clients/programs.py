@@ -51,7 +51,7 @@ def _compile(command: Sequence[str], language: str, name: str) -> Path:
     if target.exists():
         return target
     BUILD.mkdir(parents=True, exist_ok=True)
-    with (BUILD / f"{target.name}.lock").open("w") as lock, tempfile.TemporaryDirectory(dir=BUILD) as folder:
+    with (BUILD / f".{target.name}.lock").open("w") as lock, tempfile.TemporaryDirectory(dir=BUILD) as folder:
         fcntl.flock(lock, fcntl.LOCK_EX)  # other processes of a test run need the same file
         if target.exists():
             return target
