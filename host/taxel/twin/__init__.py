@@ -4,8 +4,8 @@ from taxel.twin.comparison import HOURS_PER_FALSE_ALARM, StepResult, Twin, fit_r
 from taxel.twin.errors import TwinInputError
 from taxel.twin.events import Alarm, CauseEvent, Cleared, Event, InputFault
 from taxel.twin.reference import Reference, read_reference
-from taxel.twin.scatter import Scatter
 from taxel.twin.schedule import Contact, ContactSchedule, read_schedule
+from taxel.twin.variance_factors import VarianceFactors
 
 __all__ = [
     "HOURS_PER_FALSE_ALARM",
@@ -17,10 +17,10 @@ __all__ = [
     "Event",
     "InputFault",
     "Reference",
-    "Scatter",
     "StepResult",
     "Twin",
     "TwinInputError",
+    "VarianceFactors",
     "fit_reference_models",
     "read_reference",
     "read_schedule",

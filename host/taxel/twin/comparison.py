@@ -18,7 +18,6 @@ from taxel.twin.missing_frames import MissingFrames
 from taxel.twin.null_model import compute_log_ratios, fit_null_models
 from taxel.twin.onset import StepHistory
 from taxel.twin.reference import ConditionReference, Reference, compute_signals
-from taxel.twin.scatter import OF_CONDITIONS, OF_CONTACTS, Scatter
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (
@@ -31,6 +30,7 @@ from taxel.twin.statistics import (
 )
 from taxel.twin.steps import BINS, HOLD, Step, StepBuilder
 from taxel.twin.unannounced import UnannouncedContacts
+from taxel.twin.variance_factors import OF_CONDITIONS, OF_CONTACTS, VarianceFactors
 from taxel.types import BoolArray, CountArray, FloatArray
 
 HOURS_PER_FALSE_ALARM: Final = 24.0
@@ -68,13 +68,13 @@ class Twin:
         reference: Reference,
         schedule: ContactSchedule,
         hours_per_false_alarm: float = HOURS_PER_FALSE_ALARM,
-        scatter: Scatter | None = None,
+        factors: VarianceFactors | None = None,
     ) -> None:
-        """Create a twin. scatter: result of `fit_reference_models`; None: fit the models."""
+        """Create a twin. factors: result of `fit_reference_models`; None: fit the models."""
         self.reference = reference
         self.schedule = schedule
-        self.scatter = scatter or fit_reference_models(reference)
-        self.models = self.scatter.models
+        self.factors = factors or fit_reference_models(reference)
+        self.models = self.factors.models
         places = reference.places
         n = reference.taxels.n
         self.detector = ChangeDetector(places, hours_per_false_alarm)
@@ -147,7 +147,7 @@ class Twin:
                 self.live.add(step.contact.condition, own.mean, np.where(touched, np.nan, found[1]))
             signals = compute_signals(step)
         condition = step.contact.condition if step.contact is not None else None
-        estimates = self.scatter.apply(sum_over_places(scores, self.reference), condition)
+        estimates = self.factors.apply(sum_over_places(scores, self.reference), condition)
         ratios = self._compute_ratios(estimates, condition)
         missing, expected = compute_missing(step, self.reference)
         ratios["missing"] = self.missing.compute_log_ratios(missing, expected)
@@ -168,7 +168,7 @@ class Twin:
                 estimates[quantity.name],
                 self.models[quantity.name],
                 self.reference.places.level,
-                self.scatter.get_repeats(quantity.name, condition),
+                self.factors.get_repeats(quantity.name, condition),
             )
             for quantity in QUANTITIES
             if quantity.name in estimates
@@ -270,7 +270,7 @@ class Twin:
         )
         scores.update(found[0] if found else {})
         condition = step.contact.condition if step.contact is not None else None
-        return self.scatter.apply(sum_over_places(scores, self.reference), condition)
+        return self.factors.apply(sum_over_places(scores, self.reference), condition)
 
 
 def make_rest_level(reference: Reference) -> RestLevel:
@@ -281,7 +281,7 @@ def make_rest_level(reference: Reference) -> RestLevel:
     )
 
 
-def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> Scatter:
+def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> VarianceFactors:
     """Fit the distributions without fault: each contact of the reference is compared with the others."""
     samples: list[tuple[Condition | None, Scores]] = []
     session_level: tuple[int, RestLevel] | None = None
@@ -299,7 +299,7 @@ def fit_reference_models(reference: Reference, progress: Callable[[int, int], No
         if progress is not None:
             progress(number + 1, len(reference.steps))
     models = fit_null_models([scores for _, scores in samples], reference.places.level)
-    return Scatter.learn(samples, models, reference.places.level)
+    return VarianceFactors.learn(samples, models, reference.places.level)
 
 
 def _leave_out(reference: Reference, step: Step) -> Reference:

@@ -123,8 +123,8 @@ def compute_log_ratios(
     """Log likelihood ratio of each alternative of a quantity against no change, f64[P, G]; 0 without information.
 
     The alternatives are the amplitudes of the quantity, then those of `WIDE`. scores: estimate and information, f64[P].
-    level: i64[P]. repeats: f64[P], statistics from which the scatter of each place is known (`scatter.py`); they add to
-    the degrees of freedom.
+    level: i64[P]. repeats: f64[P], statistics from which the variance of each place is known (see
+    `variance_factors.py`); they add to the degrees of freedom.
     """
     estimate, information = scores
     result = np.zeros((len(estimate), count_alternatives(quantity)))
@@ -134,10 +134,10 @@ def compute_log_ratios(
         rows = np.flatnonzero((level == number) & (information > (LEAST_POWER / largest) ** 2))
         if len(rows):
             deviation = model.compute_deviation(information[rows])
-            freedom = model.degrees_of_freedom + (np.zeros(len(rows)) if repeats is None else repeats[rows])
-            base = (estimate[rows] / deviation) ** 2 / freedom
-            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / freedom[:, None]
-            half = 0.5 * (freedom + 1.0)
+            degrees = model.degrees_of_freedom + (np.zeros(len(rows)) if repeats is None else repeats[rows])
+            base = (estimate[rows] / deviation) ** 2 / degrees
+            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / degrees[:, None]
+            half = 0.5 * (degrees + 1.0)
             result[rows, : len(amplitudes)] = half[:, None] * (np.log1p(base)[:, None] - np.log1p(moved))
             if quantity.is_one_sided:
                 base = np.where(estimate[rows] > 0.0, base, 0.0)

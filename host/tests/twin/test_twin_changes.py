@@ -6,19 +6,28 @@ import numpy as np
 import pytest
 
 from host.tests.twin.synthetic_skin import ADDRESSES, SIDE, TAXELS, SyntheticSkin, learn, make_tables, watch
-from taxel.twin import Alarm, Cleared, ContactSchedule, InputFault, Reference, Scatter, Twin, fit_reference_models
+from taxel.twin import (
+    Alarm,
+    Cleared,
+    ContactSchedule,
+    InputFault,
+    Reference,
+    Twin,
+    VarianceFactors,
+    fit_reference_models,
+)
 
 
 @cache
-def learn_once() -> tuple[SyntheticSkin, Reference, Scatter]:
+def learn_once() -> tuple[SyntheticSkin, Reference, VarianceFactors]:
     skin = SyntheticSkin(seed=5)
     reference = learn(skin)
     return skin, reference, fit_reference_models(reference)
 
 
 def make_twin(contacts, hours: float = 24.0) -> Twin:
-    _, reference, scatter = learn_once()
-    return Twin(reference, ContactSchedule(contacts), hours, scatter)
+    _, reference, factors = learn_once()
+    return Twin(reference, ContactSchedule(contacts), hours, factors)
 
 
 def make_skin(seed: int) -> SyntheticSkin:
@@ -99,11 +108,11 @@ def test_shift_at_rest_of_a_taxel_is_detected_and_located():
     assert alarm.size_counts == pytest.approx(40.0, abs=10.0)
 
 
-def test_contacts_that_scatter_in_one_condition_only_give_no_alarm():
+def test_contacts_that_vary_in_one_condition_only_give_no_alarm():
     """A contact at the edge of a board loads it by a force that differs from contact to contact."""
-    original = SyntheticSkin(seed=5, force_scatter={("peg", "press_2"): 0.25})
+    original = SyntheticSkin(seed=5, force_deviation={("peg", "press_2"): 0.25})
     reference = learn(original)
-    skin = SyntheticSkin(seed=16, force_scatter=original.force_scatter)
+    skin = SyntheticSkin(seed=16, force_deviation=original.force_deviation)
     skin.patterns, skin._loading = original.patterns, original._loading
     first, cycles = skin.run_routine(150)
     assert watch(Twin(reference, ContactSchedule(first)), cycles) == []

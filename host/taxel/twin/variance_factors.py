@@ -1,10 +1,10 @@
-"""Scatter of the statistics of one condition and place, learnt from the reference.
+"""Factors of the variance for each condition and place, learnt from the reference.
 
 The Student t distribution of `null_model.py` is the mixture of normal distributions whose variances differ from
 condition to condition and place to place: with the degrees of freedom nu, the variance relative to the model has a
 scaled inverse chi-square distribution. The statistics z of the repeats of one condition at one place (in standard
 deviations of the model) determine its own factor: (nu + sum of z squared) / (nu + number of z) (Gelman et al., Bayesian
-Data Analysis, 2013, section 2.6). A contact at the edge of two boards, for example, scatters more than others.
+Data Analysis, 2013, section 2.6). A contact at the edge of two boards, for example, varies more than others.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Key = tuple[str, Condition]
 
 
 @dataclass(eq=False)
-class Scatter:
+class VarianceFactors:
     """Factors of the variances. squares, number: f64[P], sum of z squared and number of z, by quantity and condition.
 
     models: of the statistics. level: i64[P].
@@ -36,7 +36,9 @@ class Scatter:
     number: dict[Key, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def learn(cls, samples: Sequence[tuple[Condition | None, Scores]], models: NullModels, level: IntArray) -> Scatter:
+    def learn(
+        cls, samples: Sequence[tuple[Condition | None, Scores]], models: NullModels, level: IntArray
+    ) -> VarianceFactors:
         """Learn the factors from the statistics of the steps of a reference, with their conditions."""
         found = cls(models, level)
         for condition, scores in samples:
@@ -52,7 +54,7 @@ class Scatter:
         return found
 
     def apply(self, scores: Scores, condition: Condition | None) -> Scores:
-        """Return the statistics of a step, f64[P] each, with the information that corresponds to their own scatter."""
+        """Return the statistics of a step, f64[P] each, with the information that corresponds to their own variance."""
         result: Scores = {}
         for name, (estimate, information) in scores.items():
             own = information.copy()
@@ -67,7 +69,7 @@ class Scatter:
         return result
 
     def get_repeats(self, name: str, condition: Condition | None) -> FloatArray | None:
-        """Number of statistics of each place from which its scatter is known, f64[P]; None: unknown."""
+        """Number of statistics of each place from which its factor is known, f64[P]; None: unknown."""
         return None if condition is None else self.number.get((name, condition))
 
     def _divide(self, name: str, information: FloatArray) -> list[tuple[IntArray, NullModel]]:
@@ -79,7 +81,7 @@ class Scatter:
 
 
 OF_CONTACTS = frozenset(("gain", "offset", "delay", "recovery", "shape"))
-"""Quantities of a contact, whose scatter differs between conditions."""
+"""Quantities of a contact, whose variance differs between conditions."""
 
 OF_CONDITIONS = frozenset(("offset", "shape"))
 """Quantities of a contact whose changes have another size in each condition."""
