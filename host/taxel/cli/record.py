@@ -1,5 +1,6 @@
 """`taxel record`."""
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -67,7 +68,7 @@ def record(
         open_live_joints(hand, parse_joint_angles(joints), joint_topic, hand_can) as source,
         open_recorded(url, out, hand, overwrite, source, wait, proximity) as skin,
     ):
-        summary = StreamSummary(skin)
+        summary = StreamSummary(skin, has_map=sys.stdout.isatty())
         try:
             _record_frames(skin, summary, url, seconds)
         except KeyboardInterrupt:
@@ -89,7 +90,7 @@ def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, second
 
         skin.on_wait = show_progress
         for frame in skin:
-            summary.add(frame.address, frame.time_s)
+            summary.add(frame)
             if seconds is not None and summary.seconds >= seconds:
                 return
 

@@ -1,6 +1,7 @@
 """`taxel replay`."""
 
 import json
+import sys
 import time
 from typing import Annotated
 
@@ -69,11 +70,11 @@ def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float
     link, description = open_recording(recording, hand, grasp)
     pace = Pace(speed)
     with Skin(link, description) as skin:
-        summary = StreamSummary(skin)
+        summary = StreamSummary(skin, has_map=not as_json and sys.stdout.isatty())
         try:
             for frame in skin:
                 pace.wait(frame.time_s)
-                summary.add(frame.address, frame.time_s)
+                summary.add(frame)
         finally:
             if as_json:
                 print(json.dumps(summary.as_dict(), indent=2))

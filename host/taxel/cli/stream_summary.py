@@ -7,22 +7,31 @@ from rich.console import Console
 from rich.table import Table
 
 from taxel.cli.gap_notices import format_gaps
+from taxel.cli.signal_map import LargestSignals
 from taxel.skin import Skin
+from taxel.stream import TaxelFrame
 
 
 class StreamSummary:
     """Counts the frames of an open skin."""
 
-    def __init__(self, skin: Skin) -> None:
-        """Create a counter of the frames of a skin, by address of the board. skin: source of the loss counters."""
+    def __init__(self, skin: Skin, has_map: bool = False) -> None:
+        """Create a counter of the frames of a skin, by address of the board.
+
+        skin: source of the loss counters. has_map: `print` shows the largest signals as a map.
+        """
         self._skin = skin
+        self._signals = LargestSignals(skin.hand) if has_map else None
         self._first: float | None = None
         self._last = 0.0
         self.frames: Counter[int] = Counter()
 
-    def add(self, address: int, time_s: float) -> None:
-        """Count one frame of the board at I2C address `address`, measured at `time_s`."""
-        self.frames[address] += 1
+    def add(self, frame: TaxelFrame) -> None:
+        """Count one frame of a board."""
+        self.frames[frame.address] += 1
+        if self._signals is not None:
+            self._signals.add(frame)
+        time_s = frame.time_s
         self._first = time_s if self._first is None else min(self._first, time_s)
         self._last = max(self._last, time_s)
 
@@ -81,3 +90,5 @@ class StreamSummary:
         reconnection = self._skin.reconnection
         if reconnection is not None and reconnection.gaps:
             console.print(format_gaps(reconnection.gaps), soft_wrap=True)
+        if self._signals is not None:
+            self._signals.print(console)

@@ -2,17 +2,16 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from taxel.hand import Hand
-from taxel.monitor.board_layout import BoardLayout, PlacedBoard, layout_rows, layout_unrolled
-from taxel.monitor.canvas import NOTHING, Canvas
+from taxel.monitor.board_layout import BoardLayout, PlacedBoard
+from taxel.monitor.canvas import Canvas
 from taxel.monitor.colours import INACTIVE_STEPS, STEPS, ColourScale, colour_steps
+from taxel.monitor.map_picture import list_layouts, paint_taxels
 from taxel.monitor.reading import BoardReading, SkinReading
 from taxel.monitor.summary_text import Part, format_errors, format_load, format_rates
-from taxel.types import IndexArray
 
 HEADER_ROWS = 4
 KEYS = "q quit   b baseline again   t table or map"
@@ -110,16 +109,7 @@ class Screen:
     def _draw_map(self, canvas: Canvas, reading: SkinReading, layout: BoardLayout, top: float) -> None:
         """Draw the taxels in their colours, with headings and labels of the boards. top: end of the scale, counts."""
         steps = colour_steps(reading.signal_counts, self._scale.threshold, top)
-        scale, rows, columns = layout.scale, *_locate_taxels(self._hand, layout)
-        picture = np.full((2 * layout.height, layout.width), NOTHING, dtype=np.intp)
-        active = np.zeros_like(picture, dtype=bool)
-        for down in range(scale):
-            for right in range(scale):
-                picture[rows + down, columns + right] = steps
-                active[rows + down, columns + right] = reading.active
-        canvas.paint(HEADER_ROWS, 0, picture, active)
-        for heading in layout.headings:
-            canvas.write(HEADER_ROWS + heading.y, heading.x, heading.text, "bold")
+        paint_taxels(canvas, self._hand, layout, HEADER_ROWS, steps, reading.active)
         by_address = {board.board.address: board for board in reading.boards}
         for placed in layout.boards:
             self._draw_label(canvas, placed, by_address[placed.board.address])
@@ -145,36 +135,13 @@ def _arrange(
     width, height: size of the space, characters. table_height: rows of the table. Returns the layout, or None if none
     fits, and the corner (row, column) of the table beside or below the layout, or None if the table does not fit.
     """
-    layouts = [layout for layout in _list_layouts(hand, width) if layout.width <= width and layout.height <= height]
+    layouts = [layout for layout in list_layouts(hand, width) if layout.width <= width and layout.height <= height]
     for layout in layouts:
         if layout.width + TABLE_GAP + TABLE_WIDTH <= width and table_height <= height:
             return layout, (0, layout.width + TABLE_GAP)
         if layout.height + 1 + table_height <= height and width >= TABLE_WIDTH:
             return layout, (layout.height + 1, 0)
     return (layouts[0] if layouts else None), None
-
-
-@lru_cache(maxsize=8)
-def _list_layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
-    """Return the possible layouts of the boards of a hand on a screen of `width` characters, the best first."""
-    unrolled = [layout_unrolled(hand, 2), layout_unrolled(hand, 1)]
-    layouts = [layout for layout in unrolled if layout is not None]
-    if not layouts:
-        layouts.append(layout_rows(hand, width, 2))
-    return (*layouts, layout_rows(hand, width, 1))
-
-
-@lru_cache(maxsize=8)
-def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexArray]:
-    """Return row (in half characters) and column of the upper left corner of each taxel in a layout, int[n] each."""
-    rows = np.zeros(hand.n_taxels, dtype=np.intp)
-    columns = np.zeros(hand.n_taxels, dtype=np.intp)
-    for placed in layout.boards:
-        kind, taxels = placed.board.kind, hand.get_slice(placed.board.address)
-        spare = (kind.layout_shape[0] * layout.scale) % 2  # an odd number of rows is aligned to the bottom of its block
-        rows[taxels] = 2 * placed.y + spare + layout.scale * kind.row.astype(np.intp)
-        columns[taxels] = placed.x + layout.scale * kind.column.astype(np.intp)
-    return rows, columns
 
 
 def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
