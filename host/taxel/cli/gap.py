@@ -14,6 +14,7 @@ from taxel.cli.gap_blind import blind
 from taxel.cli.gap_export import export
 from taxel.cli.gap_next import rank_contacts
 from taxel.cli.gap_summary import print_summary
+from taxel.cli.open_page import offer_page
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
@@ -73,6 +74,10 @@ def diagnose(
             help="Compare two real datasets, such as two days or two sensors; the second takes the place of SIM.h5.",
         ),
     ] = False,
+    open_page: Annotated[
+        bool | None,
+        typer.Option("--open/--no-open", help="Open the page in a browser. Default: ask, if a browser is available."),
+    ] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -107,6 +112,7 @@ def diagnose(
         print(text)
     else:
         print_summary(console, json.loads(text), str(page), str(report))
+        offer_page(page, open_page)
 
 
 def _check_source(sim: Path, real_real: bool) -> None:

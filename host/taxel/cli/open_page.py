@@ -1,0 +1,34 @@
+"""Offer to open a page in the browser of the user."""
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+
+import typer
+
+TEXT_BROWSERS = ("www-browser", "links", "elinks", "lynx", "w3m")
+"""Browsers of `webbrowser` that would take over the terminal."""
+
+
+def offer_page(page: Path, is_wanted: bool | None) -> None:
+    """Open a page in a graphical browser.
+
+    is_wanted: True: open it; False: do nothing; None: ask, if this is a terminal and a browser is available.
+    """
+    if is_wanted is None:
+        if not (sys.stdin.isatty() and sys.stdout.isatty() and _has_browser()):
+            return
+        is_wanted = typer.confirm("open the page?", default=False)
+    if is_wanted and not webbrowser.open(page.absolute().as_uri()):
+        print(f"{page}: no browser is available; open the file on another computer", file=sys.stderr)
+
+
+def _has_browser() -> bool:
+    """Whether a graphical browser can be opened: a display of Linux, or another operating system."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
+    try:
+        return webbrowser.get().name not in TEXT_BROWSERS if hasattr(webbrowser.get(), "name") else True
+    except webbrowser.Error:
+        return False
