@@ -52,6 +52,14 @@ def twin(
     seconds: Seconds = None,
     web: Annotated[bool, typer.Option("--web", help="Show the twin in a browser, on this machine only.")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page. 0: a free port.")] = 0,
+    repair: Annotated[
+        bool,
+        typer.Option(
+            "--repair",
+            help="Correct signals by the active alarms: dead taxels are interpolated, gains compensated. Topic "
+            "/taxel/twin/repaired; raw counts are kept.",
+        ),
+    ] = False,
     record: Annotated[
         Path | None, typer.Option(help="MCAP file for the topics of the twin: frames, events, diagnostics (extra ros).")
     ] = None,
@@ -79,7 +87,7 @@ def twin(
         naming = CauseNaming(ReferenceFile.read(reference), source.is_live) if name_causes else None
         with console.status("learning the reference") if console.is_terminal else _nothing():
             watched = Twin(known, schedule, false_alarm_hours)
-        session = TwinSession(watched, source, naming)
+        session = TwinSession(watched, source, naming, repair)
         try:
             with ExitStack() as stack:
                 sinks = _open_sinks(stack, record, ros, overwrite, f"{url}, reference {reference}")

@@ -236,10 +236,7 @@ class Twin:
 
     def _find_members(self, place: int) -> BoolArray:
         """Taxels of a place, bool[n]."""
-        members = self.reference.places.members
-        taxels = np.zeros(self.reference.taxels.n, dtype=bool)
-        taxels[members.indices[members.indptr[place] : members.indptr[place + 1]]] = True
-        return taxels
+        return self.reference.places.find_members(self.reference.places.places[place])
 
     def _find_cleared(self, step: Step, touched: BoolArray, elapsed_s: float) -> list[Cleared]:
         """Alarms whose quantity agrees with the reference again."""

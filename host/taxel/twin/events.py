@@ -133,7 +133,22 @@ class CauseEvent:
         )
 
 
-Event = Alarm | Cleared | InputFault | CauseEvent
+@dataclass(frozen=True)
+class Repaired:
+    """The corrections of the signals have changed. corrections: all that are active, in words."""
+
+    time_s: float
+    corrections: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The event of `taxel twin --json`."""
+        return {"time_s": self.time_s, "event": "repair", "corrections": list(self.corrections)}
+
+    def __str__(self) -> str:
+        return f"{format_time(self.time_s)} repair: {'; '.join(self.corrections) or 'no correction'}"
+
+
+Event = Alarm | Cleared | InputFault | CauseEvent | Repaired
 
 
 def format_time(time_s: float) -> str:

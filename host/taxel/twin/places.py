@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from taxel.hand.errors import format_address
 from taxel.recording.grasp_tables import SensorTable, TaxelTable
-from taxel.types import FloatArray, IntArray
+from taxel.types import BoolArray, FloatArray, IntArray
 
 LEVELS: Final = ("taxel", "tx", "rx", "board", "skin")
 """Levels of places, from the smallest to the largest."""
@@ -92,6 +92,13 @@ class Places:
         columns = np.concatenate(rows)
         members = csr_array((np.ones(len(columns)), columns, starts), shape=(len(rows), taxels.n))
         return cls(tuple(found), members, np.array([LEVELS.index(place.level) for place in found]), board)
+
+    def find_members(self, place: Place) -> BoolArray:
+        """Taxels of a place, bool[n]."""
+        row = self.places.index(place)
+        taxels = np.zeros(len(self.board), dtype=bool)
+        taxels[self.members.indices[self.members.indptr[row] : self.members.indptr[row + 1]]] = True
+        return taxels
 
     def __len__(self) -> int:
         return len(self.places)

@@ -21,12 +21,13 @@ LEAST_FLOOR: Final = 1.0
 class TwinFrame:
     """One frame beside its prediction; n taxels.
 
-    time_s: of the frame. measured, predicted: f64[n], signal, counts; NaN where unknown. residual: f64[n], measured
-    minus predicted, in floors (standard deviation between repeats of the contact). condition: of the announced contact,
-    "" without one, "unknown" for one that the reference does not have.
+    time_s: of the frame. raw_counts: u16[n]. measured, predicted: f64[n], signal, counts; NaN where unknown. residual:
+    f64[n], measured minus predicted, in floors (standard deviation between repeats of the contact). condition: of the
+    announced contact, "" without one, "unknown" for one that the reference does not have.
     """
 
     time_s: float
+    raw_counts: CountArray
     measured: FloatArray
     predicted: FloatArray
     residual: FloatArray
@@ -48,12 +49,12 @@ def predict_frame(twin: Twin, time_s: float, raw_counts: CountArray, valid: Bool
     noise = twin.noise.variance
     if contact is None or not contact.start_s <= time_s < contact.end_s:
         floor = np.maximum(np.sqrt(noise), LEAST_FLOOR)
-        return TwinFrame(time_s, measured, np.zeros_like(measured), measured / floor, "")
+        return TwinFrame(time_s, raw_counts, measured, np.zeros_like(measured), measured / floor, "")
     name = " ".join(contact.condition)
     own = twin.reference.conditions.get(contact.condition)
     if own is None:
         unknown = np.full_like(measured, np.nan)
-        return TwinFrame(time_s, measured, unknown, unknown, f"unknown: {name}")
+        return TwinFrame(time_s, raw_counts, measured, unknown, unknown, f"unknown: {name}")
     mean, _ = twin.live.predict(contact.condition, own.mean, own.repeats)
     position = _find_position(contact, time_s)
     low = int(np.clip(np.floor(position), 0, len(mean) - 2))
@@ -61,7 +62,7 @@ def predict_frame(twin: Twin, time_s: float, raw_counts: CountArray, valid: Bool
     predicted = (1.0 - share) * mean[low] + share * mean[low + 1]
     spread = twin.reference.relative_variance[low] * own.scale[low] ** 2 + noise
     floor = np.maximum(np.sqrt(spread), LEAST_FLOOR)
-    return TwinFrame(time_s, measured, predicted, (measured - predicted) / floor, name)
+    return TwinFrame(time_s, raw_counts, measured, predicted, (measured - predicted) / floor, name)
 
 
 def _find_position(contact: Contact, time_s: float) -> float:

@@ -9,9 +9,10 @@ import numpy as np
 
 from taxel.twin.comparison import StepResult, Twin
 from taxel.twin.contact_records import ContactRecorder
-from taxel.twin.events import Event, InputFault
+from taxel.twin.events import Event, InputFault, Repaired
 from taxel.twin.naming import CauseNaming
 from taxel.twin.prediction import TwinFrame, predict_frame
+from taxel.twin.self_repair import SelfRepair, plan_repair
 from taxel.twin.sources import Block, Source
 
 SILENCE_S = 1.0
@@ -20,20 +21,29 @@ SILENCE_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """Results of a block. frame: the newest frame beside its prediction. frames: poll cycles in the block."""
+    """Results of a block.
+
+    frame: the newest frame beside its prediction. frames: poll cycles in the block. repair: corrections of the signals;
+    None: off.
+    """
 
     results: tuple[StepResult, ...]
     events: tuple[Event, ...]
     frame: TwinFrame | None
     frames: int
+    repair: SelfRepair | None = None
 
 
 class TwinSession:
-    """Runs a twin on a source. naming: None: causes are not named."""
+    """Runs a twin on a source.
 
-    def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None) -> None:
+    naming: None: causes are not named. repairs: whether active alarms correct the signals.
+    """
+
+    def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None, repairs: bool = False) -> None:
         """Create a session."""
         self.twin = twin
+        self._repair = plan_repair(twin.reference, ()) if repairs else None
         self._source = source
         self._naming = naming
         poses = naming.reference.poses if naming is not None else {}
@@ -49,7 +59,9 @@ class TwinSession:
         if self._naming is not None:
             self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
             events += self._naming.finish()
-        yield Update(tuple(results), tuple(events), None, 0)
+        if results:
+            events += self._plan_repair(results[-1].step.end_s)
+        yield Update(tuple(results), tuple(events), None, 0, self._repair)
 
     def take(self, block: Block) -> Update:
         """Process one block."""
@@ -60,7 +72,18 @@ class TwinSession:
             self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
             events += self._naming.add(self._recorder.take(*block))
         frame = predict_frame(self.twin, float(block.time_s[-1]), block.raw_counts[-1], block.valid[-1])
-        return Update(tuple(results), tuple(events), frame, len(block.time_s))
+        if results:
+            events += self._plan_repair(results[-1].step.end_s)
+        return Update(tuple(results), tuple(events), frame, len(block.time_s), self._repair)
+
+    def _plan_repair(self, time_s: float) -> Iterator[Repaired]:
+        """Derive the corrections from the active alarms; yield an event if they have changed."""
+        if self._repair is None:
+            return
+        planned = plan_repair(self.twin.reference, [test.alarm for test in self.twin.active.values()])
+        if planned.corrections != self._repair.corrections:
+            self._repair = planned
+            yield Repaired(time_s, planned.corrections)
 
     def _find_gaps(self, block: Block) -> Iterator[InputFault]:
         """Report intervals without frames, if the source has none by its nature."""

@@ -12,11 +12,13 @@ from taxel.ros.topics import NS_PER_S, TopicMessage
 from taxel.twin.cleared import ClearedTest
 from taxel.twin.events import Alarm, CauseEvent
 from taxel.twin.prediction import TwinFrame
+from taxel.twin.self_repair import SelfRepair
 from taxel.twin.session import Update
 from taxel.types import FloatArray
 
 FRAME_TOPIC: Final = "/taxel/twin/frame"
 EVENTS_TOPIC: Final = "/taxel/twin/events"
+REPAIR_TOPIC: Final = "/taxel/twin/repaired"
 DIAGNOSTICS_TOPIC: Final = "/diagnostics"
 
 DIAGNOSTICS_S: Final = 1.0
@@ -45,6 +47,8 @@ class TwinTopics:
         if update.frame is not None:
             time_s = update.frame.time_s
             yield self._make_frame(update.frame)
+            if update.repair is not None:
+                yield self._make_repair(update.frame, update.repair)
         if update.events or time_s >= self._diagnostics_s + DIAGNOSTICS_S:
             self._diagnostics_s = time_s
             yield self._make_diagnostics(time_s, [test.alarm for test in active])
@@ -64,6 +68,20 @@ class TwinTopics:
             "rms": frame.rms,
         }
         return TopicMessage(FRAME_TOPIC, "taxel_msgs/TwinFrame", time_ns, message)
+
+    def _make_repair(self, frame: TwinFrame, own: SelfRepair) -> TopicMessage:
+        """The newest frame with its corrections as a taxel_msgs/TwinRepair."""
+        time_ns = self._to_ns(frame.time_s)
+        repaired = own.repair.apply(frame.measured)
+        message = {
+            "header": make_header(time_ns, ""),
+            "raw_counts": frame.raw_counts.tolist(),
+            "signal": _to_list(repaired.signal),
+            "flags": repaired.flags.tolist(),
+            "delay_s": _to_list(own.repair.delay_s),
+            "corrections": list(own.corrections),
+        }
+        return TopicMessage(REPAIR_TOPIC, "taxel_msgs/TwinRepair", time_ns, message)
 
     def _make_diagnostics(self, time_s: float, alarms: list[Alarm]) -> TopicMessage:
         """One status of the twin, and one of each board: an error if an alarm is active there."""
