@@ -81,7 +81,9 @@ class BoardEstimator:
         self._targets = list(calibration.targets)
         self._points = compute_skin_points(hand, board)
         self._neighbours = _make_neighbour_means(self._points)
-        self._tracker = DriftTracker(board.kind.taxel_count, calibration.drift_counts, BASELINE_FRAMES)
+        self._tracker = DriftTracker(
+            board.kind.taxel_count, calibration.drift_counts, calibration.noise_counts, BASELINE_FRAMES
+        )
         self._get_likelihood = lru_cache(maxsize=CACHED_WINDOWS)(self._make_likelihood)
         self._stored: deque[tuple[FloatArray, float]] = deque(maxlen=STORED_FRAMES)
         self._smooth = np.zeros(board.kind.taxel_count)
@@ -119,9 +121,10 @@ class BoardEstimator:
             for earlier, interval in list(self._stored)[:-1]:
                 self._filter_frame(earlier, interval)
         self._filter_frame(signal, dt)
-        if self._filter is not None and self._filter.far > IDLE_PROBABILITY and self._is_idle():
-            self._filter = None
+        if self._filter is not None and self._filter.far > IDLE_PROBABILITY:
             self._tracker.follow(raw, dt)
+            if self._is_idle():
+                self._filter = None
         return self._make_estimate(time_s, age_s)
 
     def _locate(self, signal: FloatArray, dt_s: float) -> None:
