@@ -13,7 +13,7 @@ from taxel.types import FloatArray
 INTERVAL = (0.025, 0.975)
 """Quantiles of the interval of 95 %."""
 
-HIDDEN_PARTS_M = ((0.7, 3e-4), (0.3, 1.5e-3))
+HIDDEN_PARTS_M = ((0.65, 1.2e-4), (0.35, 7.5e-4))
 """Excess of the nearest part of a target over its template: probabilities and mean values (metres) of two exponential
 distributions. An edge or a corner that covers a small part of a taxel changes its signal little, so that a target can
 only be nearer than its template. The values reproduce the errors on emulated skins with the seeds 9 and 77 (plates,

@@ -118,6 +118,8 @@ class BoardEstimator:
             self._centre = self._middle
             return self._make_estimate(time_s, age_s)
         if self._filter is None:
+            # The first window shows the earlier frames of the same taxels, from which the speed follows.
+            self._centre = int(np.argmax(np.abs(self._smooth)))
             for earlier, interval in list(self._stored)[:-1]:
                 self._filter_frame(earlier, interval)
         self._filter_frame(signal, dt)

@@ -39,7 +39,7 @@ LARGEST_GAIN = 2.0
 """Ratio between measured and predicted signals above which a gain does not explain the difference. Without this limit a
 target beyond its range, which predicts no signal, would explain drift better than the absence of a target does."""
 
-PERSISTENT_FRAMES = 4.0
+PERSISTENT_FRAMES = 2.0
 """Number of frames over which errors of shape and gain persist. The filter treats frames as independent, so the
 variances of these errors are larger by this factor. A smaller value narrows the intervals of slow targets."""
 
