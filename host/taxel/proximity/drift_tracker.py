@@ -20,8 +20,8 @@ class DriftTracker:
     """Baseline f64[n] of the raw counts of one board, with a level and a rate of drift that the taxels share.
 
     The common level performs a random walk, and its rate an Ornstein-Uhlenbeck process; a Kalman filter estimates both
-    from the mean of the taxels, with a gain that `LEVEL_TIME_S` limits (local linear trend: Harvey, Forecasting, Structural Time Series Models and the Kalman
-    Filter, 1989, chapter 2).
+    from the mean of the taxels, with a gain that `LEVEL_TIME_S` limits (local linear trend: Harvey, Forecasting,
+    Structural Time Series Models and the Kalman Filter, 1989, chapter 2).
 
     drift_counts: random walk of the mean, counts per root second. noise_counts: white noise of a taxel in one frame.
     """
