@@ -123,10 +123,12 @@ def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
 
 
 def _count_names(results: Sequence[SkinResult], target: str) -> dict[str, float]:
-    """Count how the target was named, as shares of the frames in range with an estimate."""
+    """Count how the target was named, as shares of the frames in range with an estimate, and its coverage."""
     names = [name for result in results for each in result.approaches if each.target == target for name in each.named]
     known = ("grounded", "acrylic", "not identifiable", "unknown")
-    return {name: names.count(name) / max(len(names), 1) for name in known}
+    approaches = [each for result in results for each in result.approaches if each.target == target]
+    shares = {name: names.count(name) / max(len(names), 1) for name in known}
+    return shares | {"coverage": summarise(approaches)["coverage"]}
 
 
 def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], options: argparse.Namespace) -> str:
@@ -169,8 +171,10 @@ def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], option
         )
     lines += [
         "",
-        "| true target | grounded, % | acrylic, % | not identifiable, % | unknown, % |",
-        "|---|---|---|---|---|",
+        "With two calibrated targets:",
+        "",
+        "| true target | grounded, % | acrylic, % | not identifiable, % | unknown, % | coverage of the distance, % |",
+        "|---|---|---|---|---|---|",
     ]
     for target, shares in figures["recognition"].items():
         lines.append(f"| {target} | " + " | ".join(f"{100 * share:.1f}" for share in shares.values()) + " |")

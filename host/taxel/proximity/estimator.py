@@ -91,6 +91,7 @@ class BoardEstimator:
         self._middle = _find_middle(self._points)
         self._centre = self._middle
         self._misfit = 0.0
+        self._fit_of_target = np.zeros(len(self._targets))
         self._last_s: float | None = None
 
     @property
@@ -160,19 +161,22 @@ class BoardEstimator:
         if self._filter is None:
             self._filter = MotionFilter(prior)
             self._misfit = 0.0
+            self._fit_of_target = np.zeros(len(self._targets))
         self._filter.predict(get_transition(dt_s))
         part, offset = signal[likelihood.taxels], self._tracker.offset_counts
         values, absent, contact = likelihood.evaluate(part, offset)
         self._filter.update(values, absent, contact)
         squares = -2.0 * max(float(values.max()), absent) / len(part)
-        self._misfit += float(-np.expm1(-dt_s / MISFIT_TIME_S)) * (squares - self._misfit)
+        share = float(-np.expm1(-dt_s / MISFIT_TIME_S))
+        self._misfit += share * (squares - self._misfit)
+        self._fit_of_target += share * (values.reshape(len(self._targets), -1).max(axis=1) - self._fit_of_target)
 
     def _make_estimate(self, time_s: float, age_s: float) -> ProximityEstimate:
         """Summarise the state of the filter."""
         state, horizon = self._filter, self.horizon_s + age_s
         present = 0.0 if state is None else float(state.present.sum())
         is_present = state is not None and present > PRESENT_PROBABILITY
-        targets = {} if state is None else self._compute_targets(state)
+        targets = {} if state is None else self._compute_targets()
         motion = None if state is None else compute_nearest_motion(state)
         return ProximityEstimate(
             address=self.board.address,
@@ -193,11 +197,14 @@ class BoardEstimator:
             centre=self._centre if is_present else None,
         )
 
-    def _compute_targets(self, state: MotionFilter) -> dict[str, float]:
-        """Compute the probabilities of the calibrated targets, given that one of them is present."""
-        weight = state.template_weight.reshape(len(self._targets), -1).sum(axis=1)
-        total = weight.sum()
-        return dict(zip(self._targets, (weight / total if total > 0 else weight).tolist(), strict=True))
+    def _compute_targets(self) -> dict[str, float]:
+        """Compute the probabilities of the calibrated targets, given that one of them is present.
+
+        They follow from the mean log-likelihood of a frame, not from the sum over the frames: the errors of shapes
+        persist, and a sum would turn a small difference of two shapes into certainty about the target.
+        """
+        weight = np.exp(self._fit_of_target - self._fit_of_target.max())
+        return dict(zip(self._targets, (weight / weight.sum()).tolist(), strict=True))
 
     def _name_target(self, targets: dict[str, float]) -> str:
         """Return the name of the target, or why it has none."""

@@ -125,13 +125,6 @@ class MotionFilter:
         """Joint probabilities f64[V, G] of speed and distance of a target that does not touch."""
         return np.asarray(self.present.sum(axis=1), dtype=np.float64)
 
-    @property
-    def template_weight(self) -> FloatArray:
-        """Probabilities f64[all templates] of a target that does not touch."""
-        weight = np.zeros(len(self._prior))
-        weight[self.template] = self.present.sum(axis=(0, 2))
-        return weight
-
 
 def _compute_release() -> FloatArray:
     """Distribution f32[V, G] of a target after a contact: within 2 mm, at rest or withdrawing."""
