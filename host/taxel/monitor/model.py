@@ -114,6 +114,8 @@ class SkinMonitor:
         signal = np.full(self.hand.n_taxels, np.nan)
         active = np.zeros(self.hand.n_taxels, dtype=bool)
         suspect = 0
+        targets = self._list_targets()
+        near = {each.address for each in targets or () if each.present > 0.5}
         boards = []
         rates = self._rate.update([state.time_s for state in states], [state.frames for state in states])
         counts = self.skin.losses.boards
@@ -121,7 +123,8 @@ class SkinMonitor:
             activation = state.take_activation(clock_s)
             if activation is not None:
                 signal[state.taxels], active[state.taxels] = activation.signal_counts, activation.active
-                suspect += int(activation.suspect_baseline.sum())
+                # A conductor near the board raises its counts: its baseline is then no suspect.
+                suspect += 0 if state.board.address in near else int(activation.suspect_baseline.sum())
             address = state.board.address
             status = self.skin.hub.board_status.get(address)
             is_expected = self.skin.link.is_recorded or address in self.skin.hub.boards
@@ -143,7 +146,7 @@ class SkinMonitor:
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
-            proximity=self._list_targets(),
+            proximity=targets,
             no_data_since_s=None if is_ended else self._find_silence(now_s),
             **self._read_counters(boards),
         )

@@ -113,6 +113,7 @@ def test_monitor_shows_the_nearest_target(stage):
     result = CliRunner().invoke(build_app("monitor"), arguments)
     assert result.exit_code == 0, result.output
     assert " mm from medial front index" in result.output
+    assert "repeat the baseline" not in result.output
     result = CliRunner().invoke(build_app("monitor"), [*arguments, "--json", "--speed", "1000"])
     boards = [each["board"] for each in json.loads(result.output.splitlines()[-1])["proximity"]]
     assert "medial_front_index" in boards
