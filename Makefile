@@ -34,7 +34,7 @@ CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install check demo blind hil soak fuzz-states crash-writers proximity mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install check clients demo blind hil soak fuzz-states crash-writers proximity mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -61,6 +61,10 @@ blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues 
 
 blind-streams: $(STAMP)  ## the blind check of the twin: hours (STREAMS=6 STREAM_HOURS=0.5 for a short one)
 	@$(BIN)/python tools/twin/blind_streams.py --streams $(or $(STREAMS),150) --hours $(or $(STREAM_HOURS),2)
+
+.PHONY: compare-baselines
+compare-baselines: $(STAMP)  ## baseline policies after an hour of contact with drift, on WORLDS emulated worlds (minutes each)
+	@$(BIN)/python tools/baseline/compare_baselines.py --worlds $(if $(filter command,$(firstword $(origin WORLDS))),$(WORLDS),6)
 
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
@@ -125,6 +129,9 @@ fuzz-files: $(STAMP)  ## COUNT (1000000) mutated files for all readers of files:
 fuzz-short: $(STAMP)
 	@$(BIN)/python tools/fuzz/run_targets.py --runs 12000 --if-possible
 
+clients: $(STAMP)  ## compare all clients with the Python decoder on captures of 60 s of the emulated hand, intact and damaged
+	@$(BIN)/python tools/clients/compare.py
+
 hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, i2c-dev, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
@@ -154,12 +161,14 @@ mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in
 lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated files, terms of the glossary
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@git ls-files -z '*.c' '*.h' | xargs -0 $(BIN)/clang-format --dry-run --Werror
+	@git ls-files -z '*.c' '*.h' '*.cpp' '*.hpp' | xargs -0 $(BIN)/clang-format --dry-run --Werror
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-cache
 	@$(BIN)/python tools/codegen/c_header.py --check
 	@$(BIN)/python tools/codegen/vectors.py --check
 	@$(BIN)/python tools/codegen/bootloader_header.py --check
+	@$(BIN)/python tools/codegen/clients.py --check
+	@$(BIN)/python tools/codegen/spec_tables.py --check
 	@$(BIN)/python tools/codegen/page_terms.py --check
 	@$(BIN)/python tools/wording/check_terms.py
 
@@ -211,10 +220,12 @@ size: firmware  ## flash, RAM and stack of the images against their budgets: doc
 	@$(BIN)/python tools/firmware/firmware_size.py --build $(IMAGES) --json $(PORT)/size.json --page docs/firmware-size.md \
 		$$(test -f $(IMAGES)/size-before.json && echo --compare $(IMAGES)/size-before.json)
 
-generate: $(STAMP)  ## write the C header, the vectors and the terms of the gap page from their sources
+generate: $(STAMP)  ## write the C header, vectors, clients, tables of the specification and terms of the gap page
 	@$(BIN)/python tools/codegen/c_header.py
 	@$(BIN)/python tools/codegen/vectors.py
 	@$(BIN)/python tools/codegen/bootloader_header.py
+	@$(BIN)/python tools/codegen/spec_tables.py
+	@$(BIN)/python tools/codegen/clients.py
 	@$(BIN)/python tools/codegen/page_terms.py
 
 $(DOCS_STAMP): $(STAMP)
@@ -230,7 +241,7 @@ docs-test: $(STAMP)  ## run every code block of every page and every example of 
 format: $(STAMP)  ## format the Python and C sources
 	@$(BIN)/ruff check --fix --quiet . || true
 	@$(BIN)/ruff format --quiet .
-	@git ls-files -z '*.c' '*.h' | xargs -0 $(BIN)/clang-format -i
+	@git ls-files -z '*.c' '*.h' '*.cpp' '*.hpp' | xargs -0 $(BIN)/clang-format -i
 
 clean:  ## remove everything that was built
 	rm -rf $(VENV) build out

@@ -78,7 +78,9 @@ def test_the_frame_table_of_the_spec_equals_the_definitions() -> None:
 def test_the_example_frame_of_the_spec_is_encoded_correctly() -> None:
     lines = {
         word: bytes.fromhex(text)
-        for word, text in re.findall(r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC, re.M)
+        for word, text in re.findall(
+            r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC.partition("## Receiver")[0], re.M
+        )
     }
     assert encode_frame(names.FrameType.HOST_HANDSHAKE, 0, bytes([7, 1, 1])) == lines["wire"]
     assert whiten(lines["body"]) == lines["whitened"]

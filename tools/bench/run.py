@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 MODULES = (
-    "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign",
+    "skin_rate", "compact", "latency", "decoder", "clients", "recording", "memory", "emulator", "diagnosis", "campaign",
     "indentation", "sim", "monitor", "control_loop", "startup",
 )  # fmt: skip
 

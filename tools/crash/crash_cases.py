@@ -16,6 +16,8 @@ from taxel.cloud.files import write_cloud
 from taxel.gap.apply.rewriting import Rewriting, copied, made_beside
 from taxel.hand.joint_history import JointFileWriter
 from taxel.link import CaptureLink, CaptureWriter
+from taxel.link.pcapng import PcapngWriter
+from taxel.link.pcapng_link import PcapngLink
 from taxel.output import AppendedLines, LiveOutput, open_whole_text, write_whole
 from taxel.output.figure import save_figure
 from taxel.recording.formats import convert, open_recording
@@ -213,17 +215,35 @@ def _record_capture(path: Path, first: int, acknowledge: Acknowledge = lambda: N
 
 def _read_capture(path: Path) -> tuple[str, ...]:
     """Digest of each complete record of a capture, of which the last one may be incomplete."""
-    found: list[str] = []
     with CaptureLink(path) as link:
-        while True:
-            try:
-                found.append(_digest(link.read().data))
-            except (EOFError, ValueError):
-                return tuple(found)
-            except Exception as error:
-                if "cut short" not in str(error):
-                    raise
-                return tuple(found)
+        return _read_chunks(link)
+
+
+def _read_chunks(link: CaptureLink | PcapngLink) -> tuple[str, ...]:
+    """Digest of each chunk of an open recording up to its end, or up to an incomplete record."""
+    found: list[str] = []
+    while True:
+        try:
+            found.append(_digest(link.read().data))
+        except (EOFError, ValueError):
+            return tuple(found)
+        except Exception as error:
+            if "cut short" not in str(error):
+                raise
+            return tuple(found)
+
+
+def _record_pcapng(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    with PcapngWriter(path, {"note": "x"}, overwrite=True) as writer:
+        for number in range(RECORDS):
+            writer.write(f"record {first + number} ".encode() * 30 + b"\0", number)
+            acknowledge()
+
+
+def _read_pcapng(path: Path) -> tuple[str, ...]:
+    """Digest of each complete packet of a PCAPNG file, of which the last one may be incomplete."""
+    with PcapngLink(path) as link:
+        return _read_chunks(link)
 
 
 def _record_mcap(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
@@ -348,11 +368,13 @@ CASES: tuple[Case, ...] = (
     Case("gap apply (HDF5)", "whole", lambda folder, source: _write_dataset(folder / "x.h5", 0), _apply,
          lambda folder: _read_grasps(folder / "x.h5"), ("x.h5",)),
     _convert("capture", "x.bin", _read_frames),
+    _convert("PCAPNG", "x.pcapng", _read_frames),
     _convert("MCAP", "x.mcap", _read_frames),
     _convert("HDF5", "x.h5", _read_grasps),
     _convert("Parquet", "x.parquet", _read_frames),
     _convert("CSV folder", "x.csv", _read_bytes),
     _live("record (capture)", "live.bin", _record_capture, _read_capture),
+    _live("record (PCAPNG)", "live.pcapng", _record_pcapng, _read_pcapng),
     _live("record (MCAP)", "live.mcap", _record_mcap, _read_mcap),
     _live("record (joint angles)", "live.joints.csv", _record_joints, _read_lines),
     _live("grasp (HDF5)", "live.h5", _write_dataset, _read_grasps),

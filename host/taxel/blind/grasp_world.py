@@ -1,4 +1,4 @@
-"""A small grasp campaign on the whole hand with one hidden cause, for the demonstration."""
+"""A small grasp campaign on the whole hand with hidden causes, for the demonstration."""
 
 import secrets
 from collections.abc import Callable
@@ -8,28 +8,16 @@ from typing import Final
 
 import numpy as np
 
-from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, sample_nuisance_lines
-from taxel.blind.hidden import HiddenCauses
+from taxel.blind.catalogue_causes import EFFECT_NAMES, list_cause_types, sample_nuisance_lines
+from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
-from taxel.hand import load_hand
+from taxel.hand import Hand, load_hand
 
-EMULATOR_EFFECTS: Final = (
-    "spread film",
-    "spread pillars",
-    "coupling traces",
-    "noise white",
-    "noise line",
-    "rheology solid",
-    "saturation clip",
-)
-"""Emulator effects on the whole hand with a clear gap in thirty grasps. Other effects have too small a gap, because the
-pose of the objects varies more between grasps than between indentations: with resistive coupling the gap was 18 counts
-at a floor of 11 counts, and with a proximity field of 2 mm it was 20 counts; the verdict was correct, but no gap was
-significant.
-"""
+KIND_SHARES: Final = {"single": 0.8, "several": 0.1, "none": 0.1}
+"""Shares of worlds with one hidden cause, with two, and without one."""
 
 STRENGTH: Final = (0.9, 1.0)
 """Range of the strength; at strength 1 the excess of indentations is six floors."""
@@ -41,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class GraspWorld:
-    """The world of the demonstration. seed: of campaign and physics. salt: 256 random bits, hexadecimal."""
+    """The world of a demonstration. seed: of campaign and physics. salt: 256 random bits, hexadecimal."""
 
     seed: int
     hidden: HiddenCauses
@@ -53,16 +41,25 @@ class GraspWorld:
 
 
 def sample_grasp_world(seed: int | None = None) -> GraspWorld:
-    """Sample a world of the demonstration: an emulated Allegro hand with one random hidden cause.
+    """Sample a world of the demonstration: an emulated Allegro hand with a random hidden cause, two, or none.
 
-    seed: of the random numbers; None: random numbers of the operating system.
+    Every effect of the diagnosis's catalogue is equally probable, and so is every functional form of an effect. seed:
+    of the random numbers; None: random numbers of the operating system.
     """
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
-    cause_types = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect in EMULATOR_EFFECTS]
-    cause_type = cause_types[int(rng.integers(len(cause_types)))]
-    cause = cause_type.sample(rng, load_hand("original"), float(rng.uniform(*STRENGTH)))
+    kind = str(rng.choice(list(KIND_SHARES), p=list(KIND_SHARES.values())))
+    number = {"none": 0, "single": 1, "several": 2}[kind]
+    names = [EFFECT_NAMES[index] for index in rng.choice(len(EFFECT_NAMES), number, replace=False).tolist()]
+    hand = load_hand("original")
+    causes = tuple(_sample_cause(name, rng, hand) for name in names)
     salt = secrets.token_hex(32) if seed is None else rng.bytes(32).hex()
-    return GraspWorld(int(rng.integers(2**31)), HiddenCauses("single", (cause,), sample_nuisance_lines(rng)), salt)
+    return GraspWorld(int(rng.integers(2**31)), HiddenCauses(kind, causes, sample_nuisance_lines(rng)), salt)
+
+
+def _sample_cause(name: str, rng: np.random.Generator, hand: Hand) -> Cause:
+    """Sample a form of an effect and its parameters."""
+    types = list_cause_types(name)
+    return types[int(rng.integers(len(types)))].sample(rng, hand, float(rng.uniform(*STRENGTH)))
 
 
 def make_small_plans(
@@ -104,6 +101,8 @@ def make_grasps(
     one per core. Raises TaxelError with a one-line message.
     """
     grasps, simulated = make_small_plans(world.seed)
-    settings = UndescribedSettings(seed=world.seed, effects=world.hidden.lines)
+    item = grasps[0].object
+    effects = tuple(line.replace(" OBJECT ", f" {item} ") for line in world.hidden.lines)
+    settings = UndescribedSettings(seed=world.seed, effects=effects)
     run_emulated(real, grasps, settings, jobs=jobs, progress=progress[0])
     run_simulated(sim, simulated, SimSettings(seed=world.seed + 1), jobs=jobs, progress=progress[1])

@@ -21,11 +21,14 @@ RecordedBaseline = Annotated[
 
 
 def convert(
-    source: Annotated[str, typer.Argument(help="A recording: capture, .mcap, .h5, .parquet or a folder of CSV.")],
+    source: Annotated[
+        str, typer.Argument(help="A recording: capture, .pcapng, .mcap, .h5, .parquet or a folder of CSV.")
+    ],
     target: Annotated[
         str,
         typer.Argument(
-            help="File to write: x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet, x.csv (a folder)."
+            help="File to write: x.bin (capture), x.pcapng (for Wireshark), x.mcap, x.h5 (grasp dataset), x.parquet, "
+            "x.csv (a folder)."
         ),
     ],
     hand: HandOption = None,

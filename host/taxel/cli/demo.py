@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from taxel.blind.demo_outcome import DemoOutcome, format_score, judge
 from taxel.blind.grasp_world import GraspWorld, make_grasps, make_small_plans, sample_grasp_world
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.seal import commitment, verify_commitment
@@ -18,8 +20,12 @@ from taxel.cli.options import Jobs
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.page import unrolled_png, write_page
+from taxel.output import write_whole
 
-FILES = ("real.h5", "sim.h5", "report.json", "report.html", "hand.png")
+PICTURE, SCORE = "hand.png", "score.json"
+FILES = ("real.h5", "sim.h5", "report.json", "report.html", PICTURE)
+
+_RESULT = {True: "RIGHT", False: "WRONG"}
 
 
 def demo(
@@ -27,18 +33,34 @@ def demo(
         Path, typer.Option(help="Folder for datasets, report and pictures. Files of an earlier demo are replaced.")
     ] = Path("out/demo"),
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the cause. Default: random.")] = None,
+    repeat: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Number of demonstrations, each with another cause, with a score.")
+    ] = 1,
     jobs: Jobs = None,
 ) -> None:
     """Diagnose a sealed cause on the emulated hand, and compare the diagnosis with the cause.
 
-    A cause is chosen at random, sealed and added to the emulated hand. The hand and the simulator execute the same
-    grasps. A separate process diagnoses the gap from the two datasets. Then the seal is opened.
+    A cause, two, or none is chosen at random, sealed and added to the emulated hand. The hand and the simulator execute
+    the same grasps. A separate process diagnoses the gap from the two datasets. Then the seal is opened, and the
+    diagnosis is right or wrong. With --repeat, one line per demonstration is printed, and out/score.json is written.
 
     Example: taxel demo --out out/demo
     """
     console, start_s = Console(), time.monotonic()
-    real, sim, report_file, page, picture = (out / name for name in FILES)
     out.mkdir(parents=True, exist_ok=True)
+    if repeat > 1:
+        _repeat(console, out, seed, repeat, jobs)
+        return
+    outcome, world = _run(console, out, seed, jobs)
+    console.print("\n[bold]4. The seal is opened[/bold]; the causes have the SHA-256 printed above:")
+    _open_seal(console, world, outcome)
+    seconds = f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]"
+    console.print(f"{seconds}; picture of the hand: {out / PICTURE}", soft_wrap=True)
+
+
+def _run(console: Console, out: Path, seed: int | None, jobs: int | None) -> tuple[DemoOutcome, GraspWorld]:
+    """Run one demonstration up to the opening of the seal. Raises TaxelError with one line."""
+    real, sim, report_file, page, picture = (out / name for name in FILES)
     for path in (real, sim, report_file, page, picture):
         path.unlink(missing_ok=True)
     world = sample_grasp_world(seed)
@@ -57,8 +79,26 @@ def demo(
     unrolled_png(report, picture)
     print_summary(console, report, str(page), str(report_file))
     verify_commitment(0, world.to_json(), seal)
-    _open_seal(console, world, report["verdict"]["effects"])
-    console.print(f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]; picture of the hand: {picture}")
+    return judge(world, report["verdict"], sim), world
+
+
+def _repeat(console: Console, out: Path, seed: int | None, repeat: int, jobs: int | None) -> None:
+    """Run demonstrations; print one line for each with the running score. Later ones replace the datasets."""
+    silent = Console(quiet=True)
+    outcomes: list[DemoOutcome] = []
+    for number in range(repeat):
+        start_s = time.monotonic()
+        outcome, _ = _run(silent, out, None if seed is None else seed + number, jobs)
+        outcomes.append(outcome)
+        write_whole(out / SCORE, json.dumps([one.to_json() for one in outcomes], indent=1))
+        right = sum(one.is_right for one in outcomes)
+        console.print(
+            f"{number + 1:4d}  {_RESULT[outcome.is_right]}  hidden: {_describe_hidden(outcome)}; "
+            f"named: {_join(outcome.named)}; {right} of {number + 1} right; {time.monotonic() - start_s:.0f} s",
+            soft_wrap=True,
+            highlight=False,
+        )
+    console.print(format_score(outcomes), soft_wrap=True, highlight=False)
 
 
 def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
@@ -88,13 +128,26 @@ def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: P
             runner.close()
 
 
-def _open_seal(console: Console, world: GraspWorld, effects: list[str]) -> None:
-    """Print the hidden cause and whether the diagnosis named it. effects: of the verdict, most important first."""
-    (cause,) = world.hidden.causes
-    console.print("\n[bold]4. The seal is opened[/bold]; the cause has the SHA-256 printed above:")
-    console.print(f"cause: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False)
-    if effects[:1] == [cause.name]:
-        further = f", and also: {', '.join(effects[1:])}" if len(effects) > 1 else ""
-        console.print(f"The diagnosis named the cause{further}.")
-    else:
-        console.print(f"The diagnosis named: {', '.join(effects) or 'no gap'}.", highlight=False)
+def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> None:
+    """Print the hidden causes, the named ones, and whether the diagnosis is right."""
+    for cause in world.hidden.causes:
+        console.print(
+            f"hidden: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False, soft_wrap=True
+        )
+    if not world.hidden.causes:
+        console.print("hidden: nothing", highlight=False)
+    for name in {cause.name for cause in world.hidden.causes} - set(outcome.expected):
+        console.print(f"No grasp loads the place of {name}: it is not expected.", highlight=False)
+    colour = "green" if outcome.is_right else "red"
+    console.print(
+        f"[bold {colour}]{_RESULT[outcome.is_right]}[/]: the diagnosis named {_join(outcome.named)}.", highlight=False
+    )
+
+
+def _describe_hidden(outcome: DemoOutcome) -> str:
+    """The hidden causes and their forms in the emulator."""
+    return f"{_join(outcome.expected)} ({', '.join(outcome.hidden) or 'no effect'})"
+
+
+def _join(names: Sequence[str]) -> str:
+    return ", ".join(names) or "no cause"

@@ -44,6 +44,12 @@ def monitor(
             f"{DEMO_BASELINE_FRAMES}.",
         ),
     ] = None,
+    track_baseline: Annotated[
+        bool,
+        typer.Option(
+            "--track-baseline", help="The baseline follows drift, and holds under contact. Default: a fixed mean."
+        ),
+    ] = False,
     threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
     proximity: ProximityFile = None,
     seconds: Seconds = None,
@@ -66,7 +72,7 @@ def monitor(
         skin = open_demo(hand, rate_hz, frames) if url == DEMO_URL else open_paced(url, hand, rate_hz, speed)
     with skin:
         estimators = None if proximity is None else open_watch(proximity, skin.hand)
-        model = SkinMonitor(skin, frames, threshold_counts, estimators)
+        model = SkinMonitor(skin, frames, threshold_counts, estimators, track_baseline)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:

@@ -35,7 +35,9 @@ boards (1 s) and the delay of a frame.
 
 def record(
     url: Url,
-    out: Annotated[Path, typer.Option(help="File to write: x.mcap (bytes and ROS 2 topics), else a capture (bytes).")],
+    out: Annotated[
+        Path, typer.Option(help="File to write: x.mcap (bytes and ROS 2 topics), x.pcapng, else a capture (bytes).")
+    ],
     seconds: Seconds = None,
     hand: HandOption = None,
     joints: JointAngles = None,

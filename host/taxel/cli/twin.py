@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 Reference = Annotated[
     Path,
-    typer.Option(
-        help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import, twin --learn)."
-    ),
+    typer.Option(help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import)."),
 ]
 
 

@@ -1,43 +1,25 @@
 """Capture files: received bytes with their arrival times. The format is specified in protocol/SPEC.md."""
 
-import contextlib
 import json
 import os
 import struct
 from pathlib import Path
 from types import TracebackType
-from typing import NoReturn
 
 from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
 from taxel.link.errors import CaptureError
+from taxel.link.live_records import LiveRecords
 from taxel.link.recording_header import check_recording_header
-from taxel.output import LiveOutput, OutputError
+from taxel.output import LiveOutput
 
 MAGIC = b"TAXELCAP"
 VERSION = 1
-EXISTS = "exists already; choose another name, or overwrite the file (--overwrite)"
 HEADER_MAX = 1 << 20
 RECORD_MAX = 1 << 24
 _START = struct.Struct("<8sHHI")
 _RECORD = struct.Struct("<QI")
 RECORD_HEAD = _RECORD.size
-
-
-def open_live_output(path: str | os.PathLike[str], overwrite: bool) -> LiveOutput:
-    """Create a recording that is readable while it is written.
-
-    Raises CaptureError if it exists and `overwrite` is False, if another program writes it, or if the system refuses.
-    """
-    if os.path.exists(path) and not overwrite:
-        raise CaptureError(os.fspath(path), EXISTS)
-    try:
-        return LiveOutput(path, overwrite=overwrite)
-    except OutputError as error:
-        problem = f"expected {error.expected}, found {error.found}; {error.remedy}"
-        raise CaptureError(os.fspath(path), problem) from None
-    except OSError as error:
-        raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror})") from error
 
 
 class CaptureWriter:
@@ -47,8 +29,6 @@ class CaptureWriter:
     header: any JSON object (hand, baud, note); "clock": "hub" states that the arrival times are not valid. Raises
     `CaptureError` if the file exists and `overwrite` is False, if another program writes it, or if the system refuses.
     """
-
-    _has_failed = False
 
     def __init__(
         self,
@@ -68,78 +48,34 @@ class CaptureWriter:
         text = json.dumps(header or {}).encode()
         if len(text) > HEADER_MAX:
             raise CaptureError(str(path), f"cannot be written (its header has more than {HEADER_MAX} bytes)")
-        self._output = open_live_output(path, overwrite) if output is None else output
-        self._file = self._output.file
-        try:
-            self._write_all(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
-            self._output.begin()
-        except OutputError:
-            self._output.discard()
-            raise CaptureError(str(path), EXISTS) from None
-        except OSError as error:
-            self._output.discard()
-            raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
+        start = _START.pack(MAGIC, VERSION, 0, len(text)) + text
+        self._file = LiveRecords(path, start, overwrite, output, "records")
 
     def write(self, data: bytes, time_ns: int) -> None:
         """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing)."""
         for start in range(0, max(len(data), 1), RECORD_MAX):
-            self._append(data[start : start + RECORD_MAX], time_ns)
+            piece = data[start : start + RECORD_MAX]
+            self._file.append(_RECORD.pack(time_ns, len(piece)) + piece)
         self.records += 1
-
-    def _append(self, data: bytes, time_ns: int) -> None:
-        """Write one record to the capture file; after a failure the file is truncated to its complete records.
-
-        time_ns: arrival time of `data`, nanoseconds. Raises `CaptureError`.
-        """
-        end = self._file.tell()
-        try:
-            self._write_all(_RECORD.pack(time_ns, len(data)) + data)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                os.ftruncate(self._file.fileno(), end)
-            self._fail(error)
-        try:
-            self._output.publish()
-        except OSError as error:
-            self._fail(error)
-
-    def _fail(self, error: OSError) -> NoReturn:
-        """Raise `CaptureError` for a failed write; the file then contains the complete records before it."""
-        self._has_failed = True
-        problem = f"cannot be written ({error.strerror}); the records before are complete"
-        raise CaptureError(str(self.path), problem + self._output.describe_previous()) from error
-
-    def _write_all(self, data: bytes) -> None:
-        """Write bytes to the capture file. A full disk accepts a part of them, and fails at the next attempt."""
-        written = self._file.write(data) or 0
-        while written < len(data):
-            written += self._file.write(data[written:]) or 0
 
     @property
     def size(self) -> int:
         """Size of the capture file so far, bytes."""
-        return self._file.tell()
+        return self._file.size
 
     def read_data(self, offset: int, size: int) -> bytes:
         """Return the first `size` bytes of the data of the record at byte `offset` of the file.
 
         Raises `CaptureError`.
         """
-        try:
-            return os.pread(self._file.fileno(), size, offset + RECORD_HEAD)
-        except OSError as error:
-            self._fail(error)
+        return self._file.read_at(offset + RECORD_HEAD, size)
 
     def truncate(self, size: int) -> None:
         """Remove the records after the first `size` bytes of the file, a value that `size` had before.
 
         Raises `CaptureError`.
         """
-        try:
-            self._file.truncate(size)
-        except OSError as error:
-            self._fail(error)
-        self._file.seek(size)
+        self._file.truncate(size)
 
     def tick(self) -> None:
         """Do nothing: each record is written at once."""
@@ -149,22 +85,14 @@ class CaptureWriter:
 
         A capture without records does not replace an existing one. Raises `CaptureError`.
         """
-        try:
-            if self._has_failed:
-                self._output.fail()
-            elif self.records or self._output.is_published:
-                self._output.close()
-            else:
-                self._output.discard()
-        except OSError as error:
-            raise CaptureError(str(self.path), f"cannot be written ({error.strerror})") from error
+        self._file.close(has_records=self.records > 0)
 
     def discard(self) -> None:
         """Close the file; remove a capture without records."""
         if self.records:
             self.close()
         else:
-            self._output.discard()
+            self._file.discard()
 
     def __enter__(self) -> "CaptureWriter":
         return self

@@ -7,7 +7,7 @@ import numpy as np
 
 from taxel.hand import Board
 from taxel.monitor.reading import BoardReading
-from taxel.signal import Activation, ActivationFrame, Baseline
+from taxel.signal import Activation, ActivationFrame, Baseline, TrackedBaseline
 from taxel.stream import BoardCount, TaxelFrame
 from taxel.types import CountArray
 from taxel_protocol import BoardState as HubBoardState
@@ -29,12 +29,14 @@ class BoardState:
     the last frame on the monitor's clock, and `time_s` the time of that frame; both are NaN before the first frame.
     """
 
-    def __init__(self, board: Board, taxels: slice, raw: CountArray, lowest: CountArray, samples: int) -> None:
+    def __init__(
+        self, board: Board, taxels: slice, raw: CountArray, lowest: CountArray, samples: int, is_tracked: bool = False
+    ) -> None:
         """Create the state of one board before its first frame.
 
         taxels: position of the board's taxels on the hand's taxel axis. raw, lowest: writable u16 views of the hand's
         arrays, with the newest and the lowest count of each taxel of the board. samples: number of frames of a
-        baseline.
+        baseline. is_tracked: the baseline follows drift afterwards.
         """
         self.board = board
         self.taxels = taxels
@@ -45,12 +47,14 @@ class BoardState:
         self._raw, self._lowest = raw, lowest
         self._has_new_frame = False
         self._baseline = Baseline(board.kind.taxel_count, samples=samples)
+        self._is_tracked = is_tracked
+        self._tracked: TrackedBaseline | None = None
         self._activation: Activation | None = None
 
     def restart_baseline(self) -> None:
         """Discard the baseline of the board; the next frames give a new baseline."""
         self._baseline.reset()
-        self._activation = None
+        self._activation = self._tracked = None
         self.disturbed = 0
 
     def take(self, frame: TaxelFrame, now_s: float, threshold: float) -> None:
@@ -70,6 +74,10 @@ class BoardState:
             result = self._baseline.result()
             self._activation = Activation(result.mean, threshold)
             self.disturbed = int(result.disturbed.sum())
+            if self._is_tracked:
+                self._tracked = TrackedBaseline(result.mean, result.noise)
+        elif self._tracked is not None and (state := self._tracked.update(frame.time_s, frame.raw_counts)) is not None:
+            self._activation = Activation(state.mean, threshold)
 
     @property
     def progress(self) -> float:

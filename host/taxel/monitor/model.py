@@ -50,12 +50,14 @@ class SkinMonitor:
         samples: int = BASELINE_SAMPLES,
         threshold: float = ACTIVATION_THRESHOLD_COUNTS,
         proximity: ProximityWatch | None = None,
+        is_tracked: bool = False,
     ) -> None:
         """Create a monitor of the frames of an open skin.
 
         samples: number of frames of each board's baseline. threshold: counts of signal above which a taxel is active.
-        proximity: estimators of targets before contact; None: not estimated. Raises ValueError for a number of samples
-        or a threshold that `taxel.signal` rejects.
+        proximity: estimators of targets before contact; None: not estimated. is_tracked: the baselines follow drift
+        (`taxel.signal.TrackedBaseline`). Raises ValueError for a number of samples or a threshold that `taxel.signal`
+        rejects.
         """
         self.skin = skin
         self._proximity = proximity
@@ -65,7 +67,7 @@ class SkinMonitor:
         lowest = np.zeros_like(self._raw)
         slices = [(board, hand.get_slice(board.address)) for board in hand.boards]
         self._boards = {
-            board.address: BoardState(board, taxels, self._raw[taxels], lowest[taxels], samples)
+            board.address: BoardState(board, taxels, self._raw[taxels], lowest[taxels], samples, is_tracked)
             for board, taxels in slices
         }
         self._is_real_time = skin.link.is_real_time

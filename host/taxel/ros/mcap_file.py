@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import IO, Final, Self, cast
 
 from taxel.link import CaptureError
-from taxel.link.capture import open_live_output
+from taxel.link.live_records import open_live_output
 from taxel.optional import optional_import
 from taxel.output import LiveOutput
 from taxel.ros.cdr import encode

@@ -11,6 +11,7 @@ from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, MEDIAN_WINDOW_SAM
 from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
 from taxel.signal.events import ActivationTracker, ContactEvent
 from taxel.signal.noise import NoiseReport, measure_noise, snr, snr_db
+from taxel.signal.tracked_baseline import TrackedBaseline, TrackedState
 
 __all__ = [
     "ACTIVATION_THRESHOLD_COUNTS",
@@ -26,6 +27,8 @@ __all__ = [
     "DisturbedBaselineError",
     "NoiseReport",
     "TooFewSamplesError",
+    "TrackedBaseline",
+    "TrackedState",
     "compute_baseline",
     "find_disturbed_taxels",
     "measure_noise",

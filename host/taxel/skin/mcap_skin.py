@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from taxel.hand import Hand
 from taxel.link import Chunk, Link
 from taxel.proximity import ProximityWatch
 from taxel.ros.topics import JointSource, SkinTopics, TopicMessage
+from taxel.skin.confirmed_bytes import ConfirmedBytes
 from taxel.skin.recording_link import RecordingLink
 from taxel.skin.recording_skin import RecordingSkin
 from taxel.stream import TaxelFrame
@@ -23,7 +23,7 @@ BASELINE_METADATA = "taxel_baseline"
 BOARDS_METADATA = "taxel_boards"
 
 
-class McapBytes:
+class McapBytes(ConfirmedBytes):
     """Writer of the hub's bytes into an MCAP file that the caller opens and closes.
 
     Bytes are written when they are confirmed, because compressed chunks cannot be cut.
@@ -31,42 +31,18 @@ class McapBytes:
 
     def __init__(self, file: McapFile, header: Mapping[str, Any]) -> None:
         """Create a writer of received bytes into an open MCAP file; header: header of the recording with its clock."""
+        super().__init__()
         self._file = file
         self._offset_ns = int(header["epoch_offset_ns"])
         self._uses_hub_clock = header["clock"] == "hub"
         self.frame_ns = self._offset_ns
         """Time of the latest frame, Unix nanoseconds."""
-        self._unconfirmed: deque[Chunk] = deque()
-        self._written = 0
-
-    def write(self, data: bytes, time_ns: int) -> None:
-        """Take bytes of the hub, written when confirmed; time_ns: their arrival, nanoseconds of the link's clock."""
-        self._unconfirmed.append(Chunk(data, time_ns))
-
-    def confirm(self, position: int, splits: bool = False) -> None:
-        """Append the chunks that end within the first `position` bytes of the stream to the MCAP file.
-
-        splits: append also the first part of the chunk that contains `position`.
-        """
-        while self._unconfirmed and self._written + len(self._unconfirmed[0].data) <= position:
-            self._append(self._unconfirmed.popleft())
-        if splits and self._unconfirmed and position > self._written:
-            data, time_ns = self._unconfirmed[0]
-            size = position - self._written
-            self._unconfirmed[0] = Chunk(data[size:], time_ns)
-            self._append(Chunk(data[:size], time_ns))
-
-    def cut(self, position: int) -> None:
-        """Append the bytes up to `position` of the stream to the MCAP file, and discard the rest."""
-        self.confirm(position, splits=True)
-        self._unconfirmed.clear()
 
     def _append(self, chunk: Chunk) -> None:
         """Append a chunk to the MCAP file."""
         time_ns = chunk.arrival_ns
         file_ns = self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns
         self._file.write_bytes(chunk.data, time_ns, file_ns)
-        self._written += len(chunk.data)
 
     def tick(self) -> None:
         """Write buffered data of the MCAP file to disk if this is due."""

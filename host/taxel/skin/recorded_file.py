@@ -1,8 +1,9 @@
-"""The URL scheme `file`: a capture, an MCAP file or a ROS 1 bag as a link."""
+"""The URL scheme `file`: a capture, a PCAPNG file, an MCAP file or a ROS 1 bag as a link."""
 
 from taxel.hand import Hand
 from taxel.link import Link, LinkError
 from taxel.link.capture import CaptureLink
+from taxel.link.pcapng_link import PcapngLink, is_pcapng
 from taxel.link.url import get_recorded_path
 
 
@@ -22,7 +23,7 @@ def open_file(url: str, hand: Hand | None = None) -> Link:
 
         return open_original_bag(path)
     if not is_mcap(path):
-        return CaptureLink(path)
+        return PcapngLink(path) if is_pcapng(path) else CaptureLink(path)
     from taxel.ros.mcap_link import open_mcap  # needs the extra `ros`, which the core does not install
 
     return open_mcap(path)

@@ -9,11 +9,14 @@ import numpy.typing as npt
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
-from taxel.link.capture import EXISTS, open_live_output
+from taxel.link.live_records import EXISTS, open_live_output
+from taxel.link.pcapng import SUFFIX as PCAPNG_SUFFIX
+from taxel.link.pcapng import PcapngWriter
 from taxel.output import LiveOutput
 from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.topics import JointSource
 from taxel.skin.capture_bytes import CaptureBytes
+from taxel.skin.confirmed_bytes import PcapngBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
 from taxel.skin.opening import open_source, open_waiting_source
@@ -35,12 +38,13 @@ def open_recorded(
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
-    `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
-    radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. waits: if the port
-    vanishes, the recording waits for the port and continues in the same file (`Skin.reconnection` lists the gaps).
-    proximity: calibration file, with which an MCAP file also contains the targets before contact. Raises
-    `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
+    `ros`); a name that ends in .pcapng makes a file for Wireshark, and any other name a capture, both with the bytes
+    alone. joint_position: joint angles of the hand's robot, radians [j], or a function that returns them, for the TF
+    tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, beside a
+    file without topics in the file PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and
+    continues in the same file (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP
+    file also contains the targets before contact. Raises `CaptureError`, before anything is opened, if the file exists
+    and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
@@ -88,7 +92,7 @@ def record_link(
     if os.fspath(path).endswith(MCAP_SUFFIX):
         return _record_mcap(link, hand, header, path, overwrite, joint_position, output, proximity)
     try:
-        writer = CaptureBytes(CaptureWriter(path, header, overwrite, output))
+        writer = _open_writer(path, header, overwrite, output)
     except BaseException:
         link.close()
         raise
@@ -100,6 +104,15 @@ def record_link(
     except BaseException:
         writer.discard()  # a capture without any bytes is of no use
         raise
+
+
+def _open_writer(
+    path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool, output: LiveOutput | None
+) -> CaptureBytes | PcapngBytes:
+    """Create a PCAPNG file for a name that ends in .pcapng, else a capture; output: as in `record_link`."""
+    if os.fspath(path).endswith(PCAPNG_SUFFIX):
+        return PcapngBytes(PcapngWriter(path, header, overwrite, output))
+    return CaptureBytes(CaptureWriter(path, header, overwrite, output))
 
 
 def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:

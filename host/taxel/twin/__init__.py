@@ -3,9 +3,9 @@
 from taxel.twin.comparison import HOURS_PER_FALSE_ALARM, StepResult, Twin, fit_reference_models
 from taxel.twin.errors import TwinInputError
 from taxel.twin.events import Alarm, CauseEvent, Cleared, Event, InputFault
-from taxel.twin.null_model import NullModels
 from taxel.twin.reference import Reference, read_reference
 from taxel.twin.schedule import Contact, ContactSchedule, read_schedule
+from taxel.twin.variance_factors import VarianceFactors
 
 __all__ = [
     "HOURS_PER_FALSE_ALARM",
@@ -16,11 +16,11 @@ __all__ = [
     "ContactSchedule",
     "Event",
     "InputFault",
-    "NullModels",
     "Reference",
     "StepResult",
     "Twin",
     "TwinInputError",
+    "VarianceFactors",
     "fit_reference_models",
     "read_reference",
     "read_schedule",

@@ -9,6 +9,7 @@ import numpy as np
 from taxel.twin.detector import LARGEST, Hypothesis
 from taxel.twin.events import Alarm
 from taxel.twin.null_model import NullModels, log_density
+from taxel.twin.schedule import Condition
 from taxel.twin.statistics import QUANTITIES, Scores
 from taxel.types import IntArray
 
@@ -17,12 +18,14 @@ from taxel.types import IntArray
 class ClearedTest:
     """Sequential test of the reference value against the changed value of an alarm (see `detector.py`).
 
-    period_s: mean time to a wrong result, seconds.
+    period_s: mean time to a wrong result, seconds. condition: of the contact that raised the alarm, or None. The
+    signals during a contact, unlike relative changes, are compared in this condition only.
     """
 
     alarm: Alarm
     hypothesis: Hypothesis
     period_s: float
+    condition: Condition | None = None
     evidence: float = 0.0
 
     def update(self, estimates: Scores, models: NullModels, level: IntArray, elapsed_s: float) -> bool:

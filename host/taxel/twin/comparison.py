@@ -8,16 +8,17 @@ from typing import Final
 
 import numpy as np
 
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
+from taxel.signal.rest_level import RestLevel
 from taxel.twin.cleared import ClearedTest
 from taxel.twin.detector import ChangeDetector, Hypothesis
 from taxel.twin.events import Alarm, Cleared, Event, InputFault
 from taxel.twin.live_session import LiveSession
 from taxel.twin.missing_frames import MissingFrames
-from taxel.twin.null_model import NullModels, compute_log_ratios, fit_null_models
+from taxel.twin.null_model import compute_log_ratios, fit_null_models
 from taxel.twin.onset import StepHistory
 from taxel.twin.reference import ConditionReference, Reference, compute_signals
-from taxel.twin.rest_level import RestLevel
-from taxel.twin.schedule import Contact, ContactSchedule
+from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (
     QUANTITIES,
@@ -27,7 +28,9 @@ from taxel.twin.statistics import (
     compute_rest_scores,
     sum_over_places,
 )
-from taxel.twin.steps import BINS, Step, StepBuilder
+from taxel.twin.steps import BINS, HOLD, Step, StepBuilder
+from taxel.twin.unannounced import UnannouncedContacts
+from taxel.twin.variance_factors import OF_CONDITIONS, OF_CONTACTS, VarianceFactors
 from taxel.types import BoolArray, CountArray, FloatArray
 
 HOURS_PER_FALSE_ALARM: Final = 24.0
@@ -65,18 +68,20 @@ class Twin:
         reference: Reference,
         schedule: ContactSchedule,
         hours_per_false_alarm: float = HOURS_PER_FALSE_ALARM,
-        models: NullModels | None = None,
+        factors: VarianceFactors | None = None,
     ) -> None:
-        """Create a twin. models: result of `fit_reference_models`; None: fit them."""
+        """Create a twin. factors: result of `fit_reference_models`; None: fit the models."""
         self.reference = reference
         self.schedule = schedule
-        self.models = models or fit_reference_models(reference)
+        self.factors = factors or fit_reference_models(reference)
+        self.models = self.factors.models
         places = reference.places
         n = reference.taxels.n
         self.detector = ChangeDetector(places, hours_per_false_alarm)
         self.history = StepHistory(places)
         self.live = LiveSession.start(reference.session_ratio, n)
         self.level = make_rest_level(reference)
+        self.unannounced = UnannouncedContacts(reference.noise_variance, reference.places.board)
         self.missing = MissingFrames.learn(reference)
         self.noise = reference.noise_level.copy()
         self.alarms: list[Alarm] = []
@@ -131,7 +136,8 @@ class Twin:
 
     def _process(self, step: Step) -> StepResult:
         """Test one step."""
-        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded)
+        pressed = self.unannounced.find_pressed(step)
+        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, pressed)
         signals = None
         if step.contact is not None:
             found = compute_contact_scores(step, self.reference, self.live, self._excluded | touched)
@@ -140,8 +146,9 @@ class Twin:
                 own = self.reference.conditions[step.contact.condition]
                 self.live.add(step.contact.condition, own.mean, np.where(touched, np.nan, found[1]))
             signals = compute_signals(step)
-        estimates = sum_over_places(scores, self.reference)
-        ratios = self._compute_ratios(estimates)
+        condition = step.contact.condition if step.contact is not None else None
+        estimates = self.factors.apply(sum_over_places(scores, self.reference), condition)
+        ratios = self._compute_ratios(estimates, condition)
         missing, expected = compute_missing(step, self.reference)
         ratios["missing"] = self.missing.compute_log_ratios(missing, expected)
         self.history.add(step.start_s, step.end_s, estimates)
@@ -153,11 +160,15 @@ class Twin:
             events.append(self._raise_alarm(step))
         return StepResult(step, signals, estimates, evidence, touched, tuple(events))
 
-    def _compute_ratios(self, estimates: Scores) -> dict[str, FloatArray]:
+    def _compute_ratios(self, estimates: Scores, condition: Condition | None) -> dict[str, FloatArray]:
         """Log likelihood ratios by quantity."""
         return {
             quantity.name: compute_log_ratios(
-                quantity, estimates[quantity.name], self.models[quantity.name], self.reference.places.level
+                quantity,
+                estimates[quantity.name],
+                self.models[quantity.name],
+                self.reference.places.level,
+                self.factors.get_repeats(quantity.name, condition),
             )
             for quantity in QUANTITIES
             if quantity.name in estimates
@@ -189,7 +200,9 @@ class Twin:
             quantity.words,
         )
         self.alarms.append(alarm)
-        self.active[alarm.number] = ClearedTest(alarm, hypothesis, 3600.0 * self._hours)
+        self.active[alarm.number] = ClearedTest(
+            alarm, hypothesis, 3600.0 * self._hours, step.contact.condition if step.contact is not None else None
+        )
         self._adopt(step, hypothesis)
         self.detector.reset()
         self._last_alarm_s = step.end_s
@@ -201,11 +214,12 @@ class Twin:
         if QUANTITIES[hypothesis.quantity].name == "missing":
             self.missing.set_share(hypothesis.place, *compute_missing(step, self.reference))
             return
-        self.live.relearn(taxels)
         self.noise.forget(taxels)
-        # The levels of the whole board: a change of some taxels disturbs the common change of the others.
+        # The whole board: its other taxels may have changed less, and a change of some disturbs the common change.
         boards = np.bincount(self.reference.places.board, taxels, self.reference.sensors.s) > 0
-        self.level.forget(boards[self.reference.places.board])
+        board = boards[self.reference.places.board]
+        self.live.relearn(board)
+        self.level.forget(board)
 
     def _find_members(self, place: int) -> BoolArray:
         """Taxels of a place, bool[n]."""
@@ -219,8 +233,14 @@ class Twin:
         if not self.active:
             return []
         estimates = self._compare_with_original(step, touched)
+        condition = step.contact.condition if step.contact is not None else None
         cleared = []
         for number, test in list(self.active.items()):
+            name = QUANTITIES[test.hypothesis.quantity].name
+            if name in OF_CONTACTS and not self._is_loaded(step, test.hypothesis.place):
+                continue  # a change of the response shows only where there is a response
+            if name in OF_CONDITIONS and test.condition is not None and test.condition != condition:
+                continue
             if test.update(estimates, self.models, self.reference.places.level, elapsed_s):
                 del self.active[number]
                 taxels = self._find_members(test.hypothesis.place)
@@ -229,6 +249,15 @@ class Twin:
                 self.noise.pairs[taxels] = self.reference.noise_level.pairs[taxels]
                 cleared.append(Cleared(step.end_s, test.alarm))
         return cleared
+
+    def _is_loaded(self, step: Step, place: int) -> bool:
+        """Whether the contact of a step is expected to load the boards of a place."""
+        if step.contact is None or step.contact.condition not in self.reference.conditions:
+            return False
+        expected = self.reference.conditions[step.contact.condition].mean[HOLD].mean(axis=0)
+        board = self.reference.places.board
+        boards = np.bincount(board, self._find_members(place), self.reference.sensors.s) > 0
+        return bool((expected > ACTIVE_SIGNAL_COUNTS)[boards[board]].any())
 
     def _compare_with_original(self, step: Step, touched: BoolArray) -> Scores:
         """Estimates of the places relative to the reference, without what the session has added."""
@@ -240,7 +269,8 @@ class Twin:
             step, self.reference, LiveSession.start(self.reference.session_ratio, n), touched
         )
         scores.update(found[0] if found else {})
-        return sum_over_places(scores, self.reference)
+        condition = step.contact.condition if step.contact is not None else None
+        return self.factors.apply(sum_over_places(scores, self.reference), condition)
 
 
 def make_rest_level(reference: Reference) -> RestLevel:
@@ -251,9 +281,9 @@ def make_rest_level(reference: Reference) -> RestLevel:
     )
 
 
-def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> NullModels:
+def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> VarianceFactors:
     """Fit the distributions without fault: each contact of the reference is compared with the others."""
-    samples: list[Scores] = []
+    samples: list[tuple[Condition | None, Scores]] = []
     session_level: tuple[int, RestLevel] | None = None
     noise = reference.noise_level
     n = reference.taxels.n
@@ -264,10 +294,12 @@ def fit_reference_models(reference: Reference, progress: Callable[[int, int], No
         scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), none)
         found = compute_contact_scores(step, _leave_out(reference, step), LiveSession.start(np.zeros(BINS), n), none)
         scores.update(found[0] if found else {})
-        samples.append(sum_over_places(scores, reference))
+        condition = step.contact.condition if step.contact is not None else None
+        samples.append((condition, sum_over_places(scores, reference)))
         if progress is not None:
             progress(number + 1, len(reference.steps))
-    return fit_null_models(samples, reference.places.level)
+    models = fit_null_models([scores for _, scores in samples], reference.places.level)
+    return VarianceFactors.learn(samples, models, reference.places.level)
 
 
 def _leave_out(reference: Reference, step: Step) -> Reference:

@@ -114,12 +114,17 @@ def log_density(value: FloatArray, deviation: FloatArray, degrees_of_freedom: fl
 
 
 def compute_log_ratios(
-    quantity: Quantity, scores: tuple[FloatArray, FloatArray], models: Mapping[int, NullModel], level: IntArray
+    quantity: Quantity,
+    scores: tuple[FloatArray, FloatArray],
+    models: Mapping[int, NullModel],
+    level: IntArray,
+    repeats: FloatArray | None = None,
 ) -> FloatArray:
     """Log likelihood ratio of each alternative of a quantity against no change, f64[P, G]; 0 without information.
 
     The alternatives are the amplitudes of the quantity, then those of `WIDE`. scores: estimate and information, f64[P].
-    level: i64[P].
+    level: i64[P]. repeats: f64[P], statistics from which the variance of each place is known (see
+    `variance_factors.py`); they add to the degrees of freedom.
     """
     estimate, information = scores
     result = np.zeros((len(estimate), count_alternatives(quantity)))
@@ -129,10 +134,13 @@ def compute_log_ratios(
         rows = np.flatnonzero((level == number) & (information > (LEAST_POWER / largest) ** 2))
         if len(rows):
             deviation = model.compute_deviation(information[rows])
-            base = (estimate[rows] / deviation) ** 2 / model.degrees_of_freedom
-            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / model.degrees_of_freedom
-            half = 0.5 * (model.degrees_of_freedom + 1.0)
-            result[rows, : len(amplitudes)] = half * (np.log1p(base)[:, None] - np.log1p(moved))
+            degrees = model.degrees_of_freedom + (np.zeros(len(rows)) if repeats is None else repeats[rows])
+            base = (estimate[rows] / deviation) ** 2 / degrees
+            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / degrees[:, None]
+            half = 0.5 * (degrees + 1.0)
+            result[rows, : len(amplitudes)] = half[:, None] * (np.log1p(base)[:, None] - np.log1p(moved))
+            if quantity.is_one_sided:
+                base = np.where(estimate[rows] > 0.0, base, 0.0)
             for column, scale in enumerate(WIDE, start=len(amplitudes)):
                 result[rows, column] = half * (np.log1p(base) - np.log1p(base / scale**2)) - np.log(scale)
     return result

@@ -14,10 +14,10 @@ from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import SensorTable, TaxelTable
+from taxel.signal.rest_level import RestLevel, estimate_settings
 from taxel.twin.errors import TwinInputError
 from taxel.twin.noise_level import ROUNDING, NoiseLevel
 from taxel.twin.places import Places
-from taxel.twin.rest_level import RestLevel, estimate_settings
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
 from taxel.types import BoolArray, FloatArray, IntArray

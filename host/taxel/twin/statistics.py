@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
+from taxel.signal.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.live_session import LiveSession
 from taxel.twin.noise_level import NoiseLevel
 from taxel.twin.reference import LEAST_REPEATS, Reference, compute_signals
-from taxel.twin.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.steps import CLOSING, HOLD, RECOVERY, RELEASE, REST, Step
 from taxel.types import BoolArray, FloatArray, IntArray
 
@@ -36,12 +36,17 @@ class Quantity:
     levels: tuple[str, ...]
     words: str
 
+    @property
+    def is_one_sided(self) -> bool:
+        """Whether only an increase is a change."""
+        return min(self.amplitudes) > 0.0
+
 
 _ALL: Final = ("taxel", "tx", "rx", "board", "skin")
 
 QUANTITIES: Final = (
     Quantity("gain", "1", (-1.0, -0.6, -0.3, -0.1, 0.1, 0.3, 0.8), _ALL, "the response to contact"),
-    Quantity("offset", "counts", (-100.0, -30.0, -10.0, 10.0, 30.0, 100.0), _ALL, "the signal during a contact"),
+    Quantity("offset", "counts", (-100.0, -30.0, -10.0, 10.0, 30.0, 100.0), _ALL[:3], "the signal during a contact"),
     Quantity("delay", "s", (-0.2, -0.06, -0.02, 0.02, 0.06, 0.2), _ALL, "the delay of the response"),
     Quantity("recovery", "1", (-0.1, -0.03, 0.03, 0.1, 0.3), _ALL, "the signal after release"),
     Quantity("noise", "ln", (-4.0, -1.0, 0.4, 1.2, 4.0), _ALL, "the noise without contact"),
@@ -62,6 +67,10 @@ NAMES: Final = tuple(quantity.name for quantity in QUANTITIES)
 
 Scores = dict[str, tuple[FloatArray, FloatArray]]
 """Score u and information w of each taxel, f64[n] each, by quantity."""
+
+LEAST_FREE: Final = 5
+"""Smallest number of taxels without load whose median is subtracted: the median of fewer is no better than one of
+them."""
 
 SHAPE_VARIANCE: Final = 0.1
 """Variance of the logarithm of a board's mean squared residual, before the fit of the null model (chosen: that of a
@@ -95,7 +104,8 @@ def compute_contact_scores(
     pattern = np.where(mean > ACTIVE_SIGNAL_COUNTS, mean, 0.0)
     scores["gain"] = (pattern * hold * hold_weight, pattern**2 * hold_weight)
     loaded = _find_loaded(mean, board)
-    scores["offset"] = (hold * hold_weight, hold_weight)
+    own_hold = hold - _find_common_offset(hold, hold_weight, pattern, board)[board]
+    scores["offset"] = (own_hold * hold_weight, hold_weight)
     # Delay and recovery are compared at the size that the contact has on its board.
     size = _fit_board_size(signal, expected, weight, board)
     rescaled = np.where(usable, signal - size[board] * expected, 0.0)
@@ -107,22 +117,25 @@ def compute_contact_scores(
 
 
 def compute_rest_scores(
-    step: Step, level: RestLevel, noise: NoiseLevel, excluded: BoolArray
+    step: Step, level: RestLevel, noise: NoiseLevel, excluded: BoolArray, in_contact: BoolArray | None = None
 ) -> tuple[Scores, BoolArray]:
     """Scores of the interval without contact of a step, and the taxels that something touches, bool[n].
 
-    level, noise: tracked counts at rest and noise; both are updated.
+    level, noise: tracked counts at rest and noise; both are updated. in_contact: bool[n], taxels of boards that
+    something presses without an announcement, perhaps too lightly to make a taxel active: their count at rest is not
+    compared.
     """
     mean, lowest = step.compute_rest()
     touched = level.find_touched(mean, lowest, ACTIVE_SIGNAL_COUNTS)
     skip = excluded | touched | ~np.isfinite(mean)
     known = level.is_known
-    residual, variance = level.update(mean, step.count[REST], skip)
-    weight = np.where(skip | (variance >= UNKNOWN_VARIANCE), 0.0, 1.0 / variance)
+    pressed = skip if in_contact is None else skip | in_contact
+    residual, variance = level.update(mean, step.count[REST], pressed)
+    weight = np.where(pressed | (variance >= UNKNOWN_VARIANCE), 0.0, 1.0 / variance)
     value, information = noise.compare(step.squared_difference, step.pairs, skip)
     noise.add(step.squared_difference, step.pairs, skip)
     scores: Scores = {"rest": (residual * weight, weight), "noise": (value * information, information)}
-    scores["drift"] = _compute_drift(level, step.end_s - step.start_s, ~skip & known)
+    scores["drift"] = _compute_drift(level, step.end_s - step.start_s, ~pressed & known)
     return scores, touched
 
 
@@ -150,6 +163,21 @@ def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: IntA
 def compute_missing(step: Step, reference: Reference) -> tuple[FloatArray, FloatArray]:
     """Missing and expected frames of each board, f64[s] each."""
     return (step.expected - step.received).astype(np.float64), step.expected.astype(np.float64)
+
+
+def _find_common_offset(hold: FloatArray, weight: FloatArray, pattern: FloatArray, board: IntArray) -> FloatArray:
+    """Median residual of the taxels of each board that a contact does not load, f64[s]; 0 with few such taxels.
+
+    The temperature of a board drifts in one direction for minutes, so that this part of successive contacts is not
+    independent.
+    """
+    free = (weight > 0.0) & (pattern == 0.0)
+    found = np.zeros(int(board.max()) + 1)
+    for column in range(len(found)):
+        own = free & (board == column)
+        if own.sum() >= LEAST_FREE:
+            found[column] = np.median(hold[own])
+    return found
 
 
 def _mean_weight(weight: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import pytest
 
 from host.tests.command_line import run_taxel
 from taxel.blind import grasp_world
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES
 from taxel.blind.grasp_world import make_small_plans, sample_grasp_world
 from taxel.blind.seal import commitment
 
@@ -37,11 +38,13 @@ def test_a_seed_determines_the_world_and_unseeded_worlds_differ():
     assert len({commitment(world.to_json()) for world in worlds}) == 4
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_the_hidden_cause_acts_on_the_whole_hand(seed):
-    (cause,) = sample_grasp_world(seed).hidden.causes
-    assert cause.emulator_effect in grasp_world.EMULATOR_EFFECTS
-    assert not cause.locations
+def test_every_form_of_every_effect_and_no_effect_and_pairs_are_hidden():
+    worlds = [sample_grasp_world(seed) for seed in range(400)]
+    causes = [cause for world in worlds for cause in world.hidden.causes]
+    assert {cause.emulator_effect for cause in causes} == {one.emulator_effect for one in CATALOGUE_CAUSES}
+    assert {world.hidden.kind for world in worlds} == set(grasp_world.KIND_SHARES)
+    for world in worlds:
+        assert len({cause.name for cause in world.hidden.causes}) == len(world.hidden.causes)
 
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--jobs", "-1")])

@@ -34,6 +34,7 @@ ALLOWED = {
     "tools/taxel_tools/testing/history.py": "SQLite writes its own journal and locks its file",
     "hil_tests/harness/virtual/images.py": "lock file of a build",
     "tools/bench/": DEVELOPMENT,
+    "tools/clients/": DEVELOPMENT,
     "tools/cloud/": DEVELOPMENT,
     "tools/codegen/": GENERATED,
     "tools/crash/": DEVELOPMENT,

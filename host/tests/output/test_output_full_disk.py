@@ -43,7 +43,7 @@ def capture(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", ["x.h5", "x.mcap", "x.bin", "x.parquet", "x.csv"])
+@pytest.mark.parametrize("name", ["x.h5", "x.mcap", "x.bin", "x.pcapng", "x.parquet", "x.csv"])
 def test_conversion_on_a_full_disk_keeps_the_old_file(tmp_path, capture, name):
     convert(capture, tmp_path / name)
     files = [tmp_path / name] if (tmp_path / name).is_file() else sorted((tmp_path / name).iterdir())

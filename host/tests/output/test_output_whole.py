@@ -199,11 +199,17 @@ def capture(tmp_path_factory):
     return path
 
 
+def restore_interrupts():
+    """A shell starts background jobs with SIGINT ignored, which processes inherit."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["x.bin", "x.mcap", "x.h5", "x.csv"])
 def test_a_signal_removes_the_temporary_file(tmp_path, capture, number, name):
     program = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(capture), str(tmp_path / "new" / name)]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(program, text=True, preexec_fn=restore_interrupts, **pipes) as process:
         assert process.stdout.readline() == "writing\n"
         assert list_names(tmp_path / "new")[0].startswith(f".{name}.part")
         process.send_signal(number)

@@ -18,7 +18,14 @@ from taxel.skin.joint_recording import get_joint_path
 from taxel.skin.recorder import open_recorded
 
 URL = "emulator:?speed=max&duration_s=1.5"
-FILES = {"capture": "x.bin", "mcap": "x.mcap", "csv": "x.csv", "parquet": "x.parquet", "hdf5": "x.h5"}
+FILES = {
+    "capture": "x.bin",
+    "pcapng": "x.pcapng",
+    "mcap": "x.mcap",
+    "csv": "x.csv",
+    "parquet": "x.parquet",
+    "hdf5": "x.h5",
+}
 
 
 def move(time_s: float) -> np.ndarray:

@@ -34,7 +34,7 @@ def format_totals(summary):
     )
 
 
-@pytest.mark.parametrize("name", ["skin.bin", "skin.mcap"])
+@pytest.mark.parametrize("name", ["skin.bin", "skin.mcap", "skin.pcapng"])
 def test_recording_at_full_speed_has_the_requested_duration(capsys, tmp_path, name):
     path = tmp_path / name
     assert run_taxel("record", "emulator:?speed=max", "--seconds", SECONDS, "--out", path) == 0
@@ -45,7 +45,7 @@ def test_recording_at_full_speed_has_the_requested_duration(capsys, tmp_path, na
     assert summary["bytes_discarded"] == 0
 
 
-@pytest.mark.parametrize("name", ["skin.bin", "skin.mcap"])
+@pytest.mark.parametrize("name", ["skin.bin", "skin.mcap", "skin.pcapng"])
 @pytest.mark.parametrize("taken", [0, 1, 40])
 def test_recording_contains_the_frames_that_the_reader_has_received(capsys, tmp_path, name, taken):
     path = tmp_path / name

@@ -18,7 +18,16 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 
 pytest.importorskip("pyarrow")
-NAMES = {"capture": "x.bin", "mcap": "x.mcap", "csv": "x.csv", "parquet": "x.parquet", "hdf5": "x.h5"}
+NAMES = {
+    "capture": "x.bin",
+    "pcapng": "x.pcapng",
+    "mcap": "x.mcap",
+    "csv": "x.csv",
+    "parquet": "x.parquet",
+    "hdf5": "x.h5",
+}
+BYTE_S = 10 / 1e6
+"""Time of a byte on the wire. A packet for each frame gives the clock mapping more points than larger pieces do."""
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +56,16 @@ def test_capture_and_mcap_keep_everything(converted, recorded_rig, format_name):
     path, result = converted[format_name]
     frames, losses = read_frames(path)
     assert differing_fields(frames, recorded_rig.frames, *ALL_FIELDS) == []
+    assert repr(losses) == repr(recorded_rig.losses)
+    assert (result.frames, result.notes) == (len(recorded_rig.frames), [])
+
+
+def test_pcapng_keeps_everything_and_times_within_one_byte_of_the_wire(converted, recorded_rig):
+    path, result = converted["pcapng"]
+    frames, losses = read_frames(path)
+    assert differing_fields(frames, recorded_rig.frames, *TABLE_FIELDS, "hub_time_us") == []
+    errors_s = [a.time_s - b.time_s for a, b in zip(frames, recorded_rig.frames, strict=True)]
+    assert max(map(abs, errors_s)) < BYTE_S
     assert repr(losses) == repr(recorded_rig.losses)
     assert (result.frames, result.notes) == (len(recorded_rig.frames), [])
 
@@ -168,7 +187,7 @@ def test_truncated_source_is_converted_up_to_the_truncation(recorded_rig, tmp_pa
     assert 0.8 * len(recorded_rig.frames) < len(frames) < len(recorded_rig.frames)
 
 
-@pytest.mark.parametrize("name", ["x.bin", "x.mcap", "x.csv", "x.parquet", "x.h5"])
+@pytest.mark.parametrize("name", ["x.bin", "x.pcapng", "x.mcap", "x.csv", "x.parquet", "x.h5"])
 def test_existing_target_is_kept_without_overwrite(recorded_rig, tmp_path, name):
     target = tmp_path / name
     target.write_bytes(b"existing")
@@ -206,7 +225,7 @@ def test_error_in_csv_names_file_and_line(converted, tmp_path, capsys, case):
 
 
 def test_files_that_are_no_recordings_are_refused(tmp_path, capsys, converted):
-    for name in ("x.parquet", "x.h5", "x.mcap", "x.bin"):
+    for name in ("x.parquet", "x.h5", "x.mcap", "x.pcapng", "x.bin"):
         (tmp_path / name).write_bytes(b"\x89MCAP0\r\nnothing" if name == "x.mcap" else b"nothing")
         assert name in run_refused_command(capsys, "convert", tmp_path / name, tmp_path / "y.bin")
     assert "none.parquet" in run_refused_command(capsys, "convert", tmp_path / "none.parquet", tmp_path / "y.bin")

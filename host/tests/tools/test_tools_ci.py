@@ -9,7 +9,10 @@ import pytest
 
 SCRIPT = Path(__file__).parents[3] / ".ci" / "run"
 SHELL_PROGRAMS = ("bash", "cat", "dirname", "env", "git", "id", "mktemp", "rm")
-OPTIONAL_PROGRAMS = ("clang", "arm-none-eabi-gcc", "qemu-system-arm", "chromium", "ROS 1")
+OPTIONAL_PROGRAMS = (
+    *("clang", "arm-none-eabi-gcc", "qemu-system-arm", "chromium"),
+    *("g++", "rustc", "lua5.4", "tshark", "ROS 1"),
+)
 
 
 def add_program(folder: Path, name: str, text: str = "exit 0") -> None:

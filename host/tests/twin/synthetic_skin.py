@@ -32,7 +32,8 @@ def make_tables() -> tuple[TaxelTable, SensorTable]:
 @dataclass
 class SyntheticSkin:
     """Generates poll cycles. seed: of all random numbers. gain: f64[n]. offset: f64[n], counts. lost: share per
-    board."""
+    board. force_deviation: relative standard deviation of the force by condition; 0.05 for the others.
+    """
 
     seed: int
     gain: np.ndarray = field(default_factory=lambda: np.ones(TAXELS))
@@ -40,6 +41,7 @@ class SyntheticSkin:
     lost: np.ndarray = field(default_factory=lambda: np.zeros(2))
     noise_counts: float = 4.0
     drift_counts: float = 0.3
+    force_deviation: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Sample the patterns of three conditions, the second one on the other board."""
@@ -70,7 +72,7 @@ class SyntheticSkin:
         self._temperature = drift[-1]
         signal = np.zeros((count, TAXELS))
         if contact is not None:
-            force = 1.0 + 0.05 * self.rng.normal()
+            force = 1.0 + self.force_deviation.get(contact.condition, 0.05) * self.rng.normal()
             own = 1.0 + 0.03 * self.rng.normal(size=TAXELS)
             share = np.interp(times, contact.times_s, (0.0, 1.0, 1.0, 0.0, 0.0), left=0.0, right=0.0)
             signal = force * share[:, None] * self.patterns[contact.condition] * own * self.gain

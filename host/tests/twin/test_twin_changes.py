@@ -6,19 +6,28 @@ import numpy as np
 import pytest
 
 from host.tests.twin.synthetic_skin import ADDRESSES, SIDE, TAXELS, SyntheticSkin, learn, make_tables, watch
-from taxel.twin import Alarm, Cleared, ContactSchedule, InputFault, NullModels, Reference, Twin, fit_reference_models
+from taxel.twin import (
+    Alarm,
+    Cleared,
+    ContactSchedule,
+    InputFault,
+    Reference,
+    Twin,
+    VarianceFactors,
+    fit_reference_models,
+)
 
 
 @cache
-def learn_once() -> tuple[SyntheticSkin, Reference, NullModels]:
+def learn_once() -> tuple[SyntheticSkin, Reference, VarianceFactors]:
     skin = SyntheticSkin(seed=5)
     reference = learn(skin)
     return skin, reference, fit_reference_models(reference)
 
 
 def make_twin(contacts, hours: float = 24.0) -> Twin:
-    _, reference, models = learn_once()
-    return Twin(reference, ContactSchedule(contacts), hours, models)
+    _, reference, factors = learn_once()
+    return Twin(reference, ContactSchedule(contacts), hours, factors)
 
 
 def make_skin(seed: int) -> SyntheticSkin:
@@ -47,9 +56,10 @@ def test_healthy_skin_with_drift_gives_no_alarm_in_two_hours():
     assert watch(make_twin(contacts), cycles) == []
 
 
-def test_lasting_unannounced_contact_gives_no_alarm():
+@pytest.mark.parametrize("gain", [0.3, 0.1, 0.03])  # 0.1 and 0.03: no taxel is active
+def test_lasting_unannounced_contact_gives_no_alarm(gain):
     skin = make_skin(8)
-    skin.gain = np.full(TAXELS, 0.3)  # a light contact: less than half of the board is active
+    skin.gain = np.full(TAXELS, gain)
     contact = skin.make_contact(("peg", "press_0"), 65.0)
     times = (
         *contact.times_s[:2],
@@ -96,6 +106,16 @@ def test_shift_at_rest_of_a_taxel_is_detected_and_located():
     alarm = next(event for event in events if isinstance(event, Alarm))
     assert (alarm.quantity, alarm.place.level, alarm.place.number) == ("rest", "taxel", 5)
     assert alarm.size_counts == pytest.approx(40.0, abs=10.0)
+
+
+def test_contacts_that_vary_in_one_condition_only_give_no_alarm():
+    """A contact at the edge of a board loads it by a force that differs from contact to contact."""
+    original = SyntheticSkin(seed=5, force_deviation={("peg", "press_2"): 0.25})
+    reference = learn(original)
+    skin = SyntheticSkin(seed=16, force_deviation=original.force_deviation)
+    skin.patterns, skin._loading = original.patterns, original._loading
+    first, cycles = skin.run_routine(150)
+    assert watch(Twin(reference, ContactSchedule(first)), cycles) == []
 
 
 def test_lost_frames_of_a_board_are_detected():

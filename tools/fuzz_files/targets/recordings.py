@@ -13,6 +13,7 @@ import numpy as np
 from fuzz_files.array_codecs import Parquet
 from fuzz_files.binary_codecs import Bag, Capture, Mcap
 from fuzz_files.document import Flat, flatten
+from fuzz_files.pcapng_codec import Pcapng
 from fuzz_files.target import COARSE, Rules, Target
 from fuzz_files.text_codecs import Csv, Json
 from taxel.hand import load_hand
@@ -144,6 +145,7 @@ _TABLE: Final = Rules(
 
 TARGETS: Final = (
     Target("capture", write_capture, ((r"\.bin$", (Capture(),)),), read_frames, 4.0, _FRAMES),
+    Target("pcapng", _convert("a.pcapng"), ((r"\.pcapng$", (Pcapng(),)),), read_frames, 2.0, _FRAMES),
     Target("mcap", _convert("a.mcap"), ((r"\.mcap$", (Mcap(),)),), read_frames, 1.0, _FRAMES),
     Target(
         "csv",

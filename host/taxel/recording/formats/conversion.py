@@ -30,14 +30,16 @@ from taxel.stream.encoder import FramesLink
 from taxel.types import FloatArray
 
 FORMATS = {
-    "capture": (".bin",), "mcap": (".mcap",), "hdf5": (".h5", ".hdf5"), "parquet": (".parquet",), "csv": (".csv", "/"),
+    "capture": (".bin",), "pcapng": (".pcapng",), "mcap": (".mcap",),
+    "hdf5": (".h5", ".hdf5"), "parquet": (".parquet",), "csv": (".csv", "/"),
 }  # fmt: skip
 """Formats of a recording and the endings of their names. CSV is a folder."""
 
-_NAMES = "x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet or x.csv (a folder)"
+_NAMES = "x.bin (capture), x.pcapng (Wireshark), x.mcap, x.h5 (grasp dataset), x.parquet or x.csv (a folder)"
 
 LOSSES = {
     "capture": "",
+    "pcapng": "",
     "mcap": "",
     "csv": "CSV contains frames only: not the hub's messages, its bytes, or the number of frames lost on the wire",
     "parquet": "Parquet contains frames only: not the hub's messages, its bytes, or the number of frames lost on the "
@@ -145,9 +147,9 @@ def convert(
         raise
     has_bytes = not isinstance(link, FramesLink)
     angles = _choose_joints(source, description, header, joint_position, grasp)
-    if format_name in ("capture", "mcap"):
+    if format_name in ("capture", "pcapng", "mcap"):
         try:
-            recording = RecordingSink(path, overwrite, isinstance(angles, JointHistory) and format_name == "capture")
+            recording = RecordingSink(path, overwrite, isinstance(angles, JointHistory) and format_name != "mcap")
         except BaseException:
             link.close()
             raise

@@ -13,7 +13,7 @@ from taxel.errors import FieldError
 from taxel.hand.errors import format_path, format_value
 from taxel.input_files import TextError, parse_json
 from taxel.link import CaptureError
-from taxel.link.capture import EXISTS
+from taxel.link.live_records import EXISTS
 from taxel.link.recording_header import check_recording_header
 from taxel.output import OutputError, PendingOutput
 from taxel.stream import TaxelFrame

@@ -35,7 +35,7 @@ def load_recorded_joints(
     source = Path(path)
     if not names:
         return None
-    if format_name == "capture":
+    if format_name in ("capture", "pcapng"):
         file = get_joint_path(source)
         return read_joint_file(file, names) if file.exists() else None
     if format_name == "csv":

@@ -56,8 +56,10 @@ class RestLevel:
     """Tracked count at rest of n taxels.
 
     noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common
-    change of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2.
-    common: f64[s], change that the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
+    change of its board. loading_variance: f64[n], of its estimate. correlated: successive deviations that count as one
+    in the estimate of a loading. level, variance: f64[n], counts and counts^2.
+    unchecked: f64[n], common change since a taxel's own deviation was used last, counts. common: f64[s], change that
+    the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
     the last step in which the board was compared.
     """
 
@@ -66,8 +68,10 @@ class RestLevel:
     loading: FloatArray
     loading_variance: FloatArray
     settings: RestSettings = RestSettings()
+    correlated: float = 1.0
     level: FloatArray = field(init=False)
     variance: FloatArray = field(init=False)
+    unchecked: FloatArray = field(init=False)
     common: FloatArray = field(init=False)
     idle_s: FloatArray = field(init=False)
 
@@ -75,13 +79,14 @@ class RestLevel:
         """Begin without a level: the first step of a taxel defines it."""
         self.level = np.zeros(len(self.board))
         self.variance = np.full(len(self.board), UNKNOWN_VARIANCE)
+        self.unchecked = np.zeros(len(self.board))
         self.common = np.zeros(int(self.board.max()) + 1)
         self.idle_s = np.zeros(len(self.common))
 
     @classmethod
-    def start(cls, noise_variance: FloatArray, board: IntArray) -> RestLevel:
+    def start(cls, noise_variance: FloatArray, board: IntArray, settings: RestSettings = RestSettings()) -> RestLevel:
         """Create the level of a skin without experience. noise_variance: f64[n]. board: i64[n]."""
-        return cls(noise_variance, board, np.ones(len(board)), np.full(len(board), LOADING_VARIANCE))
+        return cls(noise_variance, board, np.ones(len(board)), np.full(len(board), LOADING_VARIANCE), settings=settings)
 
     @property
     def is_known(self) -> BoolArray:
@@ -95,47 +100,59 @@ class RestLevel:
         taxel. A change that more than half of the taxels of a board share is a change of the board and not a contact.
         """
         usable = self.is_known & np.isfinite(mean)
-        common = self._find_common(np.where(usable, self.level - mean, 0.0), usable)
+        common = self.find_common(np.where(usable, self.level - mean, 0.0), usable)
         change = np.where(usable, self.level - lowest, 0.0)
         active = change - (self.loading * common[self.board]) > threshold
         boards = np.bincount(self.board, active, len(common)) > 0
         return np.asarray((boards & (np.abs(common) < threshold))[self.board])
 
-    def update(self, mean: FloatArray, count: IntArray, skip: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def update(
+        self, mean: FloatArray, count: IntArray, skip: BoolArray, common: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Update the levels with the means f64[n] of a step; return prediction errors and their variances, f64[n] each.
 
-        count: i64[n], averaged frames. skip: bool[n], taxels whose own deviation is not used. A taxel without a known
-        level has an error of 0 and a variance of at least `UNKNOWN_VARIANCE`.
+        count: i64[n], averaged frames. skip: bool[n], taxels whose own deviation is not used. common: f64[s], change of
+        the boards; None: the median of their taxels. A taxel without a known level has an error of 0 and a variance of
+        at least `UNKNOWN_VARIANCE`.
         """
         finite = np.isfinite(mean) & ~skip
         known = self.is_known
         usable = finite & known
         change = np.where(usable, mean - self.level, 0.0)
-        self.common = self._find_common(change, usable)
-        common = self.common[self.board]
-        expected = np.where(known, self.loading * common, 0.0)
+        self.common = self.find_common(change, usable) if common is None else common
+        shared = self.common[self.board]
+        expected = np.where(known, self.loading * shared, 0.0)
         residual = np.where(usable, change - expected, 0.0)
-        measured = self.noise_variance / np.maximum(count, 1) + self.settings.measured
+        measured = self.compute_measured_variance(count)
+        # The error of a loading acts on the whole change since the taxel's own deviation was used.
         predicted = self.variance + max(self.settings.walk, LEAST_WALK)
+        settled = predicted + self.loading_variance * self.unchecked**2
         # The loadings are those of temperature. A faster common change may have another origin and other factors.
-        unusual = np.maximum(np.abs(common) - CLIPPED * self.settings.common, 0.0)
-        total = predicted + measured + self.loading_variance * common**2 + LOADING_VARIANCE * unusual**2
+        unusual = np.maximum(np.abs(shared) - CLIPPED * self.settings.common, 0.0)
+        total = settled + measured + self.loading_variance * shared**2 + LOADING_VARIANCE * unusual**2
         bound = CLIPPED * np.sqrt(total)
         followed = np.clip(residual, -bound, bound)
-        self.level += expected + np.where(usable, predicted / total, 0.0) * followed
-        self.variance = np.where(usable, predicted * (1.0 - predicted / total), np.minimum(predicted, UNKNOWN_VARIANCE))
-        gain = np.where(usable, self.loading_variance * common / total, 0.0)
+        self.level += expected + np.where(usable, settled / total, 0.0) * followed
+        self.variance = np.where(usable, settled * (1.0 - settled / total), np.minimum(predicted, UNKNOWN_VARIANCE))
+        gain = np.where(
+            usable, self.loading_variance * shared / (self.correlated * total + self.loading_variance * shared**2), 0.0
+        )
         self.loading += gain * followed
-        self.loading_variance *= 1.0 - gain * common
+        self.loading_variance *= 1.0 - gain * shared
+        self.unchecked = np.where(finite, 0.0, self.unchecked + shared)
         first = finite & ~known
         self.level[first], self.variance[first] = mean[first], measured[first]
         return residual, np.asarray(total)
+
+    def compute_measured_variance(self, count: IntArray) -> FloatArray:
+        """Variance of the mean of `count` i64[n] frames around the level, f64[n], counts^2."""
+        return np.asarray(self.noise_variance / np.maximum(count, 1) + self.settings.measured)
 
     def forget(self, taxels: BoolArray) -> None:
         """Expect nothing of the taxels bool[n]: the next step defines their level."""
         self.variance[taxels] = UNKNOWN_VARIANCE
 
-    def _find_common(self, change: FloatArray, usable: BoolArray) -> FloatArray:
+    def find_common(self, change: FloatArray, usable: BoolArray) -> FloatArray:
         """Median change of the usable taxels of each board at a loading of 1, f64[s]; 0 without one."""
         ratio = change / np.maximum(self.loading, LEAST_LOADING)
         found = []
@@ -168,3 +185,38 @@ def estimate_settings(
     white = float(np.median(own))
     usual = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(common))))
     return RestSettings(max(measured - white, 0.0), max(square - 2.0 * measured, LEAST_WALK), max(usual, LEAST_COMMON))
+
+
+def estimate_slow_settings(
+    changes: Sequence[FloatArray], noise: Sequence[FloatArray], common: Sequence[FloatArray], lag: int
+) -> RestSettings:
+    """Estimate the variability from changes over one step and over `lag` steps; arguments as for `estimate_settings`.
+
+    The change over k steps has the variance k walk + 2 R. With 1/f noise, changes of neighbouring steps alone would
+    give a walk that is too large for a long time.
+    """
+    values = np.stack(changes)
+    short = _compute_mean_square(values, 1)
+    long = _compute_mean_square(values, lag)
+    if not (np.isfinite(short) and np.isfinite(long)):
+        return RestSettings()
+    walk = max((long - short) / (lag - 1), LEAST_WALK)
+    measured = max(0.5 * (short - walk), 0.0)
+    usual = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(common))))
+    return RestSettings(max(measured - float(np.nanmedian(np.stack(noise))), 0.0), walk, max(usual, LEAST_COMMON))
+
+
+def _compute_mean_square(changes: FloatArray, lag: int) -> float:
+    """Mean square change over `lag` steps, f64[K, n] changes of one step: median over the taxels; NaN without one."""
+    known = np.isfinite(changes)
+    total, count = (
+        np.cumsum(np.vstack([np.zeros(changes.shape[1]), part]), axis=0)
+        for part in (np.where(known, changes, 0.0), known)
+    )
+    sums, complete = total[lag:] - total[:-lag], count[lag:] - count[:-lag] == lag
+    number = complete.sum(axis=0)
+    enough = number > 0
+    if not enough.any():
+        return float("nan")
+    squares = np.where(complete, sums**2, 0.0).sum(axis=0)
+    return float(np.median(squares[enough] / number[enough]))

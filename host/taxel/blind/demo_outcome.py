@@ -1,0 +1,76 @@
+"""Judgement of a demonstration: what the world hid, what the diagnosis named, and the running score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from scipy.stats import beta
+
+from taxel.blind.grasp_world import GraspWorld
+from taxel.blind.hidden import Cause
+from taxel.blind.loaded_locations import loaded_locations
+from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN
+
+SURE: Final = 0.8
+"""Probability from which a wrong name counts as a wrong statement."""
+
+
+@dataclass(frozen=True)
+class DemoOutcome:
+    """Outcome of a demonstration.
+
+    seed: of the campaign. hidden: forms of the hidden causes. expected: their effects that a grasp shows. named:
+    effects that the diagnosis names. is_right: the most probable effects are the expected ones; without an expected
+    effect, none is named. is_surely_wrong: an effect that is not hidden has a probability of `SURE` or more.
+    """
+
+    seed: int
+    hidden: tuple[str, ...]
+    expected: tuple[str, ...]
+    named: tuple[str, ...]
+    probabilities: Mapping[str, float]
+    is_right: bool
+    is_surely_wrong: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the outcome as JSON values."""
+        return {**vars(self), "probabilities": dict(self.probabilities)}
+
+
+def judge(world: GraspWorld, verdict: Mapping[str, Any], sim: Path) -> DemoOutcome:
+    """Compare the verdict of a report with the hidden causes of a world.
+
+    sim: simulated dataset. A fault of boards, lines or taxels that no grasp loads has no effect on the data and is not
+    expected.
+    """
+    expected = tuple(cause.name for cause in world.hidden.causes if _is_observable(cause, sim))
+    probabilities = {str(name): float(value) for name, value in verdict["probabilities"].items()}
+    named = tuple(str(name) for name in verdict["effects"])
+    order = sorted((name for name in named if name != UNKNOWN), key=lambda name: -probabilities.get(name, 0.0))
+    hidden = tuple(cause.name for cause in world.hidden.causes)
+    return DemoOutcome(
+        world.seed,
+        tuple(cause.emulator_effect for cause in world.hidden.causes),
+        expected,
+        named,
+        probabilities,
+        set(order[: len(expected)]) == set(expected) if expected else not named,
+        any(value >= SURE for name, value in probabilities.items() if name not in (*hidden, NO_GAP, UNKNOWN)),
+    )
+
+
+def _is_observable(cause: Cause, sim: Path) -> bool:
+    return not cause.locations or bool(loaded_locations(cause.locations, sim))
+
+
+def format_score(outcomes: Sequence[DemoOutcome]) -> str:
+    """The score of demonstrations with its interval of 95 % (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+    number, right = len(outcomes), sum(one.is_right for one in outcomes)
+    low = beta.ppf(0.025, right, number - right + 1) if right else 0.0
+    high = beta.ppf(0.975, right + 1, number - right) if right < number else 1.0
+    wrong = sum(one.is_surely_wrong for one in outcomes)
+    share = f"{100.0 * right / number:.0f} %, interval {100.0 * low:.0f} to {100.0 * high:.0f} %"
+    return f"{right} of {number} right ({share}), wrong with a probability of {SURE:g} or more: {wrong}"

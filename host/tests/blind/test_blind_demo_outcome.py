@@ -1,0 +1,47 @@
+"""Judgement of demonstrations and their score."""
+
+from pathlib import Path
+
+import pytest
+
+from taxel.blind.demo_outcome import DemoOutcome, format_score, judge
+from taxel.blind.grasp_world import GraspWorld
+from taxel.blind.hidden import Cause, HiddenCauses
+
+
+def make_world(*names: str) -> GraspWorld:
+    kind = {0: "none", 1: "single", 2: "several"}[len(names)]
+    causes = tuple(Cause(name, f"{name} form", (f"{name} form",)) for name in names)
+    return GraspWorld(1, HiddenCauses(kind, causes, ()), "")
+
+
+def make_verdict(**probabilities: float) -> dict[str, object]:
+    named = [name for name, value in probabilities.items() if value >= 0.5 and name != "no_gap"]
+    return {"effects": named, "probabilities": probabilities}
+
+
+@pytest.mark.parametrize(
+    ("hidden", "probabilities", "is_right", "is_surely_wrong"),
+    [
+        (("noise",), {"noise": 0.9, "no_gap": 0.01}, True, False),
+        (("noise",), {"noise": 0.9, "latency": 0.6}, True, False),
+        (("noise",), {"noise": 0.6, "latency": 0.9}, False, True),
+        (("noise",), {"unknown": 0.9}, False, False),
+        (("noise",), {"no_gap": 0.99}, False, False),
+        (("noise", "latency"), {"latency": 0.9, "noise": 0.8}, True, False),
+        (("noise", "latency"), {"latency": 0.9}, False, False),
+        ((), {"no_gap": 0.99}, True, False),
+        ((), {"unknown": 0.7}, False, False),
+        ((), {"noise": 0.85}, False, True),
+    ],
+)
+def test_verdict_is_compared_with_the_hidden_causes(hidden, probabilities, is_right, is_surely_wrong):
+    outcome = judge(make_world(*hidden), make_verdict(**probabilities), Path("unused"))
+    assert (outcome.is_right, outcome.is_surely_wrong) == (is_right, is_surely_wrong)
+
+
+def test_score_has_an_interval():
+    outcomes = [DemoOutcome(1, (), (), (), {}, number > 0, number == 3) for number in range(10)]
+    assert format_score(outcomes) == (
+        "9 of 10 right (90 %, interval 55 to 100 %), wrong with a probability of 0.8 or more: 1"
+    )

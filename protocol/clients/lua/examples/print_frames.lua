@@ -1,0 +1,12 @@
+-- Run in the folder above: lua5.4 examples/print_frames.lua skin.bin
+package.path = "./?.lua;" .. package.path
+local capture, decoder = require("taxel.capture"), require("taxel.decoder")
+local stream = decoder.new()
+capture.read(arg[1] or "skin.bin", function(bytes, time_ns)
+    stream:push(bytes, function(frame)
+        if frame.counts and frame.counts[1] then
+            print(string.format("board 0x%02X, cycle %d: taxel 0 has %d counts", frame.address, frame.cycle, frame.counts[1]))
+        end
+    end)
+end)
+print(stream.losses.lost .. " frames lost")

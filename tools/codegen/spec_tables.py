@@ -1,0 +1,89 @@
+"""Write the generated parts of protocol/SPEC.md, between `<!-- generated: NAME -->` and `<!-- end -->`.
+
+python tools/codegen/spec_tables.py            write them
+python tools/codegen/spec_tables.py --check    exit status 1 if the page is stale
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from generated_files import write_or_check
+
+from taxel_protocol import compact_tables
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.framing import crc32, encode_frame, whiten
+from taxel_protocol.names import Command, FrameType
+
+SPEC = Path(__file__).resolve().parents[2] / "protocol" / "SPEC.md"
+_BEGIN, _END = "<!-- generated: {} -->", "<!-- end -->"
+_PER_ROW = 10
+
+
+def _format_numbers(name: str) -> str:
+    """A table of a list of numbers, ten per row; the first column is the index of the first number of the row."""
+    values: tuple[int, ...] = getattr(compact_tables, name)
+    lines = [f"`{name}`, {len(values)} integers:", "", f"| index | {' | '.join(f'+{i}' for i in range(_PER_ROW))} |"]
+    lines.append("|---" * (_PER_ROW + 1) + "|")
+    for start in range(0, len(values), _PER_ROW):
+        row = [str(value) for value in values[start : start + _PER_ROW]]
+        lines.append(f"| {start} | {' | '.join(row + [''] * (_PER_ROW - len(row)))} |".replace("|  |", "| |"))
+    return "\n".join(lines).replace("|  |", "| |")
+
+
+def _format_addresses() -> str:
+    """A table of the frame types: whether the payload begins with the address of a board."""
+    lines = ["| type | name | first byte of the payload is an address that the receiver checks |", "|---|---|---|"]
+    for frame_type, spec in FRAMES.items():
+        lines.append(f"| 0x{frame_type:02X} | `{frame_type.name}` | {'yes' if spec.has_address else 'no'} |")
+    return "\n".join(lines)
+
+
+def _find_last_zero() -> int:
+    """The first sequence for which the whitened body of a START command ends in a zero byte."""
+    for sequence in range(1 << 16):
+        if encode_frame(FrameType.COMMAND, sequence, bytes([1, Command.START]))[-2] == 1:
+            return sequence
+    raise AssertionError("no sequence gives a body that ends in zero")
+
+
+def _format_empty_block() -> str:
+    """An example of a frame whose last block is empty, as three lines of bytes."""
+    sequence, payload = _find_last_zero(), bytes([1, Command.START])
+    wire = encode_frame(FrameType.COMMAND, sequence, payload)
+    head = bytes([FrameType.COMMAND]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little")
+    body = head + payload + crc32(head + payload).to_bytes(4, "little")
+    rows = {"body": body, "whitened": whiten(body), "wire": wire}
+    lines = [f" {name:<9} {' '.join(f'{byte:02X}' for byte in data)}" for name, data in rows.items()]
+    text = (
+        f"The frame COMMAND (START, tag 1) with the sequence {sequence} has a whitened body that ends in a zero byte:"
+    )
+    return "\n".join([text, "", "```", *lines, "```"])
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "COMPACT_CUMULATIVE": lambda: _format_numbers("COMPACT_CUMULATIVE"),
+    "COMPACT_GAINS": lambda: _format_numbers("COMPACT_GAINS"),
+    "addresses": _format_addresses,
+    "empty_block": _format_empty_block,
+}
+
+
+def replace_parts(text: str) -> str:
+    """The page with all generated parts. Raises ValueError if the mark of a part is missing."""
+    for name, make in PARTS.items():
+        head, begin, tail = text.partition(_BEGIN.format(name))
+        _, end, tail = tail.partition(_END)
+        if not begin or not end:
+            raise ValueError(f"{SPEC.name} has no part between {_BEGIN.format(name)} and {_END}")
+        text = f"{head}{begin}\n\n{make()}\n\n{end}{tail}"
+    return text
+
+
+def main() -> int:
+    """Write the generated parts of the specification, or check that they are up to date."""
+    return write_or_check({SPEC: replace_parts(SPEC.read_text())})
+
+
+if __name__ == "__main__":
+    sys.exit(main())
