@@ -147,8 +147,8 @@ def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], option
         f"| contacts at 50 mm/s predicted at least 80 ms ahead | | {100 * figures['predicted_in_time']:.1f} % of "
         f"{figures['contacts']}, median {figures['median_lead_ms']:.0f} ms |",
         f"| predicted contacts at 50 mm/s that did not follow | at most 2 % | {figures['false_warnings']} of "
-        f"{figures['warnings']} ({100 * figures['false_share']:.1f} %); {figures['false_of_contacts']} in approaches that "
-        f"reached the skin, the others among {figures['without_contact']} that braked before it |",
+        f"{figures['warnings']} ({100 * figures['false_share']:.1f} %); {figures['false_of_contacts']} in approaches "
+        f"that reached the skin, the others among {figures['without_contact']} that braked before it |",
         f"| predicted contacts of targets that pass sideways at 2 to 8 mm | | {figures['passing_with_warning']} of "
         f"{figures['passing']} |",
         f"| predictions without any target | | {figures['idle_warnings']} in {figures['idle_hours']:.1f} board hours |",

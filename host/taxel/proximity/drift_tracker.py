@@ -9,7 +9,7 @@ LEVEL_TIME_S = 2.0
 approaches, a longer one lags behind a change of the temperature."""
 
 SLOPE_TIME_S = 100.0
-"""Time constant of the rate of drift: boards warm up, and rooms change their temperature, over minutes (chosen)."""
+"""Time constant of the rate of drift: boards warm up, and the air changes its temperature, over minutes (chosen)."""
 
 SLOPE_COUNTS_PER_S = 0.5
 """Standard deviation of the rate of drift (chosen: a warm-up of 100 counts over minutes). A larger value widens the

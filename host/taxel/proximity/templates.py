@@ -229,7 +229,7 @@ def _tip_heights(local: FloatArray) -> list[FloatArray]:
         along, across = _turn(local, angle)
         for tilt in np.deg2rad(RIDGE_TILTS_DEG):
             for offset in TIP_OFFSETS_M:
-                inside = (along <= offset) & (across <= offset)
+                is_covered = (along <= offset) & (across <= offset)
                 height = np.tan(tilt) * np.sqrt(0.5) * (2.0 * offset - along - across)
-                members.append(np.where(inside, height, NO_GAP_M))
+                members.append(np.where(is_covered, height, NO_GAP_M))
     return members
