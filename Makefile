@@ -99,6 +99,11 @@ compiled-tests: $(STAMP)
 test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow
 
+.PHONY: test-times
+test-times: $(STAMP)  ## choose the tests that `make test` leaves to `make test-slow`, by their times on this idle machine
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -p no:cacheprovider --junitxml=build/test_times.xml > build/test_times.log || tail -n 40 build/test_times.log
+	@$(BIN)/python tools/test_times/choose_slow_tests.py build/test_times.xml
+
 .PHONY: coverage
 coverage: $(STAMP)  ## functions that no command, example or guide reaches (an hour; needs `pip install coverage`)
 	@$(BIN)/python -c 'import coverage' || { echo "coverage is missing: $(BIN)/pip install coverage"; exit 1; }

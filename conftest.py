@@ -9,7 +9,9 @@ The default profile draws the same examples in every run, so that a test either 
 
 import gc
 import os
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Before the first import of numpy, and inherited by the processes that tests start.
@@ -26,6 +28,18 @@ settings.load_profile("random" if "TAXEL_EXAMPLES" in os.environ else "repeatabl
 # Collection creates millions of objects that stay until the end of the run. The garbage collector would visit them
 # repeatedly, which takes a third of the time of the collection.
 gc.disable()
+
+
+SLOW_TESTS = Path(__file__).parent / "host" / "tests" / "slow_tests.txt"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the listed tests as slow, so that `make test` leaves them to `make test-slow`."""
+    lines = SLOW_TESTS.read_text(encoding="utf-8").splitlines()
+    slow = {line for line in lines if not line.startswith("#")}
+    for item in items:
+        if item.nodeid in slow:
+            item.add_marker(pytest.mark.slow)
 
 
 def pytest_collection_finish() -> None:

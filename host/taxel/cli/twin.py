@@ -3,25 +3,34 @@
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 from rich.console import Console
 
-from taxel.cli.options import AsJson, HandOption, Seconds
+from taxel.cli.options import AsJson, HandOption, Overwrite, Seconds
 from taxel.optional import require_packages
 
 if TYPE_CHECKING:
+    from taxel.ros.topics import TopicMessage
     from taxel.twin.schedule import ContactSchedule
-    from taxel.twin.session import Update
+    from taxel.twin.session import TwinSession, Update
     from taxel.twin.sources import Source
 
 Reference = Annotated[
     Path,
     typer.Option(help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import)."),
 ]
+
+
+class Sink(Protocol):
+    """Receiver of messages: an MCAP file or a ROS node."""
+
+    def publish(self, message: "TopicMessage") -> None:
+        """Write or send a message."""
+        ...
 
 
 def twin(
@@ -43,6 +52,11 @@ def twin(
     seconds: Seconds = None,
     web: Annotated[bool, typer.Option("--web", help="Show the twin in a browser, on this machine only.")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page. 0: a free port.")] = 0,
+    record: Annotated[
+        Path | None, typer.Option(help="MCAP file for the topics of the twin: frames, events, diagnostics (extra ros).")
+    ] = None,
+    ros: Annotated[bool, typer.Option("--ros", help="Publish the topics of the twin (needs rospy or rclpy).")] = False,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare a skin with its reference, and report changes with their time, place and cause.
@@ -66,18 +80,71 @@ def twin(
         with console.status("learning the reference") if console.is_terminal else _nothing():
             watched = Twin(known, schedule, false_alarm_hours)
         session = TwinSession(watched, source, naming)
-        updates = _limit(session.updates(), seconds)
         try:
-            if web:
-                _show_in_browser(updates, session, port, as_json)
-            elif as_json or not console.is_terminal:
-                _print_events(updates, as_json)
-            else:
-                from taxel.twin.terminal import show_on_terminal
-
-                show_on_terminal(updates, session, console, url)
+            with ExitStack() as stack:
+                sinks = _open_sinks(stack, record, ros, overwrite, f"{url}, reference {reference}")
+                updates = _publish(_limit(session.updates(), seconds), session, sinks, source.is_live)
+                _show(updates, session, console, url, web, port, as_json)
         except KeyboardInterrupt:
             return  # Ctrl-C is the usual end
+
+
+def _show(
+    updates: Iterator["Update"],
+    session: "TwinSession",
+    console: Console,
+    url: str,
+    web: bool,
+    port: int,
+    as_json: bool,
+) -> None:
+    """Show the updates in a browser, as lines, or on the terminal."""
+    if web:
+        _show_in_browser(updates, session, port, as_json)
+    elif as_json or not console.is_terminal:
+        _print_events(updates, as_json)
+    else:
+        from taxel.twin.terminal import show_on_terminal
+
+        show_on_terminal(updates, session, console, url)
+
+
+def _open_sinks(stack: ExitStack, record: Path | None, ros: bool, overwrite: bool, title: str) -> list["Sink"]:
+    """Open the MCAP file and the ROS node; the stack closes them. title: for the header of the file."""
+    sinks: list[Sink] = []
+    if record is not None:
+        from taxel.ros.mcap_file import McapFile
+
+        file = McapFile(record, {"program": "taxel twin", "source": title}, overwrite)
+        stack.callback(file.close)
+        sinks.append(file)
+    if ros:
+        from taxel.ros.node import open_node
+
+        node = open_node()
+        stack.callback(node.close)
+        sinks.append(node)
+    return sinks
+
+
+def _publish(
+    updates: Iterator["Update"], session: "TwinSession", sinks: list["Sink"], is_live: bool
+) -> Iterator["Update"]:
+    """Yield the updates after their messages have been sent. is_live: times become Unix times."""
+    if not sinks:
+        yield from updates
+        return
+    from taxel.twin.topics import TwinTopics
+
+    sensors = session.twin.reference.sensors
+    boards = dict(zip(sensors.address.tolist(), sensors.name, strict=True))
+    offset_ns = time.time_ns() - time.monotonic_ns() if is_live else 0
+    topics = TwinTopics(boards, offset_ns)
+    for update in updates:
+        for message in topics.make(update, session.twin.active.values()):
+            for sink in sinks:
+                sink.publish(message)
+        yield update
 
 
 @contextmanager
@@ -131,12 +198,10 @@ def _print_events(updates: Iterator["Update"], as_json: bool) -> None:
         print(f"{steps} steps compared, {alarms} alarms")
 
 
-def _show_in_browser(updates: Iterator["Update"], session: object, port: int, as_json: bool) -> None:
+def _show_in_browser(updates: Iterator["Update"], session: "TwinSession", port: int, as_json: bool) -> None:
     """Serve the page of the twin, and print each event."""
-    from taxel.twin.session import TwinSession
     from taxel.twin.web import TwinPage
 
-    assert isinstance(session, TwinSession)
     with TwinPage(session, port) as page:
         print(f"the twin is at {page.url}; press Ctrl-C to quit", flush=True)
         _print_events(page.follow(updates), as_json)

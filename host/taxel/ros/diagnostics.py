@@ -1,5 +1,6 @@
 """Loss counters of the hub and the boards as a ROS diagnostics message."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from taxel.hand import Hand
@@ -38,7 +39,7 @@ def _make_hub_status(hub: HubClient) -> dict[str, Any]:
     }
     values |= {f"hub_{name}": int(hub.status[name]) for name in _HUB_COUNTERS} if hub.status else {}
     text = f"{lost} frames lost on the wire" if lost else "no frame lost on the wire"
-    return _make_status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)
+    return make_status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)
 
 
 def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
@@ -46,13 +47,13 @@ def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any
     title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
     count = hub.stream.losses.boards.get(address)
     if count is None:
-        return _make_status(STALE, title, "has sent nothing", hardware_id, {})
+        return make_status(STALE, title, "has sent nothing", hardware_id, {})
     faulty = count.missing + count.damaged
     text = f"{count.missing} frames missing, {count.damaged} damaged" if faulty else "complete"
     values = {"received": count.received, "missing": count.missing, "damaged": count.damaged}
     reported = hub.board_status.get(address, {})
     values |= {counter: int(reported[counter]) for counter in _BOARD_COUNTERS if counter in reported}
-    return _make_status(WARN if faulty else OK, title, text, hardware_id, values)
+    return make_status(WARN if faulty else OK, title, text, hardware_id, values)
 
 
 def _make_branch_statuses(hand: Hand, hub: HubClient) -> list[dict[str, Any]]:
@@ -72,11 +73,11 @@ def _make_branch_statuses(hand: Hand, hub: HubClient) -> list[dict[str, Any]]:
         text = "all boards stopped together: check its cable and connectors" if name in faulty else "responds"
         values = {"boards": len(boards), "silent": sum(board.address in silent for board in boards)}
         level = ERROR if name in faulty else OK
-        statuses.append(_make_status(level, f"taxel: branch {name}", text, f"branch {name}", values))
+        statuses.append(make_status(level, f"taxel: branch {name}", text, f"branch {name}", values))
     return statuses
 
 
-def _make_status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:
+def make_status(level: int, name: str, message: str, hardware_id: str, values: Mapping[str, float]) -> dict[str, Any]:
     """Make a diagnostic_msgs/DiagnosticStatus; level: severity; values: counters by name."""
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     return {"level": level, "name": name, "message": message, "hardware_id": hardware_id, "values": pairs}

@@ -139,6 +139,7 @@ class Twin:
         pressed = self.unannounced.find_pressed(step)
         scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, pressed)
         signals = None
+        novelty = self._compute_novelty(step)
         if step.contact is not None:
             found = compute_contact_scores(step, self.reference, self.live, self._excluded | touched)
             if found is not None:
@@ -147,7 +148,7 @@ class Twin:
                 self.live.add(step.contact.condition, own.mean, np.where(touched, np.nan, found[1]))
             signals = compute_signals(step)
         condition = step.contact.condition if step.contact is not None else None
-        estimates = self.factors.apply(sum_over_places(scores, self.reference), condition)
+        estimates = self.factors.apply(sum_over_places(scores, self.reference), condition, novelty)
         ratios = self._compute_ratios(estimates, condition)
         missing, expected = compute_missing(step, self.reference)
         ratios["missing"] = self.missing.compute_log_ratios(missing, expected)
@@ -159,6 +160,18 @@ class Twin:
         if evidence >= 1.0:
             events.append(self._raise_alarm(step))
         return StepResult(step, signals, estimates, evidence, touched, tuple(events))
+
+    def _compute_novelty(self, step: Step) -> FloatArray:
+        """Variance of the expectation of each place beyond the usual one, relative to that of a contact, f64[P]."""
+        places = self.reference.places
+        if step.contact is None or step.contact.condition not in self.reference.conditions:
+            return np.zeros(len(places))
+        own = self.reference.conditions[step.contact.condition]
+        _, factor = self.live.predict(step.contact.condition, own.mean, own.repeats)
+        usual = 1.0 + self.reference.session_ratio[HOLD].mean() + 1.0 / own.repeats
+        members = places.members
+        mean = (members @ factor[HOLD].mean(axis=0)) / np.diff(members.indptr)
+        return np.asarray(np.maximum(mean - usual, 0.0))
 
     def _compute_ratios(self, estimates: Scores, condition: Condition | None) -> dict[str, FloatArray]:
         """Log likelihood ratios by quantity."""
@@ -270,7 +283,8 @@ class Twin:
         )
         scores.update(found[0] if found else {})
         condition = step.contact.condition if step.contact is not None else None
-        return self.factors.apply(sum_over_places(scores, self.reference), condition)
+        usual = np.zeros(len(self.reference.places))
+        return self.factors.apply(sum_over_places(scores, self.reference), condition, usual)
 
 
 def make_rest_level(reference: Reference) -> RestLevel:

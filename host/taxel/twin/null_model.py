@@ -30,8 +30,9 @@ LEAST_POWER: Final = 0.05
 value."""
 
 WIDE: Final = (10.0, 100.0)
-"""Scales of the alternatives without a fixed amplitude, in standard deviations. The fixed amplitudes are a factor of
-about three apart, which is too coarse for a change of many standard deviations."""
+"""Scales of the alternatives without a fixed amplitude, in standard deviations; a scale is at least the smallest
+amplitude. The fixed amplitudes are a factor of about three apart: too coarse for a change of many standard deviations.
+"""
 
 USED_FOR_FIT: Final = 20_000
 """Largest number of statistics in a fit; more do not change it."""
@@ -130,6 +131,7 @@ def compute_log_ratios(
     result = np.zeros((len(estimate), count_alternatives(quantity)))
     largest = max(abs(value) for value in quantity.amplitudes)
     amplitudes = np.array(quantity.amplitudes)
+    least = float(np.abs(amplitudes).min())
     for number, model in models.items():
         rows = np.flatnonzero((level == number) & (information > (LEAST_POWER / largest) ** 2))
         if len(rows):
@@ -142,7 +144,9 @@ def compute_log_ratios(
             if quantity.is_one_sided:
                 base = np.where(estimate[rows] > 0.0, base, 0.0)
             for column, scale in enumerate(WIDE, start=len(amplitudes)):
-                result[rows, column] = half * (np.log1p(base) - np.log1p(base / scale**2)) - np.log(scale)
+                # A change far below the smallest amplitude is of no interest, even if it is certain.
+                own = np.maximum(scale, least / deviation)
+                result[rows, column] = half * (np.log1p(base) - np.log1p(base / own**2)) - np.log(own)
     return result
 
 

@@ -118,6 +118,8 @@ def _judge_places(
     total = weight.sum(axis=0)
     amplitude = np.where(total > 0.0, (value * weight).sum(axis=0) / np.where(total > 0.0, total, 1.0), 0.0)
     tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
+    # Over many steps a change far below the smallest amplitude becomes certain; such a change raises no alarm.
+    tested &= np.abs(amplitude) >= 0.5 * min(map(abs, quantity.amplitudes))
     taxel = LEVELS.index("taxel")
     if taxel not in models:  # a quantity of boards: each board by itself
         levels = [_compare(value, weight, amplitude, models[level], places.level == level) for level in models]

@@ -53,8 +53,12 @@ class VarianceFactors:
                     number[rows] += 1.0
         return found
 
-    def apply(self, scores: Scores, condition: Condition | None) -> Scores:
-        """Return the statistics of a step, f64[P] each, with the information that corresponds to their own variance."""
+    def apply(self, scores: Scores, condition: Condition | None, novelty: FloatArray) -> Scores:
+        """Return the statistics of a step, f64[P] each, with the information that corresponds to their own variance.
+
+        novelty: f64[P], variance of the error of the expected signal relative to that of a contact, beyond the usual
+        one: a place that has been learnt again has an expectation from few contacts, whose common error counts too.
+        """
         result: Scores = {}
         for name, (estimate, information) in scores.items():
             own = information.copy()
@@ -62,8 +66,8 @@ class VarianceFactors:
                 for rows, model in self._divide(name, information):
                     nu = model.degrees_of_freedom
                     factor = (nu + self.squares[key][rows]) / (nu + self.number[key][rows])
-                    # The model adds its common variance again: the part of it beyond the factor is added here.
-                    beyond = np.maximum(factor - 1.0, 0.0) * model.common
+                    # The model adds its common variance once: the part of it beyond that is added here.
+                    beyond = (np.maximum(factor, 1.0) * (1.0 + novelty[rows]) - 1.0) * model.common
                     own[rows] = 1.0 / (factor / information[rows] + beyond)
             result[name] = (estimate, own)
         return result

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from taxel.gap.calibration.calibration import LISTED
+from taxel.gap.calibration.calibration import LISTED, NO_GAP
 from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.text import format_probability, make_readable
 from taxel.gap.report.checked_report import CheckedReport
@@ -26,8 +26,13 @@ def rank_causes(report: CheckedReport) -> list[tuple[str, float]]:
 
 
 def list_shown_causes(report: CheckedReport) -> list[tuple[str, float]]:
-    """Causes of the line: those that are not improbable, but at least one; causes of the verdict come first."""
+    """Causes of the line: those that are not improbable, but at least one; causes of the verdict come first.
+
+    With too few sessions the verdict does not follow from the probabilities, and none is shown.
+    """
     ranked = rank_causes(report)
+    if ranked and ranked[0][0] == NO_GAP and not report.is_no_gap:
+        return []
     shown = [pair for pair in ranked if pair[1] >= MIN_SHOWN][:MOST_CAUSES]
     return shown or ranked[:1]
 

@@ -1,0 +1,87 @@
+"""Results of a twin as ROS messages: the newest frame, the events, and diagnostics."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+from taxel.ros.diagnostics import ERROR, OK, WARN, make_status
+from taxel.ros.tf_tree import make_header
+from taxel.ros.topics import NS_PER_S, TopicMessage
+from taxel.twin.cleared import ClearedTest
+from taxel.twin.events import Alarm, CauseEvent
+from taxel.twin.prediction import TwinFrame
+from taxel.twin.session import Update
+from taxel.types import FloatArray
+
+FRAME_TOPIC: Final = "/taxel/twin/frame"
+EVENTS_TOPIC: Final = "/taxel/twin/events"
+DIAGNOSTICS_TOPIC: Final = "/diagnostics"
+
+DIAGNOSTICS_S: Final = 1.0
+"""Interval between two diagnostics messages without events, seconds."""
+
+
+class TwinTopics:
+    """Makes the messages of a twin. epoch_offset_ns: added to the clock of the stream to get Unix time."""
+
+    def __init__(self, boards: Mapping[int, str], epoch_offset_ns: int = 0) -> None:
+        """Create the topics of a skin. boards: names by address."""
+        self._boards = dict(boards)
+        self._offset_ns = epoch_offset_ns
+        self._cause: CauseEvent | None = None
+        self._diagnostics_s = float("-inf")
+
+    def make(self, update: Update, active: Iterable[ClearedTest]) -> Iterator[TopicMessage]:
+        """Yield the messages of an update. active: alarms that are not cleared."""
+        time_s = self._diagnostics_s
+        for event in update.events:
+            time_s = event.time_s
+            if isinstance(event, CauseEvent):
+                self._cause = event
+            text = json.dumps(event.to_json(), allow_nan=False)
+            yield TopicMessage(EVENTS_TOPIC, "std_msgs/String", self._to_ns(time_s), {"data": text})
+        if update.frame is not None:
+            time_s = update.frame.time_s
+            yield self._make_frame(update.frame)
+        if update.events or time_s >= self._diagnostics_s + DIAGNOSTICS_S:
+            self._diagnostics_s = time_s
+            yield self._make_diagnostics(time_s, [test.alarm for test in active])
+
+    def _to_ns(self, time_s: float) -> int:
+        return round(time_s * NS_PER_S) + self._offset_ns
+
+    def _make_frame(self, frame: TwinFrame) -> TopicMessage:
+        """The newest frame as a taxel_msgs/TwinFrame."""
+        time_ns = self._to_ns(frame.time_s)
+        message = {
+            "header": make_header(time_ns, ""),
+            "condition": frame.condition,
+            "measured": _to_list(frame.measured),
+            "predicted": _to_list(frame.predicted),
+            "residual": _to_list(frame.residual),
+            "rms": frame.rms,
+        }
+        return TopicMessage(FRAME_TOPIC, "taxel_msgs/TwinFrame", time_ns, message)
+
+    def _make_diagnostics(self, time_s: float, alarms: list[Alarm]) -> TopicMessage:
+        """One status of the twin, and one of each board: an error if an alarm is active there."""
+        time_ns = self._to_ns(time_s)
+        cause = self._cause if alarms else None
+        text = cause.action if cause is not None else f"{len(alarms)} alarms" if alarms else "no change"
+        values: dict[str, float] = {"alarms": len(alarms)}
+        if cause is not None:
+            values |= {name: round(value, 4) for name, value in cause.probabilities.items()}
+        statuses: list[dict[str, Any]] = [make_status(WARN if alarms else OK, "taxel twin", text, "skin", values)]
+        for address, name in self._boards.items():
+            own = [alarm for alarm in alarms if alarm.place.address == address]
+            state = "; ".join(f"{alarm.words} of {alarm.place} has changed" for alarm in own) or "no change"
+            sizes = {f"alarm {alarm.number}": round(alarm.amplitude, 4) for alarm in own}
+            statuses.append(make_status(ERROR if own else OK, f"taxel twin: {name}", state, f"0x{address:02X}", sizes))
+        message = {"header": make_header(time_ns, ""), "status": statuses}
+        return TopicMessage(DIAGNOSTICS_TOPIC, "diagnostic_msgs/DiagnosticArray", time_ns, message)
+
+
+def _to_list(values: FloatArray) -> list[float]:
+    return [float(value) for value in values]
