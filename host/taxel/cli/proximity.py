@@ -38,6 +38,7 @@ proximity_app = typer.Typer(
 )
 
 CalibrationFile = Annotated[Path, typer.Option("--calibration", help="File of `taxel proximity calibrate`.")]
+DEFAULT_TARGET = "grounded"
 DEFAULT_DISTANCES = "14,10,8,6,4.5,3.5,2.5,2,1.5,1,0.5"
 
 
@@ -49,9 +50,16 @@ def calibrate_command(
         Path | None,
         typer.Option(help="CSV of the holds of a recording: start_s,end_s,board,target,distance_mm. Default: ask."),
     ] = None,
-    boards: Annotated[str, typer.Option("--boards", help="Boards to calibrate, such as palm,fingertip_index.")] = "",
-    target: Annotated[str, typer.Option(help="Name of the target that is held.")] = "grounded",
-    distances_mm: Annotated[str, typer.Option(help="Distances of the holds, millimetres.")] = DEFAULT_DISTANCES,
+    boards: Annotated[
+        str | None,
+        typer.Option("--boards", help="Boards to calibrate, such as palm,fingertip_index. Default: one of each kind."),
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option(help=f"Name of the target that is held. Default: {DEFAULT_TARGET}.")
+    ] = None,
+    distances_mm: Annotated[
+        str | None, typer.Option(help=f"Distances of the holds, millimetres. Default: {DEFAULT_DISTANCES}.")
+    ] = None,
     hold_seconds: Annotated[float, typer.Option(min=0.5, max=60.0, help="Duration of a hold.")] = 3.0,
     merge: Annotated[Path | None, typer.Option(help="Add kinds and targets of this calibration file.")] = None,
     hand: HandOption = None,
@@ -65,6 +73,11 @@ def calibrate_command(
 
     Example: taxel proximity calibrate file:plate.bin --holds plate.csv --out skin.json
     """
+    if holds is not None:
+        given = (("--boards", boards), ("--target", target), ("--distances-mm", distances_mm))
+        for option, value in given:
+            if value is not None:
+                raise ProximityError(f"{option}: {holds} states boards, targets and distances; leave out {option}")
     # The output is opened first: a folder without permission must not be noticed only after half an hour of holds.
     with open_whole_text(out, overwrite=overwrite) as file, open_skin(url, hand) as skin:
         earlier = None if merge is None else read_calibration(merge, skin.hand)
@@ -72,7 +85,11 @@ def calibrate_command(
             counts = collect_holds(skin, skin.hand, read_holds(holds, skin.hand))
         else:
             counts = _take_holds(
-                skin, _parse_boards(skin, boards), target, _parse_distances(distances_mm), hold_seconds
+                skin,
+                _parse_boards(skin, boards or ""),
+                target or DEFAULT_TARGET,
+                _parse_distances(distances_mm or DEFAULT_DISTANCES),
+                hold_seconds,
             )
         result = calibrate(skin.hand, counts)
         if earlier is not None:

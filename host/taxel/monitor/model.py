@@ -13,10 +13,11 @@ from taxel.monitor.board_faults import BoardFaults
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
-from taxel.proximity import ProximityWatch
+from taxel.proximity import ProximityEstimate, ProximityWatch
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
+from taxel.stream.frame_stream import has_arrivals
 
 STORED_AGES = 64
 """Number of stored ages of frames, one for each call of `take`: about one second."""
@@ -70,6 +71,7 @@ class SkinMonitor:
             for board, taxels in slices
         }
         self._is_real_time = skin.link.is_real_time
+        self._has_arrivals = self._is_real_time and has_arrivals(skin.link)
         self._started_s = time.monotonic()
         self._arrived_s = self._started_s
         rate_hz = getattr(skin, "rate_hz", None)
@@ -87,11 +89,13 @@ class SkinMonitor:
             self._is_baseline_requested = False
             for state in self._boards.values():
                 state.restart_baseline()
+            if self._proximity is not None:
+                self._proximity.restart_baseline()
         for frame in frames:
             arrival_s = now_s if self._is_real_time else frame.time_s
             self._boards[frame.address].take(frame, arrival_s, self.threshold)
             if self._proximity is not None:
-                self._proximity.take(frame, arrival_s)
+                self._proximity.take(frame, arrival_s if self._has_arrivals else None)
         if frames:
             self._arrived_s = now_s
             self._newest_s = frames[-1].time_s
@@ -112,6 +116,8 @@ class SkinMonitor:
         signal = np.full(self.hand.n_taxels, np.nan)
         active = np.zeros(self.hand.n_taxels, dtype=bool)
         suspect = 0
+        targets = self._list_targets()
+        near = {each.address for each in targets or () if each.present > 0.5}
         boards = []
         rates = self._rate.update([state.time_s for state in states], [state.frames for state in states])
         counts = self.skin.losses.boards
@@ -119,7 +125,8 @@ class SkinMonitor:
             activation = state.take_activation(clock_s)
             if activation is not None:
                 signal[state.taxels], active[state.taxels] = activation.signal_counts, activation.active
-                suspect += int(activation.suspect_baseline.sum())
+                # A conductor near the board raises its counts: its baseline is then no suspect.
+                suspect += 0 if state.board.address in near else int(activation.suspect_baseline.sum())
             address = state.board.address
             status = self.skin.hub.board_status.get(address)
             is_expected = self.skin.link.is_recorded or address in self.skin.hub.boards
@@ -141,12 +148,19 @@ class SkinMonitor:
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
-            proximity=None if self._proximity is None else tuple(self._proximity.latest.values()),
+            proximity=targets,
             no_data_since_s=None if is_ended else self._find_silence(now_s),
             **self._read_counters(boards),
         )
         fault = None if is_ended else self._faults.update()
         return replace(reading, advice=make_advice(reading, self.skin) or fault)
+
+    def _list_targets(self) -> tuple[ProximityEstimate, ...] | None:
+        """List the estimates that are not out of date; None if targets are not estimated."""
+        if self._proximity is None:
+            return None
+        latest = self._proximity.latest.values()
+        return tuple(each for each in latest if self._newest_s - each.time_s <= NO_DATA_S)
 
     def _read_counters(self, boards: list[BoardReading]) -> dict[str, Any]:
         """Return the counters of the stream and the hub, as a dictionary with the field names of `SkinReading`."""

@@ -5,27 +5,36 @@ import numpy as np
 from taxel.types import FloatArray
 
 LEVEL_TIME_S = 2.0
-"""Time constant with which the baseline follows the counts without a target. A shorter time absorbs slow approaches, a
-longer one lags behind a change of the temperature."""
+"""Shortest time constant with which the baseline follows the counts without a target. A shorter time absorbs slow
+approaches, a longer one lags behind a change of the temperature."""
 
-SLOPE_MEMORY_S = 5.0
-"""Time constant with which the extrapolation of the drift ends while a target is near."""
+SLOPE_TIME_S = 100.0
+"""Time constant of the rate of drift: boards warm up, and the air changes its temperature, over minutes (chosen)."""
+
+SLOPE_COUNTS_PER_S = 0.5
+"""Standard deviation of the rate of drift (chosen: a warm-up of 100 counts over minutes). A larger value widens the
+intervals of targets that stay for long, and permits a faster drift during this time."""
 
 
 class DriftTracker:
-    """Baseline f64[n] of the raw counts of one board with a trend that the taxels share (alpha-beta filter).
+    """Baseline f64[n] of the raw counts of one board, with a level and a rate of drift that the taxels share.
 
-    drift_counts: random walk of the mean, counts per root second.
+    The common level performs a random walk, and its rate an Ornstein-Uhlenbeck process; a Kalman filter estimates both
+    from the mean of the taxels, with a gain that `LEVEL_TIME_S` limits (local linear trend: Harvey, Forecasting,
+    Structural Time Series Models and the Kalman Filter, 1989, chapter 2).
+
+    drift_counts: random walk of the mean, counts per root second. noise_counts: white noise of a taxel in one frame.
     """
 
-    def __init__(self, n_taxels: int, drift_counts: float, frames: int) -> None:
+    def __init__(self, n_taxels: int, drift_counts: float, noise_counts: float, frames: int) -> None:
         """Create a tracker whose first `frames` frames are averaged."""
         self._needed = frames
         self._sum = np.zeros(n_taxels)
         self._count = 0
         self._slope = 0.0
-        self._held_s = 0.0
         self._drift = drift_counts
+        self._mean_variance = noise_counts**2 / n_taxels
+        self._covariance = np.diag([self._mean_variance / frames, SLOPE_COUNTS_PER_S**2])
         self.baseline: FloatArray | None = None
 
     @property
@@ -43,22 +52,29 @@ class DriftTracker:
     def advance(self, dt_s: float) -> FloatArray:
         """Extrapolate the baseline by an interval and return it, f64[n]."""
         assert self.baseline is not None  # the estimator calls start() first
-        self.baseline = self.baseline + self._slope * dt_s
-        if self._held_s > 0.0:
-            self._slope *= float(np.exp(-dt_s / SLOPE_MEMORY_S))
-        self._held_s += dt_s
+        decay = float(np.exp(-dt_s / SLOPE_TIME_S))
+        travel = SLOPE_TIME_S * (1.0 - decay)
+        self.baseline = self.baseline + self._slope * travel
+        self._slope *= decay
+        step = np.array([[1.0, travel], [0.0, decay]])
+        change = np.diag([self._drift**2 * dt_s, SLOPE_COUNTS_PER_S**2 * (1.0 - decay**2)])
+        self._covariance = step @ self._covariance @ step.T + change
         return self.baseline
 
     def follow(self, raw_counts: FloatArray, dt_s: float) -> None:
-        """Correct baseline and trend by a frame without a target."""
+        """Correct baseline and rate by a frame without a target."""
         assert self.baseline is not None
-        gain = -np.expm1(-dt_s / LEVEL_TIME_S)
         error = raw_counts - self.baseline
-        self.baseline = self.baseline + gain * error
-        self._slope += float(gain**2 / (2.0 - gain) * error.mean() / max(dt_s, 1e-3))
-        self._held_s = 0.0
+        mean = float(error.mean())
+        own = float(-np.expm1(-dt_s / LEVEL_TIME_S))
+        gain = self._covariance[:, 0] / (self._covariance[0, 0] + self._mean_variance)
+        gain *= min(1.0, own / float(gain[0]))
+        self.baseline = self.baseline + gain[0] * mean + own * (error - mean)
+        self._slope += float(gain[1]) * mean
+        kept = np.eye(2) - np.outer(gain, [1.0, 0.0])
+        self._covariance = kept @ self._covariance @ kept.T + self._mean_variance * np.outer(gain, gain)
 
     @property
     def offset_counts(self) -> float:
-        """Standard deviation of the offset that drift has caused since the baseline was last followed, counts."""
-        return float(self._drift * np.sqrt(LEVEL_TIME_S + self._held_s))
+        """Standard deviation of the common offset between baseline and counts, counts."""
+        return float(np.sqrt(self._covariance[0, 0]))

@@ -13,11 +13,12 @@ from taxel.types import FloatArray
 INTERVAL = (0.025, 0.975)
 """Quantiles of the interval of 95 %."""
 
-HIDDEN_PARTS_M = ((0.7, 3e-4), (0.3, 1.5e-3))
+HIDDEN_PARTS_M = ((0.65, 1.2e-4), (0.35, 7.5e-4))
 """Excess of the nearest part of a target over its template: probabilities and mean values (metres) of two exponential
 distributions. An edge or a corner that covers a small part of a taxel changes its signal little, so that a target can
-only be nearer than its template. The values reproduce the errors on emulated skins with the seeds 9 and 77 (plates,
-boxes, cylinders and spheres), which the check of docs/proximity.md does not contain."""
+only be nearer than its template. The values are a fit by maximum likelihood, rounded, to the true distances on four
+emulated skins with the seed 9001 (plates, boxes, cylinders and spheres), which the check of docs/proximity.md does not
+contain."""
 
 PRESENT_PROBABILITY = 0.9
 """Probability of a target above which its distance is reported. A smaller value reports farther targets, and more often

@@ -81,7 +81,9 @@ class BoardEstimator:
         self._targets = list(calibration.targets)
         self._points = compute_skin_points(hand, board)
         self._neighbours = _make_neighbour_means(self._points)
-        self._tracker = DriftTracker(board.kind.taxel_count, calibration.drift_counts, BASELINE_FRAMES)
+        self._tracker = DriftTracker(
+            board.kind.taxel_count, calibration.drift_counts, calibration.noise_counts, BASELINE_FRAMES
+        )
         self._get_likelihood = lru_cache(maxsize=CACHED_WINDOWS)(self._make_likelihood)
         self._stored: deque[tuple[FloatArray, float]] = deque(maxlen=STORED_FRAMES)
         self._smooth = np.zeros(board.kind.taxel_count)
@@ -89,6 +91,7 @@ class BoardEstimator:
         self._middle = _find_middle(self._points)
         self._centre = self._middle
         self._misfit = 0.0
+        self._fit_of_target = np.zeros(len(self._targets))
         self._last_s: float | None = None
 
     @property
@@ -116,12 +119,15 @@ class BoardEstimator:
             self._centre = self._middle
             return self._make_estimate(time_s, age_s)
         if self._filter is None:
+            # The first window shows the earlier frames of the same taxels, from which the speed follows.
+            self._centre = int(np.argmax(np.abs(self._smooth)))
             for earlier, interval in list(self._stored)[:-1]:
                 self._filter_frame(earlier, interval)
         self._filter_frame(signal, dt)
-        if self._filter is not None and self._filter.far > IDLE_PROBABILITY and self._is_idle():
-            self._filter = None
+        if self._filter is not None and self._filter.far > IDLE_PROBABILITY:
             self._tracker.follow(raw, dt)
+            if self._is_idle():
+                self._filter = None
         return self._make_estimate(time_s, age_s)
 
     def _locate(self, signal: FloatArray, dt_s: float) -> None:
@@ -155,19 +161,22 @@ class BoardEstimator:
         if self._filter is None:
             self._filter = MotionFilter(prior)
             self._misfit = 0.0
+            self._fit_of_target = np.zeros(len(self._targets))
         self._filter.predict(get_transition(dt_s))
         part, offset = signal[likelihood.taxels], self._tracker.offset_counts
         values, absent, contact = likelihood.evaluate(part, offset)
         self._filter.update(values, absent, contact)
         squares = -2.0 * max(float(values.max()), absent) / len(part)
-        self._misfit += float(-np.expm1(-dt_s / MISFIT_TIME_S)) * (squares - self._misfit)
+        share = float(-np.expm1(-dt_s / MISFIT_TIME_S))
+        self._misfit += share * (squares - self._misfit)
+        self._fit_of_target += share * (values.reshape(len(self._targets), -1).max(axis=1) - self._fit_of_target)
 
     def _make_estimate(self, time_s: float, age_s: float) -> ProximityEstimate:
         """Summarise the state of the filter."""
         state, horizon = self._filter, self.horizon_s + age_s
         present = 0.0 if state is None else float(state.present.sum())
         is_present = state is not None and present > PRESENT_PROBABILITY
-        targets = {} if state is None else self._compute_targets(state)
+        targets = {} if state is None else self._compute_targets()
         motion = None if state is None else compute_nearest_motion(state)
         return ProximityEstimate(
             address=self.board.address,
@@ -188,11 +197,14 @@ class BoardEstimator:
             centre=self._centre if is_present else None,
         )
 
-    def _compute_targets(self, state: MotionFilter) -> dict[str, float]:
-        """Compute the probabilities of the calibrated targets, given that one of them is present."""
-        weight = state.template_weight.reshape(len(self._targets), -1).sum(axis=1)
-        total = weight.sum()
-        return dict(zip(self._targets, (weight / total if total > 0 else weight).tolist(), strict=True))
+    def _compute_targets(self) -> dict[str, float]:
+        """Compute the probabilities of the calibrated targets, given that one of them is present.
+
+        They follow from the mean log-likelihood of a frame, not from the sum over the frames: the errors of shapes
+        persist, and a sum would turn a small difference of two shapes into certainty about the target.
+        """
+        weight = np.exp(self._fit_of_target - self._fit_of_target.max())
+        return dict(zip(self._targets, (weight / weight.sum()).tolist(), strict=True))
 
     def _name_target(self, targets: dict[str, float]) -> str:
         """Return the name of the target, or why it has none."""

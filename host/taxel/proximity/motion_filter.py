@@ -8,9 +8,14 @@ from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, Transition, compu
 from taxel.types import FloatArray, IntArray
 
 KEPT_SHARE = 1e-3
-"""Templates whose probability is below this share of the largest one are left out until the window changes. The mixing
-of shapes gives each of some 200 templates 5e-4 per frame; a template below the limit therefore has only this share
-left, and a smaller likelihood than the others. The time per frame falls by a factor of 3 to 10."""
+"""Templates whose probability is below this share of the largest one are left out. The mixing of shapes gives each of
+some 300 templates 3e-4 per frame; a template below the limit therefore has only this share left, and a smaller
+likelihood than the others. The time per frame falls by a factor of 3 to 10."""
+
+RETURN_MARGIN = 3.0
+"""Excess of the log-likelihood of a template that is left out over the best kept one at which all templates return.
+Below it, mixing would give a returned template at most a few percent (3e-4 exp(3)). Without a return, a target whose
+shape was first mistaken would contradict all kept templates, and count as a contact."""
 
 NO_TARGET = 1e-6
 """Probability of a target without contact below which its shape is forgotten."""
@@ -71,6 +76,9 @@ class MotionFilter:
     def update(self, log_likelihood: FloatArray, log_absent: float, log_contact: float) -> None:
         """Multiply by the likelihoods of a frame and normalise. log_likelihood: f64[all templates, G]."""
         kept = log_likelihood[self.template]
+        if len(self.template) < len(self._prior) and self._exclude_better(log_likelihood):
+            self._return_templates()
+            kept = log_likelihood
         largest = max(float(kept.max()), log_absent, log_contact)
         self.present *= np.exp(kept - largest).astype(np.float32)
         self.far *= float(np.exp(log_absent - largest))
@@ -83,6 +91,22 @@ class MotionFilter:
         self.far /= total
         self.contact /= total
         self._prune_templates()
+
+    def _exclude_better(self, log_likelihood: FloatArray) -> bool:
+        """Whether a template that is left out fits a frame better than all kept ones, at the distances of the motion.
+
+        log_likelihood: f64[all templates, G].
+        """
+        motion = np.log(self.present.sum(axis=(0, 1)) + 1e-30)
+        best = (log_likelihood + motion).max(axis=1)
+        return bool(best.max() > best[self.template].max() + RETURN_MARGIN)
+
+    def _return_templates(self) -> None:
+        """Take all templates again: those that were left out receive the share below which they were left out."""
+        everything = KEPT_SHARE * self.present.sum(axis=1)[:, None, :] * self._prior[None, :, None]
+        everything[:, self.template] += (1.0 - KEPT_SHARE) * self.present
+        self.present = everything
+        self.template = np.arange(len(self._prior))
 
     def _prune_templates(self) -> None:
         """Leave out templates of negligible probability, if a target is present; else take all of them again."""
@@ -100,13 +124,6 @@ class MotionFilter:
     def motion(self) -> FloatArray:
         """Joint probabilities f64[V, G] of speed and distance of a target that does not touch."""
         return np.asarray(self.present.sum(axis=1), dtype=np.float64)
-
-    @property
-    def template_weight(self) -> FloatArray:
-        """Probabilities f64[all templates] of a target that does not touch."""
-        weight = np.zeros(len(self._prior))
-        weight[self.template] = self.present.sum(axis=(0, 2))
-        return weight
 
 
 def _compute_release() -> FloatArray:

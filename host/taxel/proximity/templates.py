@@ -28,7 +28,12 @@ EDGE_OFFSETS_M = (0.0, 0.0025, 0.005)
 """Distances from the centre of the window to the edge of a plate."""
 
 RIDGE_TILTS_DEG = (5.0, 10.0)
-"""Tilts of plates whose edge is their nearest part."""
+"""Tilts of plates whose edge or corner is their nearest part."""
+
+TIP_OFFSETS_M = (0.0, 0.002, 0.004)
+"""Distances along both edges from the centre of the window to a corner. The strongest taxel lies inside the corner,
+where the plate covers it."""
+
 
 STRIP_WIDTHS_M = (0.008, 0.013, 0.020)
 SQUARE_SIDES_M = (0.013, 0.019, 0.026)
@@ -41,6 +46,7 @@ FAMILY_WEIGHTS = {
     "edge": 0.1,
     "punch": 0.1,
     "ridge": 0.1,
+    "tip": 0.1,
     "strip": 0.05,
     "square": 0.1,
     "corner": 0.05,
@@ -96,6 +102,7 @@ def make_window(points: SkinPoints, centre: int) -> Window:
         ("strip", _strip_heights(local)),
         ("square", _square_heights(local)),
         ("corner", _corner_heights(local)),
+        ("tip", _tip_heights(local)),
     ):
         heights += members
         weights += [FAMILY_WEIGHTS[family] / len(members)] * len(members)
@@ -168,7 +175,7 @@ def _ridge_heights(local: FloatArray) -> list[FloatArray]:
     for angle in np.arange(8) * np.pi / 4:
         across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
         for tilt in np.deg2rad(RIDGE_TILTS_DEG):
-            for offset in EDGE_OFFSETS_M[:1]:
+            for offset in EDGE_OFFSETS_M:
                 members.append(np.where(across <= offset, np.tan(tilt) * (offset - across), NO_GAP_M))
     return members
 
@@ -212,4 +219,17 @@ def _corner_heights(local: FloatArray) -> list[FloatArray]:
     for angle in np.arange(8) * np.pi / 4:
         along, across = _turn(local, angle)
         members += [_cut((along <= u) & (across <= v)) for u in EDGE_OFFSETS_M[:2] for v in EDGE_OFFSETS_M[:2]]
+    return members
+
+
+def _tip_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of tilted plates whose nearest part is a corner inside the window."""
+    members = []
+    for angle in np.arange(8) * np.pi / 4:
+        along, across = _turn(local, angle)
+        for tilt in np.deg2rad(RIDGE_TILTS_DEG):
+            for offset in TIP_OFFSETS_M:
+                is_covered = (along <= offset) & (across <= offset)
+                height = np.tan(tilt) * np.sqrt(0.5) * (2.0 * offset - along - across)
+                members.append(np.where(is_covered, height, NO_GAP_M))
     return members

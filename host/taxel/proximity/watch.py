@@ -24,12 +24,19 @@ class ProximityWatch:
 
     def __init__(self, hand: Hand, calibration: ProximityCalibration, horizon_s: float = HORIZON_S) -> None:
         """Create the estimators. horizon_s: time within which a contact is predicted."""
-        self.estimators = {
-            board.address: BoardEstimator(hand, board, calibration.kinds[board.kind.name], horizon_s)
-            for board in hand.boards
-            if board.kind.name in calibration.kinds
-        }
+        self._hand, self._calibration, self._horizon_s = hand, calibration, horizon_s
         self.latest: dict[int, ProximityEstimate] = {}
+        self.restart_baseline()
+
+    def restart_baseline(self) -> None:
+        """Take the baseline of every board again from its next frames."""
+        kinds = self._calibration.kinds
+        self.estimators = {
+            board.address: BoardEstimator(self._hand, board, kinds[board.kind.name], self._horizon_s)
+            for board in self._hand.boards
+            if board.kind.name in kinds
+        }
+        self.latest.clear()
 
     @property
     def progress(self) -> float:

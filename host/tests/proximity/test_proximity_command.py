@@ -3,15 +3,17 @@
 import json
 import statistics
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from taxel.cli.main import build_app
 from taxel.proximity import ProximityCalibration, write_calibration
-from taxel.proximity.watch import open_watch
+from taxel.proximity.watch import ProximityWatch, open_watch
 from taxel.ros.topics import SkinTopics
 from taxel.skin import open_skin
 from taxel.skin.recorder import open_recorded
+from taxel.stream import TaxelFrame
 
 
 def invoke(*arguments):
@@ -111,10 +113,33 @@ def test_monitor_shows_the_nearest_target(stage):
     result = CliRunner().invoke(build_app("monitor"), arguments)
     assert result.exit_code == 0, result.output
     assert " mm from medial front index" in result.output
+    assert "repeat the baseline" not in result.output
     result = CliRunner().invoke(build_app("monitor"), [*arguments, "--json", "--speed", "1000"])
     boards = [each["board"] for each in json.loads(result.output.splitlines()[-1])["proximity"]]
     assert "medial_front_index" in boards
     assert "palm" not in boards
+
+
+@pytest.mark.parametrize("option", ["--boards", "--target", "--distances-mm"])
+def test_option_that_the_file_of_holds_states_is_refused(stage, tmp_path, option):
+    folder, _ = stage
+    arguments = ("--holds", folder / "plate.csv", "--out", tmp_path / "x.json", option, "1")
+    result = invoke("calibrate", f"file:{folder}/plate.bin", *arguments)
+    assert f"leave out {option}" in str(result.exception)
+    assert not (tmp_path / "x.json").exists()
+
+
+def test_new_baseline_applies_to_targets_too(hand, calibration):
+    watch = ProximityWatch(hand, ProximityCalibration("original", {"medial_front": calibration}))
+    board = hand.find_board("medial_front_index")
+    for number in range(45):
+        watch.take(
+            TaxelFrame(board.address, 0, number, 0.05 * number, 0, 0, np.full(board.kind.taxel_count, 3000, np.uint16))
+        )
+    assert watch.latest[board.address].is_ready
+    watch.restart_baseline()
+    assert watch.progress == 0.0
+    assert watch.latest == {}
 
 
 def test_proximity_of_a_plain_capture_is_refused(stage, tmp_path, calibration):

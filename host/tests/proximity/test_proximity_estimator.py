@@ -55,6 +55,19 @@ def test_drift_without_a_target_predicts_no_contact(hand, board, calibration, ma
     assert all(each.distance_m is None for each in estimates)
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_warm_up_during_and_after_a_target_leaves_no_target_behind(hand, board, calibration, make_frames, sign):
+    def path(times):
+        return np.where((times > 20.0) & (times < 40.0), 0.002, 0.05)
+
+    times, raw = make_frames(path, 60.0)
+    warm_up = 120.0 * sign * -np.expm1(-times / 180.0)
+    estimates = run(hand, board, calibration, (times, np.round(raw + warm_up[:, None])))
+    near = [each for each in estimates if 36.0 < each.time_s < 39.5]
+    assert all(each.distance_m.low < 0.002 < each.distance_m.high for each in near)
+    assert all(each.distance_m is None for each in estimates if each.time_s > 45.0)
+
+
 def test_target_that_stops_before_the_skin_is_not_in_contact(hand, board, calibration, make_frames):
     last = run(hand, board, calibration, make_frames(approach(0.05, stop_m=0.002), 9.0))[-1]
     assert last.contact < 0.01

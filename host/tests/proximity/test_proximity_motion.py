@@ -25,6 +25,21 @@ def test_mass_moves_by_speed_times_interval():
     assert mean == pytest.approx(CENTRES_M[column] - SPEEDS_M_S[speed] * 0.05, abs=3e-4)
 
 
+def test_template_that_was_left_out_returns_when_it_fits():
+    state = MotionFilter(np.ones(3))
+    likelihood = np.zeros((3, len(CENTRES_M)))
+    likelihood[1:] = -12.0
+    for _ in range(100):
+        state.predict(get_transition(0.05))
+        state.update(likelihood, -30.0, -30.0)
+    assert state.template.tolist() == [0]
+    for _ in range(5):
+        state.predict(get_transition(0.05))
+        state.update(likelihood[::-1] - 1.0, -30.0, -20.0)
+    assert state.template[np.argmax(state.present.sum(axis=(0, 2)))] == 2
+    assert state.contact < 0.2
+
+
 def test_impossible_frames_restart_the_filter():
     state = MotionFilter(np.ones(3))
     state.predict(get_transition(0.05))

@@ -20,7 +20,7 @@ STANDARD = (
     "sensor_msgs/JointState", "sensor_msgs/PointField", "sensor_msgs/PointCloud2", "diagnostic_msgs/DiagnosticArray",
 )  # fmt: skip
 CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # not part of Debian's ros-core
-OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes", "Proximity")
+OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes", "Proximity", "TwinFrame")
 HEADER = {"stamp": {"sec": 12, "nanosec": 345_678_901}, "frame_id": "palm"}
 MESSAGES = {
     "taxel_msgs/TaxelScan": {
