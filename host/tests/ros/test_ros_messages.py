@@ -20,7 +20,7 @@ STANDARD = (
     "sensor_msgs/JointState", "sensor_msgs/PointField", "sensor_msgs/PointCloud2", "diagnostic_msgs/DiagnosticArray",
 )  # fmt: skip
 CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # not part of Debian's ros-core
-OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes", "Proximity", "TwinFrame")
+OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes", "Proximity", "TwinFrame", "TwinRepair")
 HEADER = {"stamp": {"sec": 12, "nanosec": 345_678_901}, "frame_id": "palm"}
 MESSAGES = {
     "taxel_msgs/TaxelScan": {
@@ -35,6 +35,14 @@ MESSAGES = {
         "distance_m": [0.5, 0.25, 1.0], "speed_m_s": [0.0, -0.5, 0.5], "contact_soon": 0.75, "horizon_s": 0.125,
         "time_to_contact_s": [1.0, 0.5, float("inf")], "taxel": -1, "target": "grounded", "targets": ["grounded", ""],
         "probabilities": [1.0, 0.0],
+    },
+    "taxel_msgs/TwinFrame": {
+        "header": HEADER, "condition": "box top_1", "measured": [1.5, float("nan")], "predicted": [1.0, 2.0],
+        "residual": [], "rms": 0.5,
+    },
+    "taxel_msgs/TwinRepair": {
+        "header": HEADER, "raw_counts": np.array([0, 65_535], np.uint16), "signal": [1.5, float("nan")],
+        "flags": [1, 6], "delay_s": [0.0, -0.125], "corrections": ["alarm 1: taxel 3 is interpolated", ""],
     },
     "sensor_msgs/JointState": {
         "header": HEADER, "name": ["a", "", "joint"], "position": [0.25], "velocity": [], "effort": np.zeros(2),
