@@ -29,8 +29,8 @@ def test_option_decides(is_wanted, number, opened, tmp_path):
     assert opened == [(tmp_path / "report.html").as_uri()] * number
 
 
-def test_without_a_terminal_or_a_browser_nothing_is_asked(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr(typer, "confirm", lambda *arguments, **options: pytest.fail("asked"))
+def test_without_a_terminal_or_a_browser_there_is_no_question(opened, tmp_path, monkeypatch):
+    monkeypatch.setattr(typer, "confirm", lambda *arguments, **options: pytest.fail("a question"))
     for is_terminal, has_browser in ((False, True), (True, False)):
         set_terminal(monkeypatch, is_terminal, has_browser)
         offer_page(tmp_path / "report.html", None)
