@@ -60,7 +60,7 @@ def main() -> int:
     """Write the list."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("junit", type=Path, help="JUnit file of a run of all tests on an idle machine")
-    parser.add_argument("--budget-s", type=float, default=220.0, help="CPU time of the other tests, seconds")
+    parser.add_argument("--budget-s", type=float, default=300.0, help="CPU time of the other tests, seconds")
     options = parser.parse_args()
     try:
         times = read_times(options.junit)
