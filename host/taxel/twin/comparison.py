@@ -136,8 +136,9 @@ class Twin:
 
     def _process(self, step: Step) -> StepResult:
         """Test one step."""
-        pressed = self.unannounced.find_pressed(step)
-        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, pressed)
+        pressed, near = self.unannounced.find_pressed(step)
+        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, near)
+        touched = touched | pressed
         signals = None
         novelty = self._compute_novelty(step)
         if step.contact is not None:

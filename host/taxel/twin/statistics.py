@@ -110,8 +110,11 @@ def compute_contact_scores(
     size = _fit_board_size(signal, expected, weight, board)
     rescaled = np.where(usable, signal - size[board] * expected, 0.0)
     scores["delay"] = _compute_delay(rescaled, expected, weight, step)
+    # An active taxel after the release is pressed again by something that nobody has announced.
     late = rescaled[RECOVERY]
-    scores["recovery"] = (pattern * late * weight[RECOVERY], pattern**2 * weight[RECOVERY])
+    pressed = np.bincount(board, late > ACTIVE_SIGNAL_COUNTS, len(size)) > 0
+    late_weight = np.where(pressed[board], 0.0, weight[RECOVERY])
+    scores["recovery"] = (pattern * late * late_weight, pattern**2 * late_weight)
     scores["shape"] = _compute_shape(rescaled[HOLD].mean(axis=0), hold_weight, loaded, board)
     return scores, signal
 

@@ -27,12 +27,15 @@ class UnannouncedContacts:
     _tracked: TrackedBaseline | None = None
     _end_s: float = 0.0
 
-    def find_pressed(self, step: Step) -> BoolArray:
-        """Taxels of the boards that something pressed during the part of a step without announced contact, bool[n]."""
+    def find_pressed(self, step: Step) -> tuple[BoolArray, BoolArray]:
+        """Taxels pressed during the part of a step without announced contact, and taxels of their boards.
+
+        Returns bool[n] each.
+        """
         found = np.zeros(len(self.board), dtype=bool)
         if self._tracked is None:
             if (step.count[REST] == 0).any():
-                return found
+                return found, found
             first = step.total[REST] / step.count[REST]
             self._tracked = TrackedBaseline(first, np.sqrt(self.noise_variance), self.board)
         elapsed_s = max(step.start_s - self._end_s, 1.0)
@@ -41,4 +44,5 @@ class UnannouncedContacts:
             elapsed_s = 1.0
             found |= state.is_contact & (state.contact_s < LONGEST_S)
         self._end_s = step.end_s
-        return np.asarray((np.bincount(self.board, found, int(self.board.max()) + 1) > 0)[self.board])
+        boards = np.bincount(self.board, found, int(self.board.max()) + 1) > 0
+        return found, np.asarray(boards[self.board])
