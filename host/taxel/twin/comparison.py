@@ -158,8 +158,8 @@ class Twin:
         self._last_step_s = step.end_s
         evidence = self.detector.update(elapsed, ratios)
         events: list[Event] = list(self._find_cleared(step, touched, elapsed))
-        if evidence >= 1.0:
-            events.append(self._raise_alarm(step))
+        if evidence >= 1.0 and (alarm := self._raise_alarm(step)) is not None:
+            events.append(alarm)
         return StepResult(step, signals, estimates, evidence, touched, tuple(events))
 
     def _compute_novelty(self, step: Step) -> FloatArray:
@@ -188,8 +188,12 @@ class Twin:
             if quantity.name in estimates
         }
 
-    def _raise_alarm(self, step: Step) -> Alarm:
-        """Create the alarm of the hypothesis with the largest evidence, and expect the new state from now on."""
+    def _raise_alarm(self, step: Step) -> Alarm | None:
+        """Create the alarm of the hypothesis with the largest evidence, and expect the new state from now on.
+
+        A further change of the response of a board whose response has changed already gives no alarm: a fault such as a
+        weak supply changes each contact in another way.
+        """
         hypothesis = self.detector.find_largest()
         if QUANTITIES[hypothesis.quantity].name == "missing":
             onset_s, interval = step.start_s, (step.start_s, step.end_s)
@@ -201,6 +205,10 @@ class Twin:
             onset = self.history.estimate_onset(hypothesis, self.models, self._last_alarm_s)
             onset_s, interval, amplitude = onset.time_s, (onset.low_s, onset.high_s), onset.amplitude
         quantity, place = QUANTITIES[hypothesis.quantity], self.reference.places.places[hypothesis.place]
+        if self._is_covered(hypothesis):
+            self._adopt(step, hypothesis)
+            self.detector.reset()
+            return None
         alarm = Alarm(
             len(self.alarms) + 1,
             step.end_s,
@@ -221,6 +229,18 @@ class Twin:
         self.detector.reset()
         self._last_alarm_s = step.end_s
         return alarm
+
+    def _is_covered(self, hypothesis: Hypothesis) -> bool:
+        """Whether active alarms report a changed response of all boards of a changed response."""
+        if QUANTITIES[hypothesis.quantity].name not in OF_CONTACTS:
+            return False
+        board, boards = self.reference.places.board, self.reference.sensors.s
+        covered = np.zeros(boards, dtype=bool)
+        for test in self.active.values():
+            if QUANTITIES[test.hypothesis.quantity].name in OF_CONTACTS:
+                covered |= np.bincount(board, self._find_members(test.hypothesis.place), boards) > 0
+        own = np.bincount(board, self._find_members(hypothesis.place), boards) > 0
+        return bool(covered[own].all())
 
     def _adopt(self, step: Step, hypothesis: Hypothesis) -> None:
         """Expect the changed state of a place from now on, so that further changes are found."""

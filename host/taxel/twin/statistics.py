@@ -109,7 +109,7 @@ def compute_contact_scores(
     # Delay and recovery are compared at the size that the contact has on its board.
     size = _fit_board_size(signal, expected, weight, board)
     rescaled = np.where(usable, signal - size[board] * expected, 0.0)
-    scores["delay"] = _compute_delay(rescaled, expected, weight, step)
+    scores["delay"] = _compute_delay(rescaled, expected, np.where(pattern > 0.0, weight, 0.0), step)
     # An active taxel after the release is pressed again by something that nobody has announced.
     late = rescaled[RECOVERY]
     pressed = np.bincount(board, late > ACTIVE_SIGNAL_COUNTS, len(size)) > 0
@@ -208,7 +208,10 @@ def _fit_board_size(signal: FloatArray, expected: FloatArray, weight: FloatArray
 def _compute_delay(
     residual: FloatArray, expected: FloatArray, weight: FloatArray, step: Step
 ) -> tuple[FloatArray, FloatArray]:
-    """Scores of a delay: the pattern is minus the slope of the expected signal, counts per second."""
+    """Scores of a delay: the pattern is minus the slope of the expected signal, counts per second.
+
+    weight: f64[BINS, n], 0 for taxels that are not active in this condition, whose slopes are those of noise.
+    """
     score, information = np.zeros(residual.shape[1]), np.zeros(residual.shape[1])
     if step.contact is None:
         return score, information
