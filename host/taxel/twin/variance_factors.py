@@ -51,6 +51,11 @@ class VarianceFactors:
                 for rows, model in found._divide(name, information):
                     squares[rows] += (estimate[rows] / model.compute_deviation(information[rows])) ** 2
                     number[rows] += 1.0
+        for key, number in found.number.items():
+            # Each repeat was compared with the mean of the others: one degree of freedom is lost.
+            share = np.maximum(number - 1.0, 0.0) / np.maximum(number, 1.0)
+            found.squares[key] *= share
+            found.number[key] = number * share
         return found
 
     def apply(self, scores: Scores, condition: Condition | None, novelty: FloatArray) -> Scores:
