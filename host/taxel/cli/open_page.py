@@ -29,6 +29,6 @@ def _has_browser() -> bool:
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return False
     try:
-        return webbrowser.get().name not in TEXT_BROWSERS if hasattr(webbrowser.get(), "name") else True
+        return getattr(webbrowser.get(), "name", "") not in TEXT_BROWSERS
     except webbrowser.Error:
         return False

@@ -21,6 +21,8 @@ from taxel.twin.reference import ConditionReference, Reference, compute_signals
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (
+    OF_CONDITIONS,
+    OF_CONTACTS,
     QUANTITIES,
     Scores,
     compute_contact_scores,
@@ -30,7 +32,7 @@ from taxel.twin.statistics import (
 )
 from taxel.twin.steps import BINS, HOLD, Step, StepBuilder
 from taxel.twin.unannounced import UnannouncedContacts
-from taxel.twin.variance_factors import OF_CONDITIONS, OF_CONTACTS, VarianceFactors
+from taxel.twin.variance_factors import VarianceFactors
 from taxel.types import BoolArray, CountArray, FloatArray
 
 HOURS_PER_FALSE_ALARM: Final = 24.0

@@ -63,7 +63,11 @@ QUANTITIES: Final = (
 )
 """All monitored quantities."""
 
-NAMES: Final = tuple(quantity.name for quantity in QUANTITIES)
+OF_CONTACTS: Final = frozenset(("gain", "offset", "delay", "recovery", "shape"))
+"""Quantities of a contact, whose variance differs between conditions."""
+
+OF_CONDITIONS: Final = frozenset(("offset", "shape"))
+"""Quantities of a contact whose changes have another size in each condition."""
 
 Scores = dict[str, tuple[FloatArray, FloatArray]]
 """Score u and information w of each taxel, f64[n] each, by quantity."""

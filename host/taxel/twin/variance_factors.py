@@ -16,7 +16,7 @@ import numpy as np
 
 from taxel.twin.null_model import NullModel, NullModels
 from taxel.twin.schedule import Condition
-from taxel.twin.statistics import Scores
+from taxel.twin.statistics import OF_CONTACTS, Scores
 from taxel.types import FloatArray, IntArray
 
 Key = tuple[str, Condition]
@@ -87,10 +87,3 @@ class VarianceFactors:
             (np.flatnonzero((self.level == number) & (information > 0.0)), model)
             for number, model in self.models.get(name, {}).items()
         ]
-
-
-OF_CONTACTS = frozenset(("gain", "offset", "delay", "recovery", "shape"))
-"""Quantities of a contact, whose variance differs between conditions."""
-
-OF_CONDITIONS = frozenset(("offset", "shape"))
-"""Quantities of a contact whose changes have another size in each condition."""
