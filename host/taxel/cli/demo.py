@@ -25,6 +25,9 @@ from taxel.output import write_whole
 PICTURE, SCORE = "hand.png", "score.json"
 FILES = ("real.h5", "sim.h5", "report.json", "report.html", PICTURE)
 
+MOST_LINES = 3
+"""Effect lines of a cause that are printed."""
+
 _RESULT = {True: "RIGHT", False: "WRONG"}
 
 
@@ -132,7 +135,7 @@ def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> Non
     """Print the hidden causes, the named ones, and whether the diagnosis is right."""
     for cause in world.hidden.causes:
         console.print(
-            f"hidden: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False, soft_wrap=True
+            f"hidden: {cause.name}, in the emulator: {_shorten(cause.lines)}", highlight=False, soft_wrap=True
         )
     if not world.hidden.causes:
         console.print("hidden: nothing", highlight=False)
@@ -142,6 +145,12 @@ def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> Non
     console.print(
         f"[bold {colour}]{_RESULT[outcome.is_right]}[/]: the diagnosis named {_join(outcome.named)}.", highlight=False
     )
+
+
+def _shorten(lines: Sequence[str]) -> str:
+    """Effect lines of a cause, the first ones of many: a dead board has a line for each taxel."""
+    more = len(lines) - MOST_LINES
+    return "; ".join(lines[:MOST_LINES]) + (f"; and {more} more lines" if more > 0 else "")
 
 
 def _describe_hidden(outcome: DemoOutcome) -> str:
