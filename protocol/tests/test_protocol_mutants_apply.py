@@ -76,7 +76,17 @@ def test_the_stages_are_those_that_can_detect_the_bug():
     ]
     assert list_names("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
     assert list_names("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
-    assert list_names("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
+    assert list_names("host/taxel/skin/skin.py") == ["skin tests", "host tests", "hil tests"]
+
+
+def test_the_tests_of_the_package_run_first_those_of_the_module_before_the_others():
+    stage = bugs.make_package_stage("host/taxel/gap/comparison/density.py")
+    assert stage is not None
+    imports = ["taxel.gap.comparison.density" in (ROOT / test).read_text() for test in stage.tests]
+    assert True in imports
+    assert imports == sorted(imports, reverse=True)
+    assert len(stage.tests) == len(list((ROOT / "host/tests/gap").glob("test_*.py")))
+    assert bugs.make_package_stage("firmware/hub/hub.c") is None
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,17 @@
 """Calibration of the comparison: evidence from worlds with known causes, and the logistic models that fit it.
 
-python tools/gap/calibrate_comparison.py --worlds 150 --seed 777 --out out/calibration --write
+python tools/gap/calibrate_comparison.py --worlds 200 --seed 777 --out out/calibration --write
 
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
-continues. The worlds are those of `taxel gap benchmark` with this seed, of all families. Withheld forms: the models are
+continues. --datasets: keep the datasets, so that a calibration after a change of the comparison need not make them
+again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap benchmark` with this seed, of all families. Withheld forms: the models are
 fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
 that were left out. --write: store the models fitted to all worlds in host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse
 import json
+import shutil
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
@@ -22,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import GRASPS, BenchmarkWorld, sample_benchmark
+from taxel.blind.benchmark.worlds import EMULATED_GRASPS, GRASPS, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
@@ -30,6 +32,9 @@ from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 from taxel.types import FloatArray
+
+MADE = "world.json"
+"""File in the folder of a world whose datasets are complete."""
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
 
@@ -46,28 +51,40 @@ def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str
     }
 
 
-def collect_evidence(world: BenchmarkWorld, bases: Path) -> dict[str, Any]:
-    """Make a world, compare its datasets and return the evidence; or the line of an error."""
+def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) -> dict[str, Any]:
+    """Make a world, compare its datasets and return the evidence; or the line of an error.
+
+    datasets: folder that keeps the datasets of all worlds; None: they are deleted.
+    """
     with TemporaryDirectory(prefix="taxel-calibration-") as name:
-        real, sim = Path(name) / "real.h5", Path(name) / "sim.h5"
+        folder = Path(name) if datasets is None else datasets / f"{world.number:03d}"
         try:
-            world.make(real, sim, bases)
-            return describe_evidence(world, compare(real, sim))
+            if not (folder / MADE).exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir(parents=True)
+                world.make(folder / "real.h5", folder / "sim.h5", bases)
+                write_whole(folder / MADE, json.dumps(world.to_json()))
+            return describe_evidence(world, compare(folder / "real.h5", folder / "sim.h5"))
         except TaxelError as error:
             return {**world.to_json(), "error": str(error)}
 
 
-def run(out: Path, count: int, seed: int, jobs: int | None) -> list[dict[str, Any]]:
-    """Evidence of all worlds; those that an earlier run stored are read. Worlds with an error are left out."""
+def run(
+    out: Path, count: int, seed: int, jobs: int | None, datasets: Path | None, only_stored: bool
+) -> list[dict[str, Any]]:
+    """Evidence of all worlds; those that an earlier run stored are read. Worlds with an error are left out.
+
+    datasets: folder that keeps the datasets; None: they are deleted. only_stored: no further worlds.
+    """
     out.mkdir(parents=True, exist_ok=True)
     path = out / "evidence.jsonl"
     found = [json.loads(line) for line in read_complete_lines(path)]
     if any(one["run"] != [count, seed] for one in found):
         sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
-    todo = [world for world in sample_benchmark(count, seed) if world.number not in known]
-    todo.sort(key=lambda world: world.family != GRASPS)  # the slowest worlds first
-    task = partial(collect_evidence, bases=out / "bases")
+    todo = [world for world in sample_benchmark(count, seed) if world.number not in known and not only_stored]
+    todo.sort(key=lambda world: world.family not in (GRASPS, EMULATED_GRASPS))  # the slowest worlds first
+    task = partial(collect_evidence, bases=(datasets or out) / "bases", datasets=datasets)
     with AppendedLines(path) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, evidence in enumerate(pool.map(task, todo), 1):
             evidence["run"] = [count, seed]
@@ -145,19 +162,23 @@ def _format(value: float | int | None) -> str:
 def main() -> int:
     """Collect evidence, print the scores on withheld forms and the models, and store the models with --write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--worlds", type=int, default=150)
+    parser.add_argument("--worlds", type=int, default=200)
     parser.add_argument("--seed", type=int, default=777, help="seed of the worlds")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--jobs", type=int, help="number of processes; default: one for each core")
     parser.add_argument("--out", type=Path, required=True, help="folder of the evidence")
+    parser.add_argument("--datasets", type=Path, help="folder that keeps the datasets of the worlds")
+    parser.add_argument("--stored", action="store_true", help="use the stored evidence only")
     parser.add_argument("--write", action="store_true", help="store the fitted models")
     options = parser.parse_args()
-    evidence = run(options.out, options.worlds, options.seed, options.jobs)
+    evidence = run(options.out, options.worlds, options.seed, options.jobs, options.datasets, options.stored)
     score = score_withheld(evidence, options.folds, options.seed)
     print(f"{'':<48}" + "".join(f"{name:>26}" for name in score))
     for measure in score["all"]:
         print(f"{measure:<48}" + "".join(f"{_format(one[measure]):>26}" for one in score.values()))
-    calibration = fit(evidence, f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}")
+    calibration = fit(
+        evidence, f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}, {len(evidence)} worlds"
+    )
     print(json.dumps(calibration.to_json(), indent=1))
     if options.write:
         write_whole(TARGET, json.dumps(calibration.to_json(), indent=1) + "\n")

@@ -54,8 +54,6 @@ STAGES = (
     # Tests that link the firmware only; the other C tests take most of the time to build and run.
     Stage("C firmware", ("firmware/",), pattern="^(test_sensor|test_hub|test_vectors|stress_sensor|fuzz)"),
     Stage("C all", ("firmware/",)),
-    Stage("cloud tests", ("host/taxel/cloud/",), ("host/tests/cloud",)),
-    Stage("gap tests", ("host/taxel/gap/",), ("host/tests/gap",)),
     Stage("dynamics tests", ("firmware/emulator/dynamics/",), ("host/tests/campaign/test_dynamics_reference.py",)),
     Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(
@@ -69,7 +67,7 @@ STAGES = (
         ("hil_tests", "--ignore=hil_tests/test_hil_physical.py"),
     ),
 )
-"""In ascending order of duration."""
+"""In ascending order of duration. The tests of the bug's own package in `host/taxel` come before them."""
 
 
 def load_bugs(path: Path = BUGS) -> list[Bug]:
@@ -85,8 +83,26 @@ def load_bugs(path: Path = BUGS) -> list[Bug]:
 
 
 def select_stages(bug: Bug) -> list[Stage]:
-    """Stages that can detect the bug, in ascending order of duration."""
-    return [stage for stage in STAGES if bug.file.startswith(stage.covers)]
+    """Stages that can detect the bug: the tests of its package, then `STAGES`, in ascending order of duration."""
+    own = make_package_stage(bug.file)
+    others = [stage for stage in STAGES if bug.file.startswith(stage.covers)]
+    return others if own is None else [own, *others]
+
+
+def make_package_stage(file: str) -> Stage | None:
+    """The tests of the package of a file, those that import its module first; None if the package has no tests.
+
+    file: path in the repository, such as "host/taxel/gap/fitting/fit.py".
+    """
+    parts = Path(file).parts
+    if parts[:2] != ("host", "taxel") or len(parts) < 4:
+        return None
+    package = Path("host", "tests", parts[2])
+    files = sorted((ROOT / package).glob("test_*.py"))
+    module = ".".join(Path(file).with_suffix("").parts[1:])
+    files.sort(key=lambda path: module not in path.read_text())
+    tests = tuple(str(path.relative_to(ROOT)) for path in files)
+    return Stage(f"{parts[2]} tests", (str(package),), tests) if tests else None
 
 
 def select_bugs(bugs: Sequence[Bug], names: Sequence[str]) -> list[Bug]:

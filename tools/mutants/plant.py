@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from bugs import ROOT, STAGES, Bug, PlantError, load_bugs, select_bugs, select_stages
+from bugs import ROOT, Bug, PlantError, load_bugs, select_bugs, select_stages
 from sandbox import SandboxPool
 
 from taxel.output import write_whole
@@ -42,10 +42,10 @@ def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
     """Plant the bugs one at a time in copies of the repository and test them. Returns the exit status; raises
     PlantError.
     """
-    needed = {stage for bug in bugs for stage in select_stages(bug)}
+    needed = {stage.name: stage for bug in bugs for stage in select_stages(bug)}
     with SandboxPool(folder, jobs) as sandboxes:
         sandboxes.prepare()
-        sandboxes.check_without_bugs([stage for stage in STAGES if stage in needed])
+        sandboxes.check_without_bugs(list(needed.values()))
         outcomes = sandboxes.try_all(bugs)
     OUT.mkdir(exist_ok=True)
     write_whole(OUT / "mutants.json", json.dumps([asdict(outcome) for outcome in outcomes], indent=1) + "\n")

@@ -13,6 +13,7 @@ import numpy as np
 from taxel.blind.cause_types import (
     CauseType,
     Rng,
+    count_half_of_boards,
     format_board_argument,
     log_interpolate,
     log_uniform,
@@ -75,16 +76,16 @@ MAX_CURRENT_FACTOR: Final = 1.35
 
 
 def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
-    """Make a cause type: a quantity of one or two boards, such as sensitivity or stiffness, has a wrong factor.
+    """Make a cause type: a quantity of some boards, such as sensitivity or stiffness, has a wrong factor.
 
     name, emulator_effect: of the cause. The factor is up to 1.8, or down to 1 / 1.8, at strength 1, and at most
     `max_factor`.
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
-        """Sample a cause: one or two boards with a random factor each. strength: 0 (weak) to 1 (strong)."""
+        """Sample a cause: up to half of the boards with a random factor each. strength: 0 (weak) to 1 (strong)."""
         lines, parameters = [], {}
-        for board in sample_boards(rng, hand, 2):
+        for board in sample_boards(rng, hand, count_half_of_boards(hand)):
             log = log_interpolate(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))
             factor = round(min(float(np.exp(log)), max_factor), 4)
             lines.append(f"{emulator_effect} factor={factor} {format_board_argument(board)}")
@@ -189,18 +190,18 @@ def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
 
 
 def _late_board(variant: str) -> CauseType:
-    """Make a cause type: the signals of one or two boards are late.
+    """Make a cause type: the signals of some boards are late.
 
     variant: "delay" (shifted in time) or "lag" (a first-order low-pass filter).
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
-        """Sample a cause: one or two boards are late by 0.04 s at strength 0 and 0.42 s at strength 1.
+        """Sample a cause: up to half of the boards are late by 0.04 s at strength 0 and 0.42 s at strength 1.
 
         The true delay is a parameter that the score compares; a lag has no such parameter.
         """
         lines, parameters = [], {}
-        for board in sample_boards(rng, hand, 2):
+        for board in sample_boards(rng, hand, count_half_of_boards(hand)):
             seconds = log_interpolate(0.04, 0.42, strength)
             lines.append(f"late {variant} seconds={seconds} {format_board_argument(board)}")
             parameters[f"seconds@{board.address}"] = seconds

@@ -46,6 +46,11 @@ def _reachable_boards(hand: Hand) -> list[Board]:
     return [board for board in hand.boards if "back" not in board.kind.name]
 
 
+def count_half_of_boards(hand: Hand) -> int:
+    """Return half of the number of boards that indentations reach, at least 1."""
+    return max(len(_reachable_boards(hand)) // 2, 1)
+
+
 def sample_boards(rng: Rng, hand: Hand, max_count: int = 1) -> list[Board]:
     """Sample one to `max_count` different boards of the hand, among the boards that indentations reach."""
     boards = _reachable_boards(hand)

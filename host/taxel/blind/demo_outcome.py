@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 from scipy.stats import beta
 
 from taxel.blind.grasp_world import GraspWorld
-from taxel.blind.hidden import Cause
-from taxel.blind.loaded_locations import loaded_locations
-from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN
+from taxel.gap.calibration.calibration import NO_GAP, SMALLEST_CAUSE, UNKNOWN
 
 SURE: Final = 0.8
 """Probability from which a wrong name counts as a wrong statement."""
@@ -22,13 +19,15 @@ SURE: Final = 0.8
 class DemoOutcome:
     """Outcome of a demonstration.
 
-    seed: of the campaign. hidden: forms of the hidden causes. expected: their effects that a grasp shows. named:
-    effects that the diagnosis names. is_right: the most probable effects are the expected ones; without an expected
-    effect, none is named. is_surely_wrong: an effect that is not hidden has a probability of `SURE` or more.
+    seed: of the campaign. hidden: forms of the hidden causes. sizes: gap that each alone produces, in floors. expected:
+    effects of those that count as causes. named: effects that the diagnosis names. is_right: the most probable effects
+    are the expected ones; without an expected effect, none is named. is_surely_wrong: an effect that is not hidden has
+    a probability of `SURE` or more.
     """
 
     seed: int
     hidden: tuple[str, ...]
+    sizes: tuple[float, ...]
     expected: tuple[str, ...]
     named: tuple[str, ...]
     probabilities: Mapping[str, float]
@@ -40,30 +39,27 @@ class DemoOutcome:
         return {**vars(self), "probabilities": dict(self.probabilities)}
 
 
-def judge(world: GraspWorld, verdict: Mapping[str, Any], sim: Path) -> DemoOutcome:
+def judge(world: GraspWorld, sizes: Sequence[float], verdict: Mapping[str, Any]) -> DemoOutcome:
     """Compare the verdict of a report with the hidden causes of a world.
 
-    sim: simulated dataset. A fault of boards, lines or taxels that no grasp loads has no effect on the data and is not
-    expected.
+    sizes: gap that each hidden cause alone produces, in floors; a smaller one than `SMALLEST_CAUSE` is not expected.
     """
-    expected = tuple(cause.name for cause in world.hidden.causes if _is_observable(cause, sim))
+    causes = world.hidden.causes
+    expected = tuple(cause.name for cause, size in zip(causes, sizes, strict=True) if size >= SMALLEST_CAUSE)
     probabilities = {str(name): float(value) for name, value in verdict["probabilities"].items()}
     named = tuple(str(name) for name in verdict["effects"])
     order = sorted((name for name in named if name != UNKNOWN), key=lambda name: -probabilities.get(name, 0.0))
-    hidden = tuple(cause.name for cause in world.hidden.causes)
+    hidden = tuple(cause.name for cause in causes)
     return DemoOutcome(
         world.seed,
-        tuple(cause.emulator_effect for cause in world.hidden.causes),
+        tuple(cause.emulator_effect for cause in causes),
+        tuple(sizes),
         expected,
         named,
         probabilities,
         set(order[: len(expected)]) == set(expected) if expected else not named,
         any(value >= SURE for name, value in probabilities.items() if name not in (*hidden, NO_GAP, UNKNOWN)),
     )
-
-
-def _is_observable(cause: Cause, sim: Path) -> bool:
-    return not cause.locations or bool(loaded_locations(cause.locations, sim))
 
 
 def format_score(outcomes: Sequence[DemoOutcome]) -> str:

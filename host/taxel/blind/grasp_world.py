@@ -1,15 +1,20 @@
 """A small grasp campaign on the whole hand with hidden causes, for the demonstration."""
 
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
 
 from taxel.blind.catalogue_causes import EFFECT_NAMES, list_cause_types, sample_nuisance_lines
+from taxel.blind.cause_sizes import measure_change
+from taxel.blind.cause_types import CauseType, format_board_argument
 from taxel.blind.hidden import Cause, HiddenCauses
+from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.simulated import SimSettings, run_simulated
@@ -22,9 +27,19 @@ KIND_SHARES: Final = {"single": 0.8, "several": 0.1, "none": 0.1}
 STRENGTH: Final = (0.9, 1.0)
 """Range of the strength; at strength 1 the excess of indentations is six floors."""
 
-APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 5, 2
+LOADED_SHARE: Final = 0.2
+"""Smallest share of the simulated signal on the boards of a cause that acts on some boards only: where the grasps do
+not load the skin, a cause has no consequence. A fault needs one loaded taxel."""
+
+MOST_SAMPLES: Final = 1000
+
+APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 6, 4
 
 Progress = Callable[[int, int], None]
+
+
+def ignore_progress(done: int, total: int) -> None:
+    """Show no progress."""
 
 
 @dataclass(frozen=True)
@@ -40,26 +55,58 @@ class GraspWorld:
         return {"seed": self.seed, "hidden": self.hidden.to_json(), "salt": self.salt}
 
 
-def sample_grasp_world(seed: int | None = None) -> GraspWorld:
-    """Sample a world of the demonstration: an emulated Allegro hand with a random hidden cause, two, or none.
+class GraspWorldSampler:
+    """Samples a world of the demonstration: an emulated Allegro hand with a random hidden cause, two, or none.
 
-    Every effect of the diagnosis's catalogue is equally probable, and so is every functional form of an effect. seed:
-    of the random numbers; None: random numbers of the operating system.
+    Every effect of the diagnosis's catalogue is equally probable, and so is every functional form of an effect.
+
+    Attributes:
+        campaign_seed: seed of the grasps, which are simulated before the parameters of the causes are sampled.
+        kind: of the world, of `KIND_SHARES`. types: of its causes.
     """
-    rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
-    kind = str(rng.choice(list(KIND_SHARES), p=list(KIND_SHARES.values())))
-    number = {"none": 0, "single": 1, "several": 2}[kind]
-    names = [EFFECT_NAMES[index] for index in rng.choice(len(EFFECT_NAMES), number, replace=False).tolist()]
-    hand = load_hand("original")
-    causes = tuple(_sample_cause(name, rng, hand) for name in names)
-    salt = secrets.token_hex(32) if seed is None else rng.bytes(32).hex()
-    return GraspWorld(int(rng.integers(2**31)), HiddenCauses(kind, causes, sample_nuisance_lines(rng)), salt)
+
+    def __init__(self, seed: int | None = None) -> None:
+        """seed: of the random numbers; None: random numbers of the operating system."""
+        rng = self._rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
+        self._is_secret = seed is None
+        self.campaign_seed = int(rng.integers(2**31))
+        self.kind = str(rng.choice(list(KIND_SHARES), p=list(KIND_SHARES.values())))
+        number = {"none": 0, "single": 1, "several": 2}[self.kind]
+        names = [EFFECT_NAMES[index] for index in rng.choice(len(EFFECT_NAMES), number, replace=False).tolist()]
+        types = [list_cause_types(name) for name in names]
+        self.types = tuple(own[int(rng.integers(len(own)))] for own in types)
+
+    def sample(self, loads: SimulatedLoads) -> GraspWorld:
+        """Sample the parameters of the hidden causes, and the deviations that every skin has.
+
+        loads: of the simulated grasps of this world. A cause on some boards or lines is sampled again until the grasps
+        load them.
+        """
+        causes = tuple(self._sample_loaded(cause_type, loads) for cause_type in self.types)
+        salt = secrets.token_hex(32) if self._is_secret else self._rng.bytes(32).hex()
+        return GraspWorld(self.campaign_seed, HiddenCauses(self.kind, causes, sample_nuisance_lines(self._rng)), salt)
+
+    def _sample_loaded(self, cause_type: CauseType, loads: SimulatedLoads) -> Cause:
+        """Sample the parameters of a cause that the grasps load."""
+        hand = load_hand("original")
+        for _ in range(MOST_SAMPLES):
+            cause = cause_type.sample(self._rng, hand, float(self._rng.uniform(*STRENGTH)))
+            boards = find_boards(cause, hand)
+            if cause.locations:
+                has_load = bool(loads.select_loaded(cause.locations))
+            else:
+                has_load = not boards or loads.compute_board_share(boards) >= LOADED_SHARE
+            if has_load:
+                break
+        return cause
 
 
-def _sample_cause(name: str, rng: np.random.Generator, hand: Hand) -> Cause:
-    """Sample a form of an effect and its parameters."""
-    types = list_cause_types(name)
-    return types[int(rng.integers(len(types)))].sample(rng, hand, float(rng.uniform(*STRENGTH)))
+def find_boards(cause: Cause, hand: Hand) -> frozenset[int]:
+    """Find the I2C addresses of the boards on which a cause acts; empty for a cause of the whole hand."""
+    words = {word for line in cause.lines for word in line.split()}
+    return frozenset(
+        board.address for board in hand.boards if format_board_argument(board) in words or board.name in words
+    )
 
 
 def make_small_plans(
@@ -92,17 +139,58 @@ def make_small_plans(
     return real, sim
 
 
-def make_grasps(
-    world: GraspWorld, real: Path, sim: Path, progress: tuple[Progress, Progress], jobs: int | None = None
+def simulate_grasps(
+    campaign_seed: int, sim: Path, progress: Progress = ignore_progress, jobs: int | None = None
 ) -> None:
-    """Run the grasps of a world on the emulated hand and in the simulator, and write both datasets.
-
-    real, sim: files to write. progress: callbacks of the hand and of the simulator. jobs: number of processes; None:
-    one per core. Raises TaxelError with a one-line message.
+    """Run the simulated grasps of a world. sim: file to write. jobs: number of processes; None: one per core. Raises
+    TaxelError with a one-line message.
     """
-    grasps, simulated = make_small_plans(world.seed)
-    item = grasps[0].object
-    effects = tuple(line.replace(" OBJECT ", f" {item} ") for line in world.hidden.lines)
-    settings = UndescribedSettings(seed=world.seed, effects=effects)
-    run_emulated(real, grasps, settings, jobs=jobs, progress=progress[0])
-    run_simulated(sim, simulated, SimSettings(seed=world.seed + 1), jobs=jobs, progress=progress[1])
+    plan = make_small_plans(campaign_seed)[1]
+    run_simulated(sim, plan, SimSettings(seed=campaign_seed + 1), jobs=jobs, progress=progress)
+
+
+def emulate_grasps(
+    world: GraspWorld, real: Path, progress: Progress = ignore_progress, jobs: int | None = None
+) -> None:
+    """Run the grasps of a world on the emulated hand with all its causes. real: file to write. Raises TaxelError."""
+    _emulate(world, world.hidden.causes, make_small_plans(world.seed)[0], real, progress, jobs)
+
+
+def measure_sizes(
+    world: GraspWorld, real: Path, sim: Path, progress: Progress = ignore_progress, jobs: int | None = None
+) -> tuple[float, ...]:
+    """Measure the gap that each hidden cause alone produces, in floors.
+
+    real, sim: datasets of the world. The grasps of the first session are repeated without the cause; all other random
+    numbers are equal. Raises TaxelError with a one-line message.
+    """
+    plan = make_small_plans(world.seed)[0]
+    first = tuple(planned for planned in plan if planned.session == min(one.session for one in plan))
+    sizes = []
+    for number, cause in enumerate(world.hidden.causes):
+        others = tuple(other for other in world.hidden.causes if other is not cause)
+        with TemporaryDirectory(prefix="taxel-demo-") as folder:
+            without = Path(folder) / "without.h5"
+            _emulate(world, others, first, without, partial(_show_part, progress, number, len(first)), jobs)
+            sizes.append(measure_change(real, without, sim))
+    return tuple(sizes)
+
+
+def _show_part(progress: Progress, number: int, grasps: int, done: int, total: int) -> None:
+    """Show the progress of one of several equal campaigns."""
+    progress(number * grasps + done, max(number * grasps + total, grasps))
+
+
+def _emulate(
+    world: GraspWorld,
+    causes: Sequence[Cause],
+    plan: Sequence[PlannedGrasp],
+    path: Path,
+    progress: Progress,
+    jobs: int | None,
+) -> None:
+    """Run planned grasps on the emulated hand with some of the world's causes."""
+    hidden = replace(world.hidden, causes=tuple(causes))
+    item = make_small_plans(world.seed)[0][0].object
+    effects = tuple(line.replace(" OBJECT ", f" {item} ") for line in hidden.lines)
+    run_emulated(path, plan, UndescribedSettings(seed=world.seed, effects=effects), jobs=jobs, progress=progress)

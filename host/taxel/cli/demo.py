@@ -12,13 +12,22 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from taxel.blind.demo_outcome import DemoOutcome, format_score, judge
-from taxel.blind.grasp_world import GraspWorld, make_grasps, make_small_plans, sample_grasp_world
+from taxel.blind.grasp_world import (
+    GraspWorld,
+    GraspWorldSampler,
+    emulate_grasps,
+    make_small_plans,
+    measure_sizes,
+    simulate_grasps,
+)
+from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import Jobs
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
+from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 from taxel.gap.page import unrolled_png, write_page
 from taxel.output import write_whole
 
@@ -43,9 +52,10 @@ def demo(
 ) -> None:
     """Diagnose a sealed cause on the emulated hand, and compare the diagnosis with the cause.
 
-    A cause, two, or none is chosen at random, sealed and added to the emulated hand. The hand and the simulator execute
-    the same grasps. A separate process diagnoses the gap from the two datasets. Then the seal is opened, and the
-    diagnosis is right or wrong. With --repeat, one line per demonstration is printed, and out/score.json is written.
+    The simulator and the emulated hand execute the same grasps. A cause, two, or none is chosen at random, sealed and
+    added to the emulated hand. A separate process diagnoses the gap from the two datasets. Then the seal is opened, and
+    the diagnosis is right or wrong. A cause that alone produces less than half the floor does not count. With --repeat,
+    one line per demonstration is printed, and out/score.json is written.
 
     Example: taxel demo --out out/demo
     """
@@ -55,7 +65,6 @@ def demo(
         _repeat(console, out, seed, repeat, jobs)
         return
     outcome, world = _run(console, out, seed, jobs)
-    console.print("\n[bold]4. The seal is opened[/bold]; the causes have the SHA-256 printed above:")
     _open_seal(console, world, outcome)
     seconds = f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]"
     console.print(f"{seconds}; picture of the hand: {out / PICTURE}", soft_wrap=True)
@@ -66,14 +75,21 @@ def _run(console: Console, out: Path, seed: int | None, jobs: int | None) -> tup
     real, sim, report_file, page, picture = (out / name for name in FILES)
     for path in (real, sim, report_file, page, picture):
         path.unlink(missing_ok=True)
-    world = sample_grasp_world(seed)
+    sampler = GraspWorldSampler(seed)
+    counts = [len(plan) for plan in make_small_plans(sampler.campaign_seed)]
+    console.print(f"[bold]1. {counts[1]} grasps in the simulator, without a cause[/bold]")
+    with stage_bars(console) as show:
+        simulate_grasps(sampler.campaign_seed, sim, partial(show, "simulator"), jobs)
+    world = sampler.sample(SimulatedLoads.read(sim))
     seal = commitment(world.to_json())
     console.print(
-        "[bold]1. A sealed cause is added to the emulated hand[/bold]; SHA-256 of the cause with a salt of 256 bits:"
+        "[bold]2. A sealed cause is added to the emulated hand[/bold]; SHA-256 of the cause with a salt of 256 bits:"
     )
     console.print(seal, highlight=False)
-    _make_grasps(console, world, real, sim, jobs)
-    console.print("[bold]3. A separate process diagnoses the gap from the two datasets alone[/bold]")
+    console.print(f"[bold]3. {counts[0]} grasps of the emulated hand[/bold]")
+    with stage_bars(console) as show:
+        emulate_grasps(world, real, partial(show, "emulated hand"), jobs)
+    console.print("[bold]4. A separate process diagnoses the gap from the two datasets alone[/bold]")
     _diagnose(console, out, real, sim, report_file)
     report = json.loads(report_file.read_text())
     if "error" in report:
@@ -82,7 +98,10 @@ def _run(console: Console, out: Path, seed: int | None, jobs: int | None) -> tup
     unrolled_png(report, picture)
     print_summary(console, report, str(page), str(report_file))
     verify_commitment(0, world.to_json(), seal)
-    return judge(world, report["verdict"], sim), world
+    console.print("\n[bold]5. The seal is opened[/bold]; the causes have the SHA-256 printed above:")
+    with stage_bars(console) as show:
+        sizes = measure_sizes(world, real, sim, partial(show, "size of the cause"), jobs)
+    return judge(world, sizes, report["verdict"]), world
 
 
 def _repeat(console: Console, out: Path, seed: int | None, repeat: int, jobs: int | None) -> None:
@@ -104,18 +123,6 @@ def _repeat(console: Console, out: Path, seed: int | None, repeat: int, jobs: in
     console.print(format_score(outcomes), soft_wrap=True, highlight=False)
 
 
-def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
-    """Run the grasps of the demonstration on the emulated hand and in the simulator, with progress bars.
-
-    real, sim: datasets to write.
-    """
-    counts = [len(plan) for plan in make_small_plans(world.seed)]
-    console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
-    with stage_bars(console) as show:
-        shows = (partial(show, "emulated hand"), partial(show, "simulator"))
-        make_grasps(world, real, sim, shows, jobs)
-
-
 def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: Path) -> None:
     """Diagnose the gap between two datasets in a sandboxed process, and write the report.
 
@@ -132,15 +139,17 @@ def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: P
 
 
 def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> None:
-    """Print the hidden causes, the named ones, and whether the diagnosis is right."""
-    for cause in world.hidden.causes:
+    """Print the hidden causes with their sizes, the named ones, and whether the diagnosis is right."""
+    for cause, size in zip(world.hidden.causes, outcome.sizes, strict=True):
         console.print(
-            f"hidden: {cause.name}, in the emulator: {_shorten(cause.lines)}", highlight=False, soft_wrap=True
+            f"hidden: {cause.name}, alone {size:.1f} floors; in the emulator: {_shorten(cause.lines)}",
+            highlight=False,
+            soft_wrap=True,
         )
+        if size < SMALLEST_CAUSE:
+            console.print(f"{cause.name} does not count as a cause: {SMALLEST_CAUSE:g} floors are needed.")
     if not world.hidden.causes:
         console.print("hidden: nothing", highlight=False)
-    for name in {cause.name for cause in world.hidden.causes} - set(outcome.expected):
-        console.print(f"No grasp loads the place of {name}: it is not expected.", highlight=False)
     colour = "green" if outcome.is_right else "red"
     console.print(
         f"[bold {colour}]{_RESULT[outcome.is_right]}[/]: the diagnosis named {_join(outcome.named)}.", highlight=False
@@ -154,8 +163,9 @@ def _shorten(lines: Sequence[str]) -> str:
 
 
 def _describe_hidden(outcome: DemoOutcome) -> str:
-    """The hidden causes and their forms in the emulator."""
-    return f"{_join(outcome.expected)} ({', '.join(outcome.hidden) or 'no effect'})"
+    """The hidden causes that count, and the forms in the emulator with their sizes in floors."""
+    forms = [f"{form}, {size:.1f} floors" for form, size in zip(outcome.hidden, outcome.sizes, strict=True)]
+    return f"{_join(outcome.expected)} ({'; '.join(forms) or 'no effect'})"
 
 
 def _join(names: Sequence[str]) -> str:

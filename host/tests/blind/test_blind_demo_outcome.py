@@ -1,7 +1,5 @@
 """Judgement of demonstrations and their score."""
 
-from pathlib import Path
-
 import pytest
 
 from taxel.blind.demo_outcome import DemoOutcome, format_score, judge
@@ -36,12 +34,20 @@ def make_verdict(**probabilities: float) -> dict[str, object]:
     ],
 )
 def test_verdict_is_compared_with_the_hidden_causes(hidden, probabilities, is_right, is_surely_wrong):
-    outcome = judge(make_world(*hidden), make_verdict(**probabilities), Path("unused"))
+    outcome = judge(make_world(*hidden), [2.0] * len(hidden), make_verdict(**probabilities))
     assert (outcome.is_right, outcome.is_surely_wrong) == (is_right, is_surely_wrong)
 
 
+def test_a_cause_below_half_a_floor_is_not_expected():
+    world = make_world("noise", "latency")
+    outcome = judge(world, [3.0, 0.4], make_verdict(noise=0.9, no_gap=0.01))
+    assert (outcome.expected, outcome.sizes, outcome.is_right) == (("noise",), (3.0, 0.4), True)
+    assert judge(world, [0.1, 0.4], make_verdict(no_gap=0.9)).is_right
+    assert not judge(world, [0.1, 0.4], make_verdict(noise=0.9)).is_right
+
+
 def test_score_has_an_interval():
-    outcomes = [DemoOutcome(1, (), (), (), {}, number > 0, number == 3) for number in range(10)]
+    outcomes = [DemoOutcome(1, (), (), (), (), {}, number > 0, number == 3) for number in range(10)]
     assert format_score(outcomes) == (
         "9 of 10 right (90 %, interval 55 to 100 %), wrong with a probability of 0.8 or more: 1"
     )

@@ -2,13 +2,28 @@
 
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from host.tests.command_line import run_taxel
 from taxel.blind import grasp_world
 from taxel.blind.catalogue_causes import CATALOGUE_CAUSES
-from taxel.blind.grasp_world import make_small_plans, sample_grasp_world
+from taxel.blind.grasp_world import GraspWorldSampler, find_boards, make_small_plans
+from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.seal import commitment
+from taxel.campaign.setup import Setup
+from taxel.hand import load_hand
+
+
+def make_loads(*addresses: int) -> SimulatedLoads:
+    """Loads of a campaign in which all taxels of some boards have a signal; no address: those of all boards."""
+    table = Setup().taxel_table()
+    is_loaded = np.isin(table.sensor, addresses) if addresses else np.ones(len(table.sensor), bool)
+    return SimulatedLoads(table, np.where(is_loaded, 1000.0, 0.0))
+
+
+def sample(seed: int | None = None, loads: SimulatedLoads | None = None) -> grasp_world.GraspWorld:
+    return GraspWorldSampler(seed).sample(make_loads() if loads is None else loads)
 
 
 def list_conditions(plan):
@@ -33,18 +48,27 @@ def test_both_sides_have_two_approaches_of_every_object(seed):
 
 
 def test_a_seed_determines_the_world_and_unseeded_worlds_differ():
-    assert sample_grasp_world(4) == sample_grasp_world(4)
-    worlds = [sample_grasp_world() for _ in range(4)]
+    assert sample(4) == sample(4)
+    worlds = [sample() for _ in range(4)]
     assert len({commitment(world.to_json()) for world in worlds}) == 4
 
 
 def test_every_form_of_every_effect_and_no_effect_and_pairs_are_hidden():
-    worlds = [sample_grasp_world(seed) for seed in range(400)]
+    worlds = [sample(seed) for seed in range(400)]
     causes = [cause for world in worlds for cause in world.hidden.causes]
     assert {cause.emulator_effect for cause in causes} == {one.emulator_effect for one in CATALOGUE_CAUSES}
     assert {world.hidden.kind for world in worlds} == set(grasp_world.KIND_SHARES)
     for world in worlds:
         assert len({cause.name for cause in world.hidden.causes}) == len(world.hidden.causes)
+
+
+def test_causes_of_some_boards_are_where_the_grasps_load_the_skin():
+    hand, addresses = load_hand("original"), (0x15, 0x1C)
+    worlds = [sample(seed, make_loads(*addresses)) for seed in range(60)]
+    causes = [cause for world in worlds for cause in world.hidden.causes]
+    local = [boards for cause in causes if (boards := find_boards(cause, hand))]
+    assert len(local) > 10
+    assert all(boards & set(addresses) for boards in local)
 
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--jobs", "-1")])

@@ -1,4 +1,4 @@
-"""Worlds of the benchmark: pairs of datasets with hidden causes, in four families."""
+"""Worlds of the benchmark: pairs of datasets with hidden causes, in five families."""
 
 from __future__ import annotations
 
@@ -13,21 +13,24 @@ import numpy as np
 from taxel.blind.benchmark.bases import GRASP, INDENTATION, TOUCH, BasePair
 from taxel.blind.benchmark.faults import FAULTS, damage
 from taxel.blind.benchmark.modalities import SENSORS, ModalityWorld, sample_modality_worlds
+from taxel.blind.grasp_world import GraspWorldSampler, emulate_grasps, simulate_grasps
 from taxel.blind.hidden import UNKNOWN
 from taxel.blind.injection.forms import INJECTED_FORMS, InjectedForm
 from taxel.blind.injection.inject import inject_causes
+from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.world import World
 from taxel.blind.world_datasets import make_world
 
-INDENTATIONS, INJECTED, GRASPS, MEASURED = (
+INDENTATIONS, EMULATED_GRASPS, INJECTED, GRASPS, MEASURED = (
     "indentations",
+    "grasps",
     "injected indentations",
     "injected grasps",
     "injected measured touches",
 )
 
-FAMILIES: Final = {INDENTATIONS: 0.4, INJECTED: 0.3, GRASPS: 0.15, MEASURED: 0.15}
+FAMILIES: Final = {INDENTATIONS: 0.3, EMULATED_GRASPS: 0.25, INJECTED: 0.2, GRASPS: 0.15, MEASURED: 0.1}
 """Share of each family. Grasps of the whole hand take longest to make."""
 
 SENSOR_FAMILIES: Final = dict.fromkeys(SENSORS, 0.1)
@@ -68,7 +71,7 @@ class BenchmarkWorld:
     kind: str
     truth: tuple[str, ...]
     forms: tuple[str, ...]
-    source: World | ModalityWorld | tuple[BasePair, int]
+    source: World | ModalityWorld | int | tuple[BasePair, int]
     floors: tuple[float, ...] = ()
     fault: str = ""
     fault_seed: int = 0
@@ -79,6 +82,10 @@ class BenchmarkWorld:
             make_world(self.source, real, sim)
         elif isinstance(self.source, ModalityWorld):
             self.source.make(real, sim)
+        elif isinstance(self.source, int):
+            sampler = GraspWorldSampler(self.source)
+            simulate_grasps(sampler.campaign_seed, sim, jobs=1)
+            emulate_grasps(sampler.sample(SimulatedLoads.read(sim)), real, jobs=1)
         else:
             base, seed = self.source
             first, second = base.provide(bases)
@@ -118,6 +125,8 @@ def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMI
     for name, number in counts.items():
         if name == INDENTATIONS:
             worlds += _sample_indentations(rng, number, seed)
+        elif name == EMULATED_GRASPS:
+            worlds += [_sample_grasps(index, int(rng.integers(2**62))) for index in range(number)]
         elif name in SENSOR_FAMILIES:
             worlds += _sample_sensors(name, number, seed)
         else:
@@ -139,6 +148,14 @@ def _sample_indentations(rng: np.random.Generator, count: int, seed: int) -> lis
         fault, fault_seed = names[place % len(names)], int(rng.integers(2**31))
         result[index] = replace(result[index], fault=fault, fault_seed=fault_seed)
     return result
+
+
+def _sample_grasps(number: int, seed: int) -> BenchmarkWorld:
+    """World of grasps of the emulated hand, as in the demonstration."""
+    sampler = GraspWorldSampler(seed)
+    names = tuple(one.name for one in sampler.types)
+    forms = tuple(one.emulator_effect for one in sampler.types)
+    return BenchmarkWorld(number, EMULATED_GRASPS, sampler.kind, names, forms, seed)
 
 
 def _inject(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:

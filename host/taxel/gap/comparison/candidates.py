@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taxel.gap.comparison.density import BlockDensity
+from taxel.gap.comparison.density import BlockDensity, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.settings import ComparisonSettings
 from taxel.gap.effects.catalogue import DROPOUT, FIXED, Forms
@@ -55,11 +55,12 @@ Sets = dict[frozenset[str], Candidate]
 @dataclass(frozen=True, eq=False)
 class CandidateSets:
     """Result of a search. sets: the best candidate of each set of names, the empty set included. alone: coarse fit of
-    each effect alone.
+    each effect alone. repeat_share: share of the variance between simulated repeats that applies to their mean.
     """
 
     sets: Sets
     alone: dict[str, FittedEffect] = field(default_factory=dict)
+    repeat_share: float = 1.0
 
 
 class CandidateSearch:
@@ -171,9 +172,8 @@ def reevaluate(
     from fit to held-out prediction is kept. The mean change of the log density over the simulated sets is removed,
     because a simulation has random errors that a fit has not: simulations decide only between simulated sets.
     """
-    density = BlockDensity(judge, settings)
     best = max(found.sets.values(), key=lambda one: one.value)
-    density = BlockDensity(judge, settings, density.estimate_model_error(best.prediction.features))
+    density = fit_density(judge, settings, best.prediction.features)
     compute = density.compute_log_density
     sets = {
         key: replace(one, inside=compute(one.features), held_out=compute(one.prediction.features))
@@ -186,4 +186,4 @@ def reevaluate(
     changes = [value - sets[key].held_out for key, value in measured.items()]
     for key, value in measured.items():
         sets[key] = replace(sets[key], held_out=value - np.mean(changes, axis=0))
-    return CandidateSets(sets, found.alone)
+    return CandidateSets(sets, found.alone, density.repeat_share)

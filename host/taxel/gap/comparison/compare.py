@@ -172,5 +172,6 @@ def weigh_sets(
     best = found.sets[max(weights, key=lambda key: weights[key])]
     effects = collect_effects(judge, gap, found.sets, weights)
     # Without the model error, which would explain what an unknown cause leaves.
-    remainder = collect_remainder(judge, gap, best, BlockDensity(judge, settings))
+    density = BlockDensity(judge, settings, repeat_share=found.repeat_share)
+    remainder = collect_remainder(judge, gap, best, density)
     return Comparison(judge, gap, tried, found.sets, weights, found.alone, effects, remainder)

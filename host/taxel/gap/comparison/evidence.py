@@ -70,7 +70,8 @@ class RemainderEvidence:
     """Evidence for a cause outside the catalogue, from what the best set leaves.
 
     Attributes:
-        before, after: root of the excess without effects and with the best set, divided by the floor.
+        before, after: root of the excess without effects and with the best set, divided by the floor. The variance of
+            the simulated mean counts as a part of the floor here.
         deviation: mean deviation (`BlockDensity`) of the signal from the best set, over the blocks, weighted by the
             simulated signal.
         common: share of the remaining excess in the signal that the sessions have in common in more than one condition:
@@ -125,8 +126,9 @@ def collect_effects(
 def collect_remainder(judge: Judge, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
     """Evidence for a cause outside the catalogue. best: the set with the largest weight."""
     after = measure(judge.sessions, best.features, judge.layout)
-    floor = max(gap.floor, SMALLEST_FLOOR)
-    before_floors, after_floors = (np.sqrt(max(one.excess.value, 0.0)) / floor for one in (gap, after))
+    repeats2 = density.compute_simulated_floor2()
+    floor = max(float(np.hypot(gap.floor, np.sqrt(repeats2))), SMALLEST_FLOOR)
+    before_floors, after_floors = (np.sqrt(max(one.excess.value - repeats2, 0.0)) / floor for one in (gap, after))
     deviations = density.compute_deviations(best.features)[..., 0]
     load, is_loaded = _get_loads(judge)
     deviation = float((deviations * load).sum() / max(load.sum(), np.finfo(float).tiny))

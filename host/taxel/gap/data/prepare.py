@@ -32,4 +32,6 @@ def means_of(pair: Pair, recording: Recording, layout: Layout) -> SessionMeans:
 
 def simulated_state(pair: Pair, simulated: SessionMeans, layout: Layout) -> State:
     """What effects act on."""
-    return state_of(pair, layout, np.nan_to_num(known_mean(simulated.value, 1)))
+    # The variance of a reference is a part of the floor already.
+    variance = None if pair.is_real_real else simulated.mean_variance
+    return state_of(pair, layout, np.nan_to_num(known_mean(simulated.value, 1)), variance)

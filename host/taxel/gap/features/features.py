@@ -27,6 +27,9 @@ UNTOUCHED_COUNTS: Final = 20.0
 WEIGHTS: Final = {"hold": 0.35, "closing": 0.2, "release": 0.1, "recovery": 0.1, "noise": 0.1, "missing": 0.05}
 """Share of each family in the squared gap. With onset 0.05 and wander 0.05 they add to 1."""
 
+POOLED_SHARE: Final = 0.5
+"""Share of the mean over cells in the variance of a feature."""
+
 ONSET_WEIGHT: Final = 0.05
 WANDER_WEIGHT: Final = 0.05
 
@@ -126,6 +129,15 @@ class SessionMeans:
         within = self.spread / np.maximum(self.count.sum(axis=1), 1)[:, None, None]
         result = np.where(np.isfinite(between), between, within)
         return np.where(np.isfinite(result), result, known_mean(result, 0))
+
+    @cached_property
+    def mean_variance(self) -> FloatArray:
+        """Variance of `mean`, counts^2, f64[C, F, n], half of it the mean over the cells; 0 where it is not known.
+
+        Few repeats estimate a variance poorly, and shrinkage towards the mean is the usual remedy (Smyth 2004).
+        """
+        own = np.nan_to_num(self.variance) / np.maximum(self.known.sum(axis=1), 1)
+        return np.asarray((1.0 - POOLED_SHARE) * own + POOLED_SHARE * own.mean(axis=0))
 
     def residual(self, features: FloatArray) -> FloatArray:
         """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""

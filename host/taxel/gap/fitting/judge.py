@@ -57,9 +57,10 @@ class Judge:
         standard deviations elsewhere is of these.
         """
         model, layout = self.state.mean, self.layout
-        between = np.nan_to_num(real.variance) / np.maximum(real.known.sum(axis=1), 1)
-        pooled = 0.5 * between + 0.5 * between.mean(axis=0)
-        weight = layout.weight[:, None] / (pooled + tolerance2(layout, model, self.target))
+        variance = real.mean_variance + tolerance2(layout, model, self.target)
+        if self.state.mean_variance is not None:
+            variance = variance + self.state.mean_variance
+        weight = layout.weight[:, None] / variance
         return np.where(real.known.any(axis=1), weight, 0.0)
 
     def problem(self, part: NDArray[np.bool_] | None = None) -> Problem:

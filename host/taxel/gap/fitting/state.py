@@ -80,6 +80,7 @@ class State:
 
     pair, layout: what is compared. clock: the nodes. cell: [Q], the cell of each press. base: the signal without
     effects. mean: f64[C, F, n], the simulator's features. shift_s: seconds by which all of it is later than the file.
+    mean_variance: f64[C, F, n], counts^2, variance of `mean` by the variation of simulated repeats; None: not known.
     """
 
     pair: Pair
@@ -89,6 +90,7 @@ class State:
     base: Signal
     mean: FloatArray
     shift_s: float = 0.0
+    mean_variance: FloatArray | None = None
 
     @cached_property
     def untouched(self) -> NDArray[np.bool_]:
@@ -102,7 +104,7 @@ class State:
         delay = np.full((len(self.cell), self.pair.n), seconds)
         moved = self.base.mapped(lambda values: delayed(values, self.since, delay))
         shift = self.shift_s + seconds
-        return State(self.pair, self.layout, self.clock, self.cell, moved, self.predicted(moved), shift)
+        return replace(self, base=moved, mean=self.predicted(moved), shift_s=shift)
 
     @property
     def model(self) -> SensorModel:
@@ -205,8 +207,8 @@ class State:
         return np.asarray(sensor[:, None] == np.arange(len(self.pair.sensors.address))).astype(np.float64)
 
 
-def state_of(pair: Pair, layout: Layout, mean: FloatArray) -> State:
-    """Choose the presses of each cell that effects are worked out on. mean: f64[C, F, n]."""
+def state_of(pair: Pair, layout: Layout, mean: FloatArray, mean_variance: FloatArray | None = None) -> State:
+    """Choose the presses of each cell that effects are worked out on. mean, mean_variance: f64[C, F, n]."""
     size = len(pair.cells) * pair.clock.nodes * pair.n
     repeats = max(1, min(MOST_REPEATS, int(MOST_VALUES // size)))
     chosen: list[int] = []
@@ -220,7 +222,7 @@ def state_of(pair: Pair, layout: Layout, mean: FloatArray) -> State:
         base = Signal(_filled(sim.force[rows]), _filled(sim.separation[rows]), None)
     else:
         base = Signal(None, None, _filled(sim.nodes[rows]))
-    return State(pair, layout, pair.clock, sim.cell[rows], base, mean)
+    return State(pair, layout, pair.clock, sim.cell[rows], base, mean, mean_variance=mean_variance)
 
 
 def _filled(values: NDArray[np.float32]) -> FloatArray:

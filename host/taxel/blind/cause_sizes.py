@@ -1,0 +1,24 @@
+"""Size of a hidden cause: the gap that the cause alone produces, in floors."""
+
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.features.metric import gap_of_change, measure
+
+
+def measure_change(real: Path, without: Path, sim: Path) -> float:
+    """Measure the gap between the same grasps with and without a cause, in floors of the dataset with the cause.
+
+    real: dataset with all sessions and the cause. without: its first session without the cause, with equal random
+    numbers otherwise. sim: simulated dataset, whose taxels and conditions both have. Raises DatasetError and
+    GapInputError.
+    """
+    with threadpool_limits(limits=1):
+        own, other = (prepared(read_pair(path, sim)) for path in (real, without))
+        change = own.sessions.value[:, 0] - other.sessions.value[:, 0]
+        floor = measure(own.sessions, own.state.mean, own.layout).floor
+    return gap_of_change(np.nan_to_num(change), own.layout) / floor
