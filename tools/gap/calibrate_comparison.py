@@ -4,9 +4,10 @@ python tools/gap/calibrate_comparison.py --worlds 200 --seed 777 --out out/calib
 
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
 continues. --datasets: keep the datasets, so that a calibration after a change of the comparison need not make them
-again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap benchmark` with this seed, of all families. Withheld forms: the models are
-fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
-that were left out. --write: store the models fitted to all worlds in host/taxel/gap/calibration/calibration.json.
+again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap
+benchmark` with this seed, of all families. Withheld forms: the models are fitted to all worlds but those of some forms
+of causes (a fold of `--folds`), and the printed scores refer to the forms that were left out. --write: store the models
+fitted to all worlds in host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
 from taxel.gap.comparison.compare import compare
-from taxel.gap.comparison.density import BlockDensity
+from taxel.gap.comparison.density import BlockDensity, fit_density
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
@@ -19,6 +20,7 @@ from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.fitting.chain import Chain
 from taxel.gap.fitting.fit import fit, started
+from taxel.gap.fitting.judge import Judge
 
 
 def stiffen(force, signal):
@@ -152,3 +154,39 @@ def test_the_model_error_is_estimated_and_limits_the_evidence(judge, fitted):
         (one.compute_log_density(fitted.features) - one.compute_log_density(wrong)).sum() for one in (density, tolerant)
     ]
     assert gains[1] < 0.5 * gains[0]
+
+
+def with_repeats(judge: Judge, counts: float) -> Judge:
+    """The same pair with a simulated mean whose signal varies by some counts, by the differences of its repeats."""
+    variance = np.zeros_like(judge.state.mean)
+    variance[:, : judge.layout.bins] = counts**2
+    return Judge(replace(judge.state, mean_variance=variance), judge.sessions, judge.layout)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(judge, share, seed):
+    rng, bins, counts = np.random.default_rng(seed), slice(0, judge.layout.bins), 40.0
+    varied = with_repeats(judge, counts)
+    own_error = np.sqrt(judge.sessions.mean_variance[:, bins] + share * counts**2)
+    predicted = judge.target.copy()
+    predicted[:, bins] += own_error * rng.normal(size=own_error.shape)
+    density = fit_density(varied, DEFAULT_SETTINGS, predicted)
+    assert abs(density.repeat_share - share) <= 0.25
+    assert density.compute_simulated_floor2() == pytest.approx(
+        density.repeat_share * counts**2 * judge.layout.weight[bins].sum(), rel=0.2
+    )
+
+
+def test_variation_of_simulated_repeats_is_no_gap(judge):
+    exact, varied = (BlockDensity(one, DEFAULT_SETTINGS) for one in (judge, with_repeats(judge, 200.0)))
+    deviations = [one.compute_deviations(judge.state.mean)[..., 0].mean() for one in (exact, varied)]
+    assert deviations[1] < 0.1 * deviations[0]
+    bins = slice(0, judge.layout.bins)
+    assert with_repeats(judge, 200.0).weight[:, bins].max() < judge.weight[:, bins].max()
+
+
+def test_variation_of_a_real_reference_is_not_counted_twice(judge):
+    pair = judge.state.pair
+    assert prepared(pair).state.mean_variance is not None
+    assert prepared(replace(pair, is_real_real=True)).state.mean_variance is None
