@@ -61,6 +61,18 @@ def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(judge):
     assert 0.0 < (small - large)[0].sum() < 1.01 * bound
 
 
+def test_a_part_contains_half_of_the_taxels_of_a_condition_like_one_colour_of_a_chessboard(judge):
+    taxels = judge.state.pair.taxels
+    is_dark = (taxels.tx.astype(int) + taxels.rx) % 2 == 1
+    for parts in judge.parts:
+        dark, light = set(parts[is_dark].tolist()), set(parts[~is_dark].tolist())
+        assert len(dark) == len(light) == 1
+        assert dark != light
+    number, count = np.unique(judge.parts, return_counts=True)
+    assert len(number) == len(judge.parts)
+    assert set(count.tolist()) == {len(is_dark)}
+
+
 def test_linear_predictions_agree_with_fits_that_left_the_parts_out(judge, fitted):
     prediction = predict_held_out(judge, fitted.chain, ())
     for number, chain in enumerate(prediction.chains):
