@@ -56,21 +56,31 @@ def choose(times: dict[str, float], budget_s: float) -> list[str]:
     return chosen
 
 
+def read_list() -> list[str]:
+    """Read the present list."""
+    return [line for line in LIST.read_text().splitlines() if line and not line.startswith("#")]
+
+
 def main() -> int:
     """Write the list."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("junit", type=Path, help="JUnit file of a run of all tests on an idle machine")
     parser.add_argument("--budget-s", type=float, default=230.0, help="CPU time of the other tests, seconds")
+    parser.add_argument(
+        "--add", action="store_true", help="keep the listed tests; the file has times of the other tests (test-python)"
+    )
     options = parser.parse_args()
     try:
         times = read_times(options.junit)
     except (OSError, ElementTree.ParseError) as error:
         print(f"error: {options.junit}: {error}; run make test-times", file=sys.stderr)
         return 1
+    kept = [node_id for node_id in read_list() if node_id not in times] if options.add else []
     chosen = choose(times, options.budget_s)
-    write_whole(LIST, HEADER + "".join(f"{node_id}\n" for node_id in chosen))
     rest = sum(times.values()) - sum(times[node_id] for node_id in chosen)
-    print(f"{len(chosen)} of {len(times)} tests are slow; the others take {rest:.0f} s")
+    chosen = [*kept, *chosen]
+    write_whole(LIST, HEADER + "".join(f"{node_id}\n" for node_id in chosen))
+    print(f"{len(chosen)} of {len(times) + len(kept)} tests are slow; the others take {rest:.0f} s")
     return 0
 
 

@@ -20,6 +20,8 @@ from taxel.gap.verdict.headlines import (
     TWO_REAL,
     make_either_headline,
     make_headline,
+    make_open_headline,
+    make_weak_headline,
 )
 from taxel.gap.verdict.verdict import judge_verdict, list_causes, list_questioned
 
@@ -67,6 +69,25 @@ def test_two_rivals_are_reported_as_either_of_both():
     assert verdict.headline == expected
 
 
+@pytest.mark.parametrize(
+    ("probabilities", "headline"),
+    [
+        ({"latency": 0.47, "unknown": 0.2, "no_gap": 0.1}, "Perhaps the skin lags behind; the evidence is weak."),
+        (
+            {"latency": 0.2, "unknown": 0.4, "no_gap": 0.1},
+            "The real skin and the simulator differ; no known cause explains it.",
+        ),
+        (
+            {"latency": 0.2, "unknown": 0.4, "no_gap": 0.45},
+            "It is open whether the real skin and the simulator differ.",
+        ),
+    ],
+)
+def test_the_headline_of_an_unnamed_cause_follows_the_largest_probability(probabilities, headline):
+    verdict = judge(probabilities)
+    assert (verdict.effects, verdict.headline) == (("unknown",), headline)
+
+
 def test_too_few_sessions_end_neither_in_no_gap_nor_in_explained():
     none = judge({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, sessions=1)
     assert none.status == "unknown"
@@ -110,7 +131,8 @@ def test_headlines_of_every_effect_and_pair_have_at_most_twelve_words(sides):
         for probability in (0.6, 0.9)
     ]
     headlines += [make_either_headline(first, second, sides) for first, second in PAIRS]
-    headlines += [sides.fill(HEADLINES["unknown"])]
+    headlines += [make_weak_headline(name, sides) for name in NAMES]
+    headlines += [sides.fill(HEADLINES["unknown"]), make_open_headline(sides)]
     for headline in headlines:
         assert len(headline.split()) <= MOST_WORDS, headline
         assert headline[0].isupper(), headline

@@ -108,6 +108,16 @@ def make_either_headline(first: str, second: str, sides: Sides) -> str:
     return f"{sides.skin.capitalize()} {_predicate(first)} or {_predicate(second)}; another contact decides."
 
 
+def make_weak_headline(name: str, sides: Sides) -> str:
+    """The headline of a gap whose most probable cause is an effect without enough evidence to be named."""
+    return f"Perhaps {sides.skin} {_predicate(name)}; the evidence is weak."
+
+
+def make_open_headline(sides: Sides) -> str:
+    """The headline of two datasets that agree with a probability below one half, though nothing is more probable."""
+    return f"It is open whether {sides.real} and {sides.sim} differ."
+
+
 def _predicate(name: str) -> str:
     words = name.replace("_", " ")
     own = f"has {words}" if len(words.split()) <= 2 else OTHER_PREDICATE

@@ -15,6 +15,8 @@ from taxel.gap.verdict.headlines import (
     Sides,
     make_either_headline,
     make_headline,
+    make_open_headline,
+    make_weak_headline,
 )
 from taxel.gap.verdict.held_out import HeldOut
 
@@ -55,6 +57,9 @@ class Verdict:
     one_line: str
     reasons: tuple[str, ...] = ()
     rivals: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+NO_CAUSE_NAMED: Final = "no cause has a probability of 0.5 or more"
 
 
 def list_causes(probabilities: Mapping[str, float]) -> tuple[str, ...]:
@@ -144,7 +149,17 @@ def _judge_unknown(
         second = rivals[first][0]
         line = f"Unknown: the gap is {size}; the most probable causes are {_to_words(first)} or {_to_words(second)}."
         headline = make_either_headline(first, second, sides)
-        reasons = [*reasons, "no cause has a probability of 0.5 or more"]
+        reasons = [*reasons, NO_CAUSE_NAMED]
+    else:
+        first = max(probabilities, key=lambda name: probabilities[name])
+        if first == NO_GAP:
+            line = f"Unknown: the gap is {size}; it is open whether a cause is present."
+            headline = make_open_headline(sides)
+            reasons = [*reasons, NO_CAUSE_NAMED]
+        elif first != UNKNOWN:
+            line = f"Unknown: the gap is {size}; the most probable cause is {_to_words(first)}."
+            headline = make_weak_headline(first, sides)
+            reasons = [*reasons, NO_CAUSE_NAMED]
     return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
 
 
