@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 
 from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
+from taxel.gap.comparison.candidates import CandidateSearch
 from taxel.gap.comparison.compare import compare
 from taxel.gap.comparison.density import BlockDensity, fit_density
 from taxel.gap.comparison.held_out import predict_held_out
+from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepared
-from taxel.gap.effects.effect import HAND
+from taxel.gap.effects.effect import BOARD, HAND, TAXEL
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.chain import Chain, FittedEffect
 from taxel.gap.fitting.fit import fit, started
 from taxel.gap.fitting.judge import Judge
 
@@ -202,3 +206,27 @@ def test_variation_of_a_real_reference_is_not_counted_twice(judge):
     pair = judge.state.pair
     assert prepared(pair).state.mean_variance is not None
     assert prepared(replace(pair, is_real_real=True)).state.mean_variance is None
+
+
+def imitate(judge: Judge, slope: float, seed: int) -> FittedEffect:
+    """Gains of all taxels that vary at random, and with the load."""
+    rng = np.random.default_rng(seed)
+    load = np.abs(judge.state.mean[:, : judge.layout.bins]).max(axis=(0, 1))
+    gains = rng.normal(0.0, 0.1, len(load)) + slope * np.log(np.maximum(load, 1.0) / 1000.0)
+    return FittedEffect(GainMismatch(TAXEL), gains[None])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gains_that_depend_on_the_load_are_less_probable(judge, seed):
+    search = CandidateSearch(judge, {}, BlockDensity(judge, DEFAULT_SETTINGS), DEFAULT_SETTINGS)
+    independent, dependent = imitate(judge, 0.0, seed), imitate(judge, -0.5, seed)
+    assert compute_load_trend(judge.state, independent) < 3.5
+    assert compute_load_trend(judge.state, dependent) > 5.0
+    priors = [search.compute_log_prior(Chain((one,))) for one in (independent, dependent)]
+    assert priors[1] < priors[0] - 10.0
+
+
+def test_only_properties_of_boards_and_taxels_have_a_load_trend(judge, fitted):
+    assert compute_load_trend(judge.state, fitted.chain.links[0]) == 0.0
+    delays = np.linspace(0.0, 0.1, 2)[None]
+    assert compute_load_trend(judge.state, FittedEffect(Latency(BOARD), delays)) == 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from taxel.gap.comparison.density import BlockDensity, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
+from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import ComparisonSettings
 from taxel.gap.effects.catalogue import DROPOUT, FIXED, Forms
 from taxel.gap.effects.dropout import Dropout
@@ -101,8 +102,9 @@ class CandidateSearch:
         return CandidateSets(found, alone)
 
     def compute_log_prior(self, chain: Chain) -> float:
-        """Log prior of the forms of the effects, and of parameters that are farther from the expected value than usual
-        (`ComparisonSettings.local_odds`, `usual_deviation`).
+        """Log prior of the forms of the effects, of parameters that are farther from the expected value than usual, and
+        of properties of the skin that depend on the load (`ComparisonSettings.local_odds`, `usual_deviation`,
+        `compute_load_trend`).
         """
         settings = self._settings
         total = 0.0
@@ -111,6 +113,8 @@ class CandidateSearch:
                 continue
             if link.effect.scope != HAND:
                 total += math.log(settings.local_odds)
+            trend = compute_load_trend(self._judge.state, link)
+            total -= 0.5 * max(trend**2 - settings.usual_deviation**2, 0.0)
             for row, parameter in enumerate(link.effect.parameters()):
                 if np.isfinite(parameter.prior):
                     squares = ((link.values[row] - parameter.middle) / parameter.prior) ** 2

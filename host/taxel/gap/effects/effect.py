@@ -63,7 +63,8 @@ class Effect(ABC):
     name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
     from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
     needs: what the datasets must have, by the keys of `taxel.gap.data.lacking.REASONS`.
-    memory: whether what comes out at a time depends on other times. priors: what is known of its parameters.
+    memory: whether what comes out at a time depends on other times. is_load_independent: whether the values of blocks
+    are properties of the skin, which do not depend on the load. priors: what is known of its parameters.
     """
 
     name: ClassVar[str]
@@ -73,6 +74,7 @@ class Effect(ABC):
     needs: ClassVar[frozenset[str]] = frozenset()
     needs_force: ClassVar[bool] = False
     memory: ClassVar[bool] = False
+    is_load_independent: ClassVar[bool] = False
     priors: Mapping[str, Prior] = MappingProxyType({})
 
     @abstractmethod

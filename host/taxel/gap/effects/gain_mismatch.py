@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from taxel.gap.effects.effect import BOARD, TAXEL, Effect, Parameter
@@ -14,6 +16,7 @@ class GainMismatch(Effect):
 
     name = "gain_mismatch"
     order = 50
+    is_load_independent: ClassVar[bool] = True
 
     def __init__(self, scope: str = TAXEL, prior: float = 0.3) -> None:
         self.scope, self.prior = scope, prior

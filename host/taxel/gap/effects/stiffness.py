@@ -22,6 +22,7 @@ class Stiffness(Effect):
     name = "stiffness"
     order = 40
     needs_force: ClassVar[bool] = True
+    is_load_independent: ClassVar[bool] = True
 
     def __init__(self, scope: str = "hand") -> None:
         self.scope = scope
