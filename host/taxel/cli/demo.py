@@ -164,8 +164,8 @@ def _shorten(lines: Sequence[str]) -> str:
 
 def _describe_hidden(outcome: DemoOutcome) -> str:
     """The hidden causes that count, and the forms in the emulator with their sizes in floors."""
-    forms = [f"{form}, {size:.1f} floors" for form, size in zip(outcome.hidden, outcome.sizes, strict=True)]
-    return f"{_join(outcome.expected)} ({'; '.join(forms) or 'no effect'})"
+    variants = [f"{variant}, {size:.1f} floors" for variant, size in zip(outcome.hidden, outcome.sizes, strict=True)]
+    return f"{_join(outcome.expected)} ({'; '.join(variants) or 'no effect'})"
 
 
 def _join(names: Sequence[str]) -> str:
