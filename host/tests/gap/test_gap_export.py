@@ -20,6 +20,8 @@ from taxel.gap.apply.added import with_effects
 from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
 from taxel.gap.apply.rewriting import Rewriting, copied
+from taxel.gap.comparison.density import BlockDensity
+from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.data.pair import read_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
@@ -193,9 +195,12 @@ def test_exported_module_closes_the_diagnosed_gap(case, tmp_path, name):
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
     assert export_report(own.path, "python", module).effects == (name,)
     rewrite(load_module(module), own.sim, out)
-    again = diagnose(own.real, out, without=others(name)).report
-    gap = again["gap"]
-    assert again["verdict"]["status"] == "no_gap" or gap["value"] <= 1.2 * gap["floor"]
+    again = diagnose(own.real, out, without=others(name))
+    gap = again.report["gap"]
+    # The module draws random numbers for a drift and for noise, so that the simulated mean varies as the real one does.
+    varied2 = BlockDensity(again.judge, DEFAULT_SETTINGS).compute_simulated_floor2()
+    is_at_floor = gap["value"] ** 2 <= 1.2**2 * (gap["floor"] ** 2 + varied2)
+    assert again.report["verdict"]["status"] == "no_gap" or is_at_floor
 
 
 @pytest.mark.parametrize("name", PARTLY)

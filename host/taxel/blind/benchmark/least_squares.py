@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -28,7 +29,9 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     conditions with known features. A set has the weight exp(-BIC / 2) (Schwarz 1978), and an effect the sum of the
     weights of its sets. seed: not used.
     """
-    judge = prepared(read_pair(real, sim))
+    own = prepared(read_pair(real, sim))
+    # Plain least squares: only the real sessions vary.
+    judge = Judge(replace(own.state, mean_variance=None), own.sessions, own.layout)
     catalogue = chosen()
     penalty = float(np.log(max(int((judge.weight > 0).any(axis=1).sum()), 2)))
     base, criterion = Chain(), judge.problem().cost(judge.state.mean)

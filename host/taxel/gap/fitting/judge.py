@@ -28,6 +28,10 @@ NOISE_SHARE: Final = 0.05
 TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "wander": 2.0}
 """And its absolute error."""
 
+USUAL_REPEAT_SHARE: Final = 0.5
+"""Share of the variance between simulated repeats that applies to their mean in a fit: between 1 for random repeats and
+0 for repeats that were planned such that their variation cancels. A comparison estimates the share."""
+
 REFITS: Final = 3
 """Iterations of a fit that begins near its end."""
 
@@ -59,7 +63,7 @@ class Judge:
         model, layout = self.state.mean, self.layout
         variance = real.mean_variance + tolerance2(layout, model, self.target)
         if self.state.mean_variance is not None:
-            variance = variance + self.state.mean_variance
+            variance = variance + USUAL_REPEAT_SHARE * self.state.mean_variance
         weight = layout.weight[:, None] / variance
         return np.where(real.known.any(axis=1), weight, 0.0)
 
