@@ -9,6 +9,7 @@ exceeded. Budgets: flash from the layout, RAM and stack from the image's linker 
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, replace
@@ -129,13 +130,23 @@ def measure(linked: LinkedImage, use: StackUse) -> Size:
     )
 
 
+def find_noted_frames(build: Path, sources: tuple[str, ...]) -> list[Path]:
+    """Find the stack files of some sources in a build folder; a folder that another build removes is left out."""
+    return [
+        Path(folder) / name
+        for folder, _, names in os.walk(build)
+        for name in sorted(names)
+        if name.startswith(sources) and name.endswith(".su")
+    ]
+
+
 def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     """Flash, RAM and stack of all images of a build folder. objdump: path of the tool; calls: path of calls.toml.
 
     Raises FirmwareFileError, OSError.
     """
     table = read_call_table(calls)
-    shared = [*build.rglob("memory.c*.su"), *build.rglob("standalone.c*.su")]
+    shared = find_noted_frames(build, ("memory.c", "standalone.c"))
     sizes = {}
     for name in IMAGES:
         path = build / f"{name}.elf"
