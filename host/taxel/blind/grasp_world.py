@@ -1,9 +1,8 @@
 """A small grasp campaign on the whole hand with hidden causes, for the demonstration."""
 
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -17,6 +16,7 @@ from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
+from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.hand import Hand, load_hand
@@ -32,14 +32,9 @@ LOADED_SHARE: Final = 0.2
 not load the skin, a cause has no consequence. A fault needs one loaded taxel."""
 
 MOST_SAMPLES: Final = 1000
+"""Samples of a cause after which the last one is used, even if the grasps do not load it."""
 
 APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 6, 4
-
-Progress = Callable[[int, int], None]
-
-
-def ignore_progress(done: int, total: int) -> None:
-    """Show no progress."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +134,7 @@ def make_small_plans(
     return real, sim
 
 
-def simulate_grasps(
-    campaign_seed: int, sim: Path, progress: Progress = ignore_progress, jobs: int | None = None
-) -> None:
+def simulate_grasps(campaign_seed: int, sim: Path, progress: Progress = no_progress, jobs: int | None = None) -> None:
     """Run the simulated grasps of a world. sim: file to write. jobs: number of processes; None: one per core. Raises
     TaxelError with a one-line message.
     """
@@ -149,15 +142,13 @@ def simulate_grasps(
     run_simulated(sim, plan, SimSettings(seed=campaign_seed + 1), jobs=jobs, progress=progress)
 
 
-def emulate_grasps(
-    world: GraspWorld, real: Path, progress: Progress = ignore_progress, jobs: int | None = None
-) -> None:
+def emulate_grasps(world: GraspWorld, real: Path, progress: Progress = no_progress, jobs: int | None = None) -> None:
     """Run the grasps of a world on the emulated hand with all its causes. real: file to write. Raises TaxelError."""
     _emulate(world, world.hidden.causes, make_small_plans(world.seed)[0], real, progress, jobs)
 
 
 def measure_sizes(
-    world: GraspWorld, real: Path, sim: Path, progress: Progress = ignore_progress, jobs: int | None = None
+    world: GraspWorld, real: Path, sim: Path, progress: Progress = no_progress, jobs: int | None = None
 ) -> tuple[float, ...]:
     """Measure the gap that each hidden cause alone produces, in floors.
 
@@ -166,19 +157,18 @@ def measure_sizes(
     """
     plan = make_small_plans(world.seed)[0]
     first = tuple(planned for planned in plan if planned.session == min(one.session for one in plan))
-    sizes = []
+    total, sizes = len(world.hidden.causes) * len(first), []
     for number, cause in enumerate(world.hidden.causes):
+
+        def show(done: int, _: int, before: int = number * len(first)) -> None:
+            progress(before + done, total)
+
         others = tuple(other for other in world.hidden.causes if other is not cause)
         with TemporaryDirectory(prefix="taxel-demo-") as folder:
             without = Path(folder) / "without.h5"
-            _emulate(world, others, first, without, partial(_show_part, progress, number, len(first)), jobs)
+            _emulate(world, others, first, without, show, jobs)
             sizes.append(measure_change(real, without, sim))
     return tuple(sizes)
-
-
-def _show_part(progress: Progress, number: int, grasps: int, done: int, total: int) -> None:
-    """Show the progress of one of several equal campaigns."""
-    progress(number * grasps + done, max(number * grasps + total, grasps))
 
 
 def _emulate(

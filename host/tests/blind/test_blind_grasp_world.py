@@ -9,6 +9,7 @@ from host.tests.command_line import run_taxel
 from taxel.blind import grasp_world
 from taxel.blind.catalogue_causes import CATALOGUE_CAUSES
 from taxel.blind.grasp_world import GraspWorldSampler, find_boards, make_small_plans
+from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.seal import commitment
 from taxel.campaign.setup import Setup
@@ -76,3 +77,24 @@ def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path,
     assert run_taxel("demo", "--out", tmp_path / "demo", *arguments) == 2
     assert f"'{arguments[0]}'" in capsys.readouterr().err
     assert not (tmp_path / "demo").exists()
+
+
+def test_the_size_of_each_cause_is_measured_without_it_on_the_first_session(monkeypatch, tmp_path):
+    causes = tuple(Cause(name, name, (f"{name} x=1",)) for name in ("noise", "latency"))
+    world = grasp_world.GraspWorld(3, HiddenCauses("several", causes, ("gain electrode log_std=0.01",)), "")
+    runs, shown = [], []
+
+    def emulate(path, plan, settings, jobs, progress):
+        runs.append((settings.effects, {planned.session for planned in plan}, settings.seed))
+        progress(len(plan), len(plan))
+
+    monkeypatch.setattr(grasp_world, "run_emulated", emulate)
+    monkeypatch.setattr(grasp_world, "measure_change", lambda real, without, sim: float(len(runs)))
+    sizes = grasp_world.measure_sizes(
+        world, tmp_path / "real.h5", tmp_path / "sim.h5", lambda *done: shown.append(done)
+    )
+    assert sizes == (1.0, 2.0)
+    nuisance = "gain electrode log_std=0.01"
+    assert [run[0] for run in runs] == [("latency x=1", nuisance), ("noise x=1", nuisance)]
+    assert all(run[1:] == ({0}, 3) for run in runs)
+    assert shown == [(6, 12), (12, 12)]
