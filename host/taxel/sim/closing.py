@@ -14,6 +14,7 @@ from taxel.hand.transforms import to_quaternion
 from taxel.sim.contact_messages import ContactMessage, MessageRecorder, RecorderSettings
 from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, compute_board_wrenches, read_contacts
 from taxel.sim.native_contact import NativeContact
+from taxel.sim.native_push import NativePush
 from taxel.sim.scene import STEP_S, Scene
 from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
@@ -131,7 +132,8 @@ def simulate_grasp(
     true_pose = nominal_pose if settings.object_offset is None else nominal_pose @ settings.object_offset
     push = None
     if settings.law is not None:
-        push = SoftPush(scene, NativeContact(scene.hand, scene.grasp_object.shape, settings.law), settings.soft_step_s)
+        contact = NativeContact(scene.hand, scene.grasp_object.shape, settings.law)
+        push = NativePush(scene, contact, settings.soft_step_s)
     controller = GraspController(_deviate_targets(approach, settings.seed), timeline, settings.torque_scale)
     recorder = MessageRecorder(scene, settings.recorder) if settings.recorder is not None else None
     run = _Run(scene, controller, nominal_pose, push, recorder, settings.holds_object)
@@ -249,7 +251,7 @@ class _Run:
         data.qfrc_applied[scene.joint_dofs] = self.controller.compute_torque(time_s, angles, velocities)
         steadying = 1.0 if self._holds_object else self.controller.timeline.get_steadying(time_s)
         if self._push is not None:
-            self._push.steadying.set_firmness(steadying)
+            self._push.set_firmness(steadying)
             self._push.step(data)
             return
         self._steady_object(steadying > 0.5)

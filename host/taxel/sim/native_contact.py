@@ -138,6 +138,7 @@ class NativeContact:
     """Contact of the soft layer with a solid (`taxel.sim.soft_contact.LayerContact`), computed in C.
 
     law: force law of the layer on one taxel. friction: of the layer's surface on the solid; None: `LayerFriction()`.
+    address: of the C structure `struct sim_layer`, valid as long as this object.
     Raises `SimLibraryError`, and TypeError for a shape that the library does not support.
     """
 
@@ -183,7 +184,7 @@ class NativeContact:
             anchor=self._reference(np.zeros((len(table.position), 3))),
             touched=self._reference(np.zeros(len(table.position))),
         )
-        self._address = ctypes.addressof(self._layer)
+        self.address = ctypes.addressof(self._layer)
 
     def _reference(self, array: npt.NDArray[Any]) -> int:
         """Return the memory address of an array, which this object keeps alive for its own lifetime."""
@@ -235,5 +236,5 @@ class NativeContact:
             )
         result = SoftLoad(np.empty((self._boards, 6)), np.empty((self._boards, 6, 6)))
         wrench, stiffness = (part.ctypes.data for part in result)
-        self._call(self._address, poses.ctypes.data, pose.ctypes.data, wrench, stiffness, force, int(advance))
+        self._call(self.address, poses.ctypes.data, pose.ctypes.data, wrench, stiffness, force, int(advance))
         return result

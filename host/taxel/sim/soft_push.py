@@ -3,6 +3,8 @@
 MuJoCo computes inertia M, bias forces and kinematics. The step of length h is linearly implicit in the stiffness K of
 layer and stand and in the damping D: (M / h + D + h K) v' = M v / h + forces. The positions are then integrated with
 the new velocity v'.
+
+This Python implementation is the reference of the tests; grasps use the C implementation (`taxel.sim.native_push`).
 """
 
 import copy
@@ -80,6 +82,10 @@ class SoftPush:
     def place_stand(self, pose: FloatArray) -> None:
         """Set the pose f64[4, 4] of the stand in the world, on whose plane z = 0 the object stands."""
         self._stand = StandContact(self._shape, pose)
+
+    def set_firmness(self, firmness: float) -> None:
+        """Set how firmly the experimenter holds the object, 0 to 1. A hold begins at the present pose of the object."""
+        self.steadying.set_firmness(firmness)
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance the MuJoCo scene by one time step of `step_s` under the joint torques `data.qfrc_applied`.

@@ -29,25 +29,28 @@ class StandContact:
 
     Each corner is a spring across the plane. A corner sticks to the point of the plane that it first touched, and
     slides where the force along the plane would exceed the friction coefficient times the force across.
+
+    corners: f64[k, 3], object frame, metres. stiffness_n_per_m: of one corner. up, origin: f64[3], unit normal and a
+    point of the plane, world.
     """
 
     def __init__(self, shape: Shape, pose: FloatArray) -> None:
         """Prepare the contact. shape: the object. pose: f64[4, 4] of the stand in the world; its z axis is upward."""
-        self._corners = _find_corners(shape)
-        is_bottom = self._corners[:, 2] < self._corners[:, 2].min() + 1e-6
-        self._stiffness = STAND_N_PER_M / max(int(is_bottom.sum()), 1)
-        self._up, self._origin = pose[:3, 2].copy(), pose[:3, 3].copy()
-        self._across = np.outer(self._up, self._up)
-        self._anchors = np.full_like(self._corners, np.nan)
+        self.corners = _find_corners(shape)
+        is_bottom = self.corners[:, 2] < self.corners[:, 2].min() + 1e-6
+        self.stiffness_n_per_m = STAND_N_PER_M / max(int(is_bottom.sum()), 1)
+        self.up, self.origin = pose[:3, 2].copy(), pose[:3, 3].copy()
+        self._across = np.outer(self.up, self.up)
+        self._anchors = np.full_like(self.corners, np.nan)
 
     def compute_load(self, object_pose: FloatArray, advance: bool = False) -> StandLoad:
         """Compute the load on the object at a pose f64[4, 4] in the world.
 
         advance: store where the corners stick to the stand; call it once per time step, with the poses of the step.
         """
-        arms = self._corners @ object_pose[:3, :3].T
+        arms = self.corners @ object_pose[:3, :3].T
         points = arms + object_pose[:3, 3]
-        depth = (self._origin - points) @ self._up
+        depth = (self.origin - points) @ self.up
         touching = depth > 0.0
         if advance:
             self._anchors[~touching] = np.nan
@@ -56,17 +59,17 @@ class StandContact:
         points, depth = points[touching], depth[touching]
         shear = points - self._anchors[touching]
         shear[np.isnan(shear)] = 0.0  # a corner that touches the stand for the first time
-        shear -= (shear @ self._up)[:, None] * self._up
+        shear -= (shear @ self.up)[:, None] * self.up
         length = np.sqrt((shear * shear).sum(axis=1))
-        limit, sticking = STAND_FRICTION * self._stiffness * depth, self._stiffness * length
+        limit, sticking = STAND_FRICTION * self.stiffness_n_per_m * depth, self.stiffness_n_per_m * length
         slides = sticking > limit
-        rate = np.where(slides, self._stiffness * limit / np.maximum(sticking, limit), self._stiffness)
+        rate = np.where(slides, self.stiffness_n_per_m * limit / np.maximum(sticking, limit), self.stiffness_n_per_m)
         if advance:
-            self._anchors[touching] = points - shear * (rate / self._stiffness)[:, None]
+            self._anchors[touching] = points - shear * (rate / self.stiffness_n_per_m)[:, None]
         along = np.where(slides, rate / np.maximum(length, 1e-12) ** 2, 0.0)
-        springs = (self._stiffness - rate)[:, None, None] * self._across + rate[:, None, None] * np.eye(3)
+        springs = (self.stiffness_n_per_m - rate)[:, None, None] * self._across + rate[:, None, None] * np.eye(3)
         springs -= along[:, None, None] * shear[:, :, None] * shear[:, None, :]
-        force = self._stiffness * depth[:, None] * self._up - rate[:, None] * shear
+        force = self.stiffness_n_per_m * depth[:, None] * self.up - rate[:, None] * shear
         motion = np.zeros((len(points), 6, 3))
         motion[:, :3] = np.eye(3)
         motion[:, 3:] = cross(arms[touching][:, None], np.eye(3)[None]).transpose(0, 2, 1)

@@ -108,6 +108,7 @@ def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
     monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)  # the searches of the models differ
+    monkeypatch.setattr(closing, "NativePush", SoftPush)
     native = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))
     monkeypatch.setattr(closing, "NativeContact", SoftContact)
     reference = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))

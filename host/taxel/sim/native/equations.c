@@ -1,0 +1,72 @@
+#include "equations.h"
+
+#include <math.h>
+
+#define MOTIONS 6
+
+void sim_add_point(struct sim_equations *equations, size_t first, const double motion[6][3], const double force[3],
+                   const double stiffness[3][3])
+{
+    for (size_t i = 0; i < MOTIONS; i++) {
+        double *row = equations->system + (first + i) * equations->dofs + first;
+        double turned[3] = {0.0};
+        for (size_t k = 0; k < 3; k++) {
+            equations->force[first + i] += motion[i][k] * force[k];
+            for (size_t j = 0; j < 3; j++) {
+                turned[j] += motion[i][k] * stiffness[k][j];
+            }
+        }
+        for (size_t j = 0; j < MOTIONS; j++) {
+            row[j] +=
+                equations->step_s * (turned[0] * motion[j][0] + turned[1] * motion[j][1] + turned[2] * motion[j][2]);
+        }
+    }
+}
+
+/* Exchange two rows of the equations. */
+static void exchange_rows(struct sim_equations *equations, size_t a, size_t b)
+{
+    for (size_t j = 0; j < equations->dofs; j++) {
+        const double number = equations->system[a * equations->dofs + j];
+        equations->system[a * equations->dofs + j] = equations->system[b * equations->dofs + j];
+        equations->system[b * equations->dofs + j] = number;
+    }
+    const double force = equations->force[a];
+    equations->force[a] = equations->force[b];
+    equations->force[b] = force;
+}
+
+int sim_solve(struct sim_equations *equations)
+{
+    const size_t n = equations->dofs;
+    double *a = equations->system, *b = equations->force;
+    for (size_t column = 0; column < n; column++) {
+        size_t pivot = column;
+        for (size_t row = column + 1; row < n; row++) {
+            pivot = fabs(a[row * n + column]) > fabs(a[pivot * n + column]) ? row : pivot;
+        }
+        if (!(fabs(a[pivot * n + column]) > 0.0)) {
+            return 0;
+        }
+        if (pivot != column) {
+            exchange_rows(equations, pivot, column);
+        }
+        for (size_t row = column + 1; row < n; row++) {
+            const double factor = a[row * n + column] / a[column * n + column];
+            if (factor == 0.0) {
+                continue;
+            }
+            for (size_t j = column + 1; j < n; j++) {
+                a[row * n + j] -= factor * a[column * n + j];
+            }
+            b[row] -= factor * b[column];
+        }
+    }
+    for (size_t row = n; row-- > 0;) {
+        for (size_t j = row + 1; j < n; j++) {
+            b[row] -= a[row * n + j] * b[j];
+        }
+        b[row] /= a[row * n + row];
+    }
+    return 1;
+}
