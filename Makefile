@@ -101,7 +101,7 @@ test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses a
 
 .PHONY: test-times
 test-times: $(STAMP)  ## choose the tests that `make test` leaves to `make test-slow`, by their times on this idle machine
-	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -p no:cacheprovider --junitxml=build/test_times.xml > build/test_times.log || tail -n 40 build/test_times.log
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -p no:cacheprovider -o junit_duration_report=call --junitxml=build/test_times.xml > build/test_times.log || tail -n 40 build/test_times.log
 	@$(BIN)/python tools/test_times/choose_slow_tests.py build/test_times.xml
 
 .PHONY: coverage

@@ -1,5 +1,7 @@
 """Choose the tests that `make test` leaves to `make test-slow`, from the times of a run, `make test-times`.
 
+The times do not contain fixtures: the remaining tests of a file still need them.
+
 Example: python tools/test_times/choose_slow_tests.py build/test_times.xml --budget-s 220
 """
 
@@ -65,7 +67,9 @@ def main() -> int:
     """Write the list."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("junit", type=Path, help="JUnit file of a run of all tests on an idle machine")
-    parser.add_argument("--budget-s", type=float, default=230.0, help="CPU time of the other tests, seconds")
+    parser.add_argument(
+        "--budget-s", type=float, default=230.0, help="time of the other tests without their fixtures, s"
+    )
     parser.add_argument(
         "--add", action="store_true", help="keep the listed tests; the file has times of the other tests (test-python)"
     )

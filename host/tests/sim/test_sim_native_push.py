@@ -19,7 +19,7 @@ from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SoftPush
 
 LAW = LayerLaw()
-SHORT = Timeline(baseline_s=0.05, closing_s=0.6, hold_s=0.2, release_s=0.3, recovery_s=0.0)
+SHORT = Timeline(baseline_s=0.05, closing_s=0.5, hold_s=0.1, release_s=0.2, recovery_s=0.0)
 
 
 @pytest.fixture(scope="module", params=["rectangular_prism", "cylinder"])
@@ -27,10 +27,9 @@ def scene(request):
     return build_scene(load_hand("allegro"), make_thesis_objects(ASSUMED_SIZES)[request.param], "palm")
 
 
-@pytest.mark.parametrize("is_steadied", [False, True], ids=["stand", "steadied"])
-def test_a_simulated_grasp_agrees_with_the_python_steps(scene, is_steadied, monkeypatch):
+def test_a_simulated_grasp_agrees_with_the_python_steps(scene, monkeypatch):
     approach = next(one for one in make_thesis_approaches(withdraw_m=0.02) if one.object == scene.grasp_object.name)
-    settings = SimulationSettings(law=LAW, seed=5, holds_object=is_steadied)
+    settings = SimulationSettings(law=LAW, seed=5)
     native = simulate_grasp(scene, approach, SHORT, settings)
     monkeypatch.setattr(closing, "NativePush", SoftPush)
     reference = simulate_grasp(scene, approach, SHORT, settings)
@@ -56,7 +55,7 @@ def prepare(scene, push_class, seed):
     return push, data, random
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_object_slides_turns_and_is_steadied_as_with_the_python_steps(scene, seed):
     results = []
     for push_class in (NativePush, SoftPush):
