@@ -191,13 +191,18 @@ unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size
 static unsigned checksum_of(const uint8_t *bytes, unsigned size, uint8_t kind)
 {
     unsigned sum = 0, crc = 0xFFFFu;
+    if (kind != TAXEL_BOOT_CHECKSUM_CRC) {
+        for (unsigned i = 0; i < size; i++) {
+            sum += bytes[i];
+        }
+        return (0x10000u - (sum & 0xFFFFu)) & 0xFFFFu;
+    }
     for (unsigned i = 0; i < 8u * size; i++) {
-        sum += i % 8u ? 0u : bytes[i / 8u];
         const unsigned bit = ((unsigned)bytes[i / 8u] >> (i % 8u)) & 1u;
         crc = (crc & 1u) != bit ? (crc >> 1) ^ 0x8408u : crc >> 1;
     }
     crc = ~crc & 0xFFFFu;
-    return kind == TAXEL_BOOT_CHECKSUM_CRC ? ((crc & 0xFFu) << 8) | (crc >> 8) : (0x10000u - (sum & 0xFFFFu)) & 0xFFFFu;
+    return ((crc & 0xFFu) << 8) | (crc >> 8);
 }
 
 /* Builds a packet with command and data in `bytes`. Returns its size. */
