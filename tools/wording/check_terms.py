@@ -35,7 +35,7 @@ class Finding(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """A word of the glossary's left column.
 
@@ -77,6 +77,38 @@ class Exception_:  # noqa: N801 - an entry of allowed.toml, not an error
             and self.word in ("*", finding.word)
             and (self.text is None or self.text.search(finding.text) is not None)
         )
+
+
+_STEM: Final = re.compile(r"[a-z]{3,}")
+
+
+def list_stems(term: Term) -> tuple[str, ...]:
+    """Beginnings of the words of which one is in every prose that a term matches; none if its pattern has no letters.
+
+    Escapes and optional letters of the pattern do not count: `rooms?` has the stem `room`.
+    """
+    source = re.sub(r"\w\?", "", re.sub(r"\\.", " ", term.prose.pattern)) if term.prose is not None else ""
+    return tuple(_STEM.findall(source.lower()))
+
+
+class Prefilter:
+    """Finds the few terms that the prose of a file can contain, from the words of the file."""
+
+    def __init__(self, terms: Sequence[Term]) -> None:
+        """Prepare the search. terms: of all files."""
+        self._stems = {term: list_stems(term) for term in terms if term.prose is not None}
+        self._terms_of_words: dict[str, frozenset[Term]] = {}
+
+    def select(self, content: str) -> set[Term]:
+        """The terms with a stem that begins a word of a file."""
+        selected = {term for term, stems in self._stems.items() if not stems}
+        for word in set(_STEM.findall(content.lower())):
+            if word not in self._terms_of_words:
+                self._terms_of_words[word] = frozenset(
+                    term for term, stems in self._stems.items() if word.startswith(stems)
+                )
+            selected |= self._terms_of_words[word]
+        return selected
 
 
 @cache
@@ -124,29 +156,50 @@ def list_tracked_files(arguments: Sequence[str]) -> list[str]:
     return sorted({name for name in names if name and (ROOT / name).is_file()})
 
 
-def findings_in(
-    path: str, content: str, terms: Sequence[Term], terms_of_names: dict[str, list[Term]]
-) -> Iterator[Finding]:
-    """All forbidden words of a file, exceptions not yet considered.
+class Search:
+    """Search for forbidden words in files, which remembers the words and names of earlier files."""
 
-    terms_of_names: the terms that match each name of earlier files, of all `terms`; new names are added.
-    """
-    applicable = [term for term in terms if any(fnmatch(path, glob) for glob in term.paths)]
-    names: set[str] = set()
-    for kind, line, text in extract_texts(Path(path), content):
-        if kind == NAME:
-            if text in names:
+    def __init__(self, terms: Sequence[Term]) -> None:
+        """Prepare the search. terms: of all files."""
+        self._terms = terms
+        self._prefilter = Prefilter(terms)
+        self._whole_terms = [term for term in terms if term.whole is not None]
+        self._terms_of_parts: dict[str, set[Term]] = {}
+        self._terms_of_names: dict[str, set[Term]] = {}
+
+    def find_terms_of_name(self, name: str) -> set[Term]:
+        """The terms that match a name."""
+        if name not in self._terms_of_names:
+            found = {term for term in self._whole_terms if any(term.matches(NAME, name))}
+            for part in name_parts(name):
+                if part not in self._terms_of_parts:
+                    self._terms_of_parts[part] = {term for term in self._terms if any(term.matches(NAME, part))}
+                found |= self._terms_of_parts[part]
+            self._terms_of_names[name] = {term for term in found if any(term.matches(NAME, name))}
+        return self._terms_of_names[name]
+
+    def findings_in(self, path: str, content: str) -> Iterator[Finding]:
+        """All forbidden words of a file, exceptions not yet considered."""
+        applicable = [term for term in self._terms if any(fnmatch(path, glob) for glob in term.paths)]
+        possible = self._prefilter.select(content)
+        in_prose = [term for term in applicable if term in possible]
+        names: set[str] = set()
+
+        def is_suspicious(name: str) -> bool:
+            """Whether a term applies to a name in this file."""
+            return any(term in applicable for term in self.find_terms_of_name(name))
+
+        for kind, line, text in extract_texts(Path(path), content, is_suspicious):
+            if kind == NAME and text in names:
                 continue  # a name is reported once in a file
-            names.add(text)
-            if text not in terms_of_names:
-                terms_of_names[text] = [term for term in terms if any(term.matches(NAME, text))]
-            candidates = [term for term in terms_of_names[text] if term in applicable] if terms_of_names[text] else []
-        else:
-            candidates = applicable
-        for term in candidates:
-            for match in term.matches(kind, text):
-                yield Finding(path, line, term.word, term.instead, match if kind == NAME else text.strip())
-                break
+            candidates = in_prose
+            if kind == NAME:
+                names.add(text)
+                candidates = [term for term in self.find_terms_of_name(text) if term in applicable]
+            for term in candidates:
+                for match in term.matches(kind, text):
+                    yield Finding(path, line, term.word, term.instead, match if kind == NAME else text.strip())
+                    break
 
 
 def main() -> int:
@@ -158,13 +211,13 @@ def main() -> int:
     terms, exceptions = read_terms(), read_exceptions()
     findings: list[Finding] = []
     used: Counter[int] = Counter()
-    terms_of_names: dict[str, list[Term]] = {}
+    search = Search(terms)
     for name in list_tracked_files(arguments.paths):
         try:
             content = (ROOT / name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
             continue  # a binary file
-        for finding in findings_in(name, content, terms, terms_of_names):
+        for finding in search.findings_in(name, content):
             covering = [index for index, exception in enumerate(exceptions) if exception.covers(finding)]
             used.update(covering)
             if not covering:

@@ -1,10 +1,8 @@
 """Names and prose of a source file, each with its line number."""
 
 import ast
-import io
 import re
-import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,6 +14,12 @@ HASH_SUFFIXES: Final = (".toml", ".sh", ".yml", ".yaml", ".cmake")
 HASH_NAMES: Final = ("Makefile", "CMakeLists.txt", "run")
 """Files whose comments begin with #."""
 _C_TOKEN: Final = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"|[A-Za-z_]\w*", re.DOTALL)
+_PYTHON_TOKEN: Final = re.compile(
+    r"#[^\n]*"
+    r"|(?:\b[rRbBuUfF]{1,2})?(?:\"{3}(?:\\.|[^\\])*?\"{3}|'{3}(?:\\.|[^\\])*?'{3}|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*')"
+    r"|[A-Za-z_]\w*",
+    re.DOTALL,
+)
 _HASH_COMMENT: Final = re.compile(r"(?:^|\s)#(?!\!)(.*)$")
 _MARKDOWN_CODE: Final = re.compile(r"`[^`\n]*`|\]\([^)\n]*\)|<!--.*?-->|https?://\S+", re.DOTALL)
 _HTML_CODE: Final = re.compile(r"<[^>]*>|\{[{%].*?[%}]\}", re.DOTALL)
@@ -30,11 +34,13 @@ class Text(NamedTuple):
     text: str
 
 
-def extract_texts(path: Path, content: str) -> Iterator[Text]:
-    """All names and prose of a file; nothing for a file of another type."""
+def extract_texts(path: Path, content: str, is_suspicious: Callable[[str], bool] = lambda name: True) -> Iterator[Text]:
+    """All names and prose of a file; nothing for a file of another type.
+
+    is_suspicious: whether a name is of interest; a Python file without such names is not parsed.
+    """
     if path.suffix == ".py":
-        yield from _list_python_names(content)
-        yield from _list_python_prose(content)
+        yield from _list_python_texts(content, is_suspicious)
     elif path.suffix in C_SUFFIXES:
         yield from _list_c_texts(content)
     elif path.suffix == ".md":
@@ -43,6 +49,26 @@ def extract_texts(path: Path, content: str) -> Iterator[Text]:
         yield from _html_prose(content)
     elif path.suffix in HASH_SUFFIXES or path.name in HASH_NAMES:
         yield from _hash_prose(content, is_toml=path.suffix == ".toml")
+
+
+def _list_python_texts(content: str, is_suspicious: Callable[[str], bool]) -> Iterator[Text]:
+    """Names that the file defines, comments, docstrings and the strings that contain a space."""
+    line, counted, names = 1, 0, set()
+    for match in _PYTHON_TOKEN.finditer(content):
+        token = match[0]
+        if token[-1] not in "\"'" and token[0] != "#":
+            names.add(token)
+            continue
+        line += content.count("\n", counted, match.start())
+        counted = match.start()
+        if token[0] == "#":
+            yield Text(PROSE, line, token.lstrip("#! "))
+            continue
+        for offset, part in enumerate(_remove_inline_code(token).split("\n")):
+            if " " in part.strip():
+                yield Text(PROSE, line + offset, part)
+    if any(is_suspicious(name) for name in names):
+        yield from _list_python_names(content)
 
 
 def _list_python_names(content: str) -> Iterator[Text]:
@@ -58,22 +84,11 @@ def _list_python_names(content: str) -> Iterator[Text]:
             yield Text(NAME, node.lineno, node.attr)
 
 
-def _list_python_prose(content: str) -> Iterator[Text]:
-    """Comments, docstrings and the strings that contain a space."""
-    for token in tokenize.generate_tokens(io.StringIO(content).readline):
-        if token.type == tokenize.COMMENT:
-            yield Text(PROSE, token.start[0], token.string.lstrip("#! "))
-        elif token.type == tokenize.STRING:
-            for offset, line in enumerate(_remove_inline_code(token.string).split("\n")):
-                if " " in line.strip():
-                    yield Text(PROSE, token.start[0] + offset, line)
-        elif token.type == getattr(tokenize, "FSTRING_MIDDLE", -1) and " " in token.string.strip():
-            yield Text(PROSE, token.start[0], token.string)
-
-
 def _list_c_texts(content: str) -> Iterator[Text]:
+    line, counted = 1, 0
     for match in _C_TOKEN.finditer(content):
-        line = content.count("\n", 0, match.start()) + 1
+        line += content.count("\n", counted, match.start())
+        counted = match.start()
         token = match[0]
         if token[0] not in '/"':
             yield Text(NAME, line, token)
