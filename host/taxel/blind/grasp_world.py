@@ -34,7 +34,7 @@ not load the skin, a cause has no consequence. A fault needs one loaded taxel.""
 MOST_SAMPLES: Final = 1000
 """Samples of a cause after which the last one is used, even if the grasps do not load it."""
 
-APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 6, 4
+APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 6, 8
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def make_small_plans(
 ) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
     """Make the plans of the emulated hand and of the simulator, with some random approaches of every object.
 
-    The hand performs each approach once in each session; the simulator performs each approach twice.
+    The hand performs each approach once in each session; the simulator performs each approach `SIM_REPEATS` times.
     """
     rng = np.random.default_rng(seed)
     plan = make_thesis_plan(seed)
