@@ -68,7 +68,8 @@ void reset_now(void)
 /* Resets the processor with the request that the bootloader keeps running. Does not return. */
 void reset_into_bootloader(void)
 {
-    handover.stay = STAY;
+    /* Through volatile, because no program of this image need read the word again. */
+    *(volatile uint32_t *)&handover.stay = STAY;
     reset_now();
 }
 

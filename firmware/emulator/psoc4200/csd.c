@@ -12,18 +12,17 @@
 
 #define CONFIG_ENABLE (1u << 31)
 #define CONFIG_SENSE_EN (1u << 12)
+#define CONFIG_TWO_CAPACITORS (1u << 4)
 #define CONFIG_OF_TWO_CAPACITORS (1u << 3 | 1u << 4 | 1u << 13) /* filter, two capacitors, reference buffer */
 #define STATUS_SENSE (1u << 1)
 #define STATUS_SAMPLE (1u << 3)
-#define PERI_CSD_SENSE 4u
-#define PERI_CSD_SAMPLE 5u
 #define SENSE_HALVES 2u
 #define STARTS_AFTER 1u /* sample clocks between the write of the period and the first count */
 
 /* Sets the interrupt line of the capacitance converter to the state of its interrupt cause. */
 static void update_interrupt(struct psoc *psoc)
 {
-    psoc_set_line(psoc, PSOC_IRQ_CSD, psoc->csd.intr & 1u);
+    psoc_set_line(psoc, psoc_actual(psoc->config.deviations.irq_csd, PSOC_IRQ_CSD), psoc->csd.intr & 1u);
 }
 
 /* Start a conversion of `period` sample clocks at a processor cycle. Returns false if the block is off or its clocks
@@ -31,10 +30,15 @@ static void update_interrupt(struct psoc *psoc)
 static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
 {
     struct psoc_csd *csd = &psoc->csd;
-    csd->sample = psoc_clock_divider(psoc, PERI_CSD_SAMPLE);
-    csd->sense = psoc_clock_divider(psoc, PERI_CSD_SENSE) * SENSE_HALVES;
-    if (!(csd->config & CONFIG_ENABLE) || !period || !csd->sample || !csd->sense) {
+    const struct psoc_deviations *deviations = &psoc->config.deviations;
+    csd->sample = psoc_clock_divider(psoc, psoc_actual(deviations->clock_csd_sample, PSOC_CLOCK_CSD_SAMPLE));
+    csd->sense =
+        psoc_clock_divider(psoc, psoc_actual(deviations->clock_csd_sense, PSOC_CLOCK_CSD_SENSE)) * SENSE_HALVES;
+    if (!(csd->config & CONFIG_ENABLE) || !period) {
         return false;
+    }
+    if (!csd->sample || (!csd->sense && !deviations->tolerates_no_clock)) {
+        return deviations->tolerates_no_clock;
     }
     csd->sense /= csd->sample;
     csd->period = period;
@@ -46,12 +50,14 @@ static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
 }
 
 /* Whether the settings let the conversion balance the charge. With two capacitors the model requires the bits that the
- * manufacturer's driver sets. */
+ * manufacturer's driver sets; with one capacitor, the bit of two capacitors prevents the measurement. */
 static bool balances_charge(const struct psoc *psoc)
 {
-    const uint32_t needed = psoc->config.part->has_two_capacitors ? CONFIG_OF_TWO_CAPACITORS : 0u;
+    const bool has_two = psoc->config.part->has_two_capacitors;
+    const uint32_t bits = has_two ? CONFIG_OF_TWO_CAPACITORS : CONFIG_TWO_CAPACITORS;
     const uint32_t config = psoc->csd.config;
-    return config & CONFIG_SENSE_EN && (config & needed) == needed && psoc_has_capacitors(psoc);
+    return config & CONFIG_SENSE_EN && psoc->csd.sense && (config & bits) == (has_two ? bits : 0u) &&
+           psoc_has_capacitors(psoc);
 }
 
 /* End the conversion: compute the count from the connected TX and RX lines, the clocks and the current code, and raise

@@ -7,6 +7,15 @@
 #define PSOC_IRQ_SCB0 10u
 #define PSOC_IRQ_SCB1 11u
 #define PSOC_IRQ_CSD 15u
+#define PSOC_CLOCK_SCB1 3u
+#define PSOC_CLOCK_CSD_SENSE 4u
+#define PSOC_CLOCK_CSD_SAMPLE 5u
+
+/* A number of this part: the deviating one, or the assumed one. */
+static inline unsigned psoc_actual(uint8_t deviating, unsigned assumed)
+{
+    return deviating ? deviating : assumed;
+}
 
 /* Serial blocks of the I2C bus and of the UART. */
 static inline struct psoc_scb *psoc_bus_scb(struct psoc *psoc)

@@ -135,6 +135,10 @@ static void reset(struct psoc *psoc, vtime now, uint32_t causes)
     for (unsigned i = 0; i < 2u; i++) {
         psoc->scb[i] = (struct psoc_scb){.number = i};
     }
+    if (psoc->config.deviations.keeps_no_ram) {
+        memset(psoc->ram, 0, sizeof psoc->ram);
+        cortex_m0_memory_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
+    }
     psoc->cpu.lines = 0;
     psoc->ps_per_cycle = (double)VTIME_SECOND / HZ_AFTER_RESET / psoc->config.clock_rate;
     set_origin(psoc, now + psoc->config.reset_time, psoc->cpu.cycle);

@@ -13,6 +13,7 @@
 #include "emulator/cortex_m0/cortex_m0.h"
 #include "emulator/base/flash.h"
 #include "emulator/psoc4200/blocks.h"
+#include "emulator/psoc4200/deviations.h"
 #include "emulator/psoc4200/parts.h"
 #include "emulator/base/vtime.h"
 
@@ -59,6 +60,7 @@ struct psoc_config {
     uint64_t seed;     /* of the random RAM contents after power-up */
     vtime reset_time;  /* time from a reset to the first instruction */
     struct psoc_wires wires;
+    struct psoc_deviations deviations;
 };
 
 struct psoc {

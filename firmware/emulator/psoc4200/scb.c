@@ -45,7 +45,11 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
                       (scb->intr_tx & scb->intr_tx_mask) || (scb->intr_rx & scb->intr_rx_mask);
     if (line != scb->line) {
         scb->line = line;
-        psoc_set_line(psoc, scb->number ? PSOC_IRQ_SCB1 : PSOC_IRQ_SCB0, line);
+        const struct psoc_deviations *deviations = &psoc->config.deviations;
+        psoc_set_line(psoc,
+                      scb->number ? psoc_actual(deviations->irq_scb1, PSOC_IRQ_SCB1)
+                                  : psoc_actual(deviations->irq_scb0, PSOC_IRQ_SCB0),
+                      line);
     }
 }
 

@@ -77,7 +77,8 @@ static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
 {
     struct psoc_srss *srss = &psoc->srss;
     const double cycles_a_second = (double)VTIME_SECOND / psoc->ps_per_cycle;
-    const bool reset_cycle = srss->wdt_control & CONTROL_ENABLE && (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
+    const bool reset_cycle = !psoc->config.deviations.has_no_ilo && srss->wdt_control & CONTROL_ENABLE &&
+                             (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
     const uint64_t before = srss->reset_cycle;
     srss->reset_cycle =
         reset_cycle ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;

@@ -73,6 +73,9 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             SKIN,
             extra="ros",
         ),
+        "bringup": CommandEntry(
+            "", "Test the first board with the bring-up image, and compare it with the firmware's assumptions.", BOARDS
+        ),
         "scan": CommandEntry("", "List the boards on the bus.", BOARDS),
         "provision": CommandEntry(
             "",

@@ -22,6 +22,7 @@ PERMITTED = {
     "linux_hub": ("hub", "codec", "hal", "generated"),
     "boards/psoc4200/regs": (),
     "boards/psoc4200": ("boards/psoc4200/regs", "sensor", "hub", "bootloader", "codec", "hal", "generated"),
+    "boards/psoc4200/bringup": ("boards/psoc4200", "boards/psoc4200/regs", "generated"),
     "emulator/base": ("generated",),
     "emulator/cortex_m0": (),
     "emulator/psoc4200": ("emulator/base", "emulator/cortex_m0"),

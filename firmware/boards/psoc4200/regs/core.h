@@ -22,6 +22,7 @@ _Static_assert(offsetof(struct systick_regs, value) == 0x08, "SYST_CVR is at 0xE
 
 #define NVIC_ENABLE_SET (*(volatile uint32_t *)0xE000E100u)
 #define NVIC_ENABLE_CLEAR (*(volatile uint32_t *)0xE000E180u)
+#define NVIC_PENDING_SET (*(volatile uint32_t *)0xE000E200u) /* read: the pending interrupts */
 #define NVIC_PENDING_CLEAR (*(volatile uint32_t *)0xE000E280u)
 /* One byte per interrupt, of which only the two high bits exist. */
 #define NVIC_PRIORITY ((volatile uint32_t *)0xE000E400u)

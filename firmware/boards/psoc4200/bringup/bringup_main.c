@@ -1,0 +1,301 @@
+/* Image for the first board: each command, one byte at 115,200 baud, runs one test and prints its result as one line.
+ * `taxel bringup` sends the commands; a terminal does too (docs/bring-up.md). The image uses no interrupt. */
+#include <string.h>
+
+#include "board_pins.h"
+#include "boards/psoc4200/bringup/bus_test.h"
+#include "boards/psoc4200/bringup/converter.h"
+#include "boards/psoc4200/bringup/cycles.h"
+#include "boards/psoc4200/bringup/text.h"
+#include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/flash_rows.h"
+#include "boards/psoc4200/regs/csd.h"
+#include "boards/psoc4200/regs/scb.h"
+#include "boards/psoc4200/regs/srss.h"
+#include "boards/psoc4200/reset.h"
+#include "boards/psoc4200/watchdog.h"
+#include "generated/taxel_bootloader.h"
+
+#define FREE_ROW 255u /* no image uses it */
+#define RECORD 0x7A3C51E9u
+#define INTERRUPTS 32u
+#define NO_INTERRUPT 255u
+#define TICKS 6u
+#define TICK_MS 200u
+#define ECHO_BYTES 16u
+#define READY_MS 2000u
+#define LED_MS 500u
+#define WATCHDOG_MS 8000u
+#define REPEATS 16u
+#define PAINT 0xA5C3E187u /* of RAM, for the depth of the stack in a call of the ROM */
+#define PAINT_GAP 64u     /* words for the variables of the function itself */
+#define REPEATED_CODE 16u
+
+static volatile uint32_t record
+    __attribute__((section(".noinit.fault"), used)); /* where applications keep their fault record */
+
+void fault_take_exception(const uint32_t *frame);
+/* An exception that no test expects: printed, then the image stops. */
+__attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
+{
+    text_put("fault");
+    text_number("exception", current_exception());
+    text_number("pc", frame[6]);
+    text_end_line();
+    for (;;) {
+    }
+}
+
+static void wait_ms(uint32_t ms)
+{
+    while (ms--) {
+        for (uint32_t begin = cycles_now(); cycles_since(begin) < CYCLES_PER_MS;) {
+        }
+    }
+}
+
+/* Lines at equal intervals: the host compares the intervals with its own clock. */
+static void print_ticks(void)
+{
+    uint32_t begin = cycles_now();
+    for (uint32_t tick = 0; tick < TICKS; tick++) {
+        while (cycles_since(begin) < TICK_MS * CYCLES_PER_MS) {
+        }
+        begin = (begin + TICK_MS * CYCLES_PER_MS) & CYCLES_MASK;
+        text_put("tick");
+        text_number("n", tick);
+        text_end_line();
+    }
+}
+
+/* Send back the bytes that the host sends next. */
+static void echo(void)
+{
+    uint8_t bytes[ECHO_BYTES];
+    unsigned count = 0;
+    for (uint32_t begin = cycles_now(); count < ECHO_BYTES && cycles_since(begin) < 300u * CYCLES_PER_MS;) {
+        count += text_take(&bytes[count]) ? 1u : 0u;
+    }
+    text_put("echo");
+    text_hex("bytes", bytes, count);
+    text_end_line();
+}
+
+/* Number of the only pending interrupt; NO_INTERRUPT for none. Of several, the first. */
+static uint32_t pending_number(void)
+{
+    const uint32_t pending = NVIC_PENDING_SET;
+    for (uint32_t number = 0; number < INTERRUPTS; number++) {
+        if (pending >> number & 1u) {
+            return number;
+        }
+    }
+    return NO_INTERRUPT;
+}
+
+/* Let the empty transmit FIFO of a serial block request its interrupt, and read the number. */
+static uint32_t find_serial_interrupt(struct scb_regs *scb, uint32_t ctrl)
+{
+    scb->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(1u);
+    scb->ctrl = ctrl | SCB_CTRL_ENABLED;
+    wait_ms(2); /* until the UART has sent its last byte */
+    NVIC_PENDING_CLEAR = ~0u;
+    scb->intr_tx_mask = SCB_INTR_TX_TRIGGER;
+    const uint32_t number = pending_number();
+    scb->intr_tx_mask = 0;
+    scb->intr_tx = SCB_INTR_TX_TRIGGER;
+    NVIC_PENDING_CLEAR = ~0u;
+    return number;
+}
+
+static void find_interrupts(void)
+{
+    uint32_t cycles = 0;
+    const uint32_t scb0 = find_serial_interrupt(SCB0, SCB_CTRL_MODE_I2C);
+    SCB0->ctrl = 0;
+    const uint32_t scb1 = find_serial_interrupt(SCB1, SCB1->ctrl);
+    const uint32_t sample = converter_find_sample_clock();
+    NVIC_PENDING_CLEAR = ~0u;
+    const uint32_t ended = converter_run(false, REPEATED_CODE, &cycles);
+    const uint32_t csd = ended == CONVERTER_NONE ? NO_INTERRUPT : pending_number();
+    CSD->intr = CSD_INTR_CSD;
+    NVIC_PENDING_CLEAR = ~0u;
+    text_put("interrupts");
+    text_number("scb0", scb0);
+    text_number("scb1", scb1);
+    text_number("csd", csd);
+    text_end_line();
+    text_put("converter");
+    text_number("sample_clock", sample == CONVERTER_NONE ? NO_INTERRUPT : sample);
+    text_number("cycles", cycles);
+    text_end_line();
+}
+
+/* Count the known capacitor with increasing currents, and repeatedly with one of them. */
+static void count_capacitor(bool two_capacitors)
+{
+    static const uint8_t codes[] = {2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 255};
+    uint32_t cycles, low = UINT32_MAX, high = 0;
+    const uint32_t sense = converter_find_sense_clock(two_capacitors);
+    for (unsigned i = 0; i < sizeof codes; i++) {
+        const uint32_t count = converter_run(two_capacitors, codes[i], &cycles);
+        text_put("count");
+        text_number("capacitors", two_capacitors ? 2u : 1u);
+        text_number("code", codes[i]);
+        text_number("count", count == CONVERTER_NONE ? 0u : count);
+        text_end_line();
+    }
+    for (unsigned i = 0; i < REPEATS; i++) {
+        const uint32_t count = converter_run(two_capacitors, REPEATED_CODE, &cycles);
+        low = count < low ? count : low;
+        high = count != CONVERTER_NONE && count > high ? count : high;
+    }
+    text_put("repeats");
+    text_number("capacitors", two_capacitors ? 2u : 1u);
+    text_number("sense_clock", sense == CONVERTER_NONE ? NO_INTERRUPT : sense);
+    text_number("low", low == UINT32_MAX ? 0u : low);
+    text_number("high", high);
+    text_end_line();
+}
+
+extern uint32_t bss_end[]; /* by the linker: first word above the variables */
+
+/* Fill the free RAM below the stack pointer of this function's caller with a pattern. */
+static void paint_stack(volatile uint32_t *end)
+{
+    for (volatile uint32_t *word = bss_end; word < end; word++) {
+        *word = PAINT;
+    }
+}
+
+/* Bytes below `end` that were written since paint_stack(), and those of the gap above. */
+static uint32_t measure_stack(volatile uint32_t *end)
+{
+    volatile uint32_t *word = bss_end;
+    while (word < end && *word == PAINT) {
+        word++;
+    }
+    return (uint32_t)((uintptr_t)end - (uintptr_t)word) + PAINT_GAP * (uint32_t)sizeof *word;
+}
+
+static void write_row(void)
+{
+    volatile uint32_t *const painted_end = (uint32_t *)__builtin_frame_address(0) - PAINT_GAP;
+    const uint8_t *const row = (const uint8_t *)(FREE_ROW * TAXEL_BOOT_ROW_SIZE);
+    uint8_t bytes[TAXEL_BOOT_ROW_SIZE];
+    uint32_t wrong = 0;
+    paint_stack(painted_end);
+    for (unsigned pass = 0; pass < 2u; pass++) { /* the second pass also clears bits */
+        for (unsigned i = 0; i < sizeof bytes; i++) {
+            bytes[i] = (uint8_t)(i * 7u + (pass ? 0x35u : 0xCAu));
+        }
+        flash_rows_write(FREE_ROW, bytes);
+        for (unsigned i = 0; i < sizeof bytes; i++) {
+            wrong += ((const volatile uint8_t *)row)[i] != bytes[i] ? 1u : 0u;
+        }
+    }
+    text_put("flash");
+    text_number("row", FREE_ROW);
+    text_number("wrong", wrong);
+    text_number("stack", measure_stack(painted_end));
+    text_end_line();
+}
+
+/* Wait for a reset by the watchdog, for at most WATCHDOG_MS. */
+static void wait_for_watchdog(void)
+{
+    text_put("watchdog waits");
+    text_end_line();
+    watchdog_start();
+    wait_ms(WATCHDOG_MS);
+    text_put("watchdog none");
+    text_end_line();
+}
+
+static void print_start(void)
+{
+    uint8_t id[8];
+    const uint32_t causes = RES_CAUSE;
+    RES_CAUSE = RES_CAUSE_ALL;
+    reset_unique_id(id);
+    text_put("\r\ntaxel-bringup version=1");
+    text_number("causes", causes);
+    text_number("stay", reset_stay_requested() ? 1u : 0u);
+    text_number("record", record == RECORD ? 1u : 0u);
+    text_hex("id", id, sizeof id);
+    text_end_line();
+    record = 0;
+}
+
+static void run_command(uint8_t command)
+{
+    switch (command) {
+    case 't':
+        print_ticks();
+        break;
+    case 'e':
+        echo();
+        break;
+    case 'i':
+        find_interrupts();
+        break;
+    case 'b':
+        bus_test_run();
+        break;
+    case 'f':
+        write_row();
+        break;
+    case 'c':
+        count_capacitor(false);
+        count_capacitor(true);
+        break;
+    case 'm': /* the next start line contains the result */
+        record = RECORD;
+        reset_into_bootloader();
+        break;
+    case 'w': /* after the reset, the next start line contains the cause */
+        wait_for_watchdog();
+        break;
+    default:
+        return;
+    }
+    text_put("done");
+    text_end_line();
+}
+
+/* Square wave of 1 kHz at the clock pin and of 1 Hz at the LED until a byte arrives; a line every 2 s. */
+static uint8_t wait_for_command(void)
+{
+    uint32_t half_ms = 0, begin = cycles_now();
+    uint8_t command;
+    while (!text_take(&command)) {
+        if (cycles_since(begin) < CYCLES_PER_MS / 2u) {
+            continue;
+        }
+        begin = (begin + CYCLES_PER_MS / 2u) & CYCLES_MASK;
+        half_ms++;
+        pin_drive(BOARD_PIN_CLOCK, half_ms & 1u);
+        pin_drive(BOARD_PIN_LED, half_ms / (2u * LED_MS) & 1u);
+        if (half_ms % (2u * READY_MS) == 0) {
+            text_put("ready");
+            text_end_line();
+            begin = cycles_now();
+        }
+    }
+    return command;
+}
+
+int main(void)
+{
+    (void)interrupts_mask();
+    clocks_init();
+    cycles_init();
+    text_init();
+    converter_init();
+    pin_connect(BOARD_PIN_CLOCK, PIN_MODE_STRONG, PIN_GPIO);
+    pin_connect(BOARD_PIN_LED, PIN_MODE_STRONG, PIN_GPIO);
+    print_start();
+    for (;;) {
+        run_command(wait_for_command());
+    }
+}

@@ -1,0 +1,125 @@
+#include "boards/psoc4200/bringup/converter.h"
+
+#include "board_pins.h"
+#include "boards/psoc4200/bringup/cycles.h"
+#include "boards/psoc4200/regs/csd.h"
+#include "boards/psoc4200/regs/peri_clk.h"
+#include "boards/psoc4200/regs/sflash.h"
+
+#define MODULATOR_DIVIDER 4u
+#define SENSE_DIVIDER 40u
+#define SENSE_HALVES 2u
+#define TIMEOUT (20u * CYCLES_PER_MS) /* a conversion takes 0.33 ms */
+#define START_LOOPS 10000u
+#define SETTLE_CYCLES (CYCLES_PER_MS / 100u)
+#define SEARCH_CODE 32u
+#define LARGEST_SELECT 15u
+#define AT_REST \
+    (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP | \
+     CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
+#define WITH_ONE ((AT_REST & ~CSD_CONFIG_REFBUF_EN) | CSD_CONFIG_SENSE_EN | CSD_CONFIG_REFBUF_OUT_AMUX_B)
+#define WITH_TWO \
+    (AT_REST | CSD_CONFIG_SAMPLE_FILTER | CSD_CONFIG_TWO_CAPACITORS | CSD_CONFIG_SENSE_EN | \
+     CSD_CONFIG_REFBUF_OUT_AMUX_B)
+
+static uint8_t sample_clock, sense_clock; /* numbers of the peripheral clocks in use */
+
+static void select_clocks(void)
+{
+    for (unsigned i = PERI_CLK_OF_SCB1 + 1u; i <= LARGEST_SELECT; i++) {
+        PERI_CLK->select[i] = 0;
+    }
+    PERI_CLK->select[sample_clock] = PERI_CLK_SELECT_A(1u);
+    if (sense_clock != sample_clock) {
+        PERI_CLK->select[sense_clock] = PERI_CLK_SELECT_B(1u);
+    }
+}
+
+void converter_init(void)
+{
+    sample_clock = PERI_CLK_OF_CSD_SAMPLE;
+    sense_clock = PERI_CLK_OF_CSD_SENSE;
+    PERI_CLK->divider_a[1] = (MODULATOR_DIVIDER - 1u) | PERI_CLK_DIVIDER_ENABLE;
+    PERI_CLK->divider_b[1] = (SENSE_DIVIDER / SENSE_HALVES - 1u) | PERI_CLK_DIVIDER_CASCADE | PERI_CLK_DIVIDER_ENABLE;
+    select_clocks();
+    CSD_TRIM1 = SFLASH->csd_trim1;
+    pin_connect(BOARD_PIN_TX, PIN_MODE_STRONG, PIN_CSD_SENSE);
+    pin_connect(BOARD_PIN_RX, PIN_MODE_ANALOG, PIN_AMUX_A);
+}
+
+/* Connect the capacitors of a variant of the circuit to the analog bus, and disconnect the others. */
+static void connect_capacitors(bool two_capacitors)
+{
+    pin_connect(BOARD_PIN_CMOD, PIN_MODE_ANALOG, two_capacitors ? PIN_GPIO : PIN_AMUX_A);
+    pin_connect(BOARD_PIN_CINT_A, PIN_MODE_ANALOG, two_capacitors ? PIN_AMUX_A : PIN_GPIO);
+    pin_connect(BOARD_PIN_CINT_B, PIN_MODE_ANALOG, two_capacitors ? PIN_AMUX_A : PIN_GPIO);
+}
+
+uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles)
+{
+    const uint32_t begin_count = CSD_COUNTER_PERIOD(CONVERTER_PERIOD);
+    connect_capacitors(two_capacitors);
+    CSD->config = AT_REST;
+    CSD->idac = CSD_IDAC_IDAC1_VARIABLE | code;
+    CSD->intr = CSD_INTR_CSD;
+    for (uint32_t settling = cycles_now(); cycles_since(settling) < SETTLE_CYCLES;) {
+    }
+    const uint32_t begin = cycles_now();
+    CSD->counter = begin_count;
+    for (unsigned i = 0; i < START_LOOPS && CSD->counter == begin_count; i++) {
+    }
+    CSD->config = two_capacitors ? WITH_TWO : WITH_ONE;
+    for (unsigned i = 0; i < START_LOOPS && !(CSD->status & (CSD_STATUS_SENSE | CSD_STATUS_SAMPLE)); i++) {
+    }
+    const uint32_t early = CSD->counter & CSD_COUNTER_COUNT;
+    while (!(CSD->intr & CSD_INTR_CSD)) {
+        if (cycles_since(begin) > TIMEOUT) {
+            CSD->config = 0; /* ends a conversion without a clock */
+            return CONVERTER_NONE;
+        }
+    }
+    *cycles = cycles_since(begin);
+    const uint32_t count = (CSD->counter & CSD_COUNTER_COUNT) - early;
+    CSD->config = AT_REST;
+    return count;
+}
+
+/* Number `step` of the order in which clocks are tried: the assumed one, then 4 to 15, then 0 and 1. Those of the serial
+ * blocks (2 and 3) are in use. */
+static uint8_t select_at(unsigned step, uint8_t assumed)
+{
+    return (uint8_t)(step ? (step + PERI_CLK_OF_SCB1) & LARGEST_SELECT : assumed);
+}
+
+#define STEPS 15u /* the assumed number, 4 to 15, 0 and 1 */
+
+uint32_t converter_find_sample_clock(void)
+{
+    uint32_t cycles;
+    for (unsigned step = 0; step < STEPS; step++) {
+        sample_clock = select_at(step, PERI_CLK_OF_CSD_SAMPLE);
+        select_clocks();
+        if (converter_run(false, SEARCH_CODE, &cycles) != CONVERTER_NONE) {
+            return sample_clock;
+        }
+    }
+    sample_clock = PERI_CLK_OF_CSD_SAMPLE;
+    select_clocks();
+    return CONVERTER_NONE;
+}
+
+uint32_t converter_find_sense_clock(bool two_capacitors)
+{
+    uint32_t cycles;
+    for (unsigned step = 0; step < STEPS; step++) {
+        sense_clock = select_at(step, PERI_CLK_OF_CSD_SENSE);
+        select_clocks();
+        const uint32_t count = converter_run(two_capacitors, SEARCH_CODE, &cycles);
+        if (sense_clock != sample_clock && count != CONVERTER_NONE && count > 0) {
+            return sense_clock;
+        }
+    }
+    sense_clock = PERI_CLK_OF_CSD_SENSE;
+    select_clocks();
+    return CONVERTER_NONE;
+}

@@ -1,0 +1,48 @@
+"""docs/bring-up.md has a step for every point of the port that is not verified on hardware."""
+
+import re
+
+from host.tests.docs.page_blocks import ROOT
+
+PAGE = (ROOT / "docs" / "bring-up.md").read_text(encoding="utf-8")
+PORT = ROOT / "firmware" / "boards" / "psoc4200"
+
+
+def list_rows(text, heading):
+    """First and last column of the table that follows a heading or a line."""
+    lines = text[text.index(heading) :].splitlines()
+    begin = next(index for index, line in enumerate(lines) if line.startswith("|---"))
+    rows = []
+    for line in lines[begin + 1 :]:
+        if not line.startswith("|"):
+            break
+        columns = [column.strip() for column in line.strip("|").split("|")]
+        rows.append((columns[0], columns[-1]))
+    return rows
+
+
+def test_every_point_that_is_not_verified_has_a_step():
+    port = (ROOT / "docs" / "psoc4200.md").read_text(encoding="utf-8")
+    points = [point for point, _ in list_rows(port, "## Not verified on hardware")]
+    steps = dict(list_rows(PAGE, "## Points and steps"))
+    assert len(points) > 20
+    assert list(steps) == points
+
+
+def test_every_confirm_mark_of_the_port_has_a_step():
+    rows = list_rows(PAGE, 'The marks "(confirm)"')
+    named = {name for names, _ in rows for name in re.findall(r"`([^`]+)`", names)}
+    marked = {
+        str(path.relative_to(PORT))
+        for path in PORT.rglob("*")
+        if path.suffix in (".c", ".h", ".toml") and "confirm)" in path.read_text(encoding="utf-8")
+    }
+    assert marked <= named
+    assert all((PORT / name).is_file() for name in named)
+
+
+def test_every_named_step_exists():
+    steps = {int(number) for number in re.findall(r"^### Step (\d+):", PAGE, re.MULTILINE)}
+    rows = list_rows(PAGE, "## Points and steps") + list_rows(PAGE, 'The marks "(confirm)"')
+    used = {int(number) for _, numbers in rows for number in numbers.split(",")}
+    assert used <= steps == set(range(1, 14))
