@@ -55,6 +55,11 @@ STAGES = (
     Stage("C firmware", ("firmware/",), pattern="^(test_sensor|test_hub|test_vectors|stress_sensor|fuzz)"),
     Stage("C all", ("firmware/",)),
     Stage("dynamics tests", ("firmware/emulator/dynamics/",), ("host/tests/campaign/test_dynamics_reference.py",)),
+    Stage(
+        "bring-up tests",
+        ("firmware/emulator/psoc4200/", "firmware/boards/psoc4200/bringup/", "tools/taxel_tools/bringup/"),
+        ("host/tests/firmware_images/test_firmware_images_bringup.py",),
+    ),
     Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(
         "host tests",
