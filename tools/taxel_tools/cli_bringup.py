@@ -26,6 +26,10 @@ def bringup_command(
     capacitor_pf: Annotated[
         float | None, typer.Option("--capacitor-pf", min=0.1, max=100, help="Known capacitor between P2.0 and P2.2.")
     ] = None,
+    capacitors: Annotated[
+        int,
+        typer.Option("--capacitors", min=1, max=2, help="Integration capacitors: 1 (P4.2), or 2 (P3.6 and P3.7)."),
+    ] = 1,
     supply_v: Annotated[float, typer.Option("--supply-v", min=1.7, max=5.5, help="Supply voltage of the board.")] = 3.3,
     image: Annotated[
         Path | None, typer.Option("--image", help="Image of the emulated part: build/psoc4200/images/bringup.hex.")
@@ -48,7 +52,7 @@ def bringup_command(
         results = measure(connection, lambda test: print(f"testing: {test}", flush=True))
     finally:
         connection.close()
-    findings = find(results, capacitor_pf, supply_v)
+    findings = find(results, capacitor_pf, supply_v, capacitors)
     rows = [(str(each.step), each.point, each.expected, each.measured, each.status) for each in findings]
     print_table(("step", "point", "expected", "measured", "result"), rows)
     table = write_results(out, port, results, findings, overwrite)

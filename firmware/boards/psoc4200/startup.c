@@ -36,6 +36,16 @@ OR_UNEXPECTED void csd_handler(void);
 
 #define EXCEPTIONS 16u
 
+_Static_assert(IRQ_SCB0 < IRQ_COUNT && IRQ_SCB1 < IRQ_COUNT,
+               "enlarge IRQ_COUNT, and HANDOVER in image.ld.in behind it");
+#ifdef IMAGE_APPLICATION
+_Static_assert(IRQ_CSD < IRQ_COUNT, "enlarge IRQ_COUNT, and HANDOVER in image.ld.in behind it");
+#elif IMAGE_DEVICE == 2
+_Static_assert(IRQ_SCB1 == 11, "FIRST_INTERRUPT in image.ld.in must be the same number");
+#else
+_Static_assert(IRQ_SCB0 == 10, "FIRST_INTERRUPT in image.ld.in must be the same number");
+#endif
+
 typedef union {
     handler *code;
     void *stack;

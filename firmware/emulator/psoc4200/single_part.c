@@ -292,6 +292,9 @@ void single_part_run(struct single_part *part, double seconds)
 size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t count)
 {
     size_t sent = 0;
+    if (part->settings.rx_open != 0.0) {
+        return count;
+    }
     for (; sent < count && part->to_part.count < BUFFER; sent++) {
         push(&part->to_part, bytes[sent]);
     }

@@ -13,6 +13,7 @@ struct single_part_settings {
     double capacitors;           /* integration capacitors of the board: 1 on P4.2, or 2 on P3.6 and P3.7; 0: none */
     double idac_gain;            /* actual divided by nominal current of the current source */
     double scl_stuck, sda_stuck; /* not 0: the line is connected to ground */
+    double rx_open;              /* not 0: the chip receives no byte */
     double no_pull_ups;          /* not 0 */
     /* Deviations of the part (psoc4200/deviations.h). */
     double irq_scb0, irq_scb1, irq_csd, clock_scb1, clock_csd_sense, clock_csd_sample;

@@ -26,9 +26,9 @@ class PartSettings:
     """Properties of the emulated part and its board, with faults; the defaults are those that the firmware assumes.
 
     clock_rate: actual divided by nominal frequency. capacitance_pf: known capacitor. capacitors: integration capacitors
-    of the board, 0, 1 (P4.2) or 2 (P3.6 and P3.7). idac_gain: actual divided by nominal current. scl_stuck, sda_stuck,
-    no_pull_ups: 1 for a fault of the bus. irq_..., clock_...: deviating numbers, 0 for none. keeps_no_ram,
-    writes_no_flash, has_no_ilo: 1 for a fault of the part.
+    of the board, 0, 1 (P4.2) or 2 (P3.6 and P3.7). idac_gain: actual divided by nominal current. 1 for a fault of the
+    board: scl_stuck, sda_stuck, no_pull_ups; rx_open: the chip receives no byte. irq_..., clock_...: deviating numbers,
+    0 for none. 1 for a fault of the part: keeps_no_ram, writes_no_flash, has_no_ilo.
     """
 
     clock_rate: float = 1.0
@@ -37,6 +37,7 @@ class PartSettings:
     idac_gain: float = 1.0
     scl_stuck: float = 0
     sda_stuck: float = 0
+    rx_open: float = 0
     no_pull_ups: float = 0
     irq_scb0: float = 0
     irq_scb1: float = 0

@@ -25,6 +25,19 @@ ROM_STACK_MAX: Final = 1024
 """RAM that the images leave free beside their largest stack, bytes (docs/firmware-size.md)."""
 SOFTWARE_RESET, WATCHDOG_RESET = 1 << 4, 1 << 0
 ADDRESSES: Final = 112
+NOISE_MAX: Final = 40
+"""Noise threshold of the original boards, counts (their CapSense parameters)."""
+STEPS_OF_TESTS: Final = {
+    "received bytes": 3,
+    "clock": 2,
+    "interrupt numbers": 4,
+    "I2C bus": 6,
+    "flash row": 7,
+    "known capacitor": 10,
+    "memory over a reset": 8,
+    "watchdog": 9,
+}
+"""Steps by the names of the tests (`measuring.TESTS`)."""
 
 
 @dataclass(frozen=True)
@@ -46,19 +59,38 @@ def _compare(step: int, point: str, expected: str, measured: str, is_equal: bool
     return Finding(step, point, expected, measured, AS_ASSUMED if is_equal else DIFFERS, "" if is_equal else advice)
 
 
-def find(results: Measurements, known_pf: float | None = None, supply_v: float = 3.3) -> list[Finding]:
+def find(
+    results: Measurements, known_pf: float | None = None, supply_v: float = 3.3, capacitors: int = 1
+) -> list[Finding]:
     """List the findings in the order of the steps.
 
     known_pf: known capacitor between TX and RX, picofarads; None: not known. supply_v: supply voltage of the board.
+    capacitors: integration capacitors of the board, 1 (P4.2) or 2 (P3.6 and P3.7).
     """
     findings = [*_find_text(results)]
-    if results.is_readable:
-        for part in (_find_clock, _find_echo, _find_interrupts, _find_converter_clocks, _find_bus, _find_flash):
+    if results.is_readable and not results.echo:
+        findings += _find_echo(results)
+    elif results.is_readable:
+        for part in (_find_clock, _find_echo, _find_interrupts, _find_sample_clock):
             findings += part(results)
-        findings += _find_memory(results)
-        findings += _find_watchdog(results)
-        findings += _find_counts(results, known_pf, supply_v)
+        findings += _find_sense_clock(results, capacitors)
+        for part in (_find_bus, _find_flash, _find_memory, _find_watchdog):
+            findings += part(results)
+        findings += _find_counts(results, known_pf, supply_v, capacitors)
+    if results.fault is not None:
+        findings = [each for each in findings if each.status != DIFFERS]
+        findings.append(_describe_fault(results.fault, results.fault_test))
     return findings
+
+
+def _describe_fault(line: Line, test: str) -> Finding:
+    """The finding of an exception in a test, after which the tests ended."""
+    step = STEPS_OF_TESTS.get(test, 7)
+    measured = f"exception {line.get('exception')} at 0x{line.fields.get('pc', '?')}"
+    advice = (
+        "exception 2: the NMI uses the vectors in RAM (startup.c); 3: a HardFault, look up the address in bringup.elf"
+    )
+    return Finding(step, f"exceptions during the test of the {test}", "none", measured, DIFFERS, advice)
 
 
 def _find_text(results: Measurements) -> Iterator[Finding]:
@@ -95,12 +127,9 @@ def _find_echo(results: Measurements) -> Iterator[Finding]:
     yield _compare(3, "UART: received bytes", ECHO.hex(" "), found, results.echo == ECHO, advice)
 
 
-def _number(line: Line | None, field: str) -> int:
-    """A number of a result line; `NONE` if the line or the field is missing or no number."""
-    try:
-        return NONE if line is None else line.get(field)
-    except (KeyError, ValueError):
-        return NONE
+def _number(line: Line | None, field: str) -> int | None:
+    """A number of a result line; None if the line or the field is missing or damaged."""
+    return None if line is None else line.get(field)
 
 
 def _find_numbers(
@@ -109,6 +138,9 @@ def _find_numbers(
     """Findings about numbers of interrupts or clocks. points: field, name, assumed number. header: file to change."""
     for field, name, assumed in points:
         number = _number(line, field)
+        if number is None:
+            yield Finding(step, name, str(assumed), "no result", NOT_MEASURED)
+            continue
         advice = (
             f"no number works: check that the block is clocked and enabled ({header})"
             if number == NONE
@@ -126,13 +158,18 @@ def _find_interrupts(results: Measurements) -> Iterator[Finding]:
     yield from _find_numbers(4, results.lines.get("interrupts"), points, "regs/core.h")
 
 
-def _find_converter_clocks(results: Measurements) -> Iterator[Finding]:
+def _find_sample_clock(results: Measurements) -> Iterator[Finding]:
     points = (("sample_clock", "sample clock of the converter", 5),)
     yield from _find_numbers(5, results.lines.get("converter"), points, "regs/peri_clk.h")
-    lines = [line for line in results.repeats.values() if _number(line, "sense_clock") != NONE]
-    if lines:
+
+
+def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Finding]:
+    """The sense clock is found from counts of the variant that the board has, or else of the other one."""
+    lines = [results.repeats[each] for each in (capacitors, 3 - capacitors) if each in results.repeats]
+    found = [line for line in lines if _number(line, "sense_clock") not in (None, NONE)]
+    if found:
         points = (("sense_clock", "sense clock of the converter", 4),)
-        yield from _find_numbers(5, lines[0], points, "regs/peri_clk.h")
+        yield from _find_numbers(5, found[0], points, "regs/peri_clk.h")
     else:
         yield Finding(5, "sense clock of the converter", "4", "no counts with any clock: see step 10", NOT_MEASURED)
 
@@ -143,6 +180,9 @@ def _find_bus(results: Measurements) -> Iterator[Finding]:
         yield Finding(6, "I2C bus", "both lines high", "no result", NOT_MEASURED)
         return
     idle = _number(line, "idle")
+    if idle is None:
+        yield Finding(6, "I2C bus", "both lines high", "a damaged line", NOT_MEASURED)
+        return
     levels = {0: "both lines low", 1: "SDA low", 2: "SCL low", 3: "both lines high"}
     advice = {
         0: "pull-up resistors or their supply are missing, or both lines touch ground",
@@ -157,7 +197,7 @@ def _find_bus(results: Measurements) -> Iterator[Finding]:
         6, "I2C: each line alone", "the other stays high", f"SCL low: {driven[0]}, SDA low: {driven[1]}",
         driven == (2, 1), "SCL and SDA touch each other, or a driver does not reach its pin (bus_pins.h)",
     )  # fmt: skip
-    acks, refused, failed = (_number(line, name) for name in ("acks", "nacks", "failed"))
+    acks, refused, failed = (_number(line, name) or 0 for name in ("acks", "nacks", "failed"))
     advice_master = "the master does not end a transfer: clock of SCB0 (peri_clk.h), bus_clock.h"
     measured = f"{acks} acknowledged, {refused} not, {failed} failed"
     is_equal = acks + refused == ADDRESSES
@@ -165,25 +205,26 @@ def _find_bus(results: Measurements) -> Iterator[Finding]:
 
 
 def _find_flash(results: Measurements) -> Iterator[Finding]:
-    wrong = _number(results.lines.get("flash"), "wrong")
+    line = results.lines.get("flash")
+    wrong, stack = _number(line, "wrong"), _number(line, "stack")
+    if wrong is None or stack is None:
+        yield Finding(7, "flash row", "0 wrong bytes", "no result", NOT_MEASURED)
+        return
     advice = "the ROM did not write the row: keys and order of the call (srom.h, flash_rows.c), clock during the call"
-    measured = "no result" if results.lines.get("flash") is None else f"{wrong} wrong bytes"
-    yield _compare(7, "flash row", "0 wrong bytes", measured, wrong == 0, advice)
-    if results.lines.get("flash") is not None:
-        stack = int(results.lines["flash"].fields.get("stack", ROM_STACK_MAX + 1))
-        yield _compare(
-            7, "stack of a flash write", f"at most {ROM_STACK_MAX} bytes", f"{stack} bytes", stack <= ROM_STACK_MAX,
-            "the ROM needs more RAM than the images reserve: reduce RAM_BUDGET of the images (CMakeLists.txt)",
-        )  # fmt: skip
+    yield _compare(7, "flash row", "0 wrong bytes", f"{wrong} wrong bytes", wrong == 0, advice)
+    yield _compare(
+        7, "stack of a flash write", f"at most {ROM_STACK_MAX} bytes", f"{stack} bytes", stack <= ROM_STACK_MAX,
+        "the ROM needs more RAM than the images reserve: reduce RAM_BUDGET of the images (CMakeLists.txt)",
+    )  # fmt: skip
 
 
 def _find_memory(results: Measurements) -> Iterator[Finding]:
     if results.restart is None:
         yield Finding(8, "software reset", "a start line", "none", DIFFERS, "the reset does not restart the image")
         return
-    causes = _number(results.restart, "causes")
+    causes = results.restart.get("causes", 16)
     yield _compare(
-        8, "cause of a software reset", "0x10", f"0x{causes:02X}", causes == SOFTWARE_RESET,
+        8, "cause of a software reset", "0x10", _format_causes(causes), causes == SOFTWARE_RESET,
         "RES_CAUSE has other bits: regs/srss.h",
     )  # fmt: skip
     for field, name, address in (("stay", "request to the bootloader", 0x80), ("record", "fault record", 0xBF0)):
@@ -192,6 +233,11 @@ def _find_memory(results: Measurements) -> Iterator[Finding]:
             8, f"RAM over a reset: {name}", "kept", "kept" if kept else "lost", kept,
             f"the word at 0x2000{address:04X} does not survive: choose another address (image.ld.in)",
         )  # fmt: skip
+
+
+def _format_causes(causes: int | None) -> str:
+    """Bits of RES_CAUSE as text."""
+    return "no result" if causes is None else f"0x{causes:02X}"
 
 
 def _find_watchdog(results: Measurements) -> Iterator[Finding]:
@@ -206,38 +252,50 @@ def _find_watchdog(results: Measurements) -> Iterator[Finding]:
         9, "watchdog", expected, f"{results.watchdog_s:.2f} s ({hz / 1e3:.1f} kHz)",
         low <= results.watchdog_s <= high, "the 32 kHz oscillator is outside its range: watchdog.h",
     )  # fmt: skip
-    causes = _number(results.watchdog_start, "causes")
-    yield _compare(
-        9, "cause of a watchdog reset", "0x01", f"0x{causes:02X}", bool(causes & WATCHDOG_RESET), "regs/srss.h"
-    )
+    causes = None if results.watchdog_start is None else results.watchdog_start.get("causes", 16)
+    is_watchdog = bool((causes or 0) & WATCHDOG_RESET)
+    yield _compare(9, "cause of a watchdog reset", "0x01", _format_causes(causes), is_watchdog, "regs/srss.h")
 
 
-def _find_counts(results: Measurements, known_pf: float | None, supply_v: float) -> Iterator[Finding]:
+def _find_counts(results: Measurements, known_pf: float | None, supply_v: float, capacitors: int) -> Iterator[Finding]:
+    """Findings about the counts with the circuit that the board has.
+
+    The other circuit may count, too: the lines and the analog bus themselves are a small capacitor.
+    """
     evaluated = {
         number: evaluate_counts({code: count for (n, code), count in results.counts.items() if n == number}, supply_v)
         for number in (1, 2)
     }
-    working = {number: result for number, result in evaluated.items() if result is not None}
     names = {1: "one capacitor (P4.2)", 2: "CintA and CintB (P3.6, P3.7)"}
-    point, expected = "variant that counts", "exactly one"
-    if len(working) != 1:
+    point, expected = "counts", f"with {names[capacitors]}"
+    result, other = evaluated[capacitors], evaluated[3 - capacitors]
+    if not results.counts:
+        yield Finding(10, point, expected, "no result", NOT_MEASURED)
+        return
+    if result is None:
         advice = (
             "check the known capacitor (P2.0 to P2.2), then each integration capacitor with a meter; without a fault "
             "there: registers of the converter (regs/csd.h)"
-            if not working
-            else "both circuits are connected: remove one, then repeat"
+            if other is None
+            else f"the circuit is the other one (--capacitors {3 - capacitors}), or an integration capacitor is missing"
         )
-        yield Finding(10, point, expected, "none" if not working else "both", DIFFERS, advice)
+        measured = "none" if other is None else f"with {names[3 - capacitors]}"
+        yield Finding(10, point, expected, measured, DIFFERS, advice)
         return
-    ((number, result),) = working.items()
-    yield Finding(10, point, expected, names[number], AS_ASSUMED)
+    yield Finding(10, point, expected, expected if other is None else "with both circuits", AS_ASSUMED)
     yield _compare(
         10, "count and current", "inversely proportional", f"{result.usable} codes", result.follows_law,
         "the converter does not balance the charge: reference buffer, comparator, drive strength (regs/csd.h)",
     )  # fmt: skip
     yield from _find_current(result, known_pf)
-    low, high = (_number(results.repeats.get(number), field) for field in ("low", "high"))
-    yield Finding(10, "noise of 16 conversions", "some counts", f"{low} to {high}", AS_ASSUMED)
+    low, high = (_number(results.repeats.get(capacitors), field) for field in ("low", "high"))
+    if low is None or high is None:
+        yield Finding(10, "noise of 16 conversions", f"at most {NOISE_MAX} counts", "no result", NOT_MEASURED)
+        return
+    yield _compare(
+        10, "noise of 16 conversions", f"at most {NOISE_MAX} counts", f"{high - low} counts", high - low <= NOISE_MAX,
+        "shorter leads; filter bits (regs/csd.h); the other circuit",
+    )  # fmt: skip
 
 
 def _find_current(result: CapacitorResult, known_pf: float | None) -> Iterator[Finding]:

@@ -17,9 +17,12 @@ class Line:
     words: tuple[str, ...]
     fields: dict[str, str]
 
-    def get(self, field: str) -> int:
-        """A number of the line. Raises KeyError if it is missing and ValueError if it is no number."""
-        return int(self.fields[field])
+    def get(self, field: str, base: int = 10) -> int | None:
+        """A number of the line, in digits of a base; None if the field is missing or damaged."""
+        try:
+            return int(self.fields[field], base)
+        except (KeyError, ValueError):
+            return None
 
 
 def parse_line(text: str, time_s: float) -> Line | None:

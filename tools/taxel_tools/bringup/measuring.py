@@ -1,16 +1,19 @@
 """Runs the tests of the bring-up image one after another, and keeps what they measured."""
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
 from taxel_tools.bringup.lines import Line, is_text
-from taxel_tools.bringup.ports import BytePort, LineReader
+from taxel_tools.bringup.ports import FAULT, BytePort, LineReader
 
 START: Final = "taxel-bringup"
 START_TIMEOUT_S: Final = 5.0
 """The image prints a line every two seconds while it waits for a command."""
 LINE_TIMEOUT_S: Final = 3.0
+TICKS: Final = 21
+"""Lines of the clock test: 4 s in all, so that a delay of 16 ms of the adapter changes the result by 0.4 %."""
 WATCHDOG_TIMEOUT_S: Final = 10.0
 ECHO: Final = bytes([0x00, 0xFF, 0x55, 0xAA, *range(1, 12), 0x7F])
 """Bytes with long and short pulses, 16 in all."""
@@ -20,11 +23,12 @@ ECHO: Final = bytes([0x00, 0xFF, 0x55, 0xAA, *range(1, 12), 0x7F])
 class Measurements:
     """What the tests measured; None: not measured.
 
-    received: whether bytes arrived. is_readable: whether they are text. start: line after a reset. tick_s: mean
-    interval of the clock lines, seconds. echo: bytes that the board sent back. lines: result lines by name. counts:
-    count by (capacitors, code). restart: start line after the memory test. watchdog_s: time from the start of the
-    watchdog to the next start line. watchdog_start: that line. clock_pin_hz: frequency of the clock pin, measured on
-    an emulated part only. missing: commands without an answer.
+    received: whether bytes arrived. is_readable: whether they are text. tick_s: mean interval of the clock lines,
+    seconds. echo: bytes that the board sent back; empty if the board received none. lines: result lines by name.
+    repeats: result lines of repeated conversions by number of capacitors. counts: count by (capacitors, code).
+    restart: start line after the memory test. watchdog_s: time from the last feed of the watchdog to the next start
+    line. watchdog_start: that line. missing: names of result lines that did not arrive. fault: line of an exception,
+    after which no further test runs. fault_test: name of the test in which it occurred.
     """
 
     received: bool = False
@@ -37,14 +41,16 @@ class Measurements:
     restart: Line | None = None
     watchdog_s: float | None = None
     watchdog_start: Line | None = None
-    clock_pin_hz: float | None = None
     missing: list[str] = field(default_factory=list)
+    fault: Line | None = None
+    fault_test: str = ""
 
 
 def measure(port: BytePort, progress: Callable[[str], None] = lambda test: None) -> Measurements:
     """Run all tests on the board at an open port. progress: called with the name of each test before it starts.
 
-    Raises `LinkError` if the port fails.
+    The tests end early if the image prints no text, receives nothing, or takes an exception. Raises `LinkError` if the
+    port fails.
     """
     reader = LineReader(port)
     results = Measurements()
@@ -54,30 +60,21 @@ def measure(port: BytePort, progress: Callable[[str], None] = lambda test: None)
     results.is_readable = line is not None and is_text(reader.received)
     if not results.is_readable:
         return results
-    progress("clock")
-    _measure_ticks(reader, results)
-    progress("received bytes")
-    _measure_echo(reader, results)
-    for command, name, lines in (("i", "interrupt numbers", ("interrupts", "converter")), ("b", "I2C bus", ("bus",))):
+    for name, test in TESTS.items():
         progress(name)
-        _run(reader, results, command, lines)
-    progress("flash row")
-    _run(reader, results, "f", ("flash",))
-    progress("known capacitor")
-    _measure_counts(reader, results)
-    progress("memory over a reset")
-    reader.send("m")
-    restart = reader.read_until(START, LINE_TIMEOUT_S)
-    results.restart = restart[-1] if restart and restart[-1].name == START else None
-    progress("watchdog")
-    _measure_watchdog(reader, results)
+        test(reader, results)
+        if results.fault is not None:
+            results.fault_test = name
+        if results.fault is not None or not results.echo:
+            break
     return results
 
 
 def _run(reader: LineReader, results: Measurements, command: str, names: tuple[str, ...]) -> list[Line]:
-    """Run one command and store its lines by name; a command without all its lines is noted as missing."""
+    """Run one command and store its lines by name; a result line that does not arrive is noted as missing."""
     reader.send(command)
     lines = reader.read_until("done", LINE_TIMEOUT_S)
+    results.fault = next((line for line in lines if line.name == FAULT), None)
     found = {line.name: line for line in lines if line.name in names}
     results.lines |= found
     results.missing += [name for name in names if name not in found]
@@ -87,7 +84,7 @@ def _run(reader: LineReader, results: Measurements, command: str, names: tuple[s
 def _measure_ticks(reader: LineReader, results: Measurements) -> None:
     """Measure the mean interval of the lines that the image prints at equal intervals."""
     times = [line.time_s for line in _run(reader, results, "t", ("tick",)) if line.name == "tick"]
-    if len(times) > 2:
+    if len(times) == TICKS:  # a lost line would change the mean
         results.tick_s = (times[-1] - times[0]) / (len(times) - 1)
 
 
@@ -95,27 +92,67 @@ def _measure_echo(reader: LineReader, results: Measurements) -> None:
     """Send bytes and keep what comes back."""
     reader.send("e")
     reader.send_bytes(ECHO)
+    results.echo = b""
     for line in reader.read_until("done", LINE_TIMEOUT_S):
         if line.name == "echo":
-            results.echo = bytes.fromhex(line.fields.get("bytes", ""))
+            with contextlib.suppress(ValueError):
+                results.echo = bytes.fromhex(line.fields.get("bytes", ""))
+
+
+def _find_interrupts(reader: LineReader, results: Measurements) -> None:
+    """Find the numbers of interrupts and of the sample clock."""
+    _run(reader, results, "i", ("interrupts", "converter"))
+
+
+def _test_bus(reader: LineReader, results: Measurements) -> None:
+    """Test the lines of the I2C bus and the master."""
+    _run(reader, results, "b", ("bus",))
+
+
+def _write_row(reader: LineReader, results: Measurements) -> None:
+    """Write a flash row."""
+    _run(reader, results, "f", ("flash",))
 
 
 def _measure_counts(reader: LineReader, results: Measurements) -> None:
-    """Count the known capacitor with both variants of the circuit."""
+    """Count the known capacitor with both variants of the circuit. A damaged line is left out."""
     for line in _run(reader, results, "c", ("count", "repeats")):
-        if line.name == "count":
-            results.counts[line.get("capacitors"), line.get("code")] = line.get("count")
-        elif line.name == "repeats":
-            results.repeats[line.get("capacitors")] = line
+        capacitors, code, count = line.get("capacitors"), line.get("code"), line.get("count")
+        if line.name == "count" and capacitors is not None and code is not None and count is not None:
+            results.counts[capacitors, code] = count
+        elif line.name == "repeats" and capacitors is not None:
+            results.repeats[capacitors] = line
+
+
+def _test_memory(reader: LineReader, results: Measurements) -> None:
+    """Reset the board; its next start line states what survived."""
+    reader.send("m")
+    lines = reader.read_until(START, LINE_TIMEOUT_S)
+    results.restart = next((line for line in lines if line.name == START), None)
 
 
 def _measure_watchdog(reader: LineReader, results: Measurements) -> None:
-    """Let the watchdog reset the board and measure the time."""
+    """Let the watchdog reset the board and measure the time. Other lines in between, such as noise, do not count."""
     reader.send("w")
     waiting = reader.read_until("watchdog", LINE_TIMEOUT_S)
     if not waiting or waiting[-1].name != "watchdog":
         results.missing.append("watchdog")
         return
-    line = reader.read_line(WATCHDOG_TIMEOUT_S)
-    if line is not None and line.name == START:
-        results.watchdog_s, results.watchdog_start = line.time_s - waiting[-1].time_s, line
+    while (line := reader.read_line(WATCHDOG_TIMEOUT_S)) is not None:
+        if line.name == START:
+            results.watchdog_s, results.watchdog_start = line.time_s - waiting[-1].time_s, line
+        if line.name in (START, "watchdog"):
+            return
+
+
+TESTS: Final[dict[str, Callable[[LineReader, Measurements], None]]] = {
+    "received bytes": _measure_echo,
+    "clock": _measure_ticks,
+    "interrupt numbers": _find_interrupts,
+    "I2C bus": _test_bus,
+    "flash row": _write_row,
+    "known capacitor": _measure_counts,
+    "memory over a reset": _test_memory,
+    "watchdog": _measure_watchdog,
+}
+"""Tests by name, in their order: without received bytes no other test can be started."""

@@ -8,6 +8,8 @@ from taxel_tools.bringup.lines import Line, parse_line
 
 BAUD: Final = 115_200
 SLICE_S: Final = 0.05
+FAULT: Final = "fault"
+"""Name of the line that the image prints after an exception."""
 
 
 class BytePort(Protocol):
@@ -92,15 +94,18 @@ class LineReader:
             self._rest += data
 
     def read_until(self, name: str, timeout_s: float) -> list[Line]:
-        """Return the lines up to the first with this name, which is the last; without it if it does not arrive.
+        """Return the lines up to the first with this name, or to a fault of the image, which is then the last line.
 
-        timeout_s: for each line.
+        timeout_s: for each line. The line "ready" of a board that has received nothing is left out and does not extend
+        the time.
         """
         lines: list[Line] = []
-        while (line := self.read_line(timeout_s)) is not None:
-            if line.name == "ready" and name != "ready":
+        end = self._port.now_s() + timeout_s
+        while (line := self.read_line(end - self._port.now_s())) is not None:
+            if line.name == "ready":
                 continue
+            end = self._port.now_s() + timeout_s
             lines.append(line)
-            if line.name == name:
+            if line.name in (name, FAULT):
                 break
         return lines

@@ -10,6 +10,7 @@
 #include "boards/psoc4200/clocks.h"
 #include "boards/psoc4200/flash_rows.h"
 #include "boards/psoc4200/regs/csd.h"
+#include "boards/psoc4200/regs/peri_clk.h"
 #include "boards/psoc4200/regs/scb.h"
 #include "boards/psoc4200/regs/srss.h"
 #include "boards/psoc4200/reset.h"
@@ -20,13 +21,16 @@
 #define RECORD 0x7A3C51E9u
 #define INTERRUPTS 32u
 #define NO_INTERRUPT 255u
-#define TICKS 6u
+#define TICKS 21u
 #define TICK_MS 200u
 #define ECHO_BYTES 16u
 #define READY_MS 2000u
 #define LED_MS 500u
 #define WATCHDOG_MS 8000u
 #define REPEATS 16u
+#define REQUEST_CYCLES 480u /* 10 us from a request to the pending register */
+#define SCB0_CLOCK_DIVIDER 4u
+#define FEEDS 200u
 #define PAINT 0xA5C3E187u /* of RAM, for the depth of the stack in a call of the ROM */
 #define PAINT_GAP 64u     /* words for the variables of the function itself */
 #define REPEATED_CODE 16u
@@ -34,23 +38,27 @@
 static volatile uint32_t record
     __attribute__((section(".noinit.fault"), used)); /* where applications keep their fault record */
 
-void fault_take_exception(const uint32_t *frame);
-/* An exception that no test expects: printed, then the image stops. */
-__attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
-{
-    text_put("fault");
-    text_number("exception", current_exception());
-    text_number("pc", frame[6]);
-    text_end_line();
-    for (;;) {
-    }
-}
-
 static void wait_ms(uint32_t ms)
 {
     while (ms--) {
         for (uint32_t begin = cycles_now(); cycles_since(begin) < CYCLES_PER_MS;) {
         }
+    }
+}
+
+void fault_take_exception(const uint32_t *frame);
+/* An exception that no test expects: printed, then the image starts again. */
+__attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
+{
+    const uint32_t pc = frame[6];
+    const uint8_t bytes[4] = {(uint8_t)(pc >> 24), (uint8_t)(pc >> 16), (uint8_t)(pc >> 8), (uint8_t)pc};
+    text_put("\r\nfault");
+    text_number("exception", current_exception());
+    text_hex("pc", bytes, sizeof bytes);
+    text_end_line();
+    wait_ms(10); /* until the last byte has been sent */
+    reset_now();
+    for (;;) {
     }
 }
 
@@ -81,10 +89,18 @@ static void echo(void)
     text_end_line();
 }
 
-/* Number of the only pending interrupt; NO_INTERRUPT for none. Of several, the first. */
-static uint32_t pending_number(void)
+/* Pending interrupts some time after all requests of the present state. */
+static uint32_t read_pending(void)
 {
-    const uint32_t pending = NVIC_PENDING_SET;
+    NVIC_PENDING_CLEAR = ~0u;
+    for (uint32_t begin = cycles_now(); cycles_since(begin) < REQUEST_CYCLES;) {
+    }
+    return NVIC_PENDING_SET;
+}
+
+/* Number of the first interrupt of a set; NO_INTERRUPT for none. */
+static uint32_t first_number(uint32_t pending)
+{
     for (uint32_t number = 0; number < INTERRUPTS; number++) {
         if (pending >> number & 1u) {
             return number;
@@ -99,27 +115,28 @@ static uint32_t find_serial_interrupt(struct scb_regs *scb, uint32_t ctrl)
     scb->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(1u);
     scb->ctrl = ctrl | SCB_CTRL_ENABLED;
     wait_ms(2); /* until the UART has sent its last byte */
-    NVIC_PENDING_CLEAR = ~0u;
+    const uint32_t before = read_pending();
     scb->intr_tx_mask = SCB_INTR_TX_TRIGGER;
-    const uint32_t number = pending_number();
+    const uint32_t pending = read_pending();
     scb->intr_tx_mask = 0;
     scb->intr_tx = SCB_INTR_TX_TRIGGER;
-    NVIC_PENDING_CLEAR = ~0u;
-    return number;
+    return first_number(pending & ~before);
 }
 
 static void find_interrupts(void)
 {
     uint32_t cycles = 0;
+    PERI_CLK->divider_a[0] = (SCB0_CLOCK_DIVIDER - 1u) | PERI_CLK_DIVIDER_ENABLE;
+    PERI_CLK->select[PERI_CLK_OF_SCB0] = PERI_CLK_SELECT_A(0u);
     const uint32_t scb0 = find_serial_interrupt(SCB0, SCB_CTRL_MODE_I2C);
     SCB0->ctrl = 0;
     const uint32_t scb1 = find_serial_interrupt(SCB1, SCB1->ctrl);
     const uint32_t sample = converter_find_sample_clock();
-    NVIC_PENDING_CLEAR = ~0u;
-    const uint32_t ended = converter_run(false, REPEATED_CODE, &cycles);
-    const uint32_t csd = ended == CONVERTER_NONE ? NO_INTERRUPT : pending_number();
     CSD->intr = CSD_INTR_CSD;
-    NVIC_PENDING_CLEAR = ~0u;
+    const uint32_t before = read_pending();
+    const uint32_t ended = converter_run(false, REPEATED_CODE, &cycles);
+    const uint32_t csd = ended == CONVERTER_NONE ? NO_INTERRUPT : first_number(read_pending() & ~before);
+    CSD->intr = CSD_INTR_CSD;
     text_put("interrupts");
     text_number("scb0", scb0);
     text_number("scb1", scb1);
@@ -201,12 +218,18 @@ static void write_row(void)
     text_end_line();
 }
 
-/* Wait for a reset by the watchdog, for at most WATCHDOG_MS. */
+/* Feed the watchdog at a high rate, as the main loops of the applications do; then wait for its reset, for at most
+ * WATCHDOG_MS. */
 static void wait_for_watchdog(void)
 {
+    watchdog_start();
+    for (unsigned i = 0; i < FEEDS; i++) {
+        wait_ms(1);
+        watchdog_feed();
+    }
     text_put("watchdog waits");
     text_end_line();
-    watchdog_start();
+    watchdog_feed();
     wait_ms(WATCHDOG_MS);
     text_put("watchdog none");
     text_end_line();
@@ -215,11 +238,14 @@ static void wait_for_watchdog(void)
 static void print_start(void)
 {
     uint8_t id[8];
-    const uint32_t causes = RES_CAUSE;
+    const uint8_t causes = (uint8_t)RES_CAUSE;
+    const uint32_t watchdog = WDT->control & (WDT_CONTROL_ENABLE0 | WDT_CONTROL_ENABLED0);
     RES_CAUSE = RES_CAUSE_ALL;
+    WDT->control = 0; /* a watchdog that a reset does not stop would reset the board during the tests */
     reset_unique_id(id);
     text_put("\r\ntaxel-bringup version=1");
-    text_number("causes", causes);
+    text_hex("causes", &causes, sizeof causes);
+    text_number("watchdog", watchdog);
     text_number("stay", reset_stay_requested() ? 1u : 0u);
     text_number("record", record == RECORD ? 1u : 0u);
     text_hex("id", id, sizeof id);

@@ -14,6 +14,12 @@
 #define SETTLE_CYCLES (CYCLES_PER_MS / 100u)
 #define SEARCH_CODE 32u
 #define LARGEST_SELECT 15u
+#define NO_CLOCK 0xFFu
+/* Duration of a conversion whose sample clock is the intended one: 4,000 sample clocks of 4 cycles, and its start. Another
+ * divider takes much longer. */
+#define CYCLES_MIN 15500u
+#define CYCLES_MAX 17500u
+#define CLEAR_COUNT 50u /* noise of the comparator counts less */
 #define AT_REST \
     (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP | \
      CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
@@ -30,7 +36,7 @@ static void select_clocks(void)
         PERI_CLK->select[i] = 0;
     }
     PERI_CLK->select[sample_clock] = PERI_CLK_SELECT_A(1u);
-    if (sense_clock != sample_clock) {
+    if (sense_clock != NO_CLOCK && sense_clock != sample_clock) {
         PERI_CLK->select[sense_clock] = PERI_CLK_SELECT_B(1u);
     }
 }
@@ -97,13 +103,19 @@ uint32_t converter_find_sample_clock(void)
 {
     uint32_t cycles;
     for (unsigned step = 0; step < STEPS; step++) {
+        sense_clock = NO_CLOCK; /* otherwise it could be the sample clock under another number */
         sample_clock = select_at(step, PERI_CLK_OF_CSD_SAMPLE);
         select_clocks();
-        if (converter_run(false, SEARCH_CODE, &cycles) != CONVERTER_NONE) {
-            return sample_clock;
+        const bool has_ended = converter_run(false, SEARCH_CODE, &cycles) != CONVERTER_NONE;
+        if (has_ended && cycles >= CYCLES_MIN && cycles <= CYCLES_MAX) {
+            const uint32_t found = sample_clock;
+            sense_clock = PERI_CLK_OF_CSD_SENSE;
+            select_clocks();
+            return found;
         }
     }
     sample_clock = PERI_CLK_OF_CSD_SAMPLE;
+    sense_clock = PERI_CLK_OF_CSD_SENSE;
     select_clocks();
     return CONVERTER_NONE;
 }
@@ -115,7 +127,7 @@ uint32_t converter_find_sense_clock(bool two_capacitors)
         sense_clock = select_at(step, PERI_CLK_OF_CSD_SENSE);
         select_clocks();
         const uint32_t count = converter_run(two_capacitors, SEARCH_CODE, &cycles);
-        if (sense_clock != sample_clock && count != CONVERTER_NONE && count > 0) {
+        if (sense_clock != sample_clock && count != CONVERTER_NONE && count > CLEAR_COUNT) {
             return sense_clock;
         }
     }
