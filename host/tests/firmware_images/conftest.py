@@ -35,6 +35,7 @@ MODULES = (
     "firmware_image",
     "firmware_size",
     "firmware_stack",
+    "import_pins",
     "original_flash",
     "original_image",
 )

@@ -1,12 +1,12 @@
 """Pins of a board from a KiCad netlist or a CSV file: the table of pins.toml, and one line for each error."""
 
-import subprocess
 import sys
 import tomllib
+from types import SimpleNamespace
 
 import pytest
 
-from host.tests.firmware_images.conftest import FOLDER, PORT
+from host.tests.firmware_images.conftest import PORT
 
 SENSOR_NETS = {"SCL": "P4.0", "SDA": "P4.1", "CMOD": "P4.2", "TX0": "P2.0", "TX1": "P2.1", "RX0": "P0.0", "RX1": "P0.1"}
 
@@ -26,15 +26,25 @@ def format_csv(nets):
     return "net,pin\n" + "".join(f"{net},{pin}\n" for net, pin in nets.items())
 
 
-def run(tmp_path, text, *options):
-    (tmp_path / "board.txt").write_text(text)
-    command = [sys.executable, FOLDER / "import_pins.py", "board.txt", *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+@pytest.fixture
+def run(tools, tmp_path, monkeypatch, capsys):
+    """Function that runs the tool on a file with a text."""
+    monkeypatch.chdir(tmp_path)
+
+    def run_tool(text, *options, name="board.txt"):
+        if text is not None:
+            (tmp_path / name).write_text(text)
+        monkeypatch.setattr(sys, "argv", ["import_pins.py", name, *options])
+        status = tools.import_pins.main()
+        printed = capsys.readouterr()
+        return SimpleNamespace(returncode=status, stdout=printed.out, stderr=printed.err)
+
+    return run_tool
 
 
 @pytest.mark.parametrize("format_nets", [format_kicad, format_csv])
-def test_the_pins_of_a_sensor_board_are_imported(tmp_path, format_nets):
-    completed = run(tmp_path, format_nets(SENSOR_NETS | {"LED": "P1.6"}))
+def test_the_pins_of_a_sensor_board_are_imported(run, format_nets):
+    completed = run(format_nets(SENSOR_NETS | {"LED": "P1.6"}))
     assert completed.returncode == 0, completed.stderr
     assert tomllib.loads(completed.stdout)["sensor"] == {
         "scl": "P4.0",
@@ -47,20 +57,20 @@ def test_the_pins_of_a_sensor_board_are_imported(tmp_path, format_nets):
 
 
 @pytest.mark.parametrize("kind", ["palm", "finger_tip"])
-def test_the_pins_of_an_original_board_return_from_its_nets(tmp_path, kind):
+def test_the_pins_of_an_original_board_return_from_its_nets(run, tmp_path, kind):
     sensor = tomllib.loads((PORT / "original" / f"{kind}.toml").read_text())["sensor"]
     single = {name.upper(): sensor[name] for name in ("scl", "sda", "cint_a", "cint_b")}
     lines = {f"{use.upper()}{number}": pin for use in ("tx", "rx") for number, pin in enumerate(sensor[use])}
-    completed = run(tmp_path, format_kicad(single | lines), "--out", "pins.toml")
+    completed = run(format_kicad(single | lines), "--out", "pins.toml")
     assert completed.returncode == 0, completed.stderr
     imported = tomllib.loads((tmp_path / "pins.toml").read_text())["sensor"]
     assert all(imported[name] == sensor[name] for name in ("scl", "sda", "cint_a", "cint_b", "tx", "rx"))
-    assert run(tmp_path, format_kicad(single | lines), "--out", "pins.toml").returncode == 1  # not replaced
+    assert run(format_kicad(single | lines), "--out", "pins.toml").returncode == 1  # not replaced
 
 
-def test_the_pins_of_a_hub_are_imported(tmp_path):
+def test_the_pins_of_a_hub_are_imported(run):
     hub = {"SCL": "P4.0", "SDA": "P4.1", "UART_RX": "P0.4", "UART_TX": "P0.5", "UART_RTS": "P0.6"}
-    completed = run(tmp_path, format_kicad(hub, "U7"), "--part", "U7")
+    completed = run(format_kicad(hub, "U7"), "--part", "U7")
     assert set(tomllib.loads(completed.stdout)["hub"]) == {"scl", "sda", "uart_rx", "uart_tx", "uart_rts"}
 
 
@@ -79,14 +89,13 @@ def test_the_pins_of_a_hub_are_imported(tmp_path):
         (format_csv({"SCL": "P4.0", "SDA": "P4.1", "CMOD": "P4.2"}), "board.txt: TX0, RX0: expected a net"),
     ],
 )
-def test_a_wrong_netlist_is_refused_in_one_line(tmp_path, text, message):
-    completed = run(tmp_path, text)
+def test_a_wrong_netlist_is_refused_in_one_line(run, text, message):
+    completed = run(text)
     assert completed.returncode == 1
     assert completed.stderr.startswith(f"import_pins: {message}"), completed.stderr
     assert len(completed.stderr.strip().splitlines()) == 1
 
 
-def test_a_missing_file_is_refused_in_one_line(tmp_path):
-    command = [sys.executable, FOLDER / "import_pins.py", "missing.net"]
-    completed = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+def test_a_missing_file_is_refused_in_one_line(run):
+    completed = run(None, name="missing.net")
     assert (completed.returncode, len(completed.stderr.strip().splitlines())) == (1, 1)
