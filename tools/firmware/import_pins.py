@@ -21,9 +21,7 @@ from netlist import read_nets
 from taxel.errors import TaxelError
 from taxel.output import write_whole
 
-SINGLE: Final = {"CINTA": "cint_a", "CINTB": "cint_b"} | {
-    name.upper().replace("_", ""): name for name in (*SENSOR_PINS, *TWO_CAPACITORS, *HUB_PINS)
-}
+SINGLE: Final = {name.upper().replace("_", ""): name for name in (*SENSOR_PINS, *TWO_CAPACITORS, *HUB_PINS)}
 """Uses of single pins by the name of the net without underscores."""
 
 LINE: Final = re.compile(r"(TX|RX)(\d+)")

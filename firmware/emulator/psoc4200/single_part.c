@@ -15,13 +15,13 @@
 #define SUPPLY_V 3.3
 #define IDAC_STEP_A 1.2e-6
 #define NOISE_COUNTS 2u
-#define HEARTBEAT_PORT 1u
-#define HEARTBEAT_PIN 7u
+#define CLOCK_PIN_PORT 1u
+#define CLOCK_PIN_NUMBER 7u
 #define POWER_ON 0u
-#define SLICE (50u * VTIME_US) /* how often the heartbeat pin is sampled */
+#define SLICE (50u * VTIME_US) /* how often the clock pin is sampled */
 
 static const struct psoc_part one_capacitor = {
-    .name = "one-capacitor",
+    .name = "single",
     .flash_size = FLASH_ROWS * FLASH_ROW_SIZE,
     .tx_lines = 1,
     .rx_lines = 1,
@@ -29,17 +29,7 @@ static const struct psoc_part one_capacitor = {
     .rx = {0x22},
     .bus_port = 4,
 };
-static const struct psoc_part two_capacitors = {
-    .name = "two-capacitors",
-    .flash_size = FLASH_ROWS * FLASH_ROW_SIZE,
-    .tx_lines = 1,
-    .rx_lines = 1,
-    .tx = {0x20},
-    .rx = {0x22},
-    .has_two_capacitors = true,
-    .capacitors = {0x36, 0x37},
-    .bus_port = 4,
-};
+static const uint8_t capacitor_pins[] = {0x36, 0x37}; /* CintA and CintB */
 
 struct bytes {
     uint8_t byte[BUFFER];
@@ -49,6 +39,7 @@ struct bytes {
 struct single_part {
     struct psoc psoc;
     struct flash flash;
+    struct psoc_part wiring;
     struct single_part_settings settings;
     struct bytes to_host, to_part;
     vtime sent_at, received_at; /* VTIME_NEVER: no byte is being transferred */
@@ -57,7 +48,7 @@ struct single_part {
     enum psoc_i2c_event bus_event;
     bool scl_driven, sda_driven;
     struct random_source random;
-    bool heartbeat;
+    bool clock_pin;
     vtime first_edge, last_edge;
     unsigned edges;
 };
@@ -189,6 +180,9 @@ struct single_part *single_part_new(const uint8_t *image, size_t size, const str
         return NULL;
     }
     part->settings = *settings;
+    part->wiring = one_capacitor;
+    part->wiring.has_two_capacitors = settings->capacitors == 2.0;
+    memcpy(part->wiring.capacitors, capacitor_pins, sizeof capacitor_pins);
     part->sent_at = part->received_at = part->bus_at = VTIME_NEVER;
     random_init(&part->random, 1, 0);
     flash_init(&part->flash, 1, 0);
@@ -196,7 +190,7 @@ struct single_part *single_part_new(const uint8_t *image, size_t size, const str
     const struct psoc_config config = {
         .name = "part",
         .flash = &part->flash,
-        .part = settings->capacitors == 2.0 ? &two_capacitors : &one_capacitor,
+        .part = &part->wiring,
         .unique_id = {1, 2, 3, 4, 5, 6, 7, 8},
         .clock_rate = settings->clock_rate,
         .seed = 1,
@@ -260,14 +254,14 @@ static void serve_wires(struct single_part *part, vtime now)
     }
 }
 
-/* Count the edges of the heartbeat pin. */
-static void watch_heartbeat(struct single_part *part, vtime now)
+/* Count the edges of the clock pin. */
+static void watch_clock_pin(struct single_part *part, vtime now)
 {
     const struct psoc_gpio *gpio = &part->psoc.gpio;
-    const bool level = gpio->port[HEARTBEAT_PORT].data >> HEARTBEAT_PIN & 1u;
-    const bool is_output = gpio->port[HEARTBEAT_PORT].mode >> (3u * HEARTBEAT_PIN) & 7u;
-    if (is_output && level != part->heartbeat) {
-        part->heartbeat = level;
+    const bool level = gpio->port[CLOCK_PIN_PORT].data >> CLOCK_PIN_NUMBER & 1u;
+    const bool is_output = gpio->port[CLOCK_PIN_PORT].mode >> (3u * CLOCK_PIN_NUMBER) & 7u;
+    if (is_output && level != part->clock_pin) {
+        part->clock_pin = level;
         part->first_edge = part->edges ? part->first_edge : now;
         part->last_edge = now;
         part->edges++;
@@ -285,7 +279,7 @@ void single_part_run(struct single_part *part, double seconds)
             break; /* the processor executes nothing any more */
         }
         serve_wires(part, psoc_now(&part->psoc));
-        watch_heartbeat(part, psoc_now(&part->psoc));
+        watch_clock_pin(part, psoc_now(&part->psoc));
     }
 }
 
@@ -310,7 +304,7 @@ size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size)
     return taken;
 }
 
-double single_part_heartbeat(struct single_part *part)
+double single_part_measure_clock_pin(struct single_part *part)
 {
     const double duration = (double)(part->last_edge - part->first_edge) / (double)VTIME_SECOND;
     const double hz = part->edges > 2u ? (part->edges - 1u) / duration / 2.0 : 0.0;

@@ -34,6 +34,6 @@ size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t co
 /* Take bytes that a host at 115,200 baud received; returns their number. A byte at another rate is received wrongly. */
 size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size);
 /* Frequency (Hz) of the clock pin P1.7 since the last call, from its edges; 0: none. */
-double single_part_heartbeat(struct single_part *part);
+double single_part_measure_clock_pin(struct single_part *part);
 
 #endif

@@ -3,16 +3,15 @@
 import ctypes
 from functools import cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from taxel.errors import TaxelError
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import build_sheet
-from taxel.native_library import load_library
+from taxel.sim.sim_library import ReferencedArrays, check_structure, load_sim_library
 from taxel.sim.soft_contact import MAX_DEPTH_M, MIN_SLOPE, SPRINGS_PER_SIDE, LayerFriction, LayerLaw, SoftLoad
 from taxel.types import FloatArray
 
@@ -22,10 +21,6 @@ relative to the object. The value changes the computing time, not the result.
 """
 
 _NO_TAXEL = np.iinfo(np.uint32).max
-
-
-class SimLibraryError(TaxelError):
-    """The simulator's compiled library is missing or belongs to another version of the package."""
 
 
 class _Layer(ctypes.Structure):
@@ -69,21 +64,6 @@ class _Layer(ctypes.Structure):
         ("anchor", ctypes.c_void_p),
         ("touched", ctypes.c_void_p),
     ]
-
-
-@cache
-def load_sim_library() -> ctypes.CDLL:
-    """Load the simulator's compiled library. Raises `SimLibraryError` if it is missing or of another version."""
-    library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
-    library.sim_layer_struct_size.restype = ctypes.c_size_t
-    library.sim_layer_load.argtypes = [*[ctypes.c_void_p] * 6, ctypes.c_int]
-    library.sim_layer_load.restype = None
-    if library.sim_layer_struct_size() != ctypes.sizeof(_Layer):
-        raise SimLibraryError(
-            "the simulator's compiled library belongs to another version of the package; install taxel again "
-            "(pip install .)"
-        )
-    return library
 
 
 _PIECE_ARRAYS = ("first", "position", "normal", "half_sides", "area_share", "taxel")
@@ -150,9 +130,11 @@ class NativeContact:
         which this object keeps alive. Raises
         SimLibraryError if the library is missing, and TypeError for a shape that the library does not support.
         """
-        self._call = load_sim_library().sim_layer_load
+        library = load_sim_library()
+        check_structure(library, "sim_layer", _Layer)
+        self._call = library.sim_layer_load
         self._boards, self._taxels = len(hand.boards), hand.n_taxels
-        self._referenced_arrays: list[npt.NDArray[Any]] = []
+        self._arrays = ReferencedArrays()
         table = _build_table(hand)
         self._near_count = np.zeros(self._boards, np.uintp)
         self._slack_m = np.full(self._boards, -1.0)  # a search is due
@@ -162,8 +144,8 @@ class NativeContact:
         self._layer = _Layer(
             boards=self._boards,
             square_pieces=SPRINGS_PER_SIDE**2,
-            **{name: self._reference(getattr(table, name)) for name in _PIECE_ARRAYS},
-            board_size=self._reference(table.board_size),
+            **{name: self._arrays.add(getattr(table, name)) for name in _PIECE_ARRAYS},
+            board_size=self._arrays.add(table.board_size),
             square_size_m=table.square_size_m,
             piece_size_m=table.piece_size_m,
             thickness_m=hand.layer_m or 0.0,
@@ -174,22 +156,17 @@ class NativeContact:
             friction_coefficient=friction.coefficient,
             shear_stiffness_n_per_m=friction.stiffness_n_per_m,
             **solid,
-            near=self._reference(np.empty(len(table.position), np.uint32)),
-            near_count=self._reference(self._near_count),
-            near_normals=self._reference(np.empty((self._boards, faces, 3))),
-            near_offsets=self._reference(np.empty((self._boards, faces))),
-            near_faces=self._reference(np.zeros(self._boards, np.uintp)),
-            search_pose=self._reference(np.zeros((self._boards, 4, 4))),
-            slack_m=self._reference(self._slack_m),
-            anchor=self._reference(np.zeros((len(table.position), 3))),
-            touched=self._reference(np.zeros(len(table.position))),
+            near=self._arrays.add(np.empty(len(table.position), np.uint32)),
+            near_count=self._arrays.add(self._near_count),
+            near_normals=self._arrays.add(np.empty((self._boards, faces, 3))),
+            near_offsets=self._arrays.add(np.empty((self._boards, faces))),
+            near_faces=self._arrays.add(np.zeros(self._boards, np.uintp)),
+            search_pose=self._arrays.add(np.zeros((self._boards, 4, 4))),
+            slack_m=self._arrays.add(self._slack_m),
+            anchor=self._arrays.add(np.zeros((len(table.position), 3))),
+            touched=self._arrays.add(np.zeros(len(table.position))),
         )
         self.address = ctypes.addressof(self._layer)
-
-    def _reference(self, array: npt.NDArray[Any]) -> int:
-        """Return the memory address of an array, which this object keeps alive for its own lifetime."""
-        self._referenced_arrays.append(array)
-        return int(array.ctypes.data)
 
     def _describe_solid(self, shape: Shape) -> dict[str, float]:
         """Return the fields of the C structure `_Layer` that describe the shape of the touching solid."""
@@ -197,7 +174,7 @@ class NativeContact:
             return {"faces": 0, "radius": shape.radius, "height": shape.height}
         if isinstance(shape, ConvexPolytope):
             normals, offsets = (np.ascontiguousarray(part) for part in (shape.normals, shape.offsets))
-            return {"faces": len(offsets), "normals": self._reference(normals), "offsets": self._reference(offsets)}
+            return {"faces": len(offsets), "normals": self._arrays.add(normals), "offsets": self._arrays.add(offsets)}
         raise TypeError(f"shape: expected a Cylinder or a ConvexPolytope, found {type(shape).__name__}")
 
     def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray, advance: bool = False) -> SoftLoad:

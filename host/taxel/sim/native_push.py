@@ -1,11 +1,10 @@
 """The time step of hand and object in C (`native/push.h`), called through ctypes: `SoftPush` in less time."""
 
 import ctypes
-from typing import Any, Final
+from typing import Final
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from taxel.grasp.objects import (
     STAND_FRICTION,
@@ -14,8 +13,9 @@ from taxel.grasp.objects import (
     STEADYING_NM_PER_RAD,
     STEADYING_NM_S_PER_RAD,
 )
-from taxel.sim.native_contact import NativeContact, SimLibraryError, load_sim_library
+from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import JOINT_FRICTION_NM, Scene
+from taxel.sim.sim_library import ReferencedArrays, check_structure, load_sim_library
 from taxel.sim.soft_push import (
     BOARD_RADIUS_M,
     LIMIT_NM_PER_RAD,
@@ -115,26 +115,13 @@ class NativePush(SoftPush):
         """Prepare the time integration of a MuJoCo scene. contact: forces of the layer. step_s: time step, seconds."""
         super().__init__(scene, contact, step_s)
         library = load_sim_library()
-        library.sim_push_struct_size.restype = ctypes.c_size_t
-        if library.sim_push_struct_size() != ctypes.sizeof(_Push):
-            raise SimLibraryError(
-                "the simulator's compiled library belongs to another version of the package; install taxel again "
-                "(pip install .)"
-            )
+        check_structure(library, "sim_push", _Push)
         self._call = library.sim_push_step
-        self._call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double]
-        self._call.restype = ctypes.c_double
         self._layer_address = contact.address
-        self._referenced_arrays: list[npt.NDArray[Any]] = []
+        self._arrays = ReferencedArrays()
         self._data: mujoco.MjData | None = None
         self._native = self._describe_push()
         self._address = ctypes.addressof(self._native)
-
-    def _reference(self, array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> int:
-        """Return the memory address of a copy of an array, which this object keeps alive for its own lifetime."""
-        copied = np.array(array, dtype=dtype, order="C")
-        self._referenced_arrays.append(copied)
-        return int(copied.ctypes.data)
 
     def _describe_push(self) -> _Push:
         """Return the C structure with the scene's constants and memory for the state; MuJoCo's arrays are not set."""
@@ -143,11 +130,11 @@ class NativePush(SoftPush):
         return _Push(
             boards=boards,
             dofs=dofs,
-            board_body=self._reference(self._boards, np.uintp),
-            board_pose=self._reference(self._board_poses),
-            dof_sign=self._reference(self._dof_sign),
-            dof_root=self._reference(self._roots, np.uintp),
-            damping=self._reference(self._damping),
+            board_body=self._arrays.add(self._boards, np.uintp),
+            board_pose=self._arrays.add(self._board_poses),
+            dof_sign=self._arrays.add(self._dof_sign),
+            dof_root=self._arrays.add(self._roots, np.uintp),
+            damping=self._arrays.add(self._damping),
             object_body=self._object_body,
             object_dof=self._object_dofs.start,
             object_address=int(model.jnt_qposadr[model.body_jntadr[self._object_body]]),
@@ -162,12 +149,12 @@ class NativePush(SoftPush):
                 stiffness=(STEADYING_N_PER_M, STEADYING_NM_PER_RAD),
                 damping=(STEADYING_N_S_PER_M, STEADYING_NM_S_PER_RAD),
             ),
-            last_wrench=self._reference(np.zeros((boards, 6))),
-            poses=self._reference(np.zeros((boards, 4, 4))),
-            jacobian=self._reference(np.zeros((boards, 6, dofs))),
-            stiffness=self._reference(np.zeros((boards, 6, 6))),
-            system=self._reference(np.zeros((dofs, dofs))),
-            force=self._reference(np.zeros(dofs)),
+            last_wrench=self._arrays.add(np.zeros((boards, 6))),
+            poses=self._arrays.add(np.zeros((boards, 4, 4))),
+            jacobian=self._arrays.add(np.zeros((boards, 6, dofs))),
+            stiffness=self._arrays.add(np.zeros((boards, 6, 6))),
+            system=self._arrays.add(np.zeros((dofs, dofs))),
+            force=self._arrays.add(np.zeros(dofs)),
         )
 
     def _describe_hinges(self) -> _Hinges:
@@ -175,10 +162,10 @@ class NativePush(SoftPush):
         self._native_stuck_angles = np.zeros(len(self._hinge_dofs))
         return _Hinges(
             count=len(self._hinge_dofs),
-            dof=self._reference(self._hinge_dofs, np.uintp),
-            address=self._reference(self._hinge_angles, np.uintp),
-            min_angle=self._reference(self._min_angles),
-            max_angle=self._reference(self._max_angles),
+            dof=self._arrays.add(self._hinge_dofs, np.uintp),
+            address=self._arrays.add(self._hinge_angles, np.uintp),
+            min_angle=self._arrays.add(self._min_angles),
+            max_angle=self._arrays.add(self._max_angles),
             friction_nm=JOINT_FRICTION_NM,
             presliding_rad=PRESLIDING_RAD,
             limit_nm_per_rad=LIMIT_NM_PER_RAD,
@@ -191,13 +178,13 @@ class NativePush(SoftPush):
         stand = self._stand
         return _Stand(
             corners=len(stand.corners),
-            corner=self._reference(stand.corners),
+            corner=self._arrays.add(stand.corners),
             stiffness_n_per_m=stand.stiffness_n_per_m,
             friction=STAND_FRICTION,
             up=tuple(stand.up),
             origin=tuple(stand.origin),
-            anchor=self._reference(np.zeros_like(stand.corners)),
-            has_anchor=self._reference(np.zeros(len(stand.corners)), np.uint8),
+            anchor=self._arrays.add(np.zeros_like(stand.corners)),
+            has_anchor=self._arrays.add(np.zeros(len(stand.corners)), np.uint8),
         )
 
     def place_stand(self, pose: FloatArray) -> None:

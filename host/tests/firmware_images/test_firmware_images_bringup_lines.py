@@ -68,9 +68,20 @@ def test_the_scripted_board_has_no_deviation():
 
 def test_an_exception_ends_the_tests_and_names_its_step():
     results, findings = find_with(f=[(0.0, "fault exception=2 pc=00000abc"), (0.1, START)])
-    assert (results.fault_test, results.restart) == ("flash row", None)
+    assert (results.ended_by.name, results.restart) == ("flash row", None)
     assert list_differing(findings) == [(7, "exceptions during the test of the flash row")]
     assert next(each for each in findings if each.status == DIFFERS).measured == "exception 2 at 0x00000abc"
+
+
+def test_an_exception_hides_no_earlier_deviation():
+    wrong = [(0.0, ANSWERS["i"][0][1].replace("csd=15", "csd=14")), *ANSWERS["i"][1:]]
+    _, findings = find_with(i=wrong, f=[(0.0, "fault exception=3 pc=00000abc"), (0.1, START)])
+    assert [step for step, _ in list_differing(findings)] == [4, 7]
+
+
+def test_an_exception_during_the_watchdog_test_is_named():
+    _, findings = find_with(w=[(0.0, "fault exception=3 pc=00000abc"), (0.1, START)])
+    assert list_differing(findings) == [(9, "exceptions during the test of the watchdog")]
 
 
 def test_noise_before_the_start_line_does_not_hide_a_watchdog_reset():

@@ -15,8 +15,9 @@ from taxel.hand import load_hand
 from taxel.hand.transforms import from_rotation_vector
 from taxel.sim import closing
 from taxel.sim.closing import SimulationSettings, simulate_grasp
-from taxel.sim.native_contact import NativeContact, SimLibraryError, load_sim_library
+from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import build_scene
+from taxel.sim.sim_library import SimLibraryError, load_sim_library
 from taxel.sim.soft_contact import LayerLaw, SoftContact
 from taxel.sim.soft_push import SoftPush
 
@@ -140,4 +141,4 @@ def test_a_missing_library_is_reported_with_the_remedy(monkeypatch, tmp_path):
 def test_a_library_of_another_version_is_refused(monkeypatch):
     monkeypatch.setattr(ctypes, "sizeof", lambda kind: 0)
     with pytest.raises(SimLibraryError, match="belongs to another version"):
-        load_sim_library.__wrapped__()
+        NativeContact(load_hand("flat8"), SHAPES["box"], LAW)

@@ -12,9 +12,10 @@ from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.sim import closing, native_push
 from taxel.sim.closing import SimulationSettings, simulate_grasp
-from taxel.sim.native_contact import NativeContact, SimLibraryError
+from taxel.sim.native_contact import NativeContact
 from taxel.sim.native_push import NativePush
 from taxel.sim.scene import build_scene
+from taxel.sim.sim_library import SimLibraryError
 from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SoftPush
 

@@ -49,9 +49,11 @@ def evaluate_counts(counts: Mapping[int, int], supply_v: float = 3.3) -> Capacit
     if not usable or max(usable.values()) < SMALLEST_LARGEST:
         return None
     constant = median(code * count for code, count in usable.items())
-    deviations = [abs(count - constant / code) / COUNT_ERROR for code, count in usable.items()]
-    errors_of_constant = [COUNT_ERROR / count for count in usable.values()]
-    tolerance = [LAW_DEVIATIONS * (1.0 + min(errors_of_constant) * count / COUNT_ERROR) for count in usable.values()]
-    follows = all(deviation <= limit for deviation, limit in zip(deviations, tolerance, strict=True))
+    # The error of the constant is at least that of the largest count, relative to the count.
+    largest = max(usable.values())
+    follows = all(
+        abs(count - constant / code) <= LAW_DEVIATIONS * COUNT_ERROR * (1.0 + count / largest)
+        for code, count in usable.items()
+    )
     capacitance = constant * IDAC_STEP_A / (2.0 * supply_v * TX_HZ * PERIOD)
     return CapacitorResult(capacitance * 1e12, follows, len(usable))

@@ -67,7 +67,7 @@ def _load_library() -> ctypes.CDLL:
         ("run", None, pointer, number),
         ("put", size, pointer, text, size),
         ("take", size, pointer, text, size),
-        ("heartbeat", number, pointer),
+        ("measure_clock_pin", number, pointer),
     ):
         function = getattr(library, f"single_part_{name}")
         function.restype, function.argtypes = result, arguments
@@ -118,9 +118,9 @@ class EmulatedPart:
 
     def measure_clock_pin(self, seconds: float = 0.5) -> float:
         """Frequency of the clock pin P1.7 over a time, Hz; 0: the pin does not move."""
-        self._library.single_part_heartbeat(self._handle)
+        self._library.single_part_measure_clock_pin(self._handle)
         self.read(seconds)
-        return float(self._library.single_part_heartbeat(self._handle))
+        return float(self._library.single_part_measure_clock_pin(self._handle))
 
     def close(self) -> None:
         """Release the memory of the chip."""

@@ -6,7 +6,7 @@ from typing import Final
 
 from taxel_tools.bringup.capacitor import IDAC_STEP_A, CapacitorResult, evaluate_counts
 from taxel_tools.bringup.lines import Line
-from taxel_tools.bringup.measuring import ECHO, Measurements
+from taxel_tools.bringup.measuring import ECHO, Measurements, Test
 
 AS_ASSUMED: Final = "as assumed"
 DIFFERS: Final = "differs"
@@ -27,17 +27,6 @@ SOFTWARE_RESET, WATCHDOG_RESET = 1 << 4, 1 << 0
 ADDRESSES: Final = 112
 NOISE_MAX: Final = 40
 """Noise threshold of the original boards, counts (their CapSense parameters)."""
-STEPS_OF_TESTS: Final = {
-    "received bytes": 3,
-    "clock": 2,
-    "interrupt numbers": 4,
-    "I2C bus": 6,
-    "flash row": 7,
-    "known capacitor": 10,
-    "memory over a reset": 8,
-    "watchdog": 9,
-}
-"""Steps by the names of the tests (`measuring.TESTS`)."""
 
 
 @dataclass(frozen=True)
@@ -77,20 +66,18 @@ def find(
         for part in (_find_bus, _find_flash, _find_memory, _find_watchdog):
             findings += part(results)
         findings += _find_counts(results, known_pf, supply_v, capacitors)
-    if results.fault is not None:
-        findings = [each for each in findings if each.status != DIFFERS]
-        findings.append(_describe_fault(results.fault, results.fault_test))
+    if results.fault is not None and results.ended_by is not None:
+        findings.append(_describe_fault(results.fault, results.ended_by))
     return findings
 
 
-def _describe_fault(line: Line, test: str) -> Finding:
+def _describe_fault(line: Line, test: Test) -> Finding:
     """The finding of an exception in a test, after which the tests ended."""
-    step = STEPS_OF_TESTS.get(test, 7)
     measured = f"exception {line.get('exception')} at 0x{line.fields.get('pc', '?')}"
     advice = (
         "exception 2: the NMI uses the vectors in RAM (startup.c); 3: a HardFault, look up the address in bringup.elf"
     )
-    return Finding(step, f"exceptions during the test of the {test}", "none", measured, DIFFERS, advice)
+    return Finding(test.step, f"exceptions during the test of the {test.name}", "none", measured, DIFFERS, advice)
 
 
 def _find_text(results: Measurements) -> Iterator[Finding]:
@@ -220,7 +207,9 @@ def _find_flash(results: Measurements) -> Iterator[Finding]:
 
 def _find_memory(results: Measurements) -> Iterator[Finding]:
     if results.restart is None:
-        yield Finding(8, "software reset", "a start line", "none", DIFFERS, "the reset does not restart the image")
+        # After an exception the test did not run, or the exception has a finding of its own.
+        status = DIFFERS if results.fault is None else NOT_MEASURED
+        yield Finding(8, "software reset", "a start line", "none", status, "the reset does not restart the image")
         return
     causes = results.restart.get("causes", 16)
     yield _compare(
@@ -245,7 +234,10 @@ def _find_watchdog(results: Measurements) -> Iterator[Finding]:
     expected = f"a reset after {low:.1f} to {high:.1f} s"
     if results.watchdog_s is None:
         advice = "the 32 kHz oscillator does not run, or the watchdog does not accept its settings: watchdog.c, srss.h"
-        yield Finding(9, "watchdog", expected, "no reset in 8 s", DIFFERS, advice)
+        if results.fault is None:
+            yield Finding(9, "watchdog", expected, "no reset in 8 s", DIFFERS, advice)
+        else:
+            yield Finding(9, "watchdog", expected, "no result", NOT_MEASURED)
         return
     hz = WATCHDOG_COUNTS / results.watchdog_s
     yield _compare(

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from taxel_tools.bringup.lines import Line, is_text
 from taxel_tools.bringup.ports import FAULT, BytePort, LineReader
@@ -28,7 +28,7 @@ class Measurements:
     repeats: result lines of repeated conversions by number of capacitors. counts: count by (capacitors, code).
     restart: start line after the memory test. watchdog_s: time from the last feed of the watchdog to the next start
     line. watchdog_start: that line. missing: names of result lines that did not arrive. fault: line of an exception,
-    after which no further test runs. fault_test: name of the test in which it occurred.
+    after which no further test runs. ended_by: the test in which it occurred.
     """
 
     received: bool = False
@@ -43,7 +43,7 @@ class Measurements:
     watchdog_start: Line | None = None
     missing: list[str] = field(default_factory=list)
     fault: Line | None = None
-    fault_test: str = ""
+    ended_by: "Test | None" = None
 
 
 def measure(port: BytePort, progress: Callable[[str], None] = lambda test: None) -> Measurements:
@@ -60,21 +60,35 @@ def measure(port: BytePort, progress: Callable[[str], None] = lambda test: None)
     results.is_readable = line is not None and is_text(reader.received)
     if not results.is_readable:
         return results
-    for name, test in TESTS.items():
-        progress(name)
-        test(reader, results)
+    for test in TESTS:
+        progress(test.name)
+        test.run(reader, results)
         if results.fault is not None:
-            results.fault_test = name
+            results.ended_by = test
         if results.fault is not None or not results.echo:
             break
     return results
 
 
+class Test(NamedTuple):
+    """One test. step: number in docs/bring-up.md. run: sends its commands and stores what it measures."""
+
+    name: str
+    step: int
+    run: Callable[[LineReader, Measurements], None]
+
+
+def _read_until(reader: LineReader, results: Measurements, name: str) -> list[Line]:
+    """Return the lines up to the first with this name; an exception of the image is stored."""
+    lines = reader.read_until(name, LINE_TIMEOUT_S)
+    results.fault = next((line for line in lines if line.name == FAULT), None)
+    return lines
+
+
 def _run(reader: LineReader, results: Measurements, command: str, names: tuple[str, ...]) -> list[Line]:
     """Run one command and store its lines by name; a result line that does not arrive is noted as missing."""
     reader.send(command)
-    lines = reader.read_until("done", LINE_TIMEOUT_S)
-    results.fault = next((line for line in lines if line.name == FAULT), None)
+    lines = _read_until(reader, results, "done")
     found = {line.name: line for line in lines if line.name in names}
     results.lines |= found
     results.missing += [name for name in names if name not in found]
@@ -93,7 +107,7 @@ def _measure_echo(reader: LineReader, results: Measurements) -> None:
     reader.send("e")
     reader.send_bytes(ECHO)
     results.echo = b""
-    for line in reader.read_until("done", LINE_TIMEOUT_S):
+    for line in _read_until(reader, results, "done"):
         if line.name == "echo":
             with contextlib.suppress(ValueError):
                 results.echo = bytes.fromhex(line.fields.get("bytes", ""))
@@ -127,14 +141,14 @@ def _measure_counts(reader: LineReader, results: Measurements) -> None:
 def _test_memory(reader: LineReader, results: Measurements) -> None:
     """Reset the board; its next start line states what survived."""
     reader.send("m")
-    lines = reader.read_until(START, LINE_TIMEOUT_S)
+    lines = _read_until(reader, results, START)
     results.restart = next((line for line in lines if line.name == START), None)
 
 
 def _measure_watchdog(reader: LineReader, results: Measurements) -> None:
     """Let the watchdog reset the board and measure the time. Other lines in between, such as noise, do not count."""
     reader.send("w")
-    waiting = reader.read_until("watchdog", LINE_TIMEOUT_S)
+    waiting = _read_until(reader, results, "watchdog")
     if not waiting or waiting[-1].name != "watchdog":
         results.missing.append("watchdog")
         return
@@ -145,14 +159,14 @@ def _measure_watchdog(reader: LineReader, results: Measurements) -> None:
             return
 
 
-TESTS: Final[dict[str, Callable[[LineReader, Measurements], None]]] = {
-    "received bytes": _measure_echo,
-    "clock": _measure_ticks,
-    "interrupt numbers": _find_interrupts,
-    "I2C bus": _test_bus,
-    "flash row": _write_row,
-    "known capacitor": _measure_counts,
-    "memory over a reset": _test_memory,
-    "watchdog": _measure_watchdog,
-}
-"""Tests by name, in their order: without received bytes no other test can be started."""
+TESTS: Final = (
+    Test("received bytes", 3, _measure_echo),
+    Test("clock", 2, _measure_ticks),
+    Test("interrupt numbers", 4, _find_interrupts),
+    Test("I2C bus", 6, _test_bus),
+    Test("flash row", 7, _write_row),
+    Test("known capacitor", 10, _measure_counts),
+    Test("memory over a reset", 8, _test_memory),
+    Test("watchdog", 9, _measure_watchdog),
+)
+"""Tests in their order: without received bytes no other test can be started."""
