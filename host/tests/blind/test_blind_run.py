@@ -19,7 +19,7 @@ from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.version import compute_diagnosis_version
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 
-SEED = 4400
+SEED = 121
 """World 0 hides a lag, whose true parameters no definition fixes, and is withheld; world 1 has no cause and a decoy."""
 
 SHORT_CATALOGUE = {"noise", "gain_mismatch", "baseline_drift", "latency"}
