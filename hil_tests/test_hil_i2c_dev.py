@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -43,21 +44,49 @@ def run(environment: dict[str, str], *arguments: str) -> subprocess.CompletedPro
     )
 
 
+RUN_COMMANDS = """
+import contextlib, io, json, os, sys
+from taxel.cli.main import main
+
+results = []
+for arguments, variables in json.loads(sys.argv[1]):
+    os.environ.update(variables)
+    sys.argv[1:] = arguments
+    status, output, errors = 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code or 0
+    results.append({"returncode": status, "stdout": output.getvalue(), "stderr": errors.getvalue()})
+print(json.dumps(results))
+"""
+"""Program that runs `taxel` several times, because the start of a process takes longer than a short command."""
+
+
+def run_commands(environment: dict[str, str], *commands: tuple[list[str], dict[str, str]]) -> list[SimpleNamespace]:
+    """Run `taxel` with the arguments and the additional environment variables of each command, in one process."""
+    done = run(environment, "-c", RUN_COMMANDS, json.dumps(commands))
+    assert done.returncode == 0, done.stderr
+    return [SimpleNamespace(**result) for result in json.loads(done.stdout)]
+
+
 def test_record_scan_rate_and_monitor_work_without_a_hub(tmp_path: Path) -> None:
     boards = load_hand(HAND).boards
-    taxel = ("-c", "from taxel.cli.main import main; main()")
+    capture = str(tmp_path / "skin.bin")
     with open_bench(tmp_path, HAND) as environment:
-        scanned = run(environment, *taxel, "scan", URL, "--json")
-        capture = tmp_path / "skin.bin"
-        recorded = run(environment, *taxel, "record", URL, "--hand", HAND, "--seconds", "2", "--out", str(capture))
-        rate = run(environment, *taxel, "rate", URL, "--seconds", "1", "--json")
-        watched = run(environment, *taxel, "monitor", URL, "--hand", HAND, "--once", "--baseline-frames", "10")
-        silent = run(environment, *taxel, "record", URL.replace("auto", "0x70"), "--out", str(tmp_path / "x.bin"))
-        environment["FAKE_I2C_SMBUS_ONLY"] = "1"
-        smbus = run(environment, *taxel, "scan", URL)
+        scanned, recorded, rate, watched, silent, replayed, smbus = run_commands(
+            environment,
+            (["scan", URL, "--json"], {}),
+            (["record", URL, "--hand", HAND, "--seconds", "1", "--out", capture], {}),
+            (["rate", URL, "--seconds", "1", "--json"], {}),
+            (["monitor", URL, "--hand", HAND, "--once", "--baseline-frames", "10"], {}),
+            (["record", URL.replace("auto", "0x70"), "--out", str(tmp_path / "x.bin")], {}),
+            (["replay", capture], {}),
+            (["scan", URL], {"FAKE_I2C_SMBUS_ONLY": "1"}),
+        )
     assert [device["address"] for device in json.loads(scanned.stdout)] == sorted(board.address for board in boards)
     assert recorded.returncode == 0, recorded.stderr
-    replayed = run(environment, *taxel, "replay", str(capture))
     assert "0 lost on the wire" in replayed.stdout
     measured = json.loads(rate.stdout)
     assert len(measured["boards"]) == len(boards)

@@ -135,6 +135,8 @@ def main() -> int:
     if options.worker is not None:
         run_worker(options)
         return 0
+    if options.folder is not None:
+        options.folder.mkdir(parents=True, exist_ok=True)
     start_s = time.monotonic()
     outcomes = run_workers(options)
     table = format_table(outcomes)

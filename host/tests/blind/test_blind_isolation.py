@@ -96,7 +96,7 @@ SEALED_MODULES = [
 ]
 
 
-@pytest.fixture(scope="module", params=["landlock", "audit hook only"])
+@pytest.fixture(scope="module", params=["landlock", pytest.param("audit hook only", marks=pytest.mark.slow)])
 def report(request, tmp_path_factory):
     """Results of the access attempts of an isolated process."""
     if request.param == "landlock" and not landlock.version():

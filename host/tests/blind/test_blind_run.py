@@ -26,13 +26,12 @@ SHORT_CATALOGUE = {"noise", "gain_mismatch", "baseline_drift", "latency"}
 """Effects in the catalogue of these diagnoses."""
 
 
+INTERRUPTED_REPORT = {"effects": "of a run that was interrupted"}
+"""Report of the interrupted run; the resumed run must replace it."""
+
+
 def read_json(path) -> dict:
     return json.loads(path.read_text())
-
-
-def remove_paths_and_run_time(report: dict) -> dict:
-    """The report without paths and run time."""
-    return {key: value for key, value in report.items() if key not in ("inputs", "runtime_s")}
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +47,10 @@ def small_worlds():
             patch.setattr(sampling, name, value)
         patch.setattr(run, "ANALYSIS_SEEDS", 2)
         patch.setattr(run, "SandboxedRunner", FastRunner)
-        yield patch
+        # Threads of this process, which has imported the emulator already. They set the variable in this process.
+        patch.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
+        patch.setenv("SOURCE_DATE_EPOCH", "")
+        yield
 
 
 class FastRunner(SandboxedRunner):
@@ -59,12 +61,12 @@ class FastRunner(SandboxedRunner):
 
 
 class InterruptedRunner(FastRunner):
-    """Raises KeyboardInterrupt instead of a second diagnosis."""
+    """Writes the report of an interrupted run, and raises KeyboardInterrupt instead of a second diagnosis."""
 
     def diagnose(self, real, sim, out, without=(), seed=0):
         if out.name != "report.json":
             raise KeyboardInterrupt
-        super().diagnose(real, sim, out, without, seed)
+        out.write_text(json.dumps(INTERRUPTED_REPORT))
 
 
 @pytest.fixture(scope="module")
@@ -89,10 +91,6 @@ def interrupted(small_worlds, tmp_path_factory):
 @pytest.fixture(scope="module")
 def check(small_worlds, interrupted):
     """The same check after the command has resumed it."""
-    small_worlds.setenv(
-        "SOURCE_DATE_EPOCH", ""
-    )  # restored afterwards: threads instead of processes set it in this process
-    small_worlds.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
     out = interrupted.parent / "check"
     options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # one job avoids the start of a second process
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
@@ -180,14 +178,13 @@ def test_results_of_another_version_are_rejected_before_a_world_is_made(check, t
     assert not (tmp_path / "new").exists()
 
 
-def test_an_interrupted_world_is_repeated_with_the_same_datasets_and_report(check, interrupted):
+def test_an_interrupted_world_is_repeated_with_the_same_datasets(check, interrupted):
     interrupted_world, resumed_world = (folder / "worlds" / "0000" for folder in (interrupted, check))
     assert {path.name for path in interrupted_world.iterdir()} == {"real.h5", "sim.h5", "report.json"}
     for name in ("real.h5", "sim.h5"):
         assert (interrupted_world / name).read_bytes() == (resumed_world / name).read_bytes()
-    assert remove_paths_and_run_time(read_json(interrupted_world / "report.json")) == remove_paths_and_run_time(
-        read_json(resumed_world / "report.json")
-    )
+    assert read_json(interrupted_world / "report.json") == INTERRUPTED_REPORT
+    assert read_json(resumed_world / "report.json") != INTERRUPTED_REPORT
 
 
 class FakeRunner:

@@ -6,15 +6,20 @@ import shutil
 
 import h5py
 import pytest
+from matplotlib.figure import Figure
 
 from host.tests.command_line import run_taxel
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.match import compute_likelihoods, match
 from taxel.cloud.models import get_builtin_models
+from taxel.output.figure import save_figure
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.thesis import shape_matching
+from taxel.thesis import figures, shape_matching
 from taxel.thesis.skill import GROUPS, STATISTICS
 from taxel.thesis.statements import STATEMENTS
+
+DRAWN_FIGURES = {"figure_5_3", "figure_5_9", "figure_I_4"}
+"""Figures that the tests of `make test` draw: one of a grasp, one of the treatment, one of the shares."""
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +29,15 @@ def output(campaign, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         # One more model than the objects: each model costs half a second.
         patch.setattr(shape_matching, "get_builtin_models", lambda: {"sphere": get_builtin_models()["sphere"]})
+        # Most figures are constructed only, because the drawing of all takes as long as the analysis.
+        patch.setattr(figures, "save_figure", draw_some_figures)
         run_thesis(campaign, out)
     return out
+
+
+def draw_some_figures(figure, path, **options):
+    """Draw a figure of `DRAWN_FIGURES`; write an empty picture instead of another one."""
+    save_figure(figure if path.stem in DRAWN_FIGURES else Figure(figsize=(1, 1)), path, **options)
 
 
 def run_thesis(campaign, out):
@@ -37,13 +49,21 @@ def test_every_table_and_figure_is_written(output):
     tables = {path.name for path in (output / "tables").iterdir()}
     assert {f"table_I_{number}.csv" for number in range(1, 19)} <= tables
     assert {f"table_5_{number}.csv" for number in (1, 2, 3, 4, 5, 13)} <= tables
-    figures = {path.name for path in (output / "figures").iterdir()}
+    pictures = {path.name for path in (output / "figures").iterdir()}
     numbers = ["5_3", *(f"5_{number}" for number in range(6, 15)), *(f"I_{number}" for number in range(2, 7))]
-    assert figures == {f"figure_{number}.png" for number in numbers}
+    assert pictures == {f"figure_{number}.png" for number in numbers}
     page = (output / "thesis.html").read_text()
     assert page.count("<img ") == len(numbers) == 15
     assert page.count("<h3>Table ") == 24
     assert "Inconsistencies of the thesis" in page
+
+
+@pytest.mark.slow
+def test_every_figure_is_drawn(campaign, tmp_path):
+    run_thesis(campaign, tmp_path)
+    pictures = [path.read_bytes() for path in sorted((tmp_path / "figures").iterdir())]
+    assert len({len(picture) for picture in pictures}) == 15  # no picture is empty or a copy of another one
+    assert min(len(picture) for picture in pictures) > 10_000
 
 
 def test_findings_are_reported_with_their_numbers(output):

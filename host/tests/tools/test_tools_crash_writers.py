@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
-SAMPLE = 2
+SAMPLE = 1
 """Faults of each writer; all of them take minutes."""
 
 
