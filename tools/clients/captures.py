@@ -21,14 +21,15 @@ REPEATED_MAX = 8
 
 
 def record_capture(path: Path, seconds: float, frames: FrameFormat) -> None:
-    """Record the emulated hand `original` for `seconds` of virtual time. frames: "plain" or "compact"."""
+    """Record the emulated hand `original`: its start, then `seconds` of virtual time. frames: "plain" or "compact"."""
     hand = load_hand("original")
     writer = CaptureBytes(CaptureWriter(path, {"clock": "hub", "hand": hand.name}, overwrite=True))
     with (
         VirtualWorld(format_world(hand, WorldSettings())) as world,
         Skin(RecordingLink(VirtualMemoryLink(world), writer), hand, frames=frames) as skin,
     ):
-        while world.now_s < seconds:
+        end_s = world.now_s + seconds  # the start takes seconds of virtual time, too
+        while world.now_s < end_s:
             skin.poll(POLL_S)
 
 

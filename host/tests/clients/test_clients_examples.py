@@ -9,12 +9,26 @@ import taxel
 from host.tests.clients.conftest import captures, programs, reference, run_client, skip_if_missing
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
+from taxel.link import CaptureWriter
 from taxel.link.emulator import find_emulator_program
 
 
+def cut_before_last_delimiter(path):
+    """Cut a capture before the delimiter of its last taxel frame."""
+    data = reference.read_stream(path)
+    lines = reference.format_stream(reference.Stream("cut", reference.TO_HOST, data), has_wire=True)
+    wire = bytes.fromhex([line for line in lines if "TAXELS" in line][-1].rpartition("wire=")[2])
+    assert wire[-1] == 0
+    with CaptureWriter(path, {}, overwrite=True) as writer:
+        writer.write(data[: data.rindex(wire) + len(wire) - 1], 0)
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
 @pytest.mark.parametrize("language", programs.LANGUAGES)
-def test_the_example_prints_one_line_for_each_taxel_frame(language, tmp_path, monkeypatch):
-    captures.record_capture(tmp_path / "skin.bin", 0.5, "compact")
+def test_the_example_prints_one_line_for_each_taxel_frame(language, is_cut, tmp_path, monkeypatch):
+    captures.record_capture(tmp_path / "skin.bin", 0.2, "compact")
+    if is_cut:
+        cut_before_last_delimiter(tmp_path / "skin.bin")
     monkeypatch.chdir(programs.CLIENTS / language)
     lines = run_client(language, str(tmp_path / "skin.bin"), name="print_frames")
     stream = reference.Stream("example", reference.TO_HOST, reference.read_stream(tmp_path / "skin.bin"))
@@ -25,6 +39,7 @@ def test_the_example_prints_one_line_for_each_taxel_frame(language, tmp_path, mo
         first = words["counts"].partition(",")[0]
         address, cycle = int(words["header_address"]), words["header_cycle"]
         expected.append(f"board 0x{address:02X}, cycle {cycle}: taxel 0 has {first} counts")
+    assert expected
     assert lines == [*expected, "0 frames lost"]
 
 

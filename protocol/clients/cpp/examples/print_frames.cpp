@@ -12,6 +12,7 @@ try {
     };
     while (reader.next(record))
         decoder.push(record.bytes, record.size, print);
+    decoder.finish(print); // a capture can end before the delimiter of its last frame
     std::printf("%llu frames lost\n", static_cast<unsigned long long>(decoder.losses().lost));
 } catch (const taxel::CaptureError &error) {
     std::fprintf(stderr, "%s\n", error.what());
