@@ -5,9 +5,11 @@ python tools/gap/calibrate_comparison.py --worlds 200 --seed 777 --out out/calib
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
 continues. --datasets: keep the datasets, so that a calibration after a change of the comparison need not make them
 again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap
-benchmark` with this seed, of all families. Withheld forms: the models are fitted to all worlds but those of some forms
-of causes (a fold of `--folds`), and the printed scores refer to the forms that were left out. --write: store the models
-fitted to all worlds in host/taxel/gap/calibration/calibration.json.
+benchmark` with this seed, of all families, in random order, so that the stored part of a run has all families.
+Withheld effects: a world with one cause is compared twice, the second time without its effect in the catalogue. The
+cause is then unknown, and the models use the evidence of effects that resemble it. Withheld forms: the models are
+fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
+that were left out. --write: store the models fitted to all worlds in host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse
@@ -25,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import EMULATED_GRASPS, GRASPS, BenchmarkWorld, sample_benchmark
+from taxel.blind.benchmark.worlds import BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
@@ -38,6 +40,10 @@ MADE = "world.json"
 """File in the folder of a world whose datasets are complete."""
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
+
+
+UNKNOWN_CAUSE = {"kind": "outside", "truth": [UNKNOWN]}
+"""Kind and truth of a world whose effect is not in the catalogue."""
 
 
 def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str, Any]:
@@ -65,7 +71,11 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
                 folder.mkdir(parents=True)
                 world.make(folder / "real.h5", folder / "sim.h5", bases)
                 write_whole(folder / MADE, json.dumps(world.to_json()))
-            return describe_evidence(world, compare(folder / "real.h5", folder / "sim.h5"))
+            evidence = describe_evidence(world, compare(folder / "real.h5", folder / "sim.h5"))
+            if world.kind == "single":
+                without = compare(folder / "real.h5", folder / "sim.h5", world.truth)
+                evidence["without"] = describe_evidence(world, without) | UNKNOWN_CAUSE
+            return evidence
         except TaxelError as error:
             return {**world.to_json(), "error": str(error)}
 
@@ -84,7 +94,7 @@ def run(
         sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
     todo = [world for world in sample_benchmark(count, seed) if world.number not in known and not only_stored]
-    todo.sort(key=lambda world: world.family not in (GRASPS, EMULATED_GRASPS))  # the slowest worlds first
+    np.random.default_rng(seed).shuffle(todo)
     task = partial(collect_evidence, bases=(datasets or out) / "bases", datasets=datasets)
     with AppendedLines(path) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, evidence in enumerate(pool.map(task, todo), 1):
@@ -92,7 +102,9 @@ def run(
             file.append(json.dumps(evidence))
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
-    return [one for one in found if "error" not in one and not _is_too_weak(one)]
+    compared = [one for one in found if "error" not in one]
+    compared += [one["without"] for one in compared if "without" in one]
+    return [one for one in compared if not _is_too_weak(one)]
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
@@ -178,7 +190,8 @@ def main() -> int:
     for measure in score["all"]:
         print(f"{measure:<48}" + "".join(f"{_format(one[measure]):>26}" for one in score.values()))
     calibration = fit(
-        evidence, f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}, {len(evidence)} worlds"
+        evidence,
+        f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}, {len(evidence)} comparisons",
     )
     print(json.dumps(calibration.to_json(), indent=1))
     if options.write:
