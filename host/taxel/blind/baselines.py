@@ -40,7 +40,7 @@ def _apply_rules(diagnosis: Diagnosis) -> str:
         return "dropout"
     if share[layout.noise].sum() > 0.4:
         return "noise"
-    if share[layout.wander] > 0.1:
+    if share[layout.drift_residual] > 0.1:
         return "baseline_drift"
     if share[layout.onset] > 0.2:
         return "latency"

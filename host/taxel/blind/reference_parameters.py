@@ -18,7 +18,7 @@ from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import all_effects
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import is_delay
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import started
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.report.effects import parameters_of
@@ -58,10 +58,10 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
 
 def _fit(judge: Judge, effect: Effect) -> FittedEffect:
     """Fit one effect to the data; as in a diagnosis, the frames are aligned in time again after the first fit."""
-    model = judge.in_sample(Chain((started(judge.state, effect),))).chain
+    model = judge.in_sample(CompositeModel((started(judge.state, effect),))).composite
     if not is_delay(effect):
         shift, model = shift_beside(judge, model, ())
-        model = judge.shifted(shift).in_sample(model).chain
+        model = judge.shifted(shift).in_sample(model).composite
     return model.links[0]
 
 

@@ -13,7 +13,7 @@ from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.comparison.compare import Show
 from taxel.gap.experiment_design.from_report import findings_in, findings_of_pair
-from taxel.gap.experiment_design.ranking import MOST_PRESSES, NextPresses, next_presses
+from taxel.gap.experiment_design.ranking import MOST_CONTACTS, NextContacts, rank_next_contacts
 from taxel.gap.experiment_design.unrecorded import unrecorded
 from taxel.gap.fitting.state import State
 
@@ -29,7 +29,7 @@ def rank_contacts(
         list[Path] | None,
         typer.Option("--candidate", help="Simulated dataset of approaches that could be recorded; repeatable."),
     ] = None,
-    top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MOST_PRESSES,
+    top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MOST_CONTACTS,
     as_json: AsJson = False,
 ) -> None:
     """Rank the contacts that would separate confounded effects or narrow the intervals of their parameters.
@@ -44,7 +44,7 @@ def rank_contacts(
         findings = findings_in(real, show) if sim is None else findings_of_pair(real, sim, show)
         further, notes = _further_states(findings.judge.state, candidates or [], show)
         show("ranking", 0, 1)
-        ranking = next_presses(findings, further, top)
+        ranking = rank_next_contacts(findings, further, top)
         show("ranking", 1, 1)
     if as_json:
         print(json.dumps({"line": ranking.line, "next_presses": ranking.to_json(), "notes": notes}, allow_nan=False))
@@ -61,7 +61,7 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
     further: list[State] = []
     notes = []
     for path in [*paths, *candidates]:
-        conditions = [condition for other in further for condition in other.pair.cells]
+        conditions = [condition for other in further for condition in other.pair.conditions]
         new = unrecorded(state, path, conditions, lambda done, total: show("reading candidates", done, total))
         if new is None:
             notes.append(f"{path}: all approaches of this dataset are recorded already")
@@ -70,11 +70,11 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
     return further, notes
 
 
-def _print_contacts(ranking: NextPresses, notes: Sequence[str]) -> None:
+def _print_contacts(ranking: NextContacts, notes: Sequence[str]) -> None:
     """Print the recommended contacts in order, each with its information gain in bits and the reason."""
     print(ranking.line)
-    for rank, candidate in enumerate(ranking.presses, 1):
-        print(f"{rank:3}. {candidate.press.words}: {candidate.gain:.2f} bits")
+    for rank, candidate in enumerate(ranking.contacts, 1):
+        print(f"{rank:3}. {candidate.contact.words}: {candidate.gain:.2f} bits")
         print(f"     {candidate.why}")
     for note in notes:
         print(f"note: {note}")

@@ -22,18 +22,18 @@ from taxel.gap.effects.catalogue import DROPOUT, chosen
 from taxel.gap.features.cloud_gap import NO_CLOUDS, cloud_gap
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.gap.features.metric import Gap
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.priors import Priors
 from taxel.gap.identifiability.confounding import confounded_with
-from taxel.gap.identifiability.identify import likenesses
+from taxel.gap.identifiability.identify import compute_similarities
 from taxel.gap.localisation.signature.bank import unexplained
 from taxel.gap.report.assembly import ReportInputs, build_report
 from taxel.gap.report.thesis_terms import thesis_terms
 from taxel.gap.verdict.attribution import attribute
 from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
 from taxel.gap.verdict.headlines import REAL_AND_SIMULATED, TWO_REAL
-from taxel.gap.verdict.held_out import HeldOut, held_out
+from taxel.gap.verdict.held_out import HeldOut, compute_held_out
 from taxel.gap.verdict.nested import choose_without_sessions
 from taxel.gap.verdict.reasons import list_reasons
 from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
@@ -77,9 +77,9 @@ def diagnose(
     with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
         judge = prepared(pair)
-        inside: tuple[Chain, ...] = ()
+        in_sample: tuple[CompositeModel, ...] = ()
         if nested:
-            inside = choose_without_sessions(judge, forms, seed, lambda number, total: show("nested", number, total))
+            in_sample = choose_without_sessions(judge, forms, seed, lambda number, total: show("nested", number, total))
         comparison = compare_sets(judge, forms, seed, DEFAULT_SETTINGS, show)
         resimulated: tuple[ResimulatedSet, ...] = ()
         if resimulator is not None:
@@ -90,13 +90,13 @@ def diagnose(
         show("held-out evaluation", 0, 1)
         state, real, layout, gap = judge.state, judge.sessions, judge.layout, comparison.gap
         named = explain(comparison, [name for name in causes if name != UNKNOWN])
-        held = held_out(judge, named.chain, inside=inside)
+        held = compute_held_out(judge, named.composite, in_sample=in_sample)
         told = attribute(judge, named.names, held)
-        fitted = [link for link in named.chain.links if link.effect.name != DROPOUT]
-        likes = likenesses(judge, forms, fitted)
+        fitted = [link for link in named.composite.links if link.effect.name != DROPOUT]
+        likes = compute_similarities(judge, forms, fitted)
         left = unexplained(pair, layout, real, named.features, judge.fold, seed)
         rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
-        doubts = list_reasons(judge, named.chain, pair.faults)
+        doubts = list_reasons(judge, named.composite, pair.faults)
         sides = TWO_REAL if pair.is_real_real else REAL_AND_SIMULATED
         verdict = judge_verdict(gap, probabilities, held, rivals, doubts, sides)
         alone = list_fits_alone(comparison, forms)
@@ -118,7 +118,7 @@ def diagnose(
         if resimulator is not None:
             report["resimulated"] = [one.to_json() for one in resimulated]
         if nested:
-            report["after"]["chosen_inside"] = [sorted(chain.names) for chain in inside]
+            report["after"]["chosen_inside"] = [sorted(composite.names) for composite in in_sample]
         has_clouds = not pair.lacking & {GEOMETRY, POSES}
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed) if has_clouds else dict(NO_CLOUDS)
         report["thesis_terms"] = thesis_terms(judge, alone) if has_clouds else []

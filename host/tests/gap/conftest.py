@@ -47,7 +47,7 @@ class World:
     """
 
     seed: int = 1
-    cells: int = 6
+    conditions: int = 6
     sessions: int = 5
     repeats: int = 2
     session_scatter: float = 0.03
@@ -62,11 +62,11 @@ class World:
     noise: float = 4.0  # counts, of the simulator
     mesh: ObjectMesh = field(default_factory=lambda: ObjectMesh(CUBE, FACES))
 
-    def force(self, cell: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
+    def force(self, condition: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
         """Newtons over time, f64[T, n]: a patch that differs from cell to cell, pressed and let go."""
-        cell, ladder = cell % self.cells, self.scales[cell // self.cells]
-        rng = np.random.default_rng([7, cell])
-        board = cell % BOARDS
+        condition, ladder = condition % self.conditions, self.scales[condition // self.conditions]
+        rng = np.random.default_rng([7, condition])
+        board = condition % BOARDS
         centre = rng.uniform([0.0, 0.0], [ROWS - 1.0, COLUMNS - 1.0])
         number = np.arange(ROWS * COLUMNS)
         apart = np.hypot(number // COLUMNS - centre[0], number % COLUMNS - centre[1])
@@ -106,31 +106,31 @@ class World:
     def _grasps(self, source: str):
         rng = np.random.default_rng([self.seed, source == "sim"])
         sessions, repeats = (self.sessions, self.repeats) if source == "real" else (1, 2)
-        cells = self.cells * len(self.scales)
+        conditions = self.conditions * len(self.scales)
         if source == "real" and self.recorded is not None:
-            cells = self.recorded
+            conditions = self.recorded
         for session in range(sessions):
             mounting = np.exp(rng.normal(0.0, self.session_scatter, N))
-            for cell in range(cells):
-                if source == "real" and self.absent is not None and self.absent(session, cell):
+            for condition in range(conditions):
+                if source == "real" and self.absent is not None and self.absent(session, condition):
                     continue
                 for repeat in range(repeats):
                     scale = 1.0
                     if source == "real":
                         scale = mounting * np.exp(rng.normal(0.0, self.repeat_scatter))
-                    yield self._grasp(source, cell, session, repeat, self.force(cell, scale), rng)
+                    yield self._grasp(source, condition, session, repeat, self.force(condition, scale), rng)
 
-    def _grasp(self, source, cell, session, repeat, force, rng) -> GraspRecord:
-        drop = MODEL.predict_signal(force)
+    def _grasp(self, source, condition, session, repeat, force, rng) -> GraspRecord:
+        signal_counts = MODEL.predict_signal(force)
         if source == "real" and self.effect is not None:
-            drop = self.effect(force, drop)
-        raw = np.rint(30_000.0 - drop + rng.normal(0.0, 4.0 if source == "real" else self.noise, force.shape))
+            signal_counts = self.effect(force, signal_counts)
+        raw = np.rint(30_000.0 - signal_counts + rng.normal(0.0, 4.0 if source == "real" else self.noise, force.shape))
         valid = np.ones((len(TIME), BOARDS), bool)
         if source == "real" and self.after is not None:
             raw, valid = self.after(raw, valid, rng)
         record = GraspRecord(
-            object=self.objects[cell % len(self.objects)],
-            approach=f"press_{cell}",
+            object=self.objects[condition % len(self.objects)],
+            approach=f"press_{condition}",
             iteration=repeat,
             session=session,
             timestamp=TIME + 100.0 * session,

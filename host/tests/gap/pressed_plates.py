@@ -114,17 +114,17 @@ class Plates:
 
     def _grasps(self, real: bool):
         plan = np.random.default_rng(self.seed)
-        cells = []
+        conditions = []
         for name in OBJECTS:
             for way in range(self.ways):
                 turn = Rotation.from_rotvec(plan.normal(0.0, [0.15, 0.15, 1.5], (BOARDS, 3))).as_matrix()
                 place = np.column_stack([plan.uniform(-0.008, 0.008, (BOARDS, 2)), np.full(BOARDS, 0.02)])
-                cells.append((name, f"way_{way}", frames(turn, place), plan.uniform(3.0, 14.0, BOARDS)))
+                conditions.append((name, f"way_{way}", frames(turn, place), plan.uniform(3.0, 14.0, BOARDS)))
         rng = np.random.default_rng([self.seed, real])
         fixed = np.array(self.moved) if real else np.zeros((BOARDS, 6))
         for session in range(self.sessions if real else 1):
             mounting = rng.normal(0.0, [2e-4, 2e-4, 0.0, 2e-3, 2e-3, 2e-3], (BOARDS, 6)) * real
-            for name, way, believed, net in cells:
+            for name, way, believed, net in conditions:
                 for repeat in range(self.repeats):
                     slip = rng.normal(0.0, [1e-4, 1e-4, 0.0, 1e-3, 1e-3, 1e-3], (BOARDS, 6)) * real
                     # A plate that moves sees the object move the other way.
@@ -132,8 +132,8 @@ class Plates:
                     hard = float(np.exp(rng.normal(0.0, 0.02 * real)))
                     force, separation = self._pressed(name, object_at, net, self.scale if real else 1.0, hard)
                     half = MODEL.half_force_n * (self.scale if real else 1.0)
-                    drop = MODEL.full_scale_drop_counts * force / (force + half)
-                    raw = 32_000.0 - drop + rng.normal(0.0, 5.0, drop.shape)
+                    signal_counts = MODEL.full_scale_drop_counts * force / (force + half)
+                    raw = 32_000.0 - signal_counts + rng.normal(0.0, 5.0, signal_counts.shape)
                     yield GraspRecord(
                         object=name,
                         approach=way,

@@ -20,7 +20,7 @@ from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.dropout import Dropout, Dropped
 from taxel.gap.features.features import Layout
 from taxel.gap.features.metric import measure
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import state_of
 from taxel.gap.report.model import NOISE_PARTS, model_of
 from taxel.gap.report.reading import read_report
@@ -65,10 +65,10 @@ class Made:
 
 @pytest.fixture(scope="module")
 def simulated(world, tmp_path_factory) -> Made:
-    sim = world(tmp_path_factory.mktemp("apply"), cells=3, sessions=1, repeats=1)[1]
+    sim = world(tmp_path_factory.mktemp("apply"), conditions=3, sessions=1, repeats=1)[1]
     pair = read_pair(sim, sim)
     layout = Layout.of(pair.clock)
-    state = state_of(pair, layout, np.zeros((len(pair.cells), layout.count, pair.n)))
+    state = state_of(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n)))
     return Made(Path(), sim, pair, state)
 
 
@@ -92,15 +92,15 @@ def arrays(path) -> dict[str, np.ndarray]:
     return found
 
 
-def crosstalk(force, drop):
-    grid = drop.reshape(-1, BOARDS, ROWS, COLUMNS)
+def crosstalk(force, signal_counts):
+    grid = signal_counts.reshape(-1, BOARDS, ROWS, COLUMNS)
     others = (grid.sum(axis=2, keepdims=True) - grid) / (ROWS - 1)
-    return drop + 0.4 * others.reshape(drop.shape)
+    return signal_counts + 0.4 * others.reshape(signal_counts.shape)
 
 
-def board_late(force, drop):
-    late = drop.copy()
-    late[4:, : N // 2] = drop[:-4, : N // 2]
+def board_late(force, signal_counts):
+    late = signal_counts.copy()
+    late[4:, : N // 2] = signal_counts[:-4, : N // 2]
     return late
 
 
@@ -120,7 +120,7 @@ OTHERS = set(OWN_EFFECTS) - set(WORLDS)
     "name", [name if name == "latency" else pytest.param(name, marks=pytest.mark.slow) for name in WORLDS]
 )
 def test_applied_effects_shrink_the_gap_as_predicted_and_are_not_found_again(world, tmp_path, name):
-    real, sim = world(tmp_path, cells=5, sessions=4, **WORLDS[name])
+    real, sim = world(tmp_path, conditions=5, sessions=4, **WORLDS[name])
     found = diagnose(real, sim, without=OTHERS)
     report, out = tmp_path / "report.json", tmp_path / "sim2.h5"
     report.write_text(json.dumps(found.report, allow_nan=False))

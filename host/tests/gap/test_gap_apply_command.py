@@ -35,7 +35,7 @@ print(found["effects"][0]["parameters"])
 @pytest.fixture(scope="module")
 def paths(world, tmp_path_factory):
     """Of a hand's recording and of the simulation."""
-    return world(tmp_path_factory.mktemp("apply_command"), cells=2, sessions=1, repeats=1)
+    return world(tmp_path_factory.mktemp("apply_command"), conditions=2, sessions=1, repeats=1)
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_pa
     assert "gain mismatch, saturation" in said
     assert "unknown cause" in said
     with GraspDataset(out) as data:
-        drop = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
-    assert 400.0 <= drop < 430.0
+        signal_counts = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
+    assert 400.0 <= signal_counts < 430.0
     assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
 

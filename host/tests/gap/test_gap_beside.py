@@ -12,24 +12,24 @@ from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 
 pytestmark = pytest.mark.slow
 
 ROWS, COLUMNS = 6, 5
 
 
-def film(drop):
-    boards = drop.reshape(len(drop), 2, ROWS, COLUMNS)
-    return gaussian_filter(boards, (0, 0, 0.8, 0.8), mode="constant").reshape(drop.shape)
+def film(signal_counts):
+    boards = signal_counts.reshape(len(signal_counts), 2, ROWS, COLUMNS)
+    return gaussian_filter(boards, (0, 0, 0.8, 0.8), mode="constant").reshape(signal_counts.shape)
 
 
-def film_that_ends(force, drop):
-    return np.minimum(film(drop), 400.0)
+def film_that_ends(force, signal_counts):
+    return np.minimum(film(signal_counts), 400.0)
 
 
-def three_times(force, drop):
-    return 3.0 * drop
+def three_times(force, signal_counts):
+    return 3.0 * signal_counts
 
 
 def slow_noise(counts):
@@ -46,7 +46,7 @@ def slow_noise(counts):
 
 @pytest.mark.parametrize("scatter", [0.03, 0.3])
 def test_two_causes_and_strong_noise_are_all_reported(world, tmp_path, scatter):
-    paths = world(tmp_path, effect=film_that_ends, after=slow_noise(80.0), repeat_scatter=scatter, cells=10)
+    paths = world(tmp_path, effect=film_that_ends, after=slow_noise(80.0), repeat_scatter=scatter, conditions=10)
     diagnosis = diagnose(*paths)
     verdict = diagnosis.report["verdict"]
     slow = {"noise", "baseline_drift"}  # slow noise changes the means of a grasp, too
@@ -63,7 +63,7 @@ def test_two_causes_and_strong_noise_are_all_reported(world, tmp_path, scatter):
 def test_an_effect_at_neutral_values_does_not_change_a_composite_model(written, effect):
     state = prepared(read_pair(*written())).state
     sharp, idle = FittedEffect(effect, effect.typical(state)), Hysteresis("drop")
-    alone, beside = Chain.of([sharp]), Chain.of([sharp, FittedEffect(idle, idle.neutral(state))])
+    alone, beside = CompositeModel.of([sharp]), CompositeModel.of([sharp, FittedEffect(idle, idle.neutral(state))])
     np.testing.assert_array_equal(alone.features(state), beside.features(state))
 
 

@@ -59,18 +59,18 @@ def test_grasps_with_faster_closing_are_compared_while_they_close(uneven):
     pair = read_pair(*uneven())
     closing = pair.clock.phase == Phase.CLOSING
     assert pair.clock.end[closing].max() == pytest.approx(1.0, abs=0.06)
-    faster = [name for _, name in pair.cells].index(LATE)
+    faster = [name for _, name in pair.conditions].index(LATE)
     for one in (pair.real, pair.sim):
         known = np.isfinite(one.nodes[:, closing]).all(axis=2)
-        assert known[one.cell != faster].all()
-        assert known[one.cell == faster].any(axis=1).all()
-        assert not known[one.cell == faster].all(axis=1).any()
+        assert known[one.condition != faster].all()
+        assert known[one.condition == faster].any(axis=1).all()
+        assert not known[one.condition == faster].all(axis=1).any()
 
 
 def test_latency_of_a_board_is_found_despite_different_closing_speeds(uneven):
-    def late(force, drop):
-        moved = drop.copy()
-        moved[4:, 30:] = drop[:-4, 30:]
+    def late(force, signal_counts):
+        moved = signal_counts.copy()
+        moved[4:, 30:] = signal_counts[:-4, 30:]
         return moved
 
     verdict = diagnose(*uneven(effect=late)).report["verdict"]

@@ -14,7 +14,7 @@ from host.tests.command_line import run_taxel
 
 @pytest.fixture(scope="module")
 def paths(world, tmp_path_factory):
-    return world(tmp_path_factory.mktemp("pair"), cells=4, sessions=3)
+    return world(tmp_path_factory.mktemp("pair"), conditions=4, sessions=3)
 
 
 def test_the_diagnose_command_writes_report_and_page_and_prints_the_verdict(capsys, paths, tmp_path):

@@ -22,7 +22,7 @@ from taxel.gap.effects.effect import BOARD, HAND, TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import fit, started
 from taxel.gap.fitting.judge import Judge
 
@@ -44,7 +44,7 @@ def judge(written):
 
 @pytest.fixture(scope="module")
 def fitted(judge):
-    return judge.in_sample(Chain((started(judge.state, Stiffness(HAND)),)))
+    return judge.in_sample(CompositeModel((started(judge.state, Stiffness(HAND)),)))
 
 
 def test_density_is_largest_for_the_correct_effect_in_every_condition(judge, fitted):
@@ -78,14 +78,14 @@ def test_a_part_contains_half_of_the_taxels_of_a_condition_like_one_colour_of_a_
 
 
 def test_linear_predictions_agree_with_fits_that_left_the_parts_out(judge, fitted):
-    prediction = predict_held_out(judge, fitted.chain, ())
-    for number, chain in enumerate(prediction.chains):
+    prediction = predict_held_out(judge, fitted.composite, ())
+    for number, composite in enumerate(prediction.composites):
         held = judge.parts == number
-        refitted = fit(judge.problem(~held), fitted.chain)
+        refitted = fit(judge.problem(~held), fitted.composite)
         linear = np.moveaxis(prediction.features - refitted.features, 1, 2)[held]
         change = np.abs(refitted.features - fitted.features).max()
         assert np.abs(linear).max() < 0.2 * change
-        assert chain.links[0].values == pytest.approx(refitted.chain.links[0].values, rel=0.01)
+        assert composite.links[0].values == pytest.approx(refitted.composite.links[0].values, rel=0.01)
 
 
 def test_weights_sum_to_1_and_prefer_the_better_and_the_smaller_set():
@@ -223,11 +223,11 @@ def test_gains_that_depend_on_the_load_are_less_probable(judge, seed):
     independent, dependent = imitate(judge, 0.0, seed), imitate(judge, -0.2, seed)
     assert compute_load_trend(judge.state, independent) < 3.5
     assert compute_load_trend(judge.state, dependent) > 5.0
-    priors = [search.compute_log_prior(Chain((one,))) for one in (independent, dependent)]
+    priors = [search.compute_log_prior(CompositeModel((one,))) for one in (independent, dependent)]
     assert priors[1] < priors[0] - 10.0
 
 
 def test_only_properties_of_boards_and_taxels_have_a_load_trend(judge, fitted):
-    assert compute_load_trend(judge.state, fitted.chain.links[0]) == 0.0
+    assert compute_load_trend(judge.state, fitted.composite.links[0]) == 0.0
     delays = np.linspace(0.0, 0.1, 2)[None]
     assert compute_load_trend(judge.state, FittedEffect(Latency(BOARD), delays)) == 0.0

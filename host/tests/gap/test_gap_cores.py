@@ -24,7 +24,7 @@ ITEMS = list(range(23))
 
 @pytest.fixture
 def state():
-    return SimpleNamespace(drop=np.zeros(WORTH), coarse=SimpleNamespace(drop=np.zeros(3)))
+    return SimpleNamespace(signal_counts=np.zeros(WORTH), coarse=SimpleNamespace(signal_counts=np.zeros(3)))
 
 
 def square(item):
@@ -53,7 +53,7 @@ def test_nested_work_runs_in_the_calling_process(state):
 
 
 def test_small_work_runs_in_the_calling_process(state):
-    state.drop = np.zeros(10)
+    state.signal_counts = np.zeros(10)
     assert set(in_copies(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}
 
 

@@ -15,40 +15,40 @@ from taxel.gap.page import write_page
 ROWS, COLUMNS, N = 6, 5, 60
 
 
-def on_line(drop: np.ndarray, axis: int) -> np.ndarray:
+def on_line(signal_counts: np.ndarray, axis: int) -> np.ndarray:
     """Mean drop of the other taxels on the line."""
-    grid = drop.reshape(-1, 2, ROWS, COLUMNS)
+    grid = signal_counts.reshape(-1, 2, ROWS, COLUMNS)
     count = grid.shape[3 - axis]
     total = grid.sum(axis=3 - axis, keepdims=True)
-    return ((total - grid) / (count - 1)).reshape(drop.shape)
+    return ((total - grid) / (count - 1)).reshape(signal_counts.shape)
 
 
-def crosstalk(force, drop):
-    return drop + 0.15 * on_line(drop, 0) + 0.25 * on_line(drop, 1)
+def crosstalk(force, signal_counts):
+    return signal_counts + 0.15 * on_line(signal_counts, 0) + 0.25 * on_line(signal_counts, 1)
 
 
-def clipped(force, drop):
-    return np.minimum(drop, 500.0)
+def clipped(force, signal_counts):
+    return np.minimum(signal_counts, 500.0)
 
 
-def harder(force, drop):
+def harder(force, signal_counts):
     return 2000.0 * force / (force + 1.5 * 1.8)
 
 
-def creeping(force, drop):
-    late = np.zeros_like(drop)
-    for k in range(1, len(drop)):
-        late[k] = late[k - 1] + (1 - np.exp(-0.05 / 0.5)) * (drop[k] - late[k - 1])
-    return 0.6 * drop + 0.4 * late
+def creeping(force, signal_counts):
+    late = np.zeros_like(signal_counts)
+    for k in range(1, len(signal_counts)):
+        late[k] = late[k - 1] + (1 - np.exp(-0.05 / 0.5)) * (signal_counts[k] - late[k - 1])
+    return 0.6 * signal_counts + 0.4 * late
 
 
-def board_late(force, drop):
-    late = drop.copy()
-    late[4:, : N // 2] = drop[:-4, : N // 2]
+def board_late(force, signal_counts):
+    late = signal_counts.copy()
+    late[4:, : N // 2] = signal_counts[:-4, : N // 2]
     return late
 
 
-def spread(force, drop):
+def spread(force, signal_counts):
     x, y = np.arange(ROWS)[:, None], np.arange(COLUMNS)
     places = np.stack([np.repeat(x, COLUMNS, axis=1).ravel(), np.tile(y, ROWS)], axis=1) * 5.0
     apart = np.linalg.norm(places[:, None] - places, axis=2)
@@ -106,12 +106,12 @@ def test_a_silent_board_is_found_by_its_address(world, tmp_path):
 
 
 def test_an_open_line_is_found_by_its_index(world, tmp_path):
-    def cut(force, drop):
-        left = drop.copy()
+    def cut(force, signal_counts):
+        left = signal_counts.copy()
         left.reshape(-1, 2, ROWS, COLUMNS)[:, 0, 2] = 0.0
         return left
 
-    report = diagnose(*world(tmp_path, effect=cut, cells=8)).report
+    report = diagnose(*world(tmp_path, effect=cut, conditions=8)).report
     entry = next(one for one in report["effects"] if one["name"] == "dropout")
     assert report["verdict"]["effects"][0] == "dropout"
     assert entry["where"]["lines"] == [[0x20, "tx", 2]]

@@ -11,7 +11,7 @@ from taxel.gap.data.pair import read_pair
 
 @pytest.fixture
 def files(world, tmp_path):
-    return world(tmp_path, sessions=3, cells=4)
+    return world(tmp_path, sessions=3, conditions=4)
 
 
 def changed(path, change):

@@ -14,7 +14,7 @@ from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import LEVELS, drawn
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.features.features import Layout, SessionMeans, known_mean
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import started
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import state_of
@@ -29,7 +29,7 @@ IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FOR
 def state(world, tmp_path_factory):
     pair = read_pair(*world(tmp_path_factory.mktemp("effects")))
     layout = Layout.of(pair.clock)
-    mean = np.zeros((len(pair.cells), layout.count, pair.n))
+    mean = np.zeros((len(pair.conditions), layout.count, pair.n))
     return state_of(pair, layout, mean)
 
 
@@ -39,7 +39,7 @@ def test_every_effect_at_neutral_values_changes_no_feature(state, name, form):
     assert form.apply(state, state.base, neutral) is state.base
     features = np.random.default_rng(1).normal(50.0, 10.0, state.mean.shape)
     np.testing.assert_array_equal(form.features(state, features, neutral), features)
-    np.testing.assert_array_equal(Chain((FittedEffect(form, neutral),)).features(state), state.mean)
+    np.testing.assert_array_equal(CompositeModel((FittedEffect(form, neutral),)).features(state), state.mean)
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
@@ -103,22 +103,22 @@ def test_a_filter_follows_with_its_time_constant(state):
     np.testing.assert_allclose(out, 1.0 - (1.0 - first) * np.exp(-0.5 * np.arange(4)))
     np.testing.assert_allclose(low_pass(values, time_s, np.zeros((1, 1))), values, atol=1e-4)
     lag = OWN_EFFECTS["latency"][1]
-    moved = lag.apply(state, state.base, np.array([[0.0, 0.3]])).drop
+    moved = lag.apply(state, state.base, np.array([[0.0, 0.3]])).signal_counts
     first_board = state.pair.groups.sensor == 0
-    np.testing.assert_allclose(moved[:, :, first_board], state.drop[:, :, first_board], atol=1e-2)
+    np.testing.assert_allclose(moved[:, :, first_board], state.signal_counts[:, :, first_board], atol=1e-2)
     closing = state.clock.phase == Phase.CLOSING
-    assert moved[:, closing][:, :, ~first_board].sum() < state.drop[:, closing][:, :, ~first_board].sum()
+    assert moved[:, closing][:, :, ~first_board].sum() < state.signal_counts[:, closing][:, :, ~first_board].sum()
 
 
 def test_counts_decay_faster_with_creep_of_the_gap_than_with_creep_of_the_counts(state):
     """The same share is late; of a little that is left of a gap there are fewer counts than a share of the drop."""
     forms = {form.variant: form for form in OWN_EFFECTS["hysteresis"]}
     late = np.array([[0.3], [1.0]])
-    drop, gap = (forms[one].apply(state, state.base, late).drop for one in ("drop", "gap"))
+    signal_counts, gap = (forms[one].apply(state, state.base, late).signal_counts for one in ("drop", "gap"))
     recovery = state.clock.phase == Phase.RECOVERY
-    assert 0.0 < gap[:, recovery].sum() < drop[:, recovery].sum()
-    slow = forms["gap"].apply(state, state.base, np.array([[0.3], [1e3]])).drop
-    closed = state.drop / (state.drop + 0.25 * state.full_scale)
+    assert 0.0 < gap[:, recovery].sum() < signal_counts[:, recovery].sum()
+    slow = forms["gap"].apply(state, state.base, np.array([[0.3], [1e3]])).signal_counts
+    closed = state.signal_counts / (state.signal_counts + 0.25 * state.full_scale)
     kept = 0.7 * closed
     np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
 
@@ -137,22 +137,24 @@ def test_cached_features_of_a_composite_model_equal_recomputed_ones(state):
     links = [
         started(state, OWN_EFFECTS[name][0]) for name in ("contact_propagation", "electrode_crosstalk", "saturation")
     ]
-    whole = Chain.of(links)
+    whole = CompositeModel.of(links)
     first = whole.features(state)
     moved = [FittedEffect(link.effect, link.values * 1.1) for link in whole.links]
-    mixed = [Chain((*whole.links[:k], moved[k], *whole.links[k + 1 :])) for k in (2, 0, 1, 2)]
-    found = [chain.features(state) for chain in mixed]
+    mixed = [CompositeModel((*whole.links[:k], moved[k], *whole.links[k + 1 :])) for k in (2, 0, 1, 2)]
+    found = [composite.features(state) for composite in mixed]
     np.testing.assert_array_equal(whole.features(state), first)
-    for chain, again in zip(mixed, found, strict=True):
+    for composite, again in zip(mixed, found, strict=True):
         fresh = replace(state)  # nothing was worked out for this one yet
-        np.testing.assert_array_equal(chain.features(fresh), again)
+        np.testing.assert_array_equal(composite.features(fresh), again)
 
 
 def test_the_visibility_of_an_effect_without_influence_is_zero(state):
     """Without force nothing spreads; noise is seen even then."""
-    layout, cells = state.layout, len(state.pair.cells)
-    shape = (cells, 3, layout.count, state.pair.n)
-    real = SessionMeans(np.zeros(shape), np.full((cells, 3), 2), np.zeros((cells, layout.count, state.pair.n)))
+    layout, conditions = state.layout, len(state.pair.conditions)
+    shape = (conditions, 3, layout.count, state.pair.n)
+    real = SessionMeans(
+        np.zeros(shape), np.full((conditions, 3), 2), np.zeros((conditions, layout.count, state.pair.n))
+    )
     idle = replace(state, base=state.base.with_force(np.zeros_like(state.base.force)))
     judge = Judge(idle, real, layout)
     assert seen(judge, OWN_EFFECTS["contact_propagation"][0]) == 0.0

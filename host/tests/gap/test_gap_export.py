@@ -31,7 +31,7 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.export.export import FORMATS, export_report
 from taxel.gap.export.genesis_options import OPTIONS
 from taxel.gap.features.features import Layout
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import state_of
 from taxel.gap.page.action import recommend_action
 from taxel.gap.report.checked_report import CheckedReport
@@ -131,7 +131,7 @@ def case(world, tmp_path_factory):
     def once(name: str) -> Case:
         if name not in known:
             folder = tmp_path_factory.mktemp(name)
-            real, sim = world(folder, cells=5, sessions=4, **WORLDS[name])
+            real, sim = world(folder, conditions=5, sessions=4, **WORLDS[name])
             report = diagnose(real, sim, without=others(name)).report
             path = folder / "report.json"
             path.write_text(json.dumps(report, allow_nan=False))
@@ -242,10 +242,10 @@ class Simulated:
 
 @pytest.fixture(scope="module")
 def simulated(world, tmp_path_factory) -> Simulated:
-    sim = world(tmp_path_factory.mktemp("export"), cells=3, sessions=1, repeats=1)[1]
+    sim = world(tmp_path_factory.mktemp("export"), conditions=3, sessions=1, repeats=1)[1]
     pair = read_pair(sim, sim)
     layout = Layout.of(pair.clock)
-    return Simulated(sim, pair, state_of(pair, layout, np.zeros((len(pair.cells), layout.count, pair.n))))
+    return Simulated(sim, pair, state_of(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n))))
 
 
 FORMS = [form for forms in OWN_EFFECTS.values() for form in forms if form.name not in ("noise", "pose_error")]

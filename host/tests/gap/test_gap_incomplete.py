@@ -14,8 +14,8 @@ from taxel.gap.fitting.judge import Judge
 pytestmark = pytest.mark.slow
 
 
-def clipped(force, drop):
-    return np.minimum(drop, 300.0)
+def clipped(force, signal_counts):
+    return np.minimum(signal_counts, 300.0)
 
 
 def judge_of(paths) -> Judge:
@@ -25,9 +25,9 @@ def judge_of(paths) -> Judge:
 @pytest.mark.parametrize(
     "absent",
     [
-        lambda session, cell: (session + cell) % 3 == 0,
-        lambda session, cell: session % 2 != cell % 2,  # two sessions of each object
-        lambda session, cell: session % 6 != cell,  # a session has one press, and no other has it
+        lambda session, condition: (session + condition) % 3 == 0,
+        lambda session, condition: session % 2 != condition % 2,  # two sessions of each object
+        lambda session, condition: session % 6 != condition,  # a session has one press, and no other has it
     ],
     ids=["some", "an object each", "a press each"],
 )
@@ -42,7 +42,9 @@ def test_conditions_missing_in_a_session_do_not_change_the_score(world, tmp_path
 
 
 def test_a_cause_is_found_with_conditions_missing_in_every_session(world, tmp_path):
-    paths = world(tmp_path, sessions=6, effect=clipped, absent=lambda session, cell: (session + cell) % 3 == 0)
+    paths = world(
+        tmp_path, sessions=6, effect=clipped, absent=lambda session, condition: (session + condition) % 3 == 0
+    )
     report = diagnose(*paths).report
     assert report["verdict"]["effects"][0] == "saturation"
     assert 0.8 < report["after"]["shrink"] <= 1.0

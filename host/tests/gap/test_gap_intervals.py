@@ -21,16 +21,16 @@ def estimated(rng, parts, error):
     ("sessions", "presses", "besides"),
     [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.3, 1.0), (1.0, 1.0, 3.0)],
 )
-def test_combined_confidence_intervals_have_their_nominal_coverage(sessions, presses, besides):
+def test_combined_confidence_intervals_have_their_nominal_coverage(sessions, contacts, besides):
     rng = np.random.default_rng(5)
-    inside = 0
+    in_sample = 0
     for _ in range(TRIALS):
-        first, other = estimated(rng, 4, sessions), estimated(rng, 16, presses)
+        first, other = estimated(rng, 4, sessions), estimated(rng, 16, contacts)
         value = first.value + other.value + rng.normal(0.0, besides)
-        moved = Interval(value, value, value, first.error, first.freedom)
+        moved = Interval(value, value, value, first.error, first.degrees_of_freedom)
         found = together(moved, other, besides)
-        inside += found.low <= 0.0 <= found.high
-    assert 0.935 < inside / TRIALS < 0.975
+        in_sample += found.low <= 0.0 <= found.high
+    assert 0.935 < in_sample / TRIALS < 0.975
 
 
 def test_combining_with_an_estimate_without_error_changes_no_interval():

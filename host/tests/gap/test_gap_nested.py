@@ -15,8 +15,8 @@ from taxel.gap.page.certainty_section import describe_repeated_searches
 from taxel.gap.report.checked_report import CheckedReport
 
 
-def clipped(force, drop):
-    return np.minimum(drop, 500.0)
+def clipped(force, signal_counts):
+    return np.minimum(signal_counts, 500.0)
 
 
 def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(world, tmp_path):

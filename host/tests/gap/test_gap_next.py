@@ -18,14 +18,14 @@ from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.experiment_design.candidates import batches
+from taxel.gap.experiment_design.contact_variance import ContactVariance
 from taxel.gap.experiment_design.findings import Findings, rivals_of
-from taxel.gap.experiment_design.information import ChainInformation, Felt
-from taxel.gap.experiment_design.ranking import next_presses
-from taxel.gap.experiment_design.scatter import Scatter
+from taxel.gap.experiment_design.information import CompositeInformation, Felt
+from taxel.gap.experiment_design.ranking import rank_next_contacts
 from taxel.gap.experiment_design.unrecorded import unrecorded
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.judge import Judge
-from taxel.gap.identifiability.identify import likenesses
+from taxel.gap.identifiability.identify import compute_similarities
 from taxel.gap.page import write_page
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
@@ -34,13 +34,13 @@ LITTLE_N = 0.15
 """A tenth of the force of half the drop: drops grow with force as good as linearly."""
 
 
-def softer(force, drop):
+def softer(force, signal_counts):
     return 2000.0 * force / (force + 1.5 * 0.7)
 
 
-def late(force, drop):
-    moved = drop.copy()
-    moved[3:, : drop.shape[1] // 2] = drop[:-3, : drop.shape[1] // 2]
+def late(force, signal_counts):
+    moved = signal_counts.copy()
+    moved[3:, : signal_counts.shape[1] // 2] = signal_counts[:-3, : signal_counts.shape[1] // 2]
     return moved
 
 
@@ -51,9 +51,9 @@ def judge_of(paths) -> Judge:
 
 def findings_of(judge, link, *others) -> Findings:
     """One effect and its rivals, all fitted."""
-    chain = judge.in_sample(Chain((link,))).chain
+    composite = judge.in_sample(CompositeModel((link,))).composite
     starts = {(link.effect.name, other.effect.name): [other] for other in others}
-    return Findings(judge, chain, (link.effect.name,), rivals_of(judge, chain, starts), ())
+    return Findings(judge, composite, (link.effect.name,), rivals_of(judge, composite, starts), ())
 
 
 def plain(judge, effect, *values) -> FittedEffect:
@@ -73,21 +73,21 @@ def gentle(world, tmp_path_factory):
 
 def angle(judge) -> float:
     forms = {STIFF: (Stiffness(),), GAIN: (GainMismatch("board", 0.5),)}
-    link = judge.in_sample(Chain((plain(judge, Stiffness(), 0.0),))).chain.links[0]
-    return next(one.degrees for one in likenesses(judge, forms, [link]) if one.name == STIFF)
+    link = judge.in_sample(CompositeModel((plain(judge, Stiffness(), 0.0),))).composite.links[0]
+    return next(one.degrees for one in compute_similarities(judge, forms, [link]) if one.name == STIFF)
 
 
 def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(gentle, world, tmp_path):
-    found = next_presses(stiff_or_gain(gentle[1]))
+    found = rank_next_contacts(stiff_or_gain(gentle[1]))
     assert found.line == "Confounded effects: stiffness and gain mismatch."
-    assert len(found.presses) == 10
-    first = found.presses[0]
-    assert (first.press.force_scale, first.separates) == (3.0, (STIFF, GAIN))
-    assert first.press.words.endswith("with 3 times the force")
+    assert len(found.contacts) == 10
+    first = found.contacts[0]
+    assert (first.contact.force_scale, first.separates) == (3.0, (STIFF, GAIN))
+    assert first.contact.words.endswith("with 3 times the force")
     assert "standard deviations" in first.why
-    gains = [one.gain for one in found.presses]
+    gains = [one.gain for one in found.contacts]
     assert gains == sorted(gains, reverse=True)
-    assert {one.press.force_scale for one in found.presses} <= {2.0, 3.0}
+    assert {one.contact.force_scale for one in found.contacts} <= {2.0, 3.0}
     laddered = judge_of(world(tmp_path, effect=softer, most=LITTLE_N, sessions=3, scales=(1.0, 3.0)))
     assert angle(laddered) > 1.5 * angle(gentle[1])
 
@@ -95,63 +95,67 @@ def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(gen
 def test_separation_of_two_effects_is_measured_on_all_grasps_together(gentle):
     judge = gentle[1]
     findings = stiff_or_gain(judge)
-    found, other = (ChainInformation.of(judge, chain) for chain in (findings.chain, findings.rivals[STIFF, GAIN]))
+    found, other = (
+        CompositeInformation.of(judge, composite) for composite in (findings.composite, findings.rivals[STIFF, GAIN])
+    )
     batch = list(batches(judge.state, recorded=True, memory=False, near=False))[4]
     felt, rival = Felt.of(found, batch.state), Felt.of(other, batch.state)
-    weight = Scatter.of(judge).weight(batch.state.mean, felt.features)
+    weight = ContactVariance.of(judge).weight(batch.state.mean, felt.features)
     apart, new = other.features - found.features, rival.features - felt.features
-    press = 2
+    contact = 2
     columns = []
     for column, own in zip(other.columns, rival.columns, strict=True):
         for block in range(column.count):
             rows = (column.change * (column.blocks == block)[:, None], own.change * (own.blocks == block)[:, None])
-            part = [np.sqrt(judge.weight) * rows[0], (np.sqrt(weight) * rows[1])[press : press + 1]]
+            part = [np.sqrt(judge.weight) * rows[0], (np.sqrt(weight) * rows[1])[contact : contact + 1]]
             prior = np.zeros(2)
             prior[block] = np.sqrt(column.precision[block])
             columns.append(np.concatenate([part[0].ravel(), part[1].ravel(), prior]))
-    target = [np.sqrt(judge.weight) * apart, (np.sqrt(weight) * new)[press : press + 1], np.zeros(2)]
+    target = [np.sqrt(judge.weight) * apart, (np.sqrt(weight) * new)[contact : contact + 1], np.zeros(2)]
     design, target = np.transpose(columns), np.concatenate([one.ravel() for one in target])
     residual = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
-    after = other.left(apart).after(rival.added(press, weight), new[press])
+    after = other.left(apart).after(rival.added(contact, weight), new[contact])
     assert after == pytest.approx(float(residual @ residual), rel=1e-6)
     spread = np.diag(np.linalg.inv(design.T @ design))
-    assert other.variance_after(rival.added(press, weight)) == pytest.approx(spread, rel=1e-6)
+    assert other.variance_after(rival.added(contact, weight)) == pytest.approx(spread, rel=1e-6)
 
 
 def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(world, tmp_path):
-    judge = judge_of(world(tmp_path, effect=late, cells=4, sessions=3))
-    found = next_presses(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
+    judge = judge_of(world(tmp_path, effect=late, conditions=4, sessions=3))
+    found = rank_next_contacts(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
     assert found.line.startswith("No effects are confounded")
-    first = found.presses[0]
+    first = found.contacts[0]
     assert first.separates[0].startswith("seconds of latency, ")
     assert "standard error" in first.why
-    assert first.press.closing_scale < 1.0
-    assert not any(" by 0 %" in one.why or not one.why for one in found.presses)
+    assert first.contact.closing_scale < 1.0
+    assert not any(" by 0 %" in one.why or not one.why for one in found.contacts)
     gains = {
-        (one.press.approach, one.press.closing_scale): one.gain for one in found.presses if not one.press.hold_scale > 1
+        (one.contact.approach, one.contact.closing_scale): one.gain
+        for one in found.contacts
+        if not one.contact.hold_scale > 1
     }
-    quick = first.press.closing_scale
+    quick = first.contact.closing_scale
     assert all(gains.get((f"press_{k}", 4.0), 0.0) < gains[f"press_{k}", quick] for k in range(4))
 
 
 def test_a_proximity_effect_proposes_approaches_without_contact(gentle):
     judge = gentle[1]
     link = plain(judge, Proximity(), 0.0, 40.0)
-    found = next_presses(Findings(judge, Chain((link,)), ("proximity",), {}, ()), most=100)
-    off = [one for one in found.presses if one.press.apart_mm]
+    found = rank_next_contacts(Findings(judge, CompositeModel((link,)), ("proximity",), {}, ()), most=100)
+    off = [one for one in found.contacts if one.contact.apart_mm]
     assert off
-    assert off[0].press.words.endswith("held at a distance of 2 mm")
+    assert off[0].contact.words.endswith("held at a distance of 2 mm")
 
 
 def test_without_a_named_effect_no_grasp_is_proposed(gentle):
-    found = next_presses(Findings(gentle[1], Chain(), (), {}, ()))
-    assert found.presses == ()
+    found = rank_next_contacts(Findings(gentle[1], CompositeModel(), (), {}, ()))
+    assert found.contacts == ()
     assert "The verdict has no effect" in found.line
 
 
 def test_simulated_approaches_are_ranked_with_recorded_ones(gentle, world, tmp_path):
     (tmp_path / "more").mkdir()
-    more = world(tmp_path / "more", most=LITTLE_N, cells=3, scales=(1.0, 20.0))[1]
+    more = world(tmp_path / "more", most=LITTLE_N, conditions=3, scales=(1.0, 20.0))[1]
     judge = gentle[1]
     state = unrecorded(judge.state, more, known=[("cube", "press_4")])
     assert state is None  # six cells, all of them recorded
@@ -159,11 +163,11 @@ def test_simulated_approaches_are_ranked_with_recorded_ones(gentle, world, tmp_p
         for grasp in file["grasps"].values():
             grasp.attrs["approach"] = "hard_" + grasp.attrs["approach"]
     state = unrecorded(judge.state, more)
-    assert len(state.pair.cells) == 6
-    found = next_presses(stiff_or_gain(judge), [state])
-    assert not found.presses[0].press.recorded
-    assert found.presses[0].press.approach in ("hard_press_3", "hard_press_4", "hard_press_5")
-    assert "not yet recorded" in found.presses[0].press.words
+    assert len(state.pair.conditions) == 6
+    found = rank_next_contacts(stiff_or_gain(judge), [state])
+    assert not found.contacts[0].contact.recorded
+    assert found.contacts[0].contact.approach in ("hard_press_3", "hard_press_4", "hard_press_5")
+    assert "not yet recorded" in found.contacts[0].contact.words
 
 
 # --- the command
@@ -182,14 +186,14 @@ def diagnosed(world, tmp_path_factory):
 def test_report_and_page_contain_the_proposed_grasps(diagnosed, tmp_path):
     report = json.loads(diagnosed[1].read_text())
     assert report["verdict"]["effects"][0] == "latency"
-    presses = report["next_presses"]
-    assert 0 < len(presses) <= 10
-    assert {"press", "object", "approach", "force_scale", "separates", "gain", "why"} <= set(presses[0])
-    assert any(not one["recorded"] for one in presses)
+    contacts = report["next_presses"]
+    assert 0 < len(contacts) <= 10
+    assert {"press", "object", "approach", "force_scale", "separates", "gain", "why"} <= set(contacts[0])
+    assert any(not one["recorded"] for one in contacts)
     write_page(report, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "All recommended contacts" in page
-    assert presses[0]["press"] in page
+    assert contacts[0]["press"] in page
 
 
 def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
@@ -225,7 +229,7 @@ def test_no_grasp_is_proposed_for_a_dropout(capsys, world, tmp_path):
         valid[:, 1] = False
         return raw, valid
 
-    paths = world(tmp_path, after=silence, cells=3, sessions=3)
+    paths = world(tmp_path, after=silence, conditions=3, sessions=3)
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 0
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []

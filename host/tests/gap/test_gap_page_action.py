@@ -13,7 +13,7 @@ from rich.console import Console
 from taxel.cli.gap_summary import MOST_LINES, WIDTH, print_summary
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.effect import Effect
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.page import page_text
 from taxel.gap.page.action import EXPORT_COMMAND, PASTE_LINES, Action, recommend_action
 from taxel.gap.page.confidence import MOST_CAUSES, list_shown_causes

@@ -77,14 +77,14 @@ def test_the_force_law_of_pieces_is_recovered_from_taxel_forces():
     nets = range(3, 21, 3)
     forces = [pressed_to(HARDENING, depth, net).mean(axis=1) for depth, net in zip(depths, nets, strict=True)]
     line = Law(np.array([0.0, 1e-3]), np.array([0.0, 1.0]))
-    presses = list(zip(depths, forces, strict=True))
-    found = law_of_pieces(line, presses)
+    contacts = list(zip(depths, forces, strict=True))
+    found = law_of_pieces(line, contacts)
 
     def error(law: Law) -> float:
-        return max(float(np.abs(pressed_to(law, d, f.sum()).mean(axis=1) - f).max()) for d, f in presses)
+        return max(float(np.abs(pressed_to(law, d, f.sum()).mean(axis=1) - f).max()) for d, f in contacts)
 
     assert error(found) < 0.2 * error(line)
-    assert law_of_pieces(HARDENING, presses) is HARDENING  # nothing does better
+    assert law_of_pieces(HARDENING, contacts) is HARDENING  # nothing does better
     assert law_of_pieces(line, []) is line
 
 
@@ -104,7 +104,7 @@ def test_a_softer_layer_spreads_the_same_net_force_over_more_taxels():
 def state(world, tmp_path_factory):
     pair = read_pair(*world(tmp_path_factory.mktemp("pressed")))
     layout = Layout.of(pair.clock)
-    return state_of(pair, layout, np.zeros((len(pair.cells), layout.count, pair.n)))
+    return state_of(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n)))
 
 
 def test_changes_follow_the_net_force_from_level_to_level(state):

@@ -53,7 +53,7 @@ def coarse(number, grasp):
     ],
 )
 def test_datasets_without_information_are_refused_in_one_line(world, tmp_path, side, change, words):
-    paths = world(tmp_path, cells=3, sessions=3)
+    paths = world(tmp_path, conditions=3, sessions=3)
     changed(paths[side], change)
     with pytest.raises(GapInputError, match=words) as caught:
         read_pair(*paths)
@@ -62,7 +62,7 @@ def test_datasets_without_information_are_refused_in_one_line(world, tmp_path, s
 
 
 def test_exchanged_real_and_simulated_files_are_refused(world, tmp_path):
-    real, sim = world(tmp_path, cells=2, sessions=2)
+    real, sim = world(tmp_path, conditions=2, sessions=2)
     with pytest.raises(GapInputError, match="exchange the two files"):
         read_pair(sim, real)
     read_pair(real, real)
@@ -77,14 +77,14 @@ def copies(path):
 
 
 def test_bit_identical_grasps_are_not_counted_as_repeats(world, tmp_path):
-    paths = world(tmp_path, cells=3, sessions=3)
+    paths = world(tmp_path, conditions=3, sessions=3)
     copies(paths[0])
     losses = read_pair(*paths).losses
     assert any("bit-identical" in loss for loss in losses)
 
 
 def test_a_phase_missing_in_a_grasp_is_reported(world, tmp_path):
-    paths = world(tmp_path, cells=3, sessions=3)
+    paths = world(tmp_path, conditions=3, sessions=3)
 
     def no_release(number, grasp):
         if number == 4:
@@ -97,13 +97,13 @@ def test_a_phase_missing_in_a_grasp_is_reported(world, tmp_path):
 
 
 def test_timestamps_in_milliseconds_are_reported(world, tmp_path):
-    paths = world(tmp_path, cells=3, sessions=3)
+    paths = world(tmp_path, conditions=3, sessions=3)
     changed(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
     assert any("check the unit of time" in loss for loss in read_pair(*paths).losses)
 
 
 def test_a_grasp_without_valid_frames_is_reported(world, tmp_path):
-    paths = world(tmp_path, cells=3, sessions=3)
+    paths = world(tmp_path, conditions=3, sessions=3)
 
     def lost(number, grasp):
         if number == 4:
@@ -118,14 +118,14 @@ def test_a_grasp_without_valid_frames_is_reported(world, tmp_path):
 def test_an_empty_catalogue_gives_an_unknown_cause(world, tmp_path):
     from taxel.gap.effects.catalogue import OWN_EFFECTS
 
-    paths = world(tmp_path, effect=lambda force, drop: 0.6 * drop)
+    paths = world(tmp_path, effect=lambda force, signal_counts: 0.6 * signal_counts)
     verdict = diagnose(*paths, without=list(OWN_EFFECTS)).report["verdict"]
     assert verdict["status"] == "unknown"
     assert "no effect of the catalogue was tried" in verdict["one_line"]
 
 
 def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
-    real, sim = world(tmp_path, cells=2, sessions=3)
+    real, sim = world(tmp_path, conditions=2, sessions=3)
 
     def renamed(number, grasp):
         if grasp.attrs["approach"] == "press_0":
@@ -143,7 +143,7 @@ def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
 
 @pytest.mark.parametrize("place", ["file", "page"])
 def test_a_failed_write_of_the_report_keeps_the_existing_files(world, tmp_path, place):
-    real, sim = world(tmp_path, cells=2, sessions=3)
+    real, sim = world(tmp_path, conditions=2, sessions=3)
     out = tmp_path / "out"
     if place == "file":
         out.write_text("old")
@@ -157,7 +157,7 @@ def test_a_failed_write_of_the_report_keeps_the_existing_files(world, tmp_path, 
 
 
 def test_apply_does_not_overwrite_the_real_dataset(world, tmp_path):
-    real, sim = world(tmp_path, cells=2, sessions=3)
+    real, sim = world(tmp_path, conditions=2, sessions=3)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(diagnose(real, sim).report))
     command = ["gap", "apply", str(report), sim, "--out", real, "--overwrite"]
@@ -167,7 +167,7 @@ def test_apply_does_not_overwrite_the_real_dataset(world, tmp_path):
 
 
 def test_a_session_number_beyond_63_bits_is_refused(world, tmp_path):
-    paths = world(tmp_path, cells=2, sessions=3)
+    paths = world(tmp_path, conditions=2, sessions=3)
 
     def huge(number, grasp):
         grasp.attrs["session"] = np.uint64(2**63)

@@ -18,9 +18,9 @@ from taxel.gap.comparison.compare import compare, weigh_sets
 from taxel.gap.errors import GapInputError
 
 
-def scaled(force, drop):
+def scaled(force, signal_counts):
     """The real skin is 1.4 times as sensitive."""
-    return 1.4 * drop
+    return 1.4 * signal_counts
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +84,6 @@ def test_a_wrong_command_gives_one_line(comparison, tmp_path, command, message):
 
 
 def test_a_simulation_of_other_grasps_is_rejected(comparison, written, tmp_path):
-    other = Path(written(effect=scaled, cells=4)[1])
+    other = Path(written(effect=scaled, conditions=4)[1])
     with pytest.raises(GapInputError, match="same taxels, conditions"):
         resimulate_sets(comparison, Resimulator(f"sh -c 'cp {other} {{out}}; : {{effects}}'", tmp_path))

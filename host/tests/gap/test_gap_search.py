@@ -11,15 +11,15 @@ from taxel.gap.data.prepare import prepared
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.identifiability.confounding import confounded_with
-from taxel.gap.identifiability.identify import likenesses
+from taxel.gap.identifiability.identify import compute_similarities
 
 
-def harder(force, drop):
+def harder(force, signal_counts):
     return 2000.0 * force / (force + 1.8 * 1.5)
 
 
-def clipped(force, drop):
-    return np.minimum(drop, 450.0)
+def clipped(force, signal_counts):
+    return np.minimum(signal_counts, 450.0)
 
 
 def silent_first_board(raw, valid, rng):
@@ -74,21 +74,21 @@ def test_an_effect_of_another_package_is_named(world, tmp_path):
 
 
 def test_a_partly_fitted_out_of_catalogue_cause_is_not_explained(world, tmp_path):
-    def swapped(force, drop):
-        result = drop.reshape(len(drop), 2, 6, 5).copy()
+    def swapped(force, signal_counts):
+        result = signal_counts.reshape(len(signal_counts), 2, 6, 5).copy()
         result[:, :, 2], result[:, :, 3] = 0.7 * result[:, :, 3], 0.7 * result[:, :, 2]
-        return result.reshape(drop.shape)
+        return result.reshape(signal_counts.shape)
 
-    report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=swapped)).report
+    report = diagnose(*world(tmp_path, conditions=4, sessions=4, effect=swapped)).report
     assert report["verdict"]["status"] in ("unknown", "partly_explained")
     assert "unknown" in report["verdict"]["effects"]
 
 
 def test_similarity_is_higher_for_effects_that_produce_similar_changes(judge):
     forms = {name: OWN_EFFECTS[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
-    rows = {(one.name, one.other): one for one in likenesses(judge, forms)}
+    rows = {(one.name, one.other): one for one in compute_similarities(judge, forms)}
     assert rows["gain_mismatch", "stiffness"].degrees < rows["gain_mismatch", "latency"].degrees
-    assert not rows["gain_mismatch", "noise"].alike
+    assert not rows["gain_mismatch", "noise"].is_confounded
     assert confounded_with(["noise"], {}, list(rows.values())) == {}
 
 
@@ -101,6 +101,6 @@ def test_a_board_without_a_baseline_is_excluded_from_its_grasp(world, tmp_path):
             valid[:105, 1] = False
         return raw, valid
 
-    report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=clipped, after=lossy)).report
+    report = diagnose(*world(tmp_path, conditions=4, sessions=4, effect=clipped, after=lossy)).report
     assert report["verdict"]["effects"][0] == "saturation"
     assert any("1 of 32 grasps of the hand a board has no baseline" in loss for loss in report["losses"])

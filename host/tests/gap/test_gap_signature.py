@@ -14,7 +14,14 @@ from taxel.gap.data.reading import Groups
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.errors import GapInputError
-from taxel.gap.features.features import COUNTS_MISSING, Layout, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.features.features import (
+    COUNTS_MISSING,
+    Layout,
+    features_of,
+    known_mean,
+    session_means,
+    untouched_conditions,
+)
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import state_of
 from taxel.gap.localisation.signature.bank import unexplained
@@ -23,7 +30,7 @@ from taxel.recording import SensorTable
 from taxel.recording.grasp_format import Phase
 
 ROWS, COLUMNS, N = 6, 5, 60
-CELLS = 8
+CONDITIONS = 8
 BANK = {
     "amplitude", "lag", "history", "radial", "shift", "common", "board", "row", "column", "taxel", "noise", "missing",
     "wander", "session", "presses",
@@ -36,9 +43,9 @@ class Remainder:
     def __init__(self, paths) -> None:
         pair = self.pair = read_pair(*paths)
         layout = self.layout = Layout.of(pair.clock)
-        untouched = untouched_cells(pair)
+        untouched = untouched_conditions(pair)
         self.real, sim = (
-            session_means(features_of(pair, own, layout, untouched), own, len(pair.cells), sessions, layout)
+            session_means(features_of(pair, own, layout, untouched), own, len(pair.conditions), sessions, layout)
             for own, sessions in ((pair.real, pair.sessions), (pair.sim, np.unique(pair.sim.session)))
         )
         self.model = known_mean(sim.value, 1)
@@ -56,7 +63,7 @@ class Remainder:
 @pytest.fixture(scope="module")
 def plain(world, tmp_path_factory):
     """A pair in which nothing is distorted."""
-    return Remainder(world(tmp_path_factory.mktemp("plain"), cells=CELLS, sessions=4))
+    return Remainder(world(tmp_path_factory.mktemp("plain"), conditions=CONDITIONS, sessions=4))
 
 
 @pytest.fixture
@@ -85,10 +92,10 @@ def first(found):
     return found["bank"][0]["name"]
 
 
-def exchanged(drop):
-    grid = drop.reshape(*drop.shape[:-1], 2, ROWS, COLUMNS).copy()
+def exchanged(signal_counts):
+    grid = signal_counts.reshape(*signal_counts.shape[:-1], 2, ROWS, COLUMNS).copy()
     grid[..., 0, [2, 4], :] = grid[..., 0, [4, 2], :]
-    return grid.reshape(drop.shape)
+    return grid.reshape(signal_counts.shape)
 
 
 def test_exchanged_lines_are_named(of_drop):
@@ -101,14 +108,16 @@ def test_exchanged_lines_are_named(of_drop):
 
 def test_a_weak_line_is_named_with_its_factor(of_drop):
     found = of_drop(
-        lambda drop: drop * np.where(np.arange(N) % COLUMNS == 3, np.where(np.arange(N) >= N // 2, 0.6, 1.0), 1.0)
+        lambda signal_counts: (
+            signal_counts * np.where(np.arange(N) % COLUMNS == 3, np.where(np.arange(N) >= N // 2, 0.6, 1.0), 1.0)
+        )
     )
     assert re.search("the hand has (39|40|41) % less signal, on RX line 3 of b;", found["signature"])
     assert [(one["address"], one["axis"], one["index"]) for one in found["where"]] == [(0x21, "rx", 3)]
 
 
 def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
-    found = of_drop(lambda drop: 20.0 * np.sqrt(np.maximum(drop, 0.0)))
+    found = of_drop(lambda signal_counts: 20.0 * np.sqrt(np.maximum(signal_counts, 0.0)))
     assert found["signature"].startswith(("nonlinear in the signal", "grows with the signal, with a bend"))
     assert "counts below a predicted signal" in found["signature"]
     assert "on all boards" in found["signature"]
@@ -117,7 +126,7 @@ def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
 
 
 def test_a_gain_factor_gives_a_linear_response_curve(of_drop):
-    assert "the hand has 20 % less signal" in of_drop(lambda drop: 0.8 * drop)["signature"]
+    assert "the hand has 20 % less signal" in of_drop(lambda signal_counts: 0.8 * signal_counts)["signature"]
 
 
 def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
@@ -126,31 +135,31 @@ def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
         raw[:, 17] = raw[:, 17].astype(np.int64) | 0x300
         return raw, valid
 
-    found = told(after=stick, cells=8)
+    found = told(after=stick, conditions=8)
     assert found["where"][0]["index"] == 17
     assert "axis" not in found["where"][0]
     assert "taxel TX 3, RX 2 of a" in found["signature"]
 
 
 def test_signal_loss_between_grasps_is_reported_with_the_remaining_signal(told):
-    presses = iter(range(10_000))
+    contacts = iter(range(10_000))
 
-    def worn(force, drop):
-        return drop * (1.0 - 0.015 * next(presses))
+    def worn(force, signal_counts):
+        return signal_counts * (1.0 - 0.015 * next(contacts))
 
-    found = told(effect=worn, cells=4, repeat_scatter=0.005, session_scatter=0.005)
+    found = told(effect=worn, conditions=4, repeat_scatter=0.005, session_scatter=0.005)
     assert of(found, "session")["p_value"] < 0.05
     assert "the sensitivity differs between sessions by" in found["signature"]
     assert "decreasing from session to session" in found["signature"]
 
 
 def test_signal_loss_within_each_session_is_reported_with_sign_and_size(told):
-    presses = iter(range(10_000))
+    contacts = iter(range(10_000))
 
-    def tired(force, drop):
-        return drop * (1.0 - 0.02 * (next(presses) % 16))
+    def tired(force, signal_counts):
+        return signal_counts * (1.0 - 0.02 * (next(contacts) % 16))
 
-    found = told(effect=tired, cells=4, sessions=4, repeats=4, repeat_scatter=0.005)
+    found = told(effect=tired, conditions=4, sessions=4, repeats=4, repeat_scatter=0.005)
     assert of(found, "presses")["p_value"] < 0.05
     size = re.search(r"the sensitivity decreases by ([\d.]+) % from the first to the last grasp", found["signature"])
     assert size
@@ -158,9 +167,9 @@ def test_signal_loss_within_each_session_is_reported_with_sign_and_size(told):
 
 
 def test_latency_of_a_board_is_reported_in_seconds(told):
-    def late(force, drop):
-        result = drop.copy()
-        result[3:, N // 2 :] = drop[:-3, N // 2 :]
+    def late(force, signal_counts):
+        result = signal_counts.copy()
+        result[3:, N // 2 :] = signal_counts[:-3, N // 2 :]
         return result
 
     found = told(effect=late, sessions=4, repeats=1)
@@ -173,9 +182,9 @@ def test_latency_of_a_board_is_reported_in_seconds(told):
 def test_a_remaining_signal_after_release_is_reported_as_history(of_drop, plain):
     later = np.isin(plain.layout.phase[: plain.layout.bins], [Phase.RELEASE, Phase.RECOVERY])
 
-    def sticky(drop):
-        hold = drop[:, :, plain.pair.clock.bins_of(Phase.HOLD)]
-        return np.where(later[:, None], np.maximum(drop, 0.15 * hold), drop)
+    def sticky(signal_counts):
+        hold = signal_counts[:, :, plain.pair.clock.bins_of(Phase.HOLD)]
+        return np.where(later[:, None], np.maximum(signal_counts, 0.15 * hold), signal_counts)
 
     found = of_drop(sticky)
     assert first(found) == "history"
@@ -184,11 +193,11 @@ def test_a_remaining_signal_after_release_is_reported_as_history(of_drop, plain)
 
 
 def test_a_contact_patch_that_is_too_wide_is_reported_as_radial(of_drop):
-    def blurred(drop):
-        grid = drop.reshape(*drop.shape[:-1], 2, ROWS, COLUMNS)
+    def blurred(signal_counts):
+        grid = signal_counts.reshape(*signal_counts.shape[:-1], 2, ROWS, COLUMNS)
         grid = np.pad(grid, [(0, 0)] * (grid.ndim - 2) + [(1, 1), (1, 1)], mode="edge")
         mean = (grid[..., :-2, 1:-1] + grid[..., 2:, 1:-1] + grid[..., 1:-1, :-2] + grid[..., 1:-1, 2:]) / 4.0
-        return 0.6 * drop + 0.4 * mean.reshape(drop.shape)
+        return 0.6 * signal_counts + 0.4 * mean.reshape(signal_counts.shape)
 
     found = of_drop(blurred)
     assert first(found) == "radial"
@@ -196,7 +205,7 @@ def test_a_contact_patch_that_is_too_wide_is_reported_as_radial(of_drop):
 
 
 def test_taxels_that_move_together_are_common(of_drop):
-    found = of_drop(lambda drop: drop - 0.4 * drop.mean(axis=-1, keepdims=True))
+    found = of_drop(lambda signal_counts: signal_counts - 0.4 * signal_counts.mean(axis=-1, keepdims=True))
     assert first(found) == "common"
     assert "have a negative signal" in found["signature"]
 
@@ -233,8 +242,10 @@ def test_variance_between_repeats_alone_gives_no_signature(told):
 
 def test_a_distortion_unlike_every_signature_is_not_named(of_drop):
     # a pattern of its own in every cell: nothing that one press tells holds for another
-    patterns = np.random.default_rng(3).normal(0.0, 120.0, (CELLS, 1, 1, N))
-    found = of_drop(lambda drop: drop + patterns * (drop.max(axis=-1, keepdims=True) > 300.0))
+    patterns = np.random.default_rng(3).normal(0.0, 120.0, (CONDITIONS, 1, 1, N))
+    found = of_drop(
+        lambda signal_counts: signal_counts + patterns * (signal_counts.max(axis=-1, keepdims=True) > 300.0)
+    )
     assert "not significantly similar" in found["signature"]
     assert "mostly in" in found["signature"]
     assert {one["name"] for one in found["where"]} == {"a", "b"}
@@ -244,7 +255,7 @@ def test_a_distortion_unlike_every_signature_is_not_named(of_drop):
     "changes", [{"sessions": 1}, {"sessions": 2}, {"cells": 1}, {"cells": 1, "sessions": 1, "repeats": 1}]
 )
 def test_few_sessions_and_conditions_are_reported_without_a_p_value(told, changes):
-    found = told(**{"cells": 3, "effect": lambda force, drop: 0.7 * drop, **changes})
+    found = told(**{"cells": 3, "effect": lambda force, signal_counts: 0.7 * signal_counts, **changes})
     if changes.get("sessions", 5) < 3:
         assert all(one["p_value"] is None for one in found["bank"] if one["name"] not in ("session", "presses"))
         assert not found["where"] or found["signature"].startswith("possibly proportional to the signal")
@@ -264,7 +275,7 @@ def test_unknown_features_and_sessions_give_no_signature(plain):
     model[:, plain.layout.onset] = np.nan
     model[:, :, 4] = np.nan
     assert "20 % less" in plain.told(real=weak, model=model)["signature"]
-    assert "20 % less" in plain.told(real=weak, fold=np.zeros(CELLS, np.intp))["signature"]
+    assert "20 % less" in plain.told(real=weak, fold=np.zeros(CONDITIONS, np.intp))["signature"]
     for real, predicted in (
         (weak, np.full_like(model, np.nan)),
         (replace(weak, value=np.full_like(value, np.nan)), model),
@@ -279,12 +290,12 @@ def test_a_signature_is_reported_without_forces_and_with_one_board(of_drop, plai
     groups = Groups(np.zeros(N, np.intp), pair.groups.tx, pair.groups.rx)
     sim = replace(pair.sim, force=None, separation=None)
     monkeypatch.setattr(plain, "pair", replace(pair, sensors=one, groups=groups, sim=sim, sensor_model=None))
-    found = of_drop(lambda drop: 0.8 * drop)
+    found = of_drop(lambda signal_counts: 0.8 * signal_counts)
     assert "20 % less" in found["signature"]
 
 
 def test_report_and_page_contain_the_signatures(world, tmp_path):
-    paths = world(tmp_path, sessions=4, effect=lambda force, drop: exchanged(drop))
+    paths = world(tmp_path, sessions=4, effect=lambda force, signal_counts: exchanged(signal_counts))
     report = diagnose(*paths, without=set(OWN_EFFECTS) - {"gain_mismatch"}).report
     report = json.loads(json.dumps(report, allow_nan=False))
     left = report["unexplained"]

@@ -15,7 +15,7 @@ from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.features.cloud_gap import cloud_gap
 from taxel.gap.features.metric import Interval, measure
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.report.thesis_terms import GRASPS, outliers, thesis_terms
 
 ROWS, COLUMNS, N = 6, 5, 60
@@ -40,7 +40,7 @@ def mm(entries) -> list[float]:
     return [entry["mm"] for entry in entries]
 
 
-def spread(force, drop):
+def spread(force, signal_counts):
     x, y = np.arange(ROWS)[:, None], np.arange(COLUMNS)
     places = np.stack([np.repeat(x, COLUMNS, axis=1).ravel(), np.tile(y, ROWS)], axis=1) * 5.0
     apart = np.linalg.norm(places[:, None] - places, axis=2)
@@ -50,22 +50,22 @@ def spread(force, drop):
     return 2000.0 * moved / (moved + 1.5)
 
 
-def far_point(force, drop):
+def far_point(force, signal_counts):
     """One taxel of the pressed board answers that lies as far as can be from the patch."""
     pressed = force.max(axis=0) > 0
-    wrong, board = drop.copy(), HALF * int(np.flatnonzero(pressed)[0] // HALF)
+    wrong, board = signal_counts.copy(), HALF * int(np.flatnonzero(pressed)[0] // HALF)
     number = np.arange(HALF)
     places = np.stack([number // COLUMNS, number % COLUMNS], axis=1)
-    inside = places[pressed[board : board + HALF]]
-    apart = np.linalg.norm(places[:, None] - inside, axis=2).min(axis=1)
+    in_sample = places[pressed[board : board + HALF]]
+    apart = np.linalg.norm(places[:, None] - in_sample, axis=2).min(axis=1)
     wrong[:, board + int(apart.argmax())] = 400.0 * (force.max(axis=1) > 0)
     return wrong
 
 
-def halo(force, drop):
+def halo(force, signal_counts):
     """Every taxel of a pressed board drops by 165 counts: above the activation threshold, below the force filter."""
     pressed = np.repeat(force.reshape(-1, 2, HALF).max(axis=2) > 0, HALF, axis=1)
-    return np.maximum(drop, 165.0 * pressed)
+    return np.maximum(signal_counts, 165.0 * pressed)
 
 
 def test_four_steps_in_the_order_of_the_thesis(judged, told):
@@ -100,14 +100,14 @@ def test_contact_propagation_closes_a_gap_caused_by_contact_propagation(told):
 
 
 def test_an_isolated_false_point_is_removed_by_the_outlier_filter(told):
-    before, forced, cleaned, after = mm(told(effect=far_point, cells=2))
+    before, forced, cleaned, after = mm(told(effect=far_point, conditions=2))
     assert forced > 0.8 * before
     assert cleaned < 0.5 * forced
     assert after > 0.8 * cleaned
 
 
 def test_a_weak_halo_is_removed_by_the_force_filter(told):
-    entries = told(effect=halo, cells=4, sessions=3)
+    entries = told(effect=halo, conditions=4, sessions=3)
     before, forced, _, _ = mm(entries)
     assert forced < 0.6 * before
     assert entries[1]["points"]["real"] < 0.6 * entries[0]["points"]["real"]
@@ -128,8 +128,8 @@ def test_without_a_gap_contact_propagation_adds_nothing(told):
 def test_an_existing_fit_alone_is_reused(judged):
     judge = judged(effect=spread)
     effect = OWN_EFFECTS["contact_propagation"][0]
-    chain = Chain((FittedEffect(effect, effect.neutral(judge.state)),))
-    entries = thesis_terms(judge, {"contact_propagation": (chain, judge.state.mean)})
+    composite = CompositeModel((FittedEffect(effect, effect.neutral(judge.state)),))
+    entries = thesis_terms(judge, {"contact_propagation": (composite, judge.state.mean)})
     assert entries[3]["gap"] == pytest.approx(entries[0]["gap"])
     assert entries[3]["note"].endswith("strength 0")
 
@@ -151,7 +151,7 @@ def test_without_simulated_forces_the_last_step_states_why_it_is_missing(judged)
         {"sessions": 1, "repeats": 1},
         {"cells": 1},
         {"cells": 1, "sessions": 1, "repeats": 1},
-        {"cells": 2, "sessions": 3, "effect": lambda force, drop: 0.0 * drop},
+        {"cells": 2, "sessions": 3, "effect": lambda force, signal_counts: 0.0 * signal_counts},
         {"cells": 2, "sessions": 3, "most": 0.0},
         {"cells": 2, "sessions": 3, "effect": far_point, "most": 0.0001},
     ],

@@ -178,7 +178,7 @@ def test_objects_of_fixed_size_keep_their_name_and_pair_with_a_recording(tmp_pat
     path = tmp_path / "shard.h5"
     path.write_bytes(generate_shard(Recipe(grasps=2, grasps_per_shard=2, objects=(kind,)), 0))
     pair = read_pair(path, path)
-    assert {item for item, _ in pair.cells} == {"cylinder"}
+    assert {item for item, _ in pair.conditions} == {"cylinder"}
     assert pair.sim.force is not None
 
 

@@ -14,7 +14,7 @@ from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import FIXED, chosen
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.dropped import find_dropped
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import started
 from taxel.gap.fitting.judge import Judge
 
@@ -34,7 +34,7 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     judge = Judge(replace(own.state, mean_variance=None), own.sessions, own.layout)
     catalogue = chosen()
     penalty = float(np.log(max(int((judge.weight > 0).any(axis=1).sum()), 2)))
-    base, criterion = Chain(), judge.problem().cost(judge.state.mean)
+    base, criterion = CompositeModel(), judge.problem().cost(judge.state.mean)
     found: dict[frozenset[str], float] = {frozenset(): criterion}
     for _ in range(LARGEST_SET):
         best = base, criterion
@@ -44,11 +44,11 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
                 continue
             for link in links or _find_dropout(judge, base):
                 fit = judge.in_sample(base.with_link(link), FIXED, ITERATIONS)
-                value = fit.cost + penalty * sum(one.values.size for one in fit.chain.links)
-                key = frozenset(fit.chain.names)
+                value = fit.cost + penalty * sum(one.values.size for one in fit.composite.links)
+                key = frozenset(fit.composite.names)
                 found[key] = min(value, found.get(key, np.inf))
                 if value < best[1]:
-                    best = fit.chain, value
+                    best = fit.composite, value
         if best[1] >= criterion:
             break
         base, criterion = best
@@ -60,7 +60,7 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     return {**{name: min(value, 1.0) for name, value in probabilities.items()}, NO_GAP: float(weights[0])}
 
 
-def _find_dropout(judge: Judge, base: Chain) -> list[FittedEffect]:
+def _find_dropout(judge: Judge, base: CompositeModel) -> list[FittedEffect]:
     """The taxels that do not respond, as an effect; none if all respond."""
     effect = Dropout(find_dropped(judge.state, judge.sessions, base.features(judge.state)))
     return [FittedEffect(effect, effect.found_values(judge.state))] if effect.dropped.found else []

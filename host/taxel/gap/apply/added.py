@@ -30,7 +30,7 @@ def with_effects(
     """
     pair, raw, valid = state.pair, grasp.raw_counts, grasp.valid
     change = np.zeros((len(grasp.phase), pair.n))
-    change[moving(grasp)] = drop_change(state, effects, chance)
+    change[moving(grasp)] = compute_signal_change(state, effects, chance)
     still = np.zeros(pair.n, bool)
     for one in effects:
         if one.name == "noise":
@@ -56,7 +56,7 @@ def _at_rest(grasp: SimulatedGrasp) -> FloatArray:
     return np.asarray(np.rint(np.median(grasp.raw_counts[rest | ~rest.any()], axis=0)))
 
 
-def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance) -> FloatArray:
+def compute_signal_change(state: State, effects: Sequence[ReportedEffect], chance: Chance) -> FloatArray:
     """What effects add to the drops of the frames of one grasp, f64[K, n], counts.
 
     A board's latency counts from the simulator's own time, so what all boards share belongs to it.
@@ -74,8 +74,8 @@ def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance)
             values = values + one.shift_s
         signal = one.effect.apply(state, signal, values)
     if signal is state.base:
-        return np.zeros(state.drop.shape[1:])
-    return np.asarray(np.squeeze(state.to_drop(signal) - state.drop, axis=0))
+        return np.zeros(state.signal_counts.shape[1:])
+    return np.asarray(np.squeeze(state.to_signal_counts(signal) - state.signal_counts, axis=0))
 
 
 def noise_of(one: ReportedEffect, pair: Pair) -> FloatArray:

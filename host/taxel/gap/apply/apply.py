@@ -100,11 +100,11 @@ def add_effects(
     """
     with GraspDataset(sim) as data, Rewriting(target) as copy:
         keys = [(grasp.object, grasp.approach) for grasp in data]
-        cells, repeats = {key: number for number, key in enumerate(sorted(set(keys)))}, Counter(keys)
+        conditions, repeats = {key: number for number, key in enumerate(sorted(set(keys)))}, Counter(keys)
         seen, states = dict.fromkeys(keys, 0), FrameStates(data)
         for done, (name, key) in enumerate(zip(data.ids, keys, strict=True)):
             grasp = data[name]
-            chance = Chance(seed, cells[key], seen[key], repeats[key])
+            chance = Chance(seed, conditions[key], seen[key], repeats[key])
             raw, valid = with_effects(states.of(grasp), grasp, effects, chance)
             seen[key] += 1
             for array, before, after in (("raw_counts", grasp.raw_counts, raw), ("valid", grasp.valid, valid)):

@@ -29,7 +29,7 @@ class Chance:
     """The draws of one grasp. cell: number of its (object, approach). repeat: which of `repeats` grasps of that."""
 
     seed: int
-    cell: int
+    condition: int
     repeat: int
     repeats: int
 
@@ -50,7 +50,7 @@ class Chance:
         return np.asarray(np.sqrt(count / (count - 1.0)) * (own - np.mean(together, axis=0)))
 
     def _stream(self, repeat: int, *purpose: int) -> np.random.Generator:
-        return np.random.default_rng([self.seed, self.cell, repeat, *purpose])
+        return np.random.default_rng([self.seed, self.condition, repeat, *purpose])
 
 
 def noise(parts: FloatArray, groups: Groups, frames: int, chance: Chance) -> FloatArray:

@@ -139,7 +139,7 @@ class FrameStates:
         still = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)
         nothing = Recording(**{**empty, "frames": np.array([still])})
         return Pair(
-            cells=((grasp.object, grasp.approach),),
+            conditions=((grasp.object, grasp.approach),),
             taxels=data.taxels,
             sensors=data.sensors,
             groups=self._groups,

@@ -127,7 +127,7 @@ def resimulate_sets(
         key = max(waiting, key=lambda one: comparison.weights[one], default=None)
         if key is None or comparison.weights[key] < RIVAL_ODDS * largest:
             break
-        effects = [reported_effect(link, model_of(judge.state, link)) for link in comparison.sets[key].chain.links]
+        effects = [reported_effect(link, model_of(judge.state, link)) for link in comparison.sets[key].composite.links]
         effects.sort(key=lambda one: one.order)
         path = simulator.simulate(effects, Path(judge.state.pair.paths[1]))
         simulated[key] = read_features(judge, path)
@@ -146,7 +146,7 @@ def read_features(judge: Judge, path: Path) -> FloatArray:
     own = judge.state.pair
     other = read_pair(own.paths[0], path)
     times = own.clock.since_start, other.clock.since_start
-    same = (own.n, own.cells, times[0].shape) == (other.n, other.cells, times[1].shape)
+    same = (own.n, own.conditions, times[0].shape) == (other.n, other.conditions, times[1].shape)
     if not same or not np.allclose(*times):
         expected = f"the grasps of {own.paths[1]}: same taxels, conditions and durations of the phases"
         raise GapInputError(f"--resim: {path}", expected, "others", "let the simulator repeat the same grasps")

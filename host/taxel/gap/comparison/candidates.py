@@ -16,7 +16,7 @@ from taxel.gap.effects.catalogue import DROPOUT, FIXED, Forms
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.dropped import find_dropped
 from taxel.gap.effects.effect import HAND
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.cores import in_copies
 from taxel.gap.fitting.fit import NOTHING_KNOWN, near_their_end, started
 from taxel.gap.fitting.judge import Judge
@@ -32,10 +32,10 @@ class Candidate:
     forms and the parameters.
     """
 
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
     prediction: HeldOutPrediction
-    inside: FloatArray
+    in_sample: FloatArray
     held_out: FloatArray
     log_prior: float = 0.0
 
@@ -47,7 +47,7 @@ class Candidate:
     @property
     def names(self) -> frozenset[str]:
         """Names of the effects."""
-        return frozenset(self.chain.names)
+        return frozenset(self.composite.names)
 
 
 Sets = dict[frozenset[str], Candidate]
@@ -73,7 +73,7 @@ class CandidateSearch:
 
     def run(self, progress: Callable[[int, int], None]) -> CandidateSets:
         """Fit and evaluate candidate sets. progress: steps done, total."""
-        empty = self.evaluate(Chain(), self._judge.state.mean)
+        empty = self.evaluate(CompositeModel(), self._judge.state.mean)
         found: Sets = {empty.names: empty}
         alone: dict[str, FittedEffect] = {}
         base = empty
@@ -81,16 +81,16 @@ class CandidateSearch:
             progress(size, self._settings.largest_set)
             coarse = self._fit_coarsely(base)
             if not size:
-                for chain, _ in coarse:
-                    alone.setdefault(chain.names[0], chain.links[0])
+                for composite, _ in coarse:
+                    alone.setdefault(composite.names[0], composite.links[0])
             number = self._settings.candidates[min(size, 1)]
             # Effects that are found by inspection cost no fit: they are always compared.
-            chains = [
-                chain
-                for place, (chain, _) in enumerate(coarse)
-                if place < number or set(chain.names) - base.names <= set(FIXED)
+            composites = [
+                composite
+                for place, (composite, _) in enumerate(coarse)
+                if place < number or set(composite.names) - base.names <= set(FIXED)
             ]
-            extended = in_copies(self._judge.state, self.fit, chains)
+            extended = in_copies(self._judge.state, self.fit, composites)
             for candidate in extended:
                 known = found.get(candidate.names)
                 if known is None or candidate.value > known.value:
@@ -101,14 +101,14 @@ class CandidateSearch:
             base = best
         return CandidateSets(found, alone)
 
-    def compute_log_prior(self, chain: Chain) -> float:
+    def compute_log_prior(self, composite: CompositeModel) -> float:
         """Log prior of the forms of the effects, of parameters that are farther from the expected value than usual, and
         of properties of the skin that depend on the load (`ComparisonSettings.local_odds`, `usual_deviation`,
         `compute_load_trend`).
         """
         settings = self._settings
         total = 0.0
-        for link in chain.links:
+        for link in composite.links:
             if link.effect.name in FIXED:
                 continue
             if link.effect.scope != HAND:
@@ -121,36 +121,36 @@ class CandidateSearch:
                     total -= 0.5 * float(np.maximum(squares - settings.usual_deviation**2, 0.0).sum())
         return total
 
-    def fit(self, chain: Chain) -> Candidate:
+    def fit(self, composite: CompositeModel) -> Candidate:
         """Fit a chain from its values, and evaluate it."""
-        fit = self._judge.in_sample(chain, FIXED, self._settings.fit_iterations)
-        return self.evaluate(fit.chain, fit.features)
+        fit = self._judge.in_sample(composite, FIXED, self._settings.fit_iterations)
+        return self.evaluate(fit.composite, fit.features)
 
-    def evaluate(self, chain: Chain, features: FloatArray) -> Candidate:
+    def evaluate(self, composite: CompositeModel, features: FloatArray) -> Candidate:
         """Evaluate a fitted chain, in sample and held out. features: f64[C, F, n], of the chain."""
-        held = predict_held_out(self._judge, chain, FIXED) if chain.links else HeldOutPrediction(features)
+        held = predict_held_out(self._judge, composite, FIXED) if composite.links else HeldOutPrediction(features)
         density = self._density.compute_log_density
-        prior = self.compute_log_prior(chain)
-        return Candidate(chain, features, held, density(features), density(held.features), prior)
+        prior = self.compute_log_prior(composite)
+        return Candidate(composite, features, held, density(features), density(held.features), prior)
 
-    def _fit_coarsely(self, base: Candidate) -> list[tuple[Chain, float]]:
+    def _fit_coarsely(self, base: Candidate) -> list[tuple[CompositeModel, float]]:
         """Fit every effect beside `base` coarsely; the best form of each scope, those with the largest log density
         first.
         """
         state = self._judge.state
-        known = near_their_end(state, base.chain, base.features, FIXED) if base.chain.links else NOTHING_KNOWN
+        known = near_their_end(state, base.composite, base.features, FIXED) if base.composite.links else NOTHING_KNOWN
         links = [link for name in self._forms if name not in base.names for link in self._start_forms(name, base)]
 
-        def fit_one(link: FittedEffect) -> tuple[Chain, float] | None:
-            chain = base.chain.with_link(link)
-            fit = self._judge.in_sample(chain, FIXED, self._settings.coarse_iterations, known)
-            fitted = fit.chain.get(link.effect.name)
+        def fit_one(link: FittedEffect) -> tuple[CompositeModel, float] | None:
+            composite = base.composite.with_link(link)
+            fit = self._judge.in_sample(composite, FIXED, self._settings.coarse_iterations, known)
+            fitted = fit.composite.get(link.effect.name)
             if fitted.effect.is_idle(state, fitted.values):
                 return None
             density = float(self._density.compute_log_density(fit.features).sum())
-            return fit.chain, density + self.compute_log_prior(fit.chain)
+            return fit.composite, density + self.compute_log_prior(fit.composite)
 
-        best: dict[tuple[str, str], tuple[Chain, float]] = {}
+        best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
         for link, fitted in zip(links, in_copies(state, fit_one, links), strict=True):
             key = link.effect.name, link.effect.scope
             if fitted is not None and (key not in best or fitted[1] > best[key][1]):
@@ -180,7 +180,7 @@ def reevaluate(
     density = fit_density(judge, settings, best.prediction.features)
     compute = density.compute_log_density
     sets = {
-        key: replace(one, inside=compute(one.features), held_out=compute(one.prediction.features))
+        key: replace(one, in_sample=compute(one.features), held_out=compute(one.prediction.features))
         for key, one in found.sets.items()
     }
     measured = {

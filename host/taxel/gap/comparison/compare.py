@@ -21,7 +21,7 @@ from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import Forms, chosen, find_unavailable_reason
 from taxel.gap.features.metric import Gap, measure
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
@@ -92,7 +92,7 @@ class Comparison:
     def get_alone(self, name: str) -> FittedEffect | None:
         """An effect fitted alone; None if it has no fit."""
         single = self.sets.get(frozenset({name}))
-        return single.chain.links[0] if single is not None else self.alone.get(name)
+        return single.composite.links[0] if single is not None else self.alone.get(name)
 
     def compute_influence(self, name: str) -> list[tuple[int, float]]:
         """Share of every condition in the evidence for an effect, largest first: [(index of the condition, share)].

@@ -86,9 +86,11 @@ class BlockDensity:
 
     def compute_log_density(self, features: FloatArray) -> FloatArray:
         """Log density of each block given predicted features f64[C, F, n], up to a constant, f64[C, s, 5]."""
-        dimensions, freedom = np.array(self._settings.dimensions), self._freedom
+        dimensions, degrees_of_freedom = np.array(self._settings.dimensions), self._freedom
         deviations = self.compute_deviations(features)
-        return np.asarray(-0.5 * (freedom + dimensions) * np.log1p(dimensions * deviations / freedom))
+        return np.asarray(
+            -0.5 * (degrees_of_freedom + dimensions) * np.log1p(dimensions * deviations / degrees_of_freedom)
+        )
 
     def compute_normalised(self, features: FloatArray) -> float:
         """Log density of all blocks of the signal given features f64[C, F, n], up to a constant that does not depend on

@@ -13,7 +13,7 @@ from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.effects.catalogue import FIXED
 from taxel.gap.features.metric import Gap, gap_of_change, measure
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
@@ -108,7 +108,7 @@ def collect_effects(
     for name in names:
         best = max((key for key in sets if name in key), key=lambda key: density[key])
         without = max((key for key in sets if name not in key), key=lambda key: density[key])
-        sizes = {own: compute_alone(judge, sets[best].chain, own) for own in best}
+        sizes = {own: compute_alone(judge, sets[best].composite, own) for own in best}
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
         gains = np.maximum((sets[best].held_out - sets[without].held_out).sum(axis=(1, 2)), 0.0)
         evidence[name] = EffectEvidence(
@@ -116,7 +116,7 @@ def collect_effects(
             gain=density[best] - density[without],
             size=sizes[name] / floor,
             share=share,
-            parameters=1 if name in FIXED else sets[best].chain.get(name).values.size,
+            parameters=1 if name in FIXED else sets[best].composite.get(name).values.size,
             conditions=float(gains.sum() ** 2 / max(float((gains**2).sum()), np.finfo(float).tiny)),
             blocks=blocks,
         )
@@ -144,9 +144,9 @@ def collect_remainder(judge: Judge, gap: Gap, best: Candidate, density: BlockDen
     )
 
 
-def compute_alone(judge: Judge, chain: Chain, name: str) -> float:
+def compute_alone(judge: Judge, composite: CompositeModel, name: str) -> float:
     """Gap in counts that one fitted effect of a chain alone produces in the simulation."""
-    return _compute_size(judge, Chain((chain.get(name),)).features(judge.state) - judge.state.mean)
+    return _compute_size(judge, CompositeModel((composite.get(name),)).features(judge.state) - judge.state.mean)
 
 
 def _compute_size(judge: Judge, change: FloatArray) -> float:

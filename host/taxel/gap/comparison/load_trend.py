@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import linregress
 
 from taxel.gap.effects.effect import HAND, OBJECT
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 

@@ -29,14 +29,14 @@ NEIGHBOURS: Final = 8
 """Number of nearest taxels of the same board whose mean is a generic function."""
 
 
-def predict_remainder(judge: Judge, inside: FloatArray, held_out: FloatArray) -> FloatArray:
+def predict_remainder(judge: Judge, in_sample: FloatArray, held_out: FloatArray) -> FloatArray:
     """Predict the features with the generic remainder beyond a set of effects, f64[C, F, n], each part by the others.
 
     inside, held_out: features with the set, of the fit and of the held-out prediction, f64[C, F, n].
     """
     bins, pair = judge.layout.bins, judge.state.pair
-    functions = build_functions(judge, inside)
-    deviation = (judge.target - inside)[:, :bins]
+    functions = build_functions(judge, in_sample)
+    deviation = (judge.target - in_sample)[:, :bins]
     weight = judge.weight[:, :bins]
     result = held_out.copy()
     parts = judge.parts

@@ -6,8 +6,8 @@ import numpy as np
 
 from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.latency import Latency
-from taxel.gap.features.chances import student_tail
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.features.chances import compute_student_survival
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.fit import fit, started
 from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
@@ -24,7 +24,7 @@ def common_shift(judge: Judge) -> float:
     0 where that does not surely help.
     """
     state = judge.state
-    fitted = fit(judge.problem(), Chain((started(state, Latency()),)), iterations=6).chain.links[0]
+    fitted = fit(judge.problem(), CompositeModel((started(state, Latency()),)), iterations=6).composite.links[0]
     boards = state.touched_boards
     if not len(boards):
         return 0.0
@@ -44,7 +44,7 @@ def _is_better(judge: Judge, features: FloatArray, than: FloatArray) -> bool:
     if gain.mean() <= 0.0 or len(gain) < 3:
         return bool(gain.mean() > 0.0)
     error = float(gain.std(ddof=1) / np.sqrt(len(gain)))
-    return error == 0.0 or student_tail(float(gain.mean()) / error, len(gain) - 1) < SURE
+    return error == 0.0 or compute_student_survival(float(gain.mean()) / error, len(gain) - 1) < SURE
 
 
 class CommonShift(Latency):
@@ -56,16 +56,16 @@ class CommonShift(Latency):
         super().__init__(HAND)
 
 
-def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[float, Chain]:
+def shift_beside(judge: Judge, composite: CompositeModel, fixed: tuple[str, ...]) -> tuple[float, CompositeModel]:
     """By how much a hand whose effects are known is later still, and the chain fitted to that. Both are fitted at once:
     an effect with a memory took what was the shift's for its own. chain: fitted. fixed: of its effects those that keep
     their values.
     """
     link = started(judge.state, CommonShift())
-    fitted = judge.in_sample(chain.with_link(link), fixed)
-    more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
+    fitted = judge.in_sample(composite.with_link(link), fixed)
+    more = next(float(one.values[0, 0]) for one in fitted.composite.links if one.effect.name == link.effect.name)
     most = FRAMES * judge.state.pair.frame_s
     shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
-    if not _is_better(judge, fitted.features, chain.features(judge.state)):
-        return 0.0, chain
-    return shift, fitted.chain.without(link.effect.name)
+    if not _is_better(judge, fitted.features, composite.features(judge.state)):
+        return 0.0, composite
+    return shift, fitted.composite.without(link.effect.name)

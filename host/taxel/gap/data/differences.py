@@ -27,12 +27,12 @@ def differences(
     taxels: tuple[TaxelTable, TaxelTable],
     objects: tuple[Mapping[str, ObjectMesh], Mapping[str, ObjectMesh]],
     poses: tuple[Poses, Poses],
-    cells: Sequence[tuple[str, str]],
+    conditions: Sequence[tuple[str, str]],
 ) -> list[str]:
     """Sentences for the report. Everything of the hand first, then of the simulator; poses: of brackets f64[C, s, 4, 4]
     and objects f64[C, 4, 4].
     """
-    found = [*_meshes(*objects, sorted({item for item, _ in cells})), *_poses(*poses, cells)]
+    found = [*_meshes(*objects, sorted({item for item, _ in conditions})), *_poses(*poses, conditions)]
     turned = _degrees(np.einsum("ni,ni->n", taxels[0].normal, taxels[1].normal))
     if turned.max(initial=0.0) > FACE_DEG:
         found.append(f"the taxel normals differ by up to {turned.max():.0f} degrees: those of the hand are used")
@@ -54,7 +54,7 @@ def _meshes(real: Mapping[str, ObjectMesh], sim: Mapping[str, ObjectMesh], names
     return found
 
 
-def _poses(real: Poses, sim: Poses, cells: Sequence[tuple[str, str]]) -> list[str]:
+def _poses(real: Poses, sim: Poses, conditions: Sequence[tuple[str, str]]) -> list[str]:
     """Objects as the brackets see them, since worlds may differ; the bracket that sees the least, since joints do."""
     (place, turn), (other, otherwise) = (_seen(*one) for one in (real, sim))
     apart = np.linalg.norm(place - other, axis=-1).min(axis=1)
@@ -63,8 +63,10 @@ def _poses(real: Poses, sim: Poses, cells: Sequence[tuple[str, str]]) -> list[st
     if not len(wrong):
         return []
     most = wrong[np.argmax(apart[wrong] / PLACE_M + turned[wrong] / TURN_DEG)]
-    size = f"{1e3 * apart[most]:.1f} mm and {turned[most]:.1f} degrees in {' '.join(cells[most])}"
-    return [f"in {len(wrong)} of {len(cells)} conditions the simulator has another object pose than the hand: {size}"]
+    size = f"{1e3 * apart[most]:.1f} mm and {turned[most]:.1f} degrees in {' '.join(conditions[most])}"
+    return [
+        f"in {len(wrong)} of {len(conditions)} conditions the simulator has another object pose than the hand: {size}"
+    ]
 
 
 def _seen(brackets: FloatArray, objects: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -44,10 +44,12 @@ def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
         losses.append(f"only {count}: no intervals; the held-out grasps have the same mounting of the skin")
     if sim.force is None:
         losses.append("the simulation has no contact_force and separation: effects that act on force are unavailable")
-    confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
+    confounded = [
+        s for s in sessions if len(np.unique(real.condition[real.session == s])) < len(np.unique(real.condition))
+    ]
     if len(sessions) > 1 and len(confounded) == len(sessions):
         losses.append("no session has every approach: differences between sessions and between approaches are mixed")
-    made = np.bincount(real.cell)
+    made = np.bincount(real.condition)
     if made.max() < 2:
         losses.append("no condition was repeated: the variance is unknown, and a gap is not distinguishable from it")
     elif _are_copies(real):
@@ -87,7 +89,7 @@ def _stands_still(recording: Recording) -> bool:
 
 def _are_copies(recording: Recording) -> bool:
     """Whether all grasps of each approach are the same."""
-    first = np.unique(recording.cell, return_index=True)[1][np.unique(recording.cell, return_inverse=True)[1]]
+    first = np.unique(recording.condition, return_index=True)[1][np.unique(recording.condition, return_inverse=True)[1]]
     parts: tuple[NDArray[np.floating], ...] = (recording.hold, recording.noise)
     return all(np.array_equal(part, part[first], equal_nan=True) for part in parts)
 

@@ -54,7 +54,7 @@ class Pair:
         is_real_real: whether the second recording is a real one, too.
     """
 
-    cells: tuple[Key, ...]
+    conditions: tuple[Key, ...]
     taxels: TaxelTable
     sensors: SensorTable
     groups: Groups
@@ -93,7 +93,7 @@ class Pair:
     @cached_property
     def object_names(self) -> tuple[str, ...]:
         """Objects of the cells, sorted."""
-        return tuple(sorted({item for item, _ in self.cells}))
+        return tuple(sorted({item for item, _ in self.conditions}))
 
     @property
     def n(self) -> int:
@@ -114,15 +114,15 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         faults = find_faults(sim) if isinstance(sim, GraspDataset) else []
-        cells, made, simulated, unrecorded, losses = _common_cells(real, sim, faults)
-        timing = timing_of(((real, made), (sim, simulated)), cells)
+        conditions, made, simulated, unrecorded, losses = _common_conditions(real, sim, faults)
+        timing = timing_of(((real, made), (sim, simulated)), conditions)
         clock = timing.clock
         groups = grouped(real.taxels, real.sensors, LINES not in opened.lacking)
-        numbers = {key: index for index, key in enumerate(cells)}
+        numbers = {key: index for index, key in enumerate(conditions)}
         count, total = len(made), len(made) + len(simulated)
-        poses = first_poses(simulated, cells, columns)
-        believed = first_poses(made, cells, np.arange(len(columns)))
-        otherwise = differences((real.taxels, sim.taxels), (real.objects, sim.objects), (believed, poses), cells)
+        poses = first_poses(simulated, conditions, columns)
+        believed = first_poses(made, conditions, np.arange(len(columns)))
+        otherwise = differences((real.taxels, sim.taxels), (real.objects, sim.objects), (believed, poses), conditions)
         first = read_recording(
             real, made, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
         )
@@ -134,7 +134,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         paths = (str(real_path), str(sim_path))
         require_answers(paths, first, second, real.sensors)
         return Pair(
-            cells,
+            conditions,
             real.taxels,
             real.sensors,
             groups,
@@ -184,15 +184,15 @@ def check_tables(real: ReadableDataset, sim: ReadableDataset) -> NDArray[np.intp
 
 
 def first_poses(
-    grasps: Sequence[ReadableGrasp], cells: Sequence[Key], columns: NDArray[np.intp]
+    grasps: Sequence[ReadableGrasp], conditions: Sequence[Key], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses of each cell's first grasp: brackets f64[C, s, 4, 4] in the order of `columns`, objects f64[C, 4, 4]."""
-    firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in cells]
+    firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in conditions]
     brackets = np.stack([grasp.sensor_pose[columns] for grasp in firsts])
     return brackets, np.stack([grasp.object_pose for grasp in firsts])
 
 
-def _common_cells(
+def _common_conditions(
     real: ReadableDataset, sim: ReadableDataset, faults: Sequence[SimulatorFault]
 ) -> tuple[tuple[Key, ...], list[ReadableGrasp], list[ReadableGrasp], tuple[Key, ...], list[str]]:
     """Cells of both, their grasps on either side, cells of the simulator alone, and what is lost."""

@@ -7,7 +7,14 @@ import numpy as np
 from taxel.gap.data.align import common_shift
 from taxel.gap.data.pair import Pair
 from taxel.gap.data.reading import Recording
-from taxel.gap.features.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.features.features import (
+    Layout,
+    SessionMeans,
+    features_of,
+    known_mean,
+    session_means,
+    untouched_conditions,
+)
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import State, state_of
 
@@ -26,8 +33,8 @@ def prepared(pair: Pair) -> Judge:
 
 def means_of(pair: Pair, recording: Recording, layout: Layout) -> SessionMeans:
     """Features of a recording's sessions, of a pair's cells."""
-    features = features_of(pair, recording, layout, untouched_cells(pair))
-    return session_means(features, recording, len(pair.cells), np.unique(recording.session), layout)
+    features = features_of(pair, recording, layout, untouched_conditions(pair))
+    return session_means(features, recording, len(pair.conditions), np.unique(recording.session), layout)
 
 
 def simulated_state(pair: Pair, simulated: SessionMeans, layout: Layout) -> State:

@@ -50,7 +50,7 @@ class Recording:
         frames: [R], baseline frames that were used.
     """
 
-    cell: NDArray[np.intp]
+    condition: NDArray[np.intp]
     session: NDArray[np.int64]
     iteration: NDArray[np.int64]
     nodes: NDArray[np.float32]
@@ -65,11 +65,11 @@ class Recording:
     frames: NDArray[np.intp]
 
     def __len__(self) -> int:
-        return len(self.cell)
+        return len(self.condition)
 
     def without_nodes(self, unknown: NDArray[np.bool_]) -> Recording:
         """With the drops of some nodes of each cell unknown, bool[C, K]."""
-        return replace(self, nodes=np.where(unknown[self.cell][:, :, None], np.float32(np.nan), self.nodes))
+        return replace(self, nodes=np.where(unknown[self.condition][:, :, None], np.float32(np.nan), self.nodes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Groups:
 def read_recording(
     data: ReadableDataset,
     grasps: list[ReadableGrasp],
-    cells: dict[tuple[str, str], int],
+    conditions: dict[tuple[str, str], int],
     clock: Clock,
     groups: Groups,
     columns: NDArray[np.intp],
@@ -103,17 +103,17 @@ def read_recording(
     columns: [s], this dataset's sensor columns in the pair's order.
     """
     rows, total = [], len(grasps)
-    cell, session, iteration = [], [], []
+    condition, session, iteration = [], [], []
     grasps.reverse()
     while grasps:
         grasp = grasps.pop()
         rows.append(_reduce(data, grasp, clock, groups, columns))
-        cell.append(cells[grasp.object, grasp.approach])
+        condition.append(conditions[grasp.object, grasp.approach])
         session.append(grasp.session)
         iteration.append(grasp.iteration)
         progress(len(rows), total)
     fields: dict[str, Any] = {key: _stacked([row[key] for row in rows]) for key in rows[0]}
-    fields["cell"] = np.array(cell, np.intp)
+    fields["condition"] = np.array(condition, np.intp)
     fields["session"] = np.array(session, np.int64)
     fields["iteration"] = np.array(iteration, np.int64)
     return Recording(**fields)
@@ -133,12 +133,12 @@ def _reduce(
     rest &= np.cumsum(rest, axis=0) <= frames
     raw = grasp.raw_counts.astype(np.float64)
     baseline = _masked_mean(raw, rest, groups.sensor)
-    drop = baseline - raw
+    signal_counts = baseline - raw
     with np.errstate(invalid="ignore"):
         own = since + EDGE_S
-        inside = (phase == clock.phase[:, None]) & (own >= clock.begin[:, None]) & (own < clock.end[:, None])
-    nodes = _node_means(drop, inside, valid, groups.sensor)
-    hold = _masked_mean(drop, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
+        in_sample = (phase == clock.phase[:, None]) & (own >= clock.begin[:, None]) & (own < clock.end[:, None])
+    nodes = _node_means(signal_counts, in_sample, valid, groups.sensor)
+    hold = _masked_mean(signal_counts, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
     still, held = _changes(raw, rest, groups), _changes(raw, valid & (phase == Phase.HOLD)[:, None], groups)
     simulated = data.source == SIM and grasp.contact_force is not None and grasp.separation is not None
     everything = np.ones_like(valid)
@@ -148,12 +148,12 @@ def _reduce(
         "noise": np.stack([still[0], held[0]]).astype(np.float32),
         "common": still[1],
         "missing": 1.0 - valid.mean(axis=0),
-        "onset": _onsets(drop, hold, since, phase, valid, groups.sensor),
+        "onset": _onsets(signal_counts, hold, since, phase, valid, groups.sensor),
         "baseline": baseline,
-        "force": _node_means(grasp.contact_force, inside, everything, groups.sensor).astype(np.float32)
+        "force": _node_means(grasp.contact_force, in_sample, everything, groups.sensor).astype(np.float32)
         if simulated and grasp.contact_force is not None
         else None,
-        "separation": _node_means(grasp.separation, inside, everything, groups.sensor).astype(np.float32)
+        "separation": _node_means(grasp.separation, in_sample, everything, groups.sensor).astype(np.float32)
         if simulated and grasp.separation is not None
         else None,
         "frames": frames,
@@ -218,10 +218,10 @@ def _masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: NDArray[
 
 
 def _node_means(
-    values: FloatArray, inside: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
+    values: FloatArray, in_sample: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
 ) -> FloatArray:
     """Mean in each node, f64[K, n]; NaN where no frame of the taxel's sensor lies in it."""
-    chosen = inside.astype(np.float64)
+    chosen = in_sample.astype(np.float64)
     if valid.all():
         count = chosen.sum(axis=1)[:, None]
         return np.asarray(chosen @ np.nan_to_num(values) / np.where(count, count, np.nan))
@@ -261,7 +261,7 @@ def _covariances(steps: FloatArray, groups: Groups) -> FloatArray:
 
 
 def _onsets(
-    drop: FloatArray,
+    signal_counts: FloatArray,
     hold: FloatArray,
     since: FloatArray,
     phase: NDArray[np.uint8],
@@ -282,10 +282,10 @@ def _onsets(
     still = np.flatnonzero(phase == Phase.BASELINE)
     for board in np.flatnonzero(level > ONSET_LEAST_COUNTS):
         own, rows = np.flatnonzero((sensor == board) & (touched > 0)), part[np.asarray(valid[part, board])]
-        rest: FloatArray = drop[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
+        rest: FloatArray = signal_counts[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
         if level[board] < ONSET_NOISES * float(np.std(rest)):
             continue
-        sums: FloatArray = drop[np.ix_(rows, own)].sum(axis=1)
+        sums: FloatArray = signal_counts[np.ix_(rows, own)].sum(axis=1)
         onset[board] = _crossing(time[np.asarray(valid[part, board])], sums, 0.5 * float(level[board]))
     return onset
 

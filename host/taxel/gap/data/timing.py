@@ -39,7 +39,7 @@ class Timing:
 
 
 def timing_of(
-    sides: Sequence[tuple[ReadableDataset, Sequence[ReadableGrasp]]], cells: Sequence[tuple[str, str]]
+    sides: Sequence[tuple[ReadableDataset, Sequence[ReadableGrasp]]], conditions: Sequence[tuple[str, str]]
 ) -> Timing:
     """Of both recordings' grasps. Raises GapInputError where a file's times say nothing, or a grasp has no hold."""
     durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
@@ -57,19 +57,21 @@ def timing_of(
             if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
                 raise GapInputError(where, "increasing time in hold", "constant time", "correct the file")
-    number = {key: index for index, key in enumerate(cells)}
-    cell = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
-    lasts = {wanted: _least(len(cells), cell, [*chain.from_iterable(both)]) for wanted, both in durations.items()}
+    number = {key: index for index, key in enumerate(conditions)}
+    condition = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
+    lasts = {
+        wanted: _least(len(conditions), condition, [*chain.from_iterable(both)]) for wanted, both in durations.items()
+    }
     usable = {wanted: usual_duration(own) for wanted, own in lasts.items() if own.min() > 0}
     rate = rate if np.isfinite(rate) else 1.0
     names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
     return Timing(Clock.of(usable, rate), 1.0 / rate, lost_phases(names, durations), lasts)
 
 
-def _least(cells: int, cell: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
+def _least(conditions: int, condition: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
     """The shortest of each cell's, f64[C]."""
-    found = np.full(cells, np.inf)
-    np.minimum.at(found, np.asarray(cell, np.intp), seconds)
+    found = np.full(conditions, np.inf)
+    np.minimum.at(found, np.asarray(condition, np.intp), seconds)
     return found
 
 

@@ -33,7 +33,7 @@ class BaselineDrift(Effect):
         # The baseline is as old as the middle of its frames.
         age = state.pair.baseline_age_s
         share = ((state.since + age) / (state.since[-1] + age))[None, :, None]
-        return signal.with_drop(state.to_drop(signal) + slope * share)
+        return signal.with_signal_counts(state.to_signal_counts(signal) + slope * share)
 
     def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
@@ -41,6 +41,8 @@ class BaselineDrift(Effect):
             return features
         added = (values**2).sum(axis=0)[self.blocks(state)]
         result = features.copy()
-        wander = state.layout.wander
-        result[:, wander] = np.where(state.untouched, np.sqrt(features[:, wander] ** 2 + added), features[:, wander])
+        drift_residual = state.layout.drift_residual
+        result[:, drift_residual] = np.where(
+            state.untouched, np.sqrt(features[:, drift_residual] ** 2 + added), features[:, drift_residual]
+        )
         return result

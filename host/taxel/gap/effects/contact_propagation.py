@@ -54,7 +54,7 @@ class ContactPropagation(Effect):
         if self.variant.endswith(EVEN):
             return np.asarray(result + strength * (force @ taxel_kernel(kernel, None)))
         shares, result = geometry_of(state).shares, result.copy()
-        for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
-            own = state.cell == cell
-            result[own] += strength * (force[own] @ taxel_kernel(kernel, shares.get((cell, number))))
+        for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
+            own = state.condition == condition
+            result[own] += strength * (force[own] @ taxel_kernel(kernel, shares.get((condition, number))))
         return np.asarray(result)

@@ -47,12 +47,12 @@ def patches(
     others = beside & ~mute
     fades = np.asarray((others & (answer < BESIDE * usual[sensor])).any(axis=1))
     full = np.asarray((others & (answer >= BESIDE * usual[sensor])).sum(axis=1))
-    presses = (expected[:, own] > LOADED_COUNTS).sum(axis=0)
+    contacts = (expected[:, own] > LOADED_COUNTS).sum(axis=0)
     result, evident = np.zeros(len(answer), bool), False
     count, group = connected_components(beside[:, own], directed=False)
     for number in range(count):
         one = group == number
-        most, rim = presses[one].max(), fades[one].any()
+        most, rim = contacts[one].max(), fades[one].any()
         result[own[one]] = most > 0 and (most > 1 or not rim)
         nothing = (np.abs(answer[own[one]]) < NOTHING).sum() >= PATCH and full[one].sum() >= PATCH
         evident |= bool(most > 0 and not rim and nothing)

@@ -80,12 +80,14 @@ class Dropout(Effect):
         if (values == 1.0).all() and not self.dropped.shorts:
             return signal
         (left,) = self.spread_out(state, values)
-        drop = state.to_drop(signal)
-        result = drop * left
+        signal_counts = state.to_signal_counts(signal)
+        result = signal_counts * left
         for short in self.dropped.shorts:
             first, second = crossings(state.pair, short.address, short.axis, short.index)
-            result[:, :, first] = result[:, :, second] = short.share * (drop[:, :, first] + drop[:, :, second])
-        return signal.with_drop(result)
+            result[:, :, first] = result[:, :, second] = short.share * (
+                signal_counts[:, :, first] + signal_counts[:, :, second]
+            )
+        return signal.with_signal_counts(result)
 
     def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""

@@ -117,16 +117,16 @@ class Effect(ABC):
 
     def blocks_of(self, pair: Pair) -> NDArray[np.intp]:
         """The same for a pair."""
-        cells, n = len(pair.cells), pair.n
+        conditions, n = len(pair.conditions), pair.n
         if self.scope == BOARD:
-            return np.broadcast_to(pair.groups.sensor, (cells, n))
+            return np.broadcast_to(pair.groups.sensor, (conditions, n))
         if self.scope == TAXEL:
-            return np.broadcast_to(np.arange(n), (cells, n))
+            return np.broadcast_to(np.arange(n), (conditions, n))
         if self.scope == OBJECT:
             names = pair.object_names
-            own = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
-            return np.broadcast_to(own[:, None], (cells, n))
-        return np.zeros((cells, n), np.intp)
+            own = np.array([names.index(item) for item, _ in pair.conditions], dtype=np.intp)
+            return np.broadcast_to(own[:, None], (conditions, n))
+        return np.zeros((conditions, n), np.intp)
 
     def neutral(self, state: State) -> FloatArray:
         """Values that change nothing, f64[P, G]."""
@@ -157,5 +157,5 @@ class Effect(ABC):
 
     def spread_out(self, state: State, values: FloatArray) -> list[FloatArray]:
         """Each parameter for every press and taxel, P arrays f64[Q, 1, n]."""
-        blocks = self.blocks(state)[state.cell]
+        blocks = self.blocks(state)[state.condition]
         return [row[blocks][:, None, :] for row in values]

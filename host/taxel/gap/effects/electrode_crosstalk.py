@@ -55,15 +55,15 @@ class ElectrodeCrosstalk(Effect):
         """See `Effect`."""
         if not values.any():
             return signal
-        drop = state.to_drop(signal)
-        result = drop.copy()
+        signal_counts = state.to_signal_counts(signal)
+        result = signal_counts.copy()
         for number, board in enumerate(lines_of(state.pair)):
             own = values[:, number if self.scope == BOARD else 0]
             mix = np.tensordot(own[: len(board.passed)], board.passed[: len(own)], axes=1)
             if self._loses:
                 mix[np.diag_indices_from(mix)] += own[4] * np.abs(own[:4]).sum()
-            result[:, :, board.columns] += drop[:, :, board.columns] @ mix
-        return signal.with_drop(result)
+            result[:, :, board.columns] += signal_counts[:, :, board.columns] @ mix
+        return signal.with_signal_counts(result)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,4 +31,4 @@ class GainMismatch(Effect):
         if not values.any():
             return signal
         (log_gain,) = self.spread_out(state, values)
-        return signal.with_drop(state.to_drop(signal) * np.exp(log_gain))
+        return signal.with_signal_counts(state.to_signal_counts(signal) * np.exp(log_gain))

@@ -43,7 +43,7 @@ class Contact:
     their pieces; normals: f64[m, 3]; bracket frame. object_from_board: f64[4, 4].
     """
 
-    cell: int
+    condition: int
     board: int
     taxels: NDArray[np.intp]
     force: FloatArray
@@ -82,19 +82,21 @@ class Geometry:
         for contact, pressure in zip(self.contacts, self.rest, strict=True):
             whole = pressure.sum(axis=1, keepdims=True)
             even = np.full_like(pressure, 1.0 / PIECES**2)
-            found[contact.cell, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
+            found[contact.condition, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
         return found
 
     @cached_property
     def together(self) -> list[list[Push]]:
         """Boards that bear an object together."""
-        cells: dict[int, list[Push]] = {}
+        conditions: dict[int, list[Push]] = {}
         for number, one in enumerate(self.contacts):
             turn, force = one.object_from_board[:3, :3], float(one.force.sum())
             way, middle = one.force @ one.normals, one.force @ one.points.mean(axis=1) / force
             place = turn @ middle + one.object_from_board[:3, 3]
-            cells.setdefault(one.cell, []).append(Push(number, force, turn @ way / np.linalg.norm(way), place))
-        return pushes_together(cells)
+            conditions.setdefault(one.condition, []).append(
+                Push(number, force, turn @ way / np.linalg.norm(way), place)
+            )
+        return pushes_together(conditions)
 
     def displaced(
         self, state: State, motions: Mapping[int, FloatArray], held: Mapping[int, float] = FREELY
@@ -183,7 +185,7 @@ def _change(rest: FloatArray, now: FloatArray) -> FloatArray:
 
 def unchanged(state: State) -> FloatArray:
     """For `with_change`."""
-    change = np.zeros((len(state.pair.cells), 2, len(LEVELS), state.pair.n))
+    change = np.zeros((len(state.pair.conditions), 2, len(LEVELS), state.pair.n))
     change[:, 0] = 1.0
     return change
 
@@ -193,7 +195,7 @@ def changed(state: State, parts: Mapping[int, FloatArray]) -> FloatArray:
     change = unchanged(state)
     for number, part in parts.items():
         contact = geometry_of(state).contacts[number]
-        change[contact.cell][..., contact.taxels] = part
+        change[contact.condition][..., contact.taxels] = part
     return change
 
 
@@ -209,10 +211,10 @@ def with_change(state: State, signal: Signal, change: FloatArray) -> Signal:
     force = signal.force.copy()
     for board, layout in enumerate(state.pair.boards):
         kept, gained = change[:, 0][..., layout.columns], change[:, 1][..., layout.columns]
-        where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.cell]
-        cell, pressed = state.cell[where], signal.force[..., layout.columns][where]
-        pressed *= lies[where, :, board] @ kept[cell]
-        pressed += gains[where, :, board] @ gained[cell]
+        where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.condition]
+        condition, pressed = state.condition[where], signal.force[..., layout.columns][where]
+        pressed *= lies[where, :, board] @ kept[condition]
+        pressed += gains[where, :, board] @ gained[condition]
         force[np.ix_(where, np.arange(force.shape[1]), layout.taxels)] = pressed
     return signal.with_force(force)
 
@@ -242,7 +244,7 @@ def piece_depths(
     """
     points = [one.points @ pose[:3, :3].T + pose[:3, 3] for one, pose in zip(contacts, poses, strict=True)]
     rays = [one.normals @ pose[:3, :3].T for one, pose in zip(contacts, poses, strict=True)]
-    names = [state.pair.cells[one.cell][0] for one in contacts]
+    names = [state.pair.conditions[one.condition][0] for one in contacts]
     result: dict[int, FloatArray] = {}
     for name in dict.fromkeys(names):
         own = [number for number, other in enumerate(names) if other == name]
@@ -262,15 +264,15 @@ def geometry_of(state: State) -> Geometry:
     meshes = {name: Mesh(pair.objects[name]) for name in pair.object_names}
     hold = state.clock.phase == Phase.HOLD
     contacts = []
-    for cell in range(len(pair.cells)):
-        force = state.base.force[state.cell == cell][:, hold].mean(axis=(0, 1))
+    for condition in range(len(pair.conditions)):
+        force = state.base.force[state.condition == condition][:, hold].mean(axis=(0, 1))
         for board, layout in enumerate(pair.boards):
             taxels = layout.taxels
             if force[taxels].sum() < 0.05:
                 continue
-            pose = np.linalg.inv(pair.object_poses[cell]) @ pair.sensor_poses[cell, board]
+            pose = np.linalg.inv(pair.object_poses[condition]) @ pair.sensor_poses[condition, board]
             normals = pair.taxels.normal[taxels]
-            contacts.append(Contact(cell, board, taxels, force[taxels], layout.pieces, normals, pose))
+            contacts.append(Contact(condition, board, taxels, force[taxels], layout.pieces, normals, pose))
     depths = piece_depths(state, meshes, contacts, [one.object_from_board for one in contacts])
     piece_law = law_of_pieces(law, [(depth, one.force) for depth, one in zip(depths, contacts, strict=True)])
     whole = np.array([[one.force.sum()] for one in contacts])

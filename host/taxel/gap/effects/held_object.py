@@ -35,10 +35,10 @@ class Push:
     place: FloatArray
 
 
-def pushes_together(cells: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
+def pushes_together(conditions: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
     """Of the cells those in which several boards push an object one way."""
     found = []
-    for own in cells.values():
+    for own in conditions.values():
         net = np.sum([one.force * one.direction for one in own], axis=0)
         if len(own) > 1 and np.linalg.norm(net) > ONE_WAY * sum(one.force for one in own):
             found.append(list(own))

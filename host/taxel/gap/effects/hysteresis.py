@@ -7,7 +7,7 @@ from typing import ClassVar
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.lag import low_pass
-from taxel.gap.effects.plate import closed_by, drop_of
+from taxel.gap.effects.plate import closed_by, compute_signal_counts
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -54,9 +54,9 @@ class Hysteresis(Effect):
             return what + fraction * (low_pass(what, state.since, seconds[:, 0]) - what)
 
         if self.variant == "gap":
-            return signal.with_drop(drop_of(state, late(closed_by(state, signal))))
+            return signal.with_signal_counts(compute_signal_counts(state, late(closed_by(state, signal))))
         if self.variant == "drop":
-            return signal.with_drop(late(state.to_drop(signal)))
+            return signal.with_signal_counts(late(state.to_signal_counts(signal)))
         assert signal.force is not None
         if self.variant == "depth":
             law = geometry_of(state).law

@@ -42,11 +42,11 @@ class Latency(Effect):
         """See `Effect`."""
         if not values.any():
             return signal
-        drop = state.to_drop(signal)
+        signal_counts = state.to_signal_counts(signal)
         (delay,) = self.spread_out(state, values)
         if self.variant == "lag":
-            return signal.with_drop(low_pass(drop, state.since, delay[:, 0]))
-        return signal.with_drop(delayed(drop, state.since, delay[:, 0]))
+            return signal.with_signal_counts(low_pass(signal_counts, state.since, delay[:, 0]))
+        return signal.with_signal_counts(delayed(signal_counts, state.since, delay[:, 0]))
 
 
 def is_delay(effect: Effect) -> bool:

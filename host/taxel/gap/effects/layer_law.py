@@ -90,7 +90,7 @@ def law_of(state: State) -> Law:
     return Law(np.array(middle), np.array(level)) if len(middle) > 1 else line
 
 
-def law_of_pieces(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> Law:
+def law_of_pieces(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> Law:
     """The law by which pieces have to bear for the taxels' forces to be what the simulator says; `law`, of whole
     taxels, where none does better. presses: depths f64[m, 9] and forces f64[m] of each board's taxels.
 
@@ -98,12 +98,12 @@ def law_of_pieces(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) ->
     over. Presses by a law tell how deep each piece is; slopes of a piecewise linear law, none negative, are then fitted
     to the forces (least squares), in turn.
     """
-    if not presses:
+    if not contacts:
         return law
-    best, least = law, _error(law, presses)
-    wanted = np.concatenate([force for _, force in presses])
+    best, least = law, _error(law, contacts)
+    wanted = np.concatenate([force for _, force in contacts])
     for _ in range(REFINED):
-        depths = [law.depth(pressure) for pressure in _as_pressed(law, presses)]
+        depths = [law.depth(pressure) for pressure in _as_pressed(law, contacts)]
         knots = np.linspace(0.0, max(float(depth.max()) for depth in depths), KNOTS)
         if knots[-1] <= 0.0:
             return best
@@ -114,23 +114,23 @@ def law_of_pieces(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) ->
         slope = nnls(np.vstack([rows, weight * np.eye(len(width))]), np.append(wanted, weight * known))[0]
         steps = np.maximum(slope * width, LEAST_STEP_N)
         law = Law(knots, np.concatenate([[0.0], np.cumsum(steps)]))
-        error = _error(law, presses)
+        error = _error(law, contacts)
         if error < least:
             best, least = law, error
     return best
 
 
-def _error(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
+def _error(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> float:
     """Sum of squares [N^2] of what a law says otherwise than the simulator."""
-    pressed = _as_pressed(law, presses)
-    off = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressed, presses, strict=True)]
+    pressed = _as_pressed(law, contacts)
+    off = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressed, contacts, strict=True)]
     return float((np.concatenate(off) ** 2).sum())
 
 
-def _as_pressed(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
+def _as_pressed(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
     """Pressures f64[m, 9] of each press at its own net force."""
-    nets = np.array([[force.sum()] for _, force in presses])
-    return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in presses], nets)]
+    nets = np.array([[force.sum()] for _, force in contacts])
+    return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in contacts], nets)]
 
 
 def pressed_together(law: Law, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:

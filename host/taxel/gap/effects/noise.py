@@ -39,9 +39,9 @@ class Noise(Effect):
         result = features.copy()
         noise = state.layout.noise
         result[:, noise] = np.sqrt(features[:, noise] ** 2 + added[:, None])
-        wander = state.layout.wander
+        drift_residual = state.layout.drift_residual
         mean2 = added * _share_of_mean(state)
-        result[:, wander] = np.where(state.untouched, np.sqrt(features[:, wander] ** 2 + mean2), 0.0)
+        result[:, drift_residual] = np.where(state.untouched, np.sqrt(features[:, drift_residual] ** 2 + mean2), 0.0)
         return result
 
 

@@ -38,5 +38,5 @@ class Nonlinearity(Effect):
         if (values == 1.0).all():
             return signal
         (exponent,) = self.spread_out(state, values)
-        drop, scale = state.to_drop(signal), state.full_scale
-        return signal.with_drop(np.sign(drop) * scale * (np.abs(drop) / scale) ** exponent)
+        signal_counts, scale = state.to_signal_counts(signal), state.full_scale
+        return signal.with_signal_counts(np.sign(signal_counts) * scale * (np.abs(signal_counts) / scale) ** exponent)

@@ -68,19 +68,19 @@ def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> Float
     for number, (board, spread) in enumerate(zip(state.pair.boards, spread_mm, strict=True)):
         even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)
         force = signal.force[:, :, board.columns]
-        for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
-            presses = state.cell == cell
-            own = force[presses]
+        for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
+            contacts = state.condition == condition
+            own = force[contacts]
             most = np.maximum(own.max(axis=1).mean(axis=0), 0.0)
             whole = float(most.sum())
             if whole <= 0.0:
                 continue
-            pressure = PIECES**2 * most[:, None] * shares.get((cell, number), even)
+            pressure = PIECES**2 * most[:, None] * shares.get((condition, number), even)
             gained = drawn(board, pressure, 1e-3 * spread / FALLEN, half_depth_n)
             level = np.clip(own.sum(axis=2) / whole, 0.0, LEVELS[-1])
             right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
             share = ((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]))[..., None]
-            result[presses, :, board.columns] = (1.0 - share) * gained[right - 1] + share * gained[right]
+            result[contacts, :, board.columns] = (1.0 - share) * gained[right - 1] + share * gained[right]
     return result
 
 

@@ -20,11 +20,11 @@ MOST_CLOSED: Final = 0.98
 
 def closed_by(state: State, signal: Signal) -> FloatArray:
     """Share x f64[Q, K, n] by which the gap is closed where the drop, as x / (1 - x), is the signal's."""
-    drop = np.maximum(state.to_drop(signal), 0.0)
-    return np.asarray(drop / (HALF_SHARE * state.full_scale + drop))
+    signal_counts = np.maximum(state.to_signal_counts(signal), 0.0)
+    return np.asarray(signal_counts / (HALF_SHARE * state.full_scale + signal_counts))
 
 
-def drop_of(state: State, closed: FloatArray) -> FloatArray:
+def compute_signal_counts(state: State, closed: FloatArray) -> FloatArray:
     """Drops [counts] of gaps that are closed by shares f64[Q, K, n]: the inverse of `closed_by`."""
     closed = np.minimum(closed, MOST_CLOSED)
     return np.asarray(HALF_SHARE * state.full_scale * closed / (1.0 - closed))

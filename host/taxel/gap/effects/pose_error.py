@@ -58,7 +58,7 @@ class PoseError(Effect):
         blocks, motions = self.blocks(state), self._motions(values)
         displaced, held = {}, {}
         for number, contact in enumerate(geometry.contacts):
-            block = blocks[contact.cell, contact.taxels[0]]
+            block = blocks[contact.condition, contact.taxels[0]]
             if values[: TURN.stop, block].any():
                 motion = motions[block]
                 if self.scope == OBJECT:

@@ -34,7 +34,9 @@ class Proximity(Effect):
         reach, counts = self.spread_out(state, values)
         apart = np.maximum(signal.separation, 0.0) / (1e-3 * reach)
         seen = np.exp(-apart) if self.variant == "exponential" else np.maximum(1.0 - apart, 0.0)
-        return signal.with_drop(state.to_drop(signal) + counts * np.where(signal.separation < MISSED_M, seen, 0.0))
+        return signal.with_signal_counts(
+            state.to_signal_counts(signal) + counts * np.where(signal.separation < MISSED_M, seen, 0.0)
+        )
 
 
 MISSED_M = 0.0499

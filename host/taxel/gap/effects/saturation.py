@@ -41,8 +41,8 @@ class Saturation(Effect):
         if (values >= 1e6).all():
             return signal
         (most,) = self.spread_out(state, values)
-        drop = state.to_drop(signal)
+        signal_counts = state.to_signal_counts(signal)
         if self.variant == "clip":
-            return signal.with_drop(np.clip(drop, -most, most))
-        size = np.abs(drop)
-        return signal.with_drop(np.where(most >= 1e6, drop, drop * most / (size + most)))
+            return signal.with_signal_counts(np.clip(signal_counts, -most, most))
+        size = np.abs(signal_counts)
+        return signal.with_signal_counts(np.where(most >= 1e6, signal_counts, signal_counts * most / (size + most)))

@@ -47,9 +47,9 @@ class SignalPropagation(Effect):
         spread_m, strength = 1e-3 * float(values[0, 0]), float(values[1, 0])
         if strength == 0.0:
             return signal
-        drop = state.to_drop(signal)
-        result = drop.copy() if self.variant.endswith("added") else (1.0 - strength) * drop
+        signal_counts = state.to_signal_counts(signal)
+        result = signal_counts.copy() if self.variant.endswith("added") else (1.0 - strength) * signal_counts
         for board in state.pair.boards:
             kernel = taxel_kernel(sheet_kernel(board, spread_m), None)
-            result[:, :, board.columns] += strength * (drop[:, :, board.columns] @ kernel)
-        return signal.with_drop(result)
+            result[:, :, board.columns] += strength * (signal_counts[:, :, board.columns] @ kernel)
+        return signal.with_signal_counts(result)

@@ -10,7 +10,7 @@ import numpy as np
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.lag import low_pass
-from taxel.gap.effects.plate import closed_by, drop_of
+from taxel.gap.effects.plate import closed_by, compute_signal_counts
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -55,7 +55,7 @@ class Sticking(Effect):
         play, creep = self.spread_out(state, values)
         closed = closed_by(state, signal)
         closed = closed + STUCK_SHARE * (stuck(closed, play[:, 0] / STUCK_SHARE) - closed)
-        return signal.with_drop(drop_of(state, crept(closed, state.since, creep)))
+        return signal.with_signal_counts(compute_signal_counts(state, crept(closed, state.since, creep)))
 
 
 def as_late(values: FloatArray, frame_s: float, lasts_s: float) -> tuple[float, float]:

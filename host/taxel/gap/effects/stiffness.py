@@ -34,7 +34,7 @@ class Stiffness(Effect):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
-        if (values == 1.0).all() or signal.drop is not None:
+        if (values == 1.0).all() or signal.signal_counts is not None:
             return signal
         (scale,) = self.spread_out(state, values)
         return replace(signal, law_scale=signal.law_scale * scale)
@@ -50,11 +50,11 @@ class Sinking(Stiffness):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
-        if (values == 1.0).all() or signal.force is None or signal.drop is not None:
+        if (values == 1.0).all() or signal.force is None or signal.signal_counts is not None:
             return signal
         geometry, blocks = geometry_of(state), self.blocks(state)
         scales = {
-            number: float(values[0, blocks[contact.cell, contact.taxels[0]]])
+            number: float(values[0, blocks[contact.condition, contact.taxels[0]]])
             for number, contact in enumerate(geometry.contacts)
         }
         change = changed(state, geometry.sunk({number: scale for number, scale in scales.items() if scale != 1.0}))

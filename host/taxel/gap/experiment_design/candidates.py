@@ -31,7 +31,7 @@ APART_M: Final = 2e-3
 
 
 @dataclass(frozen=True)
-class Press:
+class PlannedContact:
     """A press that could be made. The scales are of a recorded or simulated one of that object and approach.
 
     apart_mm: the object is held off so far, and nothing touches. recorded: whether the hand has made this approach.
@@ -81,7 +81,7 @@ class Press:
 class Batch:
     """Presses with the state that effects act on: press k is its cell k. again: they repeat what was recorded."""
 
-    presses: tuple[Press, ...]
+    contacts: tuple[PlannedContact, ...]
     state: State
     again: bool = False
 
@@ -93,12 +93,12 @@ def batches(state: State, recorded: bool, memory: bool, near: bool) -> Iterator[
     something is asked that is felt before contact.
     """
     own = _one_each(state)
-    presses = tuple(Press(*cell, recorded=recorded) for cell in own.pair.cells)
+    contacts = tuple(PlannedContact(*condition, recorded=recorded) for condition in own.pair.conditions)
 
     def changed(state: State, **how: Any) -> Batch:
-        return Batch(tuple(replace(press, **how) for press in presses), state)
+        return Batch(tuple(replace(contact, **how) for contact in contacts), state)
 
-    yield Batch(presses, own, again=recorded)
+    yield Batch(contacts, own, again=recorded)
     if own.base.force is not None:
         for scale in LADDER:
             yield changed(_harder(own, scale), force_scale=scale)
@@ -116,13 +116,15 @@ def batches(state: State, recorded: bool, memory: bool, near: bool) -> Iterator[
 
 def _one_each(state: State) -> State:
     """One press a cell."""
-    first = np.array([np.flatnonzero(state.cell == cell)[0] for cell in range(len(state.pair.cells))])
+    first = np.array(
+        [np.flatnonzero(state.condition == condition)[0] for condition in range(len(state.pair.conditions))]
+    )
     base = state.base.mapped(lambda values: values[first])
-    return State(state.pair, state.layout, state.clock, state.cell[first], base, state.mean, state.shift_s)
+    return State(state.pair, state.layout, state.clock, state.condition[first], base, state.mean, state.shift_s)
 
 
 def _with(state: State, base: Signal) -> State:
-    return State(state.pair, state.layout, state.clock, state.cell, base, state.predicted(base), state.shift_s)
+    return State(state.pair, state.layout, state.clock, state.condition, base, state.predicted(base), state.shift_s)
 
 
 def _harder(state: State, scale: float) -> State:

@@ -14,7 +14,7 @@ from taxel.gap.data.pair import Pair
 from taxel.gap.effects.catalogue import FIXED, Forms
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect, Parameter
 from taxel.gap.features.metric import jackknife_error
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.cores import in_copies
 from taxel.gap.fitting.fit import Fit, fit, started
 from taxel.gap.fitting.judge import REFITS, Judge
@@ -33,15 +33,15 @@ class Findings:
     """
 
     judge: Judge
-    chain: Chain
+    composite: CompositeModel
     names: tuple[str, ...]
-    rivals: Mapping[tuple[str, str], Chain]
+    rivals: Mapping[tuple[str, str], CompositeModel]
     links: Sequence[Sequence[FittedEffect]]
 
 
 def findings_of(
     comparison: Comparison,
-    chain: Chain,
+    composite: CompositeModel,
     forms: Forms,
     named: Sequence[str],
     confounded: Mapping[str, Sequence[str]],
@@ -51,24 +51,24 @@ def findings_of(
     the verdict, or this effect. confounded, links: see `Findings`.
     """
     judge = comparison.judge
-    names = tuple(name for name in named if name in chain.names)
+    names = tuple(name for name in named if name in composite.names)
     starts: dict[tuple[str, str], Sequence[FittedEffect]] = {}
     for pair in pairs_of(names, confounded):
         # The form of the fit alone, which a report also has, so that a report gives the same findings.
         alone = comparison.get_alone(pair[1])
         own = (alone.effect,) if alone is not None else forms.get(pair[1], ())
         starts[pair] = _plain(judge, own)
-    return Findings(judge, chain, names, rivals_of(judge, chain, starts), links)
+    return Findings(judge, composite, names, rivals_of(judge, composite, starts), links)
 
 
 def rivals_of(
-    judge: Judge, chain: Chain, starts: Mapping[tuple[str, str], Sequence[FittedEffect]]
-) -> dict[tuple[str, str], Chain]:
+    judge: Judge, composite: CompositeModel, starts: Mapping[tuple[str, str], Sequence[FittedEffect]]
+) -> dict[tuple[str, str], CompositeModel]:
     """For each pair the chain with the second effect in the first one's place, in the form that fits best."""
     jobs = [
-        ((name, other), chain.without(name).with_link(link))
+        ((name, other), composite.without(name).with_link(link))
         for (name, other), links in list(starts.items())[:MOST_RIVALS]
-        if other not in chain.without(name).names
+        if other not in composite.without(name).names
         for link in links
     ]
     fits = in_copies(judge.state, lambda job: fit(judge.problem(), job[1], FIXED, 2 * REFITS), jobs)
@@ -76,7 +76,7 @@ def rivals_of(
     for (pair, _), one in zip(jobs, fits, strict=True):
         if pair not in found or one.cost < found[pair].cost:
             found[pair] = one
-    return {pair: one.chain for pair, one in found.items()}
+    return {pair: one.composite for pair, one in found.items()}
 
 
 def pairs_of(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
@@ -113,11 +113,11 @@ def values_of(findings: Findings) -> Values:
     names: list[str] = []
     labels: list[str] = []
     parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
-    for link in findings.chain.links:
+    for link in findings.composite.links:
         effect = link.effect
         if effect.name in FIXED:
             continue
-        inside = [one.values for links in findings.links for one in links if one.effect.name == effect.name]
+        in_sample = [one.values for links in findings.links for one in links if one.effect.name == effect.name]
         count = link.values.shape[1]
         if effect.name in findings.names:
             names.append(effect.name)
@@ -127,7 +127,7 @@ def values_of(findings: Findings) -> Values:
                 size = float(np.abs(own).max()) or abs(parameter.start) or 1.0
                 places = np.arange(first, first + count)
                 parts.append(
-                    (places, np.full(count, len(names) - 1), _errors(inside, row, count), np.full(count, size))
+                    (places, np.full(count, len(names) - 1), _errors(in_sample, row, count), np.full(count, size))
                 )
                 labels += [_label(pair, link, parameter, block) for block in range(count)]
             first += count
@@ -138,9 +138,9 @@ def values_of(findings: Findings) -> Values:
     return Values(tuple(names), tuple(labels), place.astype(np.intp), owner.astype(np.intp), error, size_of)
 
 
-def _errors(inside: Sequence[FloatArray], row: int, count: int) -> FloatArray:
+def _errors(in_sample: Sequence[FloatArray], row: int, count: int) -> FloatArray:
     """Jackknife over sessions (Tukey 1958), f64[count]; NaN below three."""
-    return jackknife_error(np.array([one[row] for one in inside])) if len(inside) > 2 else np.full(count, np.nan)
+    return jackknife_error(np.array([one[row] for one in in_sample])) if len(in_sample) > 2 else np.full(count, np.nan)
 
 
 def _label(pair: Pair, link: FittedEffect, parameter: Parameter, block: int) -> str:

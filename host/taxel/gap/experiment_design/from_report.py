@@ -18,7 +18,7 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.dropped import find_dropped
 from taxel.gap.errors import GapInputError
 from taxel.gap.experiment_design.findings import Findings, findings_of, pairs_of, rivals_of
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import started
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import State
@@ -27,7 +27,7 @@ from taxel.gap.report.model import block_names
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_effect, read_report, read_report_values
 from taxel.gap.report.report_values import ReportValue
 from taxel.gap.verdict.explanation import get_questioned
-from taxel.gap.verdict.held_out import held_out
+from taxel.gap.verdict.held_out import compute_held_out
 from taxel.hand.errors import format_path, format_value
 
 AGAIN = "make the report again with taxel gap diagnose"
@@ -40,8 +40,8 @@ def findings_of_pair(real: Text, sim: Text, show: Show = ignore_progress) -> Fin
     found = diagnose(real, sim, show=show)
     verdict, links = found.verdict, found.held.links
     confounded = found.report["verdict"]["confounded_with"]
-    chain, names = get_questioned(found.comparison, found.explanation, verdict.effects, verdict.rivals)
-    return findings_of(found.comparison, chain, catalogue.all_effects(), names, confounded, links)
+    composite, names = get_questioned(found.comparison, found.explanation, verdict.effects, verdict.rivals)
+    return findings_of(found.comparison, composite, catalogue.all_effects(), names, confounded, links)
 
 
 def findings_in(path: Text, show: Show = ignore_progress) -> Findings:
@@ -55,17 +55,17 @@ def findings_in(path: Text, show: Show = ignore_progress) -> Findings:
     state = judge.state
     confounded = _confounded(report, reported)
     questioned = reported.effects or _read_first_rival(report, reported, confounded)
-    chain = Chain.of([_link(state, one, reported) for one in questioned if one.name != DROPOUT])
+    composite = CompositeModel.of([_link(state, one, reported) for one in questioned if one.name != DROPOUT])
     if any(one.name == DROPOUT for one in questioned):
-        chain = chain.with_link(_dropped(judge, chain))
+        composite = composite.with_link(_dropped(judge, composite))
     names = tuple(one.name for one in questioned)
     pairs = pairs_of(names, confounded)
     show("fitting", 0, 2)
-    rivals = rivals_of(judge, chain, {pair: _starts(state, report, pair[1]) for pair in pairs})
+    rivals = rivals_of(judge, composite, {pair: _starts(state, report, pair[1]) for pair in pairs})
     show("fitting", 1, 2)
-    links = held_out(judge, chain).links if names else ()
+    links = compute_held_out(judge, composite).links if names else ()
     show("fitting", 2, 2)
-    return Findings(judge, chain, names, rivals, links)
+    return Findings(judge, composite, names, rivals, links)
 
 
 def _read_first_rival(
@@ -106,9 +106,9 @@ def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> FittedEff
     return FittedEffect(one.effect, values)
 
 
-def _dropped(judge: Judge, chain: Chain) -> FittedEffect:
+def _dropped(judge: Judge, composite: CompositeModel) -> FittedEffect:
     """What does not answer is found by looking, at no cost."""
-    features = chain.features(judge.state)
+    features = composite.features(judge.state)
     effect = Dropout(find_dropped(judge.state, judge.sessions, features))
     return FittedEffect(effect, effect.found_values(judge.state))
 

@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 from taxel.gap.data.pair import Pair
 from taxel.gap.effects.catalogue import FIXED
 from taxel.gap.effects.effect import OBJECT, Effect
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.equations import Column, Problem, gradient_of, system_of
 from taxel.gap.fitting.fit import start_of
 from taxel.gap.fitting.judge import Judge
@@ -36,7 +36,7 @@ class Added:
     index: [q], which. weight: f64[F, n], 1 / counts^2. columns: of the press alone, with these values' blocks.
     """
 
-    known: ChainInformation
+    known: CompositeInformation
     index: NDArray[np.intp]
     weight: FloatArray
     columns: tuple[Column, ...]
@@ -73,27 +73,27 @@ class Added:
 
 
 @dataclass(frozen=True, eq=False)
-class ChainInformation:
+class CompositeInformation:
     """What the recorded presses tell of a chain's free values.
 
     features: f64[C, F, n]. columns: of each parameter. covariance: f64[p, p], of all blocks of all parameters.
     """
 
     judge: Judge
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
     columns: tuple[Column, ...]
     covariance: FloatArray
 
     @classmethod
-    def of(cls, judge: Judge, chain: Chain) -> ChainInformation:
+    def of(cls, judge: Judge, composite: CompositeModel) -> CompositeInformation:
         """chain: with fitted values; those of `FIXED` effects are not free."""
-        start = start_of(judge.state, chain, FIXED)
-        columns = tuple(_bounded(start.columns, chain))
+        start = start_of(judge.state, composite, FIXED)
+        columns = tuple(_bounded(start.columns, composite))
         if not columns:
-            return cls(judge, chain, start.features, (), np.zeros((0, 0)))
+            return cls(judge, composite, start.features, (), np.zeros((0, 0)))
         problem = Problem(judge.state, start.features, judge.weight)
-        return cls(judge, chain, start.features, columns, _inverse(system_of(problem, columns)))
+        return cls(judge, composite, start.features, columns, _inverse(system_of(problem, columns)))
 
     def left(self, difference: FloatArray) -> Left:
         """What these values cannot do of a difference f64[C, F, n] on the recorded presses."""
@@ -116,7 +116,7 @@ class Left:
     d'Wd on the recorded presses.
     """
 
-    known: ChainInformation
+    known: CompositeInformation
     pull: FloatArray
     length2: float
 
@@ -146,19 +146,19 @@ class Felt:
     each block is; -1 for none.
     """
 
-    known: ChainInformation
+    known: CompositeInformation
     features: FloatArray
     columns: tuple[Column, ...]
     numbers: tuple[NDArray[np.intp], ...]
 
     @classmethod
-    def of(cls, known: ChainInformation, state: State) -> Felt:
+    def of(cls, known: CompositeInformation, state: State) -> Felt:
         """state: of the same hand; objects that the recorded presses lack have neutral values."""
         old = known.judge.state.pair
-        chain = carried(known.chain, old, state)
-        start = start_of(state, chain, FIXED)
+        composite = carried(known.composite, old, state)
+        start = start_of(state, composite, FIXED)
         numbers, first = [], 0
-        effects = [link.effect for link in chain.links if link.effect.name not in FIXED]
+        effects = [link.effect for link in composite.links if link.effect.name not in FIXED]
         owners = [effect for effect in effects for _ in effect.parameters()]
         for effect, column in zip(owners, known.columns, strict=True):
             block = block_numbers(effect, old, state.pair)
@@ -166,38 +166,38 @@ class Felt:
             first += column.count
         return cls(known, start.features, start.columns, tuple(numbers))
 
-    def added(self, press: int, weight: FloatArray) -> Added:
+    def added(self, contact: int, weight: FloatArray) -> Added:
         """What press `press` adds. weight: f64[C, F, n]."""
-        w, variance = weight[press], np.diag(self.known.covariance)
+        w, variance = weight[contact], np.diag(self.known.covariance)
         index: list[NDArray[np.intp]] = []
         columns = []
         for column, number in zip(self.columns, self.numbers, strict=True):
-            blocks = column.blocks[press]
-            told = np.bincount(blocks, np.sum(w * column.change[press] ** 2, axis=0), column.count)
+            blocks = column.blocks[contact]
+            told = np.bincount(blocks, np.sum(w * column.change[contact] ** 2, axis=0), column.count)
             active = np.flatnonzero((number >= 0) & (told * variance[np.maximum(number, 0)] > LITTLE))
             if not len(active):
                 continue
             place = np.full(column.count, -1)
             place[active] = np.arange(len(active))
             own = place[blocks]
-            change = np.where(own >= 0, column.change[press], 0.0)[None]
+            change = np.where(own >= 0, column.change[contact], 0.0)[None]
             columns.append(Column(change, np.maximum(own, 0)[None], len(active), np.zeros(len(active))))
             index.append(number[active])
         numbers = np.concatenate(index) if index else np.zeros(0, np.intp)
         return Added(self.known, numbers, w, tuple(columns))
 
 
-def carried(chain: Chain, old: Pair, state: State) -> Chain:
+def carried(composite: CompositeModel, old: Pair, state: State) -> CompositeModel:
     """A chain with its values in the blocks of another state's presses."""
     values = []
-    for link in chain.links:
+    for link in composite.links:
         new = link.values
         if link.effect.scope == OBJECT:
             number = block_numbers(link.effect, old, state.pair)
             new = link.effect.neutral(state)
             new[:, number >= 0] = link.values[:, number[number >= 0]]
         values.append(new)
-    return chain.with_values(values)
+    return composite.with_values(values)
 
 
 def block_numbers(effect: Effect, old: Pair, new: Pair) -> NDArray[np.intp]:
@@ -208,9 +208,9 @@ def block_numbers(effect: Effect, old: Pair, new: Pair) -> NDArray[np.intp]:
     return np.array([names[0].index(name) if name in names[0] else -1 for name in names[1]], dtype=np.intp)
 
 
-def _bounded(columns: Sequence[Column], chain: Chain) -> list[Column]:
+def _bounded(columns: Sequence[Column], composite: CompositeModel) -> list[Column]:
     """With what the bounds tell of each value: it is anywhere between them."""
-    free = [link for link in chain.links if link.effect.name not in FIXED]
+    free = [link for link in composite.links if link.effect.name not in FIXED]
     parameters = [parameter for link in free for parameter in link.effect.parameters()]
     return [
         replace(column, precision=column.precision + 12.0 / (parameter.high - parameter.low) ** 2)

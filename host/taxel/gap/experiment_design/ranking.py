@@ -15,15 +15,15 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.gap.effects.proximity import Proximity
-from taxel.gap.experiment_design.candidates import Batch, Press, batches
+from taxel.gap.experiment_design.candidates import Batch, PlannedContact, batches
+from taxel.gap.experiment_design.contact_variance import ContactVariance
 from taxel.gap.experiment_design.findings import Findings, values_of
-from taxel.gap.experiment_design.information import Added, ChainInformation, Felt, Left
-from taxel.gap.experiment_design.scatter import Scatter
+from taxel.gap.experiment_design.information import Added, CompositeInformation, Felt, Left
 from taxel.gap.fitting.cores import in_copies
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-MOST_PRESSES: Final = 10
+MOST_CONTACTS: Final = 10
 """Of a report."""
 
 WELL_KNOWN: Final = 0.05
@@ -40,41 +40,41 @@ LEAST_DECREASE: Final = 0.01
 class Advice:
     """A press. gain: bits. separates: names of effects that it tells apart, or of a value that it tells. why: words."""
 
-    press: Press
+    contact: PlannedContact
     gain: float
     separates: tuple[str, ...]
     why: str
 
     def to_json(self) -> dict[str, Any]:
         """For the report."""
-        return {**self.press.to_json(), "separates": list(self.separates), "gain": self.gain, "why": self.why}
+        return {**self.contact.to_json(), "separates": list(self.separates), "gain": self.gain, "why": self.why}
 
 
 @dataclass(frozen=True)
-class NextPresses:
+class NextContacts:
     """line: what they are ranked by. presses: the most telling first."""
 
     line: str
-    presses: tuple[Advice, ...]
+    contacts: tuple[Advice, ...]
 
     def to_json(self) -> list[dict[str, Any]]:
         """For the report."""
-        return [one.to_json() for one in self.presses]
+        return [one.to_json() for one in self.contacts]
 
 
-def next_presses(findings: Findings, more: Sequence[State] = (), most: int = MOST_PRESSES) -> NextPresses:
+def rank_next_contacts(findings: Findings, more: Sequence[State] = (), most: int = MOST_CONTACTS) -> NextContacts:
     """Rank the recorded presses, once more or changed, and those that only the simulator made (`more`)."""
     if not findings.names:
-        return NextPresses("The verdict has no effect whose parameters a further grasp could determine.", ())
+        return NextContacts("The verdict has no effect whose parameters a further grasp could determine.", ())
     questions = _Questions(findings)
     answers = in_copies(findings.judge.state, questions.answers, _every(findings, more))
     found = sorted((one for own in answers for one in own if one.gain > LEAST_BITS), key=lambda one: -one.gain)
-    return NextPresses(questions.line, tuple(found[:most]))
+    return NextContacts(questions.line, tuple(found[:most]))
 
 
 def _every(findings: Findings, more: Sequence[State]) -> Iterator[Batch]:
-    chains = [findings.chain, *findings.rivals.values()]
-    effects = [link.effect for chain in chains for link in chain.links]
+    composites = [findings.composite, *findings.rivals.values()]
+    effects = [link.effect for composite in composites for link in composite.links]
     memory, near = any(one.memory for one in effects), any(isinstance(one, Proximity) for one in effects)
     for number, state in enumerate((findings.judge.state, *more)):
         yield from batches(state, recorded=number == 0, memory=memory, near=near)
@@ -85,7 +85,7 @@ class _Pair:
     """A found effect and one that looks like it. left: what either's values leave of the difference of the two."""
 
     names: tuple[str, str]
-    other: ChainInformation
+    other: CompositeInformation
     left: tuple[Left, Left]
 
     @property
@@ -98,16 +98,16 @@ class _Questions:
     """What is open after a diagnosis."""
 
     def __init__(self, findings: Findings) -> None:
-        self._judge, self._scatter = findings.judge, Scatter.of(findings.judge)
-        self._found = ChainInformation.of(findings.judge, findings.chain)
+        self._judge, self._scatter = findings.judge, ContactVariance.of(findings.judge)
+        self._found = CompositeInformation.of(findings.judge, findings.composite)
         self._values = values = values_of(findings)
         expected = np.sqrt(np.diag(self._found.covariance)[values.place])
         self._error2 = np.where(np.isnan(values.error), expected, values.error) ** 2
         enough2 = (WELL_KNOWN * values.size) ** 2
         self._all_known = bool((self._error2 <= enough2).all())
         self._pairs = []
-        for names, chain in findings.rivals.items():
-            other = ChainInformation.of(findings.judge, chain)
+        for names, composite in findings.rivals.items():
+            other = CompositeInformation.of(findings.judge, composite)
             difference = np.nan_to_num(other.features - self._found.features)
             self._pairs.append(_Pair(names, other, (self._found.left(difference), other.left(difference))))
         # Where nothing else is open, what is known well may be known better.
@@ -136,7 +136,7 @@ class _Questions:
         others = [Felt.of(pair.other, batch.state) for pair in self._pairs]
         apart = [np.nan_to_num(other.features - found.features) for other in others]
         advice = []
-        for number, press in enumerate(batch.presses):
+        for number, contact in enumerate(batch.contacts):
             told = found.added(number, weight)
             after = [
                 min(
@@ -145,10 +145,10 @@ class _Questions:
                 )
                 for pair, other, difference in zip(self._pairs, others, apart, strict=True)
             ]
-            advice.append(self._advice(press, np.array(after), told))
+            advice.append(self._advice(contact, np.array(after), told))
         return advice
 
-    def _advice(self, press: Press, after: FloatArray, added: Added) -> Advice:
+    def _advice(self, contact: PlannedContact, after: FloatArray, added: Added) -> Advice:
         """after: squared distance of each pair with the press, f64[pairs]."""
         before = np.array([pair.apart2 for pair in self._pairs])
         apart = np.maximum(0.5 * np.log2((1.0 + after) / (1.0 + before)), 0.0)
@@ -158,11 +158,13 @@ class _Questions:
             best = int(apart.argmax())
             names = self._pairs[best].names
             deviations = f"{np.sqrt(after[best]):.1f} standard deviations instead of {np.sqrt(before[best]):.1f}"
-            return Advice(press, gain, names, f"{_words(names[0])} and {_words(names[1])} would differ by {deviations}")
+            return Advice(
+                contact, gain, names, f"{_words(names[0])} and {_words(names[1])} would differ by {deviations}"
+            )
         if not label or share < LEAST_DECREASE:
-            return Advice(press, 0.0, (), "")
+            return Advice(contact, 0.0, (), "")
         why = f"the standard error of {label} decreases by {100 * share:.0f} %"
-        return Advice(press, gain, (label,), why)
+        return Advice(contact, gain, (label,), why)
 
     def _told(self, added: Added) -> tuple[float, str, float]:
         """Bits of the effects' values, of each effect the mean; which of them gains most, and the share by which its

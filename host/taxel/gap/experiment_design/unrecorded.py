@@ -32,17 +32,17 @@ def unrecorded(
             raise GapInputError(f"{name}: /source", f'"{SIM}"', f'"{more.source}"', "give a simulated dataset")
         with GraspDataset(pair.paths[0]) as real:
             columns = check_tables(real, more)
-        old = {*pair.cells, *known}
+        old = {*pair.conditions, *known}
         grasps: list[ReadableGrasp] = [grasp for grasp in more if (grasp.object, grasp.approach) not in old]
         if not grasps:
             return None
         for grasp in grasps:
             require_hold(grasp, name)
-        cells = tuple(sorted({(grasp.object, grasp.approach) for grasp in grasps}))
-        brackets, objects = first_poses(grasps, cells, columns)
+        conditions = tuple(sorted({(grasp.object, grasp.approach) for grasp in grasps}))
+        brackets, objects = first_poses(grasps, conditions, columns)
         meshes = {**pair.objects, **more.objects}
-        new = replace(pair, cells=cells, objects=meshes, sensor_poses=brackets, object_poses=objects)
-        numbers = {key: index for index, key in enumerate(cells)}
+        new = replace(pair, conditions=conditions, objects=meshes, sensor_poses=brackets, object_poses=objects)
+        numbers = {key: index for index, key in enumerate(conditions)}
         recording = read_recording(more, grasps, numbers, pair.clock, pair.groups, columns, progress)
     new = replace(new, real=recording, sim=recording)
     return simulated_state(new, means_of(new, recording, state.layout), state.layout).shifted(state.shift_s)

@@ -8,21 +8,21 @@ from __future__ import annotations
 from scipy.special import chdtri, fdtrc, stdtr, stdtrit
 
 
-def student_tail(value: float, freedom: float) -> float:
+def compute_student_survival(value: float, degrees_of_freedom: float) -> float:
     """Chance that Student's t is above a value."""
-    return float(stdtr(freedom, -value))
+    return float(stdtr(degrees_of_freedom, -value))
 
 
-def student_quantile(share: float, freedom: float) -> float:
+def student_quantile(share: float, degrees_of_freedom: float) -> float:
     """Value below which so much of Student's t lies."""
-    return float(stdtrit(freedom, share))
+    return float(stdtrit(degrees_of_freedom, share))
 
 
-def fisher_tail(ratio: float, above: float, below: float) -> float:
+def compute_fisher_survival(ratio: float, above: float, below: float) -> float:
     """Chance that Fisher's F with so many degrees of freedom above and below the line exceeds a ratio."""
     return float(fdtrc(above, below, ratio))
 
 
-def chi2_quantile(share: float, freedom: float) -> float:
+def chi2_quantile(share: float, degrees_of_freedom: float) -> float:
     """Value below which so much of a chi-squared lies."""
-    return float(chdtri(freedom, 1.0 - share))
+    return float(chdtri(degrees_of_freedom, 1.0 - share))

@@ -40,12 +40,12 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> d
     sessions = real.value.shape[1]
     rng = np.random.default_rng(seed)
     distance, floor, placebo = [], [], []
-    for cell in range(len(pair.cells)):
-        places = _world(pair, cell)
-        drops = real.value[cell, :, hold]
+    for condition in range(len(pair.conditions)):
+        places = _world(pair, condition)
+        drops = real.value[condition, :, hold]
         made: NDArray[np.bool_] = np.any(np.isfinite(drops), axis=1)
         active = np.where(np.isfinite(drops), ndtr((drops - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS), 0.0)
-        simulated = ndtr((model[cell, hold] - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS)
+        simulated = ndtr((model[condition, hold] - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS)
         row = [chamfer_mm(places, one, simulated) if there else np.nan for one, there in zip(active, made, strict=True)]
         distance.append(row)
         if not made.any():
@@ -99,6 +99,6 @@ def _denser(simulated: FloatArray, real: FloatArray, sensor: NDArray[np.intp], r
     return result
 
 
-def _world(pair: Pair, cell: int) -> FloatArray:
-    pose = pair.sensor_poses[cell][pair.groups.sensor]
+def _world(pair: Pair, condition: int) -> FloatArray:
+    pose = pair.sensor_poses[condition][pair.groups.sensor]
     return np.asarray(np.einsum("nij,nj->ni", pose[:, :3, :3], pair.taxels.position) + pose[:, :3, 3])

@@ -31,7 +31,7 @@ POOLED_SHARE: Final = 0.5
 """Share of the mean over cells in the variance of a feature."""
 
 ONSET_WEIGHT: Final = 0.05
-WANDER_WEIGHT: Final = 0.05
+DRIFT_RESIDUAL_WEIGHT: Final = 0.05
 
 _PHASE_NAMES: Final = {
     Phase.CLOSING: "closing",
@@ -68,7 +68,7 @@ class Layout:
         return self.bins + 3
 
     @property
-    def wander(self) -> int:
+    def drift_residual(self) -> int:
         """RMS of an untouched taxel's drop after release."""
         return self.bins + 4
 
@@ -80,12 +80,12 @@ class Layout:
     @property
     def families(self) -> tuple[slice, ...]:
         """Drops, noise, missing frames, onset, wander: what different effects disturb."""
-        single = (self.missing, self.onset, self.wander)
+        single = (self.missing, self.onset, self.drift_residual)
         return (slice(0, self.bins), self.noise, *(slice(one, one + 1) for one in single))
 
-    def scale(self, cells: int, taxels: int) -> FloatArray:
+    def scale(self, conditions: int, taxels: int) -> FloatArray:
         """What a squared difference in a cell, feature and taxel adds to the squared gap, f64[F, 1]."""
-        return self.weight[:, None] / (cells * taxels)
+        return self.weight[:, None] / (conditions * taxels)
 
     @classmethod
     def of(cls, clock: Clock) -> Layout:
@@ -93,7 +93,7 @@ class Layout:
         phases = [int(phase) for phase, _ in clock.bins]
         weights = [WEIGHTS[_PHASE_NAMES[phase]] / len(clock.bins_of(phase)) for phase, _ in clock.bins]
         phases += [Phase.BASELINE, Phase.HOLD, Phase.HOLD, Phase.CLOSING, phases[-1]]
-        weights += [WEIGHTS["noise"] / 2, WEIGHTS["noise"] / 2, WEIGHTS["missing"], ONSET_WEIGHT, WANDER_WEIGHT]
+        weights += [WEIGHTS["noise"] / 2, WEIGHTS["noise"] / 2, WEIGHTS["missing"], ONSET_WEIGHT, DRIFT_RESIDUAL_WEIGHT]
         weight = np.array(weights)
         return cls(np.array(phases, np.uint8), weight / weight.sum(), len(clock.bins))
 
@@ -216,7 +216,7 @@ def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDA
     values[:, layout.onset] = COUNTS_PER_SECOND * recording.onset[:, sensor]
     last = clock.bins[-1][0]
     after = known_mean(values[:, clock.bins_of(last)].astype(np.float64), 1) if last != Phase.HOLD else values[:, hold]
-    values[:, layout.wander] = np.where(untouched[recording.cell], after, 0.0)
+    values[:, layout.drift_residual] = np.where(untouched[recording.condition], after, 0.0)
     return values
 
 
@@ -239,37 +239,39 @@ def bin_means(clock: Clock, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def session_means(
-    features: NDArray[np.float32], recording: Recording, cells: int, sessions: NDArray[np.int64], layout: Layout
+    features: NDArray[np.float32], recording: Recording, conditions: int, sessions: NDArray[np.int64], layout: Layout
 ) -> SessionMeans:
     """Means over repeats. The wander becomes the RMS of the drop after release over the repeats."""
-    shape = (cells, len(sessions), layout.count, features.shape[2])
+    shape = (conditions, len(sessions), layout.count, features.shape[2])
     value, count = np.full(shape, np.nan), np.zeros(shape[:2], np.int64)
-    spread = np.full((cells, *shape[2:]), np.nan)
-    for cell in range(cells):
-        squares, freedom = np.zeros(shape[2:]), 0
+    spread = np.full((conditions, *shape[2:]), np.nan)
+    for condition in range(conditions):
+        squares, degrees_of_freedom = np.zeros(shape[2:]), 0
         for column, session in enumerate(sessions):
-            own = features[(recording.cell == cell) & (recording.session == session)].astype(np.float64)
-            count[cell, column] = len(own)
+            own = features[(recording.condition == condition) & (recording.session == session)].astype(np.float64)
+            count[condition, column] = len(own)
             if not len(own):
                 continue
             known = np.isfinite(own)
             number = known.sum(axis=0)
             mean = np.where(known, own, 0.0).sum(axis=0) / np.where(number, number, np.nan)
             squares += np.nan_to_num(np.where(known, (own - mean) ** 2, 0.0).sum(axis=0))
-            freedom += len(own) - 1
-            mean[layout.wander] = np.sqrt(known_mean(own[:, layout.wander] ** 2, 0))
-            value[cell, column] = mean
-        if freedom > 0:
-            spread[cell] = squares / freedom
+            degrees_of_freedom += len(own) - 1
+            mean[layout.drift_residual] = np.sqrt(known_mean(own[:, layout.drift_residual] ** 2, 0))
+            value[condition, column] = mean
+        if degrees_of_freedom > 0:
+            spread[condition] = squares / degrees_of_freedom
     return SessionMeans(value, count, spread)
 
 
-def untouched_cells(pair: Pair) -> NDArray[np.bool_]:
+def untouched_conditions(pair: Pair) -> NDArray[np.bool_]:
     """bool[C, n]: the simulator never lets the taxel drop in that cell."""
     largest = np.max(np.abs(pair.sim.nodes), axis=1, where=np.isfinite(pair.sim.nodes), initial=0.0)
-    result = np.ones((len(pair.cells), pair.n), bool)
-    for cell in range(len(pair.cells)):
-        result[cell] = (largest[pair.sim.cell == cell] < UNTOUCHED_COUNTS + 4 * _node_noise(pair)).all(axis=0)
+    result = np.ones((len(pair.conditions), pair.n), bool)
+    for condition in range(len(pair.conditions)):
+        result[condition] = (largest[pair.sim.condition == condition] < UNTOUCHED_COUNTS + 4 * _node_noise(pair)).all(
+            axis=0
+        )
     return result
 
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.features.chances import student_quantile, student_tail
+from taxel.gap.features.chances import compute_student_survival, student_quantile
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.types import FloatArray
 
@@ -46,7 +46,7 @@ class Interval:
     low: float | None
     high: float | None
     error: float | None
-    freedom: float = np.inf
+    degrees_of_freedom: float = np.inf
 
     @property
     def ci95(self) -> list[float] | None:
@@ -129,9 +129,11 @@ def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval
     total2 = float(errors2.sum())
     if total2 == 0.0:
         return Interval(first.value, first.value, first.value, 0.0)
-    freedom = total2**2 / float(np.sum(errors2**2 / np.array([first.freedom, other.freedom, np.inf])) or 1e-300)
-    half = student_quantile(0.975, freedom) * float(np.sqrt(total2))
-    return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), freedom)
+    degrees_of_freedom = total2**2 / float(
+        np.sum(errors2**2 / np.array([first.degrees_of_freedom, other.degrees_of_freedom, np.inf])) or 1e-300
+    )
+    half = student_quantile(0.975, degrees_of_freedom) * float(np.sqrt(total2))
+    return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), degrees_of_freedom)
 
 
 def root(interval: Interval) -> Interval:
@@ -191,4 +193,4 @@ def _p_value(excess: Interval, sessions: int) -> float:
         return 1.0 if excess.value <= 0 else 0.5
     if excess.error == 0:
         return 0.0 if excess.value > 0 else 1.0
-    return student_tail(excess.value / excess.error, sessions - 1)
+    return compute_student_survival(excess.value / excess.error, sessions - 1)

@@ -33,7 +33,7 @@ _HEAD: Final = struct.Struct("<BQ")
 
 def in_threads(state: State, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """What `work` gives for each item, in their order. For results that are larger than what was done for them."""
-    if state.drop.size < WORTH:
+    if state.signal_counts.size < WORTH:
         return [work(item) for item in items]
     with ThreadPoolExecutor(THREADS) as pool:
         return list(pool.map(work, items))
@@ -46,7 +46,7 @@ def in_copies(state: State, work: Callable[[Item], Result], items: Iterable[Item
     where both cores are busy.
     """
     every = list(items)
-    if state.drop.size < WORTH or not 1 < len(every) <= MOST_ITEMS or _Busy.shared:
+    if state.signal_counts.size < WORTH or not 1 < len(every) <= MOST_ITEMS or _Busy.shared:
         return [work(item) for item in every]
     _Busy.shared = True
     try:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.cores import in_copies
 from taxel.gap.fitting.equations import Column, Problem, Steps, gradient_of, system_of
 from taxel.gap.fitting.state import State
@@ -57,7 +57,7 @@ NOTHING_KNOWN: Final[KnownColumns] = MappingProxyType({})
 class Fit:
     """chain: with the fitted values. features: f64[C, F, n]. cost: of the problem, without priors."""
 
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
     cost: float
 
@@ -68,32 +68,34 @@ class Start:
     worked out once for all of them. They end near where they begin, and a chord serves as well as a tangent.
     """
 
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
     columns: tuple[Column, ...]
 
 
-def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
+def start_of(state: State, composite: CompositeModel, fixed: Sequence[str] = ()) -> Start:
     """Features of a chain and their derivatives."""
-    features = chain.features(state)
-    return Start(chain, features, _columns(state, chain, free_links(chain, fixed), features))
+    features = composite.features(state)
+    return Start(composite, features, _columns(state, composite, free_links(composite, fixed), features))
 
 
-def near_their_end(state: State, chain: Chain, features: FloatArray, fixed: Sequence[str] = ()) -> KnownColumns:
+def near_their_end(
+    state: State, composite: CompositeModel, features: FloatArray, fixed: Sequence[str] = ()
+) -> KnownColumns:
     """Derivatives of a chain's effects, each by its name, for fits that hardly move them. features: of the chain."""
-    free = free_links(chain, fixed)
-    found = in_copies(state, lambda index: _columns(state, chain, [index], features), free)
-    return {chain.links[index].effect.name: columns for index, columns in zip(free, found, strict=True)}
+    free = free_links(composite, fixed)
+    found = in_copies(state, lambda index: _columns(state, composite, [index], features), free)
+    return {composite.links[index].effect.name: columns for index, columns in zip(free, found, strict=True)}
 
 
-def free_links(chain: Chain, fixed: Sequence[str]) -> list[int]:
+def free_links(composite: CompositeModel, fixed: Sequence[str]) -> list[int]:
     """Places of the links whose values are fitted."""
-    return [index for index, link in enumerate(chain.links) if link.effect.name not in fixed]
+    return [index for index, link in enumerate(composite.links) if link.effect.name not in fixed]
 
 
 def fit(
     problem: Problem,
-    chain: Chain,
+    composite: CompositeModel,
     fixed: Sequence[str] = (),
     iterations: int = ITERATIONS,
     start: Start | None = None,
@@ -103,8 +105,8 @@ def fit(
     derivatives, by effect, that serve throughout.
     """
     problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
-    free = free_links(chain, fixed)
-    point = _Point.of(problem, chain, free, start.features if start else None)
+    free = free_links(composite, fixed)
+    point = _Point.of(problem, composite, free, start.features if start else None)
     damping = KNOWN_DAMPING if start else DAMPING
     converged, gain = False, np.inf
     for number in range(iterations if free else 0):
@@ -112,14 +114,14 @@ def fit(
         fresh = number == 0 or (gain > FAR and not start)
         last = fresh or start is not None
         if fresh:
-            columns = start.columns if start else _columns(problem.state, point.chain, free, point.features, known)
+            columns = start.columns if start else _columns(problem.state, point.composite, free, point.features, known)
             steps = Steps(system_of(problem, columns))
         gradient = _gradient(problem, columns, point, free)
         before, gain = point, 0.0
         # The first step is always tried: how values differ between fits to different parts is what makes intervals.
         if number == 0 or gradient @ steps.step(gradient, damping) >= ENOUGH * point.whole:  # gained if all is linear
             for _ in range(TRIES if last else 1):
-                tried = _Point.of(problem, moved(point.chain, free, steps.step(gradient, damping)), free)
+                tried = _Point.of(problem, moved(point.composite, free, steps.step(gradient, damping)), free)
                 if tried.whole < point.whole:
                     gain, point = 1.0 - tried.whole / point.whole, tried
                     break
@@ -133,25 +135,27 @@ def fit(
     if converged and point.prior > 0.0:
         # What presses cannot tell gains less than `ENOUGH` by going back to what is expected of it.
         gradient = _gradient(problem, columns, point, free)
-        settled = _Point.of(problem, moved(point.chain, free, steps.step(gradient, SETTLING_DAMPING)), free)
+        settled = _Point.of(problem, moved(point.composite, free, steps.step(gradient, SETTLING_DAMPING)), free)
         point = settled if settled.whole < point.whole else point
-    return Fit(point.chain, point.features, point.cost)
+    return Fit(point.composite, point.features, point.cost)
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
     """Where a search stands. cost: of the problem; prior: of the values."""
 
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
     cost: float
     prior: float
 
     @classmethod
-    def of(cls, problem: Problem, chain: Chain, free: list[int], features: FloatArray | None = None) -> _Point:
+    def of(
+        cls, problem: Problem, composite: CompositeModel, free: list[int], features: FloatArray | None = None
+    ) -> _Point:
         """features: of the chain, if they are known."""
-        features = chain.features(problem.state) if features is None else features
-        return cls(chain, features, problem.cost(features), _prior_cost(chain, free))
+        features = composite.features(problem.state) if features is None else features
+        return cls(composite, features, problem.cost(features), _prior_cost(composite, free))
 
     @property
     def whole(self) -> float:
@@ -160,7 +164,7 @@ class _Point:
 
 
 def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: list[int]) -> FloatArray:
-    return gradient_of(problem, columns, point.features) + _pull(point.chain, free)
+    return gradient_of(problem, columns, point.features) + _pull(point.composite, free)
 
 
 def started(state: State, effect: Effect) -> FittedEffect:
@@ -176,11 +180,11 @@ def _scale(parameter: Parameter, values: FloatArray) -> FloatArray:
 
 
 def _columns(
-    state: State, chain: Chain, free: list[int], features: FloatArray, known: KnownColumns = NOTHING_KNOWN
+    state: State, composite: CompositeModel, free: list[int], features: FloatArray, known: KnownColumns = NOTHING_KNOWN
 ) -> tuple[Column, ...]:
     columns: list[Column] = []
     for index in free:
-        link = chain.links[index]
+        link = composite.links[index]
         if link.effect.name in known:
             columns += known[link.effect.name]
             continue
@@ -190,17 +194,19 @@ def _columns(
             step = np.where(link.values[row] + step > parameter.high, -step, step)
             beside = link.values.copy()
             beside[row] = beside[row] + step
-            values = [beside if other == index else chain.links[other].values for other in range(len(chain.links))]
-            change = np.nan_to_num(chain.with_values(values).features(state) - features) / step[blocks][:, None]
+            values = [
+                beside if other == index else composite.links[other].values for other in range(len(composite.links))
+            ]
+            change = np.nan_to_num(composite.with_values(values).features(state) - features) / step[blocks][:, None]
             precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
             count = link.values.shape[1]
             columns.append(Column(change, blocks, count, np.full(count, precision)))
     return tuple(columns)
 
 
-def moved(chain: Chain, free: list[int], step: FloatArray) -> Chain:
+def moved(composite: CompositeModel, free: list[int], step: FloatArray) -> CompositeModel:
     """A chain whose free values went by a step f64[p], within their bounds."""
-    links = list(chain.links)
+    links = list(composite.links)
     first = 0
     for index in free:
         link = links[index]
@@ -210,23 +216,23 @@ def moved(chain: Chain, free: list[int], step: FloatArray) -> Chain:
             values[row] = np.clip(values[row] + step[first : first + count], parameter.low, parameter.high)
             first += count
         links[index] = FittedEffect(link.effect, values)
-    return Chain(tuple(links))
+    return CompositeModel(tuple(links))
 
 
-def _prior_cost(chain: Chain, free: list[int]) -> float:
+def _prior_cost(composite: CompositeModel, free: list[int]) -> float:
     total = 0.0
     for index in free:
-        link = chain.links[index]
+        link = composite.links[index]
         for row, parameter in enumerate(link.effect.parameters()):
             if np.isfinite(parameter.prior):
                 total += float(np.sum((link.values[row] - parameter.middle) ** 2)) / parameter.prior**2
     return total
 
 
-def _pull(chain: Chain, free: list[int]) -> FloatArray:
+def _pull(composite: CompositeModel, free: list[int]) -> FloatArray:
     """Of the priors on the values as they are, f64[p]."""
     parts = []
-    for link in (chain.links[index] for index in free):
+    for link in (composite.links[index] for index in free):
         for row, parameter in enumerate(link.effect.parameters()):
             precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
             parts.append(precision * (parameter.middle - link.values[row]))

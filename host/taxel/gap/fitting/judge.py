@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.gap.features.metric import terms, total
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.equations import Problem
 from taxel.gap.fitting.fit import ITERATIONS, NOTHING_KNOWN, Fit, KnownColumns, fit
 from taxel.gap.fitting.state import State
@@ -25,7 +25,7 @@ MODEL_SHARE: Final = 0.04
 NOISE_SHARE: Final = 0.05
 """The same of its noise."""
 
-TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "wander": 2.0}
+TOLERANCE_COUNTS: Final = {"signal": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "drift_residual": 2.0}
 """And its absolute error."""
 
 USUAL_REPEAT_SHARE: Final = 0.5
@@ -47,7 +47,7 @@ class Judge:
         self.state, self.layout, self.sessions = state, layout, real
         self.target = np.nan_to_num(real.mean)
         self.weight = self._weights(real)
-        self.fold = _folds(state.pair.cells)
+        self.fold = _folds(state.pair.conditions)
         self.parts = _parts(state.pair, self.fold)
         self.floor2 = total(terms(real, state.mean, layout).floor2)
 
@@ -78,34 +78,34 @@ class Judge:
 
     def in_sample(
         self,
-        chain: Chain,
+        composite: CompositeModel,
         fixed: tuple[str, ...] = (),
         iterations: int = ITERATIONS,
         known: KnownColumns = NOTHING_KNOWN,
     ) -> Fit:
         """Fitted to all cells. known: as `fit` takes it."""
-        return fit(self.problem(), chain, fixed, iterations, known=known)
+        return fit(self.problem(), composite, fixed, iterations, known=known)
 
 
 def tolerance2(layout: Layout, model: FloatArray, expected: FloatArray) -> FloatArray:
     """Squared error of an imperfect solver, counts^2, f64[C, F, n]. model, expected: features, of the simulator and of
     what it should be.
     """
-    error = np.full(model.shape, TOLERANCE_COUNTS["drop"])
-    drop = np.maximum(np.abs(model), np.abs(expected))[:, : layout.bins]
-    error[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["drop"], MODEL_SHARE * drop)
+    error = np.full(model.shape, TOLERANCE_COUNTS["signal"])
+    signal_counts = np.maximum(np.abs(model), np.abs(expected))[:, : layout.bins]
+    error[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["signal"], MODEL_SHARE * signal_counts)
     error[:, layout.noise] = np.hypot(TOLERANCE_COUNTS["noise"], NOISE_SHARE * model[:, layout.noise])
-    for name in ("missing", "onset", "wander"):
+    for name in ("missing", "onset", "drift_residual"):
         error[:, getattr(layout, name)] = TOLERANCE_COUNTS[name]
     return np.asarray(error**2)
 
 
-def _folds(cells: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:
+def _folds(conditions: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:
     """Fold of each cell: the approaches of an object go to different ones."""
-    count = min(FOLDS, len(cells))
-    fold = np.zeros(len(cells), np.intp)
-    for place, cell in enumerate(sorted(range(len(cells)), key=lambda index: cells[index])):
-        fold[cell] = place % count
+    count = min(FOLDS, len(conditions))
+    fold = np.zeros(len(conditions), np.intp)
+    for place, condition in enumerate(sorted(range(len(conditions)), key=lambda index: conditions[index])):
+        fold[condition] = place % count
     return fold
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.data.clock import Clock
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.features import COUNTS_PER_SECOND, Layout, untouched_cells
+from taxel.gap.features.features import COUNTS_PER_SECOND, Layout, untouched_conditions
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.types import FloatArray
@@ -38,23 +38,23 @@ class Signal:
 
     force: FloatArray | None
     separation: FloatArray | None
-    drop: FloatArray | None
+    signal_counts: FloatArray | None
     law_scale: FloatArray | float = 1.0
 
     def mapped(self, change: Callable[[FloatArray], FloatArray]) -> Signal:
         """The same with every array changed."""
-        force, separation, drop = (
-            None if part is None else change(part) for part in (self.force, self.separation, self.drop)
+        force, separation, signal_counts = (
+            None if part is None else change(part) for part in (self.force, self.separation, self.signal_counts)
         )
-        return Signal(force, separation, drop, self.law_scale)
+        return Signal(force, separation, signal_counts, self.law_scale)
 
     def with_force(self, force: FloatArray) -> Signal:
         """The same with other forces."""
         return replace(self, force=force)
 
-    def with_drop(self, drop: FloatArray) -> Signal:
+    def with_signal_counts(self, signal_counts: FloatArray) -> Signal:
         """The same with other drops."""
-        return replace(self, drop=drop)
+        return replace(self, signal_counts=signal_counts)
 
 
 def delayed(values: FloatArray, time_s: FloatArray, delay_s: FloatArray) -> FloatArray:
@@ -86,7 +86,7 @@ class State:
     pair: Pair
     layout: Layout
     clock: Clock
-    cell: NDArray[np.intp]
+    condition: NDArray[np.intp]
     base: Signal
     mean: FloatArray
     shift_s: float = 0.0
@@ -95,13 +95,13 @@ class State:
     @cached_property
     def untouched(self) -> NDArray[np.bool_]:
         """bool[C, n], see `untouched_cells`: there the wander tells what is left after release."""
-        return untouched_cells(self.pair)
+        return untouched_conditions(self.pair)
 
     def shifted(self, seconds: float) -> State:
         """The same with everything that the simulator did so much later."""
         if seconds == 0.0:
             return self
-        delay = np.full((len(self.cell), self.pair.n), seconds)
+        delay = np.full((len(self.condition), self.pair.n), seconds)
         moved = self.base.mapped(lambda values: delayed(values, self.since, delay))
         shift = self.shift_s + seconds
         return replace(self, base=moved, mean=self.predicted(moved), shift_s=shift)
@@ -126,14 +126,14 @@ class State:
         return ABOVE * max(float(np.abs(self.mean[:, : self.layout.bins]).max(initial=0.0)), 1.0)
 
     @cached_property
-    def drop(self) -> FloatArray:
+    def signal_counts(self) -> FloatArray:
         """Drops without effects, f64[Q, K, n]."""
-        return self.to_drop(self.base)
+        return self.to_signal_counts(self.base)
 
-    def to_drop(self, signal: Signal) -> FloatArray:
+    def to_signal_counts(self, signal: Signal) -> FloatArray:
         """Counts of a signal, f64[Q, K, n]."""
-        if signal.drop is not None:
-            return signal.drop
+        if signal.signal_counts is not None:
+            return signal.signal_counts
         assert signal.force is not None
         half = self.model.half_force_n * signal.law_scale
         return np.asarray(self.model.full_scale_drop_counts * signal.force / (signal.force + half))
@@ -141,8 +141,8 @@ class State:
     @cached_property
     def touched_boards(self) -> NDArray[np.intp]:
         """Columns of the boards that tell a time: some taxel is expected to drop."""
-        drop = np.abs(self.mean[:, : self.layout.bins]).max(axis=(0, 1))
-        return np.unique(self.pair.groups.sensor[drop > TOUCHED_COUNTS])
+        signal_counts = np.abs(self.mean[:, : self.layout.bins]).max(axis=(0, 1))
+        return np.unique(self.pair.groups.sensor[signal_counts > TOUCHED_COUNTS])
 
     @cached_property
     def since(self) -> FloatArray:
@@ -152,41 +152,41 @@ class State:
     @cached_property
     def _average(self) -> FloatArray:
         """Mean over the presses of each cell, f64[C, Q]."""
-        matrix = np.zeros((len(self.pair.cells), len(self.cell)))
-        matrix[self.cell, np.arange(len(self.cell))] = 1.0
+        matrix = np.zeros((len(self.pair.conditions), len(self.condition)))
+        matrix[self.condition, np.arange(len(self.condition))] = 1.0
         return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
-    def binned(self, drop: FloatArray) -> FloatArray:
+    def binned(self, signal_counts: FloatArray) -> FloatArray:
         """Cell means of the bins' drops, f64[C, B, n]."""
-        presses, nodes, taxels = drop.shape
+        contacts, nodes, taxels = signal_counts.shape
         average, bins = self._average, self.clock.to_bins
-        cells = (average @ drop.reshape(presses, nodes * taxels)).reshape(-1, nodes, taxels)
-        return np.asarray(np.matmul(bins, cells))
+        conditions = (average @ signal_counts.reshape(contacts, nodes * taxels)).reshape(-1, nodes, taxels)
+        return np.asarray(np.matmul(bins, conditions))
 
     @cached_property
     def _base_bins(self) -> FloatArray:
-        return self.binned(self.drop)
+        return self.binned(self.signal_counts)
 
     @cached_property
     def _base_onsets(self) -> FloatArray:
-        return self._onsets(self.drop)
+        return self._onsets(self.signal_counts)
 
     def predicted(self, signal: Signal) -> FloatArray:
         """The simulator's features with what a signal adds to the base, f64[C, F, n]; exactly `mean` for the base."""
         if signal is self.base:
             return self.mean
-        drop = self.to_drop(signal)
+        signal_counts = self.to_signal_counts(signal)
         result = self.mean.copy()
-        result[:, : self.layout.bins] += self.binned(drop) - self._base_bins
-        shift = self._onsets(drop) - self._base_onsets
+        result[:, : self.layout.bins] += self.binned(signal_counts) - self._base_bins
+        shift = self._onsets(signal_counts) - self._base_onsets
         result[:, self.layout.onset] += shift[:, self.pair.groups.sensor]
         return result
 
-    def _onsets(self, drop: FloatArray) -> FloatArray:
+    def _onsets(self, signal_counts: FloatArray) -> FloatArray:
         """When each board's summed drop passes half its hold level, in the feature's counts, f64[C, s]."""
         clock = self.clock
-        presses, nodes, taxels = drop.shape
-        board = (np.maximum(drop, 0.0).reshape(-1, taxels) @ self._boards).reshape(presses, nodes, -1)
+        contacts, nodes, taxels = signal_counts.shape
+        board = (np.maximum(signal_counts, 0.0).reshape(-1, taxels) @ self._boards).reshape(contacts, nodes, -1)
         hold = board[:, clock.phase == Phase.HOLD].mean(axis=1)
         rise = np.flatnonzero((clock.phase == Phase.CLOSING) | (clock.phase == Phase.HOLD))
         above = board[:, rise] >= 0.5 * hold[:, None]
@@ -209,11 +209,11 @@ class State:
 
 def state_of(pair: Pair, layout: Layout, mean: FloatArray, mean_variance: FloatArray | None = None) -> State:
     """Choose the presses of each cell that effects are worked out on. mean, mean_variance: f64[C, F, n]."""
-    size = len(pair.cells) * pair.clock.nodes * pair.n
+    size = len(pair.conditions) * pair.clock.nodes * pair.n
     repeats = max(1, min(MOST_REPEATS, int(MOST_VALUES // size)))
     chosen: list[int] = []
-    for cell in range(len(pair.cells)):
-        own = np.flatnonzero(pair.sim.cell == cell)
+    for condition in range(len(pair.conditions)):
+        own = np.flatnonzero(pair.sim.condition == condition)
         order = own[np.argsort(pair.sim.iteration[own], kind="stable")]
         chosen += order[:repeats].tolist()
     rows = np.array(chosen, dtype=np.intp)
@@ -222,7 +222,7 @@ def state_of(pair: Pair, layout: Layout, mean: FloatArray, mean_variance: FloatA
         base = Signal(_filled(sim.force[rows]), _filled(sim.separation[rows]), None)
     else:
         base = Signal(None, None, _filled(sim.nodes[rows]))
-    return State(pair, layout, pair.clock, sim.cell[rows], base, mean, mean_variance=mean_variance)
+    return State(pair, layout, pair.clock, sim.condition[rows], base, mean, mean_variance=mean_variance)
 
 
 def _filled(values: NDArray[np.float32]) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from taxel.gap.identifiability.identify import Likeness
+from taxel.gap.identifiability.identify import Similarity
 
 LADDER: Final = "force ladder: the same contact with forces from a tenth of the largest force to three times it"
 ALONG_LINE: Final = "load a single taxel; compare its neighbours with distant taxels of the same TX and RX line"
@@ -22,7 +22,7 @@ class Alike:
     """What two effects that look alike still tell together, and the press that would separate them."""
 
     combination: str
-    press: str
+    contact: str
 
 
 PAIRS: Final[Mapping[frozenset[str], Alike]] = {
@@ -46,15 +46,15 @@ OTHER: Final = Alike("the features that both effects change", LADDER)
 
 
 def confounded_with(
-    found: Iterable[str], rivals: Mapping[str, Sequence[str]], likenesses: Sequence[Likeness]
+    found: Iterable[str], rivals: Mapping[str, Sequence[str]], compute_similarities: Sequence[Similarity]
 ) -> dict[str, list[str]]:
     """For each found effect those that cannot be told from it: that explain left-out cells as well, or that could do
     what it does.
     """
     result: dict[str, list[str]] = {}
     for name in found:
-        alike = [one.other for one in likenesses if one.name == name and one.alike]
-        others = list(dict.fromkeys([*rivals.get(name, ()), *alike]))
+        is_confounded = [one.other for one in compute_similarities if one.name == name and one.is_confounded]
+        others = list(dict.fromkeys([*rivals.get(name, ()), *is_confounded]))
         if others:
             result[name] = others
     return result
@@ -66,7 +66,7 @@ def classes(confounded: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
         {
             "effects": [name, other],
             "combination": (known := PAIRS.get(frozenset({name, other}), OTHER)).combination,
-            "press": known.press,
+            "press": known.contact,
         }
         for name, others in confounded.items()
         for other in others

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dpstrf
 from taxel.gap.effects.catalogue import LIKE
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.cores import in_copies, in_threads
 from taxel.gap.fitting.equations import Column, Problem, gradient_of, system_of
 from taxel.gap.fitting.fit import fit, start_of, started
@@ -41,7 +41,7 @@ by more."""
 
 
 @dataclass(frozen=True)
-class Likeness:
+class Similarity:
     """How well `other` can do what `name` does. degrees: of the angle between them. left: squared length of what it
     cannot do, in units of what scatters.
     """
@@ -52,7 +52,7 @@ class Likeness:
     left: float
 
     @property
-    def alike(self) -> bool:
+    def is_confounded(self) -> bool:
         """Nobody could tell them apart here."""
         return _is_near(self.left, self.degrees)
 
@@ -65,7 +65,7 @@ def identifiability(
     name: str,
     judge: Judge,
     forms: Mapping[str, Sequence[Effect]],
-    likes: Sequence[Likeness],
+    likes: Sequence[Similarity],
     confounded: Mapping[str, Sequence[str]],
 ) -> str:
     """How well these presses tell an effect, whether it is there or not: the report page's words.
@@ -83,7 +83,7 @@ def identifiability(
         return "not_excited"
     if name in confounded or any(name in others for others in confounded.values()):
         return "confounded"
-    if any(one.name == name and one.alike for one in likes):
+    if any(one.name == name and one.is_confounded for one in likes):
         return "confounded"
     return "weak" if most < CLEAR else "identifiable"
 
@@ -93,9 +93,9 @@ def seen(judge: Judge, effect: Effect) -> float:
     return _length2(judge, _plain(judge, effect))
 
 
-def likenesses(
+def compute_similarities(
     judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Sequence[FittedEffect] = ()
-) -> list[Likeness]:
+) -> list[Similarity]:
     """Of every effect against every other.
 
     forms: the catalogue. links: effects that were found, with their values; the others are taken in a plain case, in
@@ -106,18 +106,19 @@ def likenesses(
         name: [form for form in (*own, *LIKE.get(name, ())) if not form.unavailable(state)]
         for name, own in forms.items()
     }
-    nuisance = start_of(state, Chain((started(state, Latency("hand")),))).columns
+    nuisance = start_of(state, CompositeModel((started(state, Latency("hand")),))).columns
     own_spaces = in_threads(
         state,
         lambda own: [
-            Subspace(judge, [*nuisance, *start_of(state, Chain((_typical_link(judge, form),))).columns]) for form in own
+            Subspace(judge, [*nuisance, *start_of(state, CompositeModel((_typical_link(judge, form),))).columns])
+            for form in own
         ],
         usable.values(),
     )
     spaces = dict(zip(usable, own_spaces, strict=True))
     found = {link.effect.name: link for link in links}
 
-    def rows_of(name: str) -> list[Likeness]:
+    def rows_of(name: str) -> list[Similarity]:
         plain = [_plain(judge, form) for form in usable[name]]
         vector = _of_link(judge, found[name]) if name in found else max(plain, key=lambda v: _length2(judge, v))
         whole = _length2(judge, vector)
@@ -130,13 +131,13 @@ def likenesses(
             left = min(space.left(vector) for space in own)
             if name in found and _degrees(left, whole) < NEAR_DEG:
                 left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
-            rows.append(Likeness(name, other, _degrees(left, whole), left))
+            rows.append(Similarity(name, other, _degrees(left, whole), left))
         return rows
 
     return [row for rows in in_copies(state, rows_of, [name for name, own in usable.items() if own]) for row in rows]
 
 
-def is_alike(left: float, whole: float) -> bool:
+def is_confounded(left: float, whole: float) -> bool:
     """Whether nobody could tell apart what has a squared length `whole` from what can do all of it but `left`."""
     return _is_near(left, _degrees(left, whole))
 
@@ -158,7 +159,7 @@ def _plain(judge: Judge, form: Effect) -> FloatArray:
 
 
 def _of_link(judge: Judge, link: FittedEffect) -> FloatArray:
-    return np.nan_to_num(Chain((link,)).features(judge.state) - judge.state.mean)
+    return np.nan_to_num(CompositeModel((link,)).features(judge.state) - judge.state.mean)
 
 
 def _length2(judge: Judge, vector: FloatArray) -> float:
@@ -191,4 +192,4 @@ def linear_left(judge: Judge, vector: FloatArray, columns: Sequence[Column]) -> 
 
 def _fitted_left(judge: Judge, vector: FloatArray, form: Effect) -> float:
     problem = Problem(judge.state, judge.state.mean + vector, judge.weight)
-    return fit(problem, Chain((started(judge.state, form),)), iterations=2 * REFITS).cost
+    return fit(problem, CompositeModel((started(judge.state, form),)), iterations=2 * REFITS).cost

@@ -37,9 +37,9 @@ class Products:
     centred_*: the same of the residuals about their mean over sessions.
     """
 
-    cells: FloatArray
+    conditions: FloatArray
     taxels: FloatArray
-    centred_cells: FloatArray
+    centred_conditions: FloatArray
     centred_taxels: FloatArray
 
 
@@ -102,12 +102,12 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
     count = len(sensors.address)
     index = pair.groups.sensor
     names = [{"address": int(a), "name": n} for a, n in zip(sensors.address, sensors.name, strict=True)]
-    flat, flat_centred = (part.sum(axis=0) for part in (found.cells, found.centred_cells))
+    flat, flat_centred = (part.sum(axis=0) for part in (found.conditions, found.centred_conditions))
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
     row = np.array([phases.index(Phase(int(phase))) for phase in layout.phase], dtype=np.intp)
-    cells, cells_centred = found.cells.sum(axis=1), found.centred_cells.sum(axis=1)
+    conditions, conditions_centred = found.conditions.sum(axis=1), found.centred_conditions.sum(axis=1)
     objects = pair.object_names
-    of_object = np.array([objects.index(item) for item, _ in pair.cells], dtype=np.intp)
+    of_object = np.array([objects.index(item) for item, _ in pair.conditions], dtype=np.intp)
 
     def table(labels: list[dict[str, Any]], gram: FloatArray, centred: FloatArray) -> list[dict[str, Any]]:
         share, p = _judged(gram, centred, seed)
@@ -135,10 +135,12 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
         ),
         "objects": table(
             [{"name": name} for name in objects],
-            summed(cells, of_object, len(objects)),
-            summed(cells_centred, of_object, len(objects)),
+            summed(conditions, of_object, len(objects)),
+            summed(conditions_centred, of_object, len(objects)),
         ),
-        "approaches": table([{"object": item, "approach": name} for item, name in pair.cells], cells, cells_centred),
+        "approaches": table(
+            [{"object": item, "approach": name} for item, name in pair.conditions], conditions, conditions_centred
+        ),
     }
 
 

@@ -13,12 +13,12 @@ from taxel.gap.comparison.compare import Comparison
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.catalogue import FIXED, Forms, find_unavailable_reason
 from taxel.gap.experiment_design.findings import findings_of
-from taxel.gap.experiment_design.ranking import next_presses
+from taxel.gap.experiment_design.ranking import rank_next_contacts
 from taxel.gap.experiment_design.unrecorded import left_out
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.cores import in_copies
 from taxel.gap.identifiability.confounding import classes
-from taxel.gap.identifiability.identify import Likeness, identifiability
+from taxel.gap.identifiability.identify import Similarity, identifiability
 from taxel.gap.localisation.where import products, where
 from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
@@ -53,12 +53,12 @@ class ReportInputs:
     comparison: Comparison
     forms: Forms
     named: Explanation
-    alone: Mapping[str, tuple[Chain, FloatArray]]
+    alone: Mapping[str, tuple[CompositeModel, FloatArray]]
     held_out: HeldOut
     attribution: Attribution
     verdict: Verdict
     unexplained: Mapping[str, Any]
-    similarities: Sequence[Likeness]
+    similarities: Sequence[Similarity]
     confounded: Mapping[str, Sequence[str]]
     seed: int
 
@@ -71,7 +71,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
     after = named.features
     excess_products = products(real, before, layout)
     confounded = _confounded_outside_verdict(inputs)
-    draws = draws_of(judge, named.chain, FIXED)
+    draws = draws_of(judge, named.composite, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
         known = identifiability(name, judge, inputs.forms, inputs.similarities, inputs.confounded)
@@ -80,9 +80,9 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
         reason = find_unavailable_reason(judge.state, inputs.forms[name])
         return {**found, "reason": reason} if reason else found
 
-    chain, causes = get_questioned(comparison, named, verdict.effects, verdict.rivals)
-    recommended = next_presses(
-        findings_of(comparison, chain, inputs.forms, causes, confounded, held.links), left_out(judge.state)
+    composite, causes = get_questioned(comparison, named, verdict.effects, verdict.rivals)
+    recommended = rank_next_contacts(
+        findings_of(comparison, composite, inputs.forms, causes, confounded, held.links), left_out(judge.state)
     )
     return {
         "format": "taxel-gap-report",
@@ -165,7 +165,7 @@ def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
             "log_density": float(comparison.sets[key].held_out.sum()),
             "forms": {
                 link.effect.name: {"form": link.effect.variant, "scope": link.effect.scope}
-                for link in comparison.sets[key].chain.links
+                for link in comparison.sets[key].composite.links
             },
         }
         for key in order
@@ -174,9 +174,9 @@ def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
 
 def _describe_influence(inputs: ReportInputs) -> list[dict[str, Any]]:
     """For each effect of the verdict the conditions that determine the evidence, largest share first."""
-    cells = inputs.comparison.judge.state.pair.cells
+    conditions = inputs.comparison.judge.state.pair.conditions
     return [
-        {"effect": name, "object": cells[index][0], "approach": cells[index][1], "share": share}
+        {"effect": name, "object": conditions[index][0], "approach": conditions[index][1], "share": share}
         for name in inputs.named.names
         for index, share in inputs.comparison.compute_influence(name)[:MAX_INFLUENCES]
     ]

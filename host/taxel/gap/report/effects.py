@@ -16,7 +16,7 @@ from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.sticking import Sticking, as_late
 from taxel.gap.features.chances import chi2_quantile
 from taxel.gap.features.metric import Gap, Interval, jackknife, shrink_by, together
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import start_of
 from taxel.gap.fitting.judge import MODEL_SHARE, Judge
 from taxel.gap.report.model import model_of, noise_parts
@@ -40,7 +40,7 @@ def effect_entry(
     name: str,
     judge: Judge,
     named: Explanation,
-    alone: tuple[Chain, FloatArray] | None,
+    alone: tuple[CompositeModel, FloatArray] | None,
     held: HeldOut,
     gap: Gap,
     told: Attribution,
@@ -52,18 +52,18 @@ def effect_entry(
     """
     pair = judge.state.pair
     in_verdict = name in named.names
-    link = named.chain.get(name) if in_verdict else None
+    link = named.composite.get(name) if in_verdict else None
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
     if link is None and alone is not None:
         link = alone[0].get(name)
     if link is None:
         return {**entry, "identifiability": identifiable, **_nothing(gap)}
-    inside: list[FittedEffect] = []
+    in_sample: list[FittedEffect] = []
     parts: list[FittedEffect] = []
     if in_verdict:
-        inside = [one for links in held.links for one in links if one.effect.name == name]
-        parts = [chain.get(name) for chain in named.parts]
-    found = {**entry, "parameters": parameters_of(pair, link, inside, parts, draws), "where": _acts(pair, link)}
+        in_sample = [one for links in held.links for one in links if one.effect.name == name]
+        parts = [composite.get(name) for composite in named.parts]
+    found = {**entry, "parameters": parameters_of(pair, link, in_sample, parts, draws), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         spread = _spread_of_gains(judge, link)
         found["parameters"]["log_std"] |= {"value": spread.value, "ci95": spread.ci95}
@@ -97,7 +97,7 @@ def _nothing(gap: Gap) -> dict[str, Any]:
 def parameters_of(
     pair: Pair,
     link: FittedEffect,
-    inside: Sequence[FittedEffect] = (),
+    in_sample: Sequence[FittedEffect] = (),
     parts: Sequence[FittedEffect] = (),
     draws: Sequence[FittedEffect] = (),
 ) -> dict[str, Any]:
@@ -111,14 +111,14 @@ def parameters_of(
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
     values = _values(pair, link)
-    left, without, drawn = ([_values(pair, one) for one in fits] for fits in (inside, parts, draws))
+    left, without, drawn = ([_values(pair, one) for one in fits] for fits in (in_sample, parts, draws))
     own = APART_FRAMES * pair.frame_s if link.effect.name == "latency" else 0.0
     entries: dict[str, Any] = {}
     for label, (value, unit) in values.items():
-        sessions, presses = (
+        sessions, contacts = (
             jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
         )
-        interval = together(sessions, presses, COMMON_SHARE * abs(value) + own)
+        interval = together(sessions, contacts, COMMON_SHARE * abs(value) + own)
         interval = interval.at_least(np.array([one[label][0] for one in drawn if label in one]))
         entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit, "neutral": find_neutral(link, label)}
     return entries
@@ -196,7 +196,7 @@ def _spread_of_gains(judge: Judge, link: FittedEffect) -> Interval:
     interval: a fitted gain is drawn towards 1 the more, the less is known of its taxel, and few taxels of a board
     scatter about their own mean less than about the true one.
     """
-    (column,) = start_of(judge.state, Chain((link,))).columns
+    (column,) = start_of(judge.state, CompositeModel((link,))).columns
     known = np.sum(judge.weight * column.change**2, axis=(0, 1))
     precision = float(column.precision[0])
     told = known > precision

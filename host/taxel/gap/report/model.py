@@ -10,7 +10,7 @@ from taxel.gap.data.pair import Pair
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT
 from taxel.gap.features.features import known_mean
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 

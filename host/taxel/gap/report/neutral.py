@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 
 SHAPES: Final = frozenset(
     {"contact_propagation.spread_mm", "hysteresis.seconds", "proximity.range_mm", "pose_error.held_n_per_mm"}

@@ -21,7 +21,7 @@ def page_fields(
     """
     first, second = terms(real, before, layout), terms(real, after, layout)
     names = pair.object_names
-    of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
+    of_object = np.array([names.index(item) for item, _ in pair.conditions], dtype=np.intp)
     sensor = pair.groups.sensor
 
     def rms(part: FloatArray) -> float:
@@ -40,7 +40,7 @@ def page_fields(
         "counts": {
             "real": {"grasps": len(pair.real), "sessions": len(pair.sessions)},
             "sim": {"grasps": len(pair.sim)},
-            "cells": len(pair.cells),
+            "cells": len(pair.conditions),
         },
         "by_object": [
             {

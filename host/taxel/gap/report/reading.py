@@ -18,7 +18,7 @@ from taxel.gap.effects.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
-from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.report_values import REMEDY, Interval, ReportValue

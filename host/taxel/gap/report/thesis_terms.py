@@ -25,7 +25,7 @@ from taxel.gap.effects import catalogue
 from taxel.gap.features.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
 from taxel.gap.features.features import known_mean
 from taxel.gap.features.metric import terms, total
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import started
 from taxel.gap.fitting.judge import Judge
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
@@ -44,7 +44,7 @@ SAME_M: Final = 1e-9
 NAME: Final = "contact_propagation"
 
 
-def thesis_terms(judge: Judge, alone: Mapping[str, tuple[Chain, FloatArray]]) -> list[dict[str, Any]]:
+def thesis_terms(judge: Judge, alone: Mapping[str, tuple[CompositeModel, FloatArray]]) -> list[dict[str, Any]]:
     """The report's `thesis_terms`; alone: fits of single effects.
 
     The steps: as they are, then the force filter, SOR and contact propagation, each added.
@@ -76,9 +76,9 @@ def thesis_terms(judge: Judge, alone: Mapping[str, tuple[Chain, FloatArray]]) ->
     return [*steps, last]
 
 
-def activity(drop: FloatArray, threshold: float) -> FloatArray:
+def activity(signal_counts: FloatArray, threshold: float) -> FloatArray:
     """Probability that a repeat's drop lies above a threshold, of the drop's shape; 0 where it is unknown."""
-    return np.where(np.isfinite(drop), ndtr((drop - threshold) / SOFT_COUNTS), 0.0)
+    return np.where(np.isfinite(signal_counts), ndtr((signal_counts - threshold) / SOFT_COUNTS), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +86,16 @@ class Clouds:
     """The hand's clouds, and what is done to clouds. drop: f64[C, S, n], of the hand in hold."""
 
     pair: Pair
-    drop: FloatArray
+    signal_counts: FloatArray
 
     def active(self, threshold: float) -> FloatArray:
         """The hand's probabilities, f64[C, S, n]."""
-        return activity(self.drop, threshold)
+        return activity(self.signal_counts, threshold)
 
     @cached_property
     def made(self) -> BoolArray:
         """Sessions that tell something of a cell, bool[C, S]."""
-        return np.asarray(np.isfinite(self.drop).any(axis=2))
+        return np.asarray(np.isfinite(self.signal_counts).any(axis=2))
 
     @cached_property
     def places(self) -> FloatArray:
@@ -115,7 +115,7 @@ class Clouds:
         """A cloud less the outliers of each object's cloud of all grasps; of the same shape."""
         mean = self.mean(cloud)
         outlier = np.zeros(mean.shape, bool)
-        names = np.array([item for item, _ in self.pair.cells])
+        names = np.array([item for item, _ in self.pair.conditions])
         for name in dict.fromkeys(names.tolist()):
             own = names == name
             found = outliers(self.places[own].reshape(-1, 3), mean[own].ravel(), get_outlier_filter(name))
@@ -125,8 +125,8 @@ class Clouds:
     def distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
         """Mean over cells, then sessions; None if no session tells anything. real: f64[C, S, n], sim: f64[C, n]."""
         apart = np.full(self.made.shape, np.nan)
-        for cell, session in np.argwhere(self.made):
-            apart[cell, session] = chamfer_mm(self.places[cell], real[cell, session], sim[cell])
+        for condition, session in np.argwhere(self.made):
+            apart[condition, session] = chamfer_mm(self.places[condition], real[condition, session], sim[condition])
         whole = float(known_mean(known_mean(apart, 0), 0))
         return whole if np.isfinite(whole) else None
 
@@ -188,21 +188,24 @@ def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> Flo
     return result
 
 
-def _propagation(judge: Judge, alone: Mapping[str, tuple[Chain, FloatArray]]) -> tuple[FittedEffect, FloatArray] | str:
+def _propagation(
+    judge: Judge, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
+) -> tuple[FittedEffect, FloatArray] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
     reasons = [form.unavailable(state) for form in catalogue.all_effects()[NAME]]
     if all(reasons):
         return reasons[0]
     if NAME in alone:
-        chain = alone[NAME][0]
-        return chain.links[0], chain.features(state)
+        composite = alone[NAME][0]
+        return composite.links[0], composite.features(state)
     forms = catalogue.all_effects()[NAME]
     fits = [
-        judge.in_sample(Chain((started(state, form),)), iterations=DEFAULT_SETTINGS.coarse_iterations) for form in forms
+        judge.in_sample(CompositeModel((started(state, form),)), iterations=DEFAULT_SETTINGS.coarse_iterations)
+        for form in forms
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    return best.chain.links[0], best.features
+    return best.composite.links[0], best.features
 
 
 def _newtons(pair: Pair) -> str:
@@ -221,7 +224,7 @@ def _newtons(pair: Pair) -> str:
 
 
 def _rules(pair: Pair) -> str:
-    names = dict.fromkeys(item for item, _ in pair.cells)
+    names = dict.fromkeys(item for item, _ in pair.conditions)
     used = ", ".join(f"{name} {get_outlier_filter(name).description}" for name in names)
     return f"neighbours / standard deviations: {used}"
 

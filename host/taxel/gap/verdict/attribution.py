@@ -9,9 +9,9 @@ from math import factorial
 import numpy as np
 
 from taxel.gap.features.metric import Interval, jackknife, leave_one_out, root, shrink
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.judge import Judge
-from taxel.gap.verdict.held_out import HeldOut, scatter2
+from taxel.gap.verdict.held_out import HeldOut, compute_session_variance
 from taxel.types import FloatArray
 
 Names = frozenset[str]
@@ -84,9 +84,9 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
     real, state = judge.sessions, judge.state
     count = real.value.shape[1]
     scale = judge.layout.scale(real.value.shape[0], real.value.shape[3])
-    inside = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
-    floor = [scatter2(own.sessions, scale) for own in inside]
-    start = [max(own.excess(state.mean), 0.0) + one for own, one in zip(inside, floor, strict=True)]
+    in_sample = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
+    floor = [compute_session_variance(own.sessions, scale) for own in in_sample]
+    start = [max(own.excess(state.mean), 0.0) + one for own, one in zip(in_sample, floor, strict=True)]
     gap2: dict[Names, FloatArray] = {}
     promised: dict[Names, FloatArray] = {}
     for size in range(len(names) + 1):
@@ -95,10 +95,10 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
             for session, links in enumerate(held.links):
                 # What a search without this session found besides goes with the whole set.
                 whole = size == len(names) > 0
-                chain = Chain.of([link for link in links if whole or link.effect.name in chosen])
-                features = chain.features(state)
+                composite = CompositeModel.of([link for link in links if whole or link.effect.name in chosen])
+                features = composite.features(state)
                 squares.append(real.square(session, features, scale))
-                after = max(inside[session].excess(features), 0.0) + floor[session]
+                after = max(in_sample[session].excess(features), 0.0) + floor[session]
                 shrinks.append(shrink(start[session], after))
             gap2[frozenset(chosen)] = np.array(squares)
             promised[frozenset(chosen)] = np.array(shrinks)

@@ -9,7 +9,7 @@ from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.effects.catalogue import FIXED, Forms
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.types import FloatArray
 
 
@@ -20,14 +20,14 @@ class Explanation:
     chain: fitted to all features. features: f64[C, F, n], of the chain. parts: fits without each part of the features.
     """
 
-    chain: Chain
+    composite: CompositeModel
     features: FloatArray
-    parts: tuple[Chain, ...] = ()
+    parts: tuple[CompositeModel, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""
-        return self.chain.names
+        return self.composite.names
 
 
 def explain(comparison: Comparison, names: Collection[str]) -> Explanation:
@@ -39,15 +39,15 @@ def explain(comparison: Comparison, names: Collection[str]) -> Explanation:
     links = []
     for name in wanted:
         candidate = comparison.sets.get(wanted) or comparison.get_best_with(name)
-        links.append(comparison.alone[name] if candidate is None else candidate.chain.get(name))
-    fit = judge.in_sample(Chain.of(links), FIXED)
-    prediction = predict_held_out(judge, fit.chain, FIXED)
-    return Explanation(fit.chain, fit.features, prediction.chains)
+        links.append(comparison.alone[name] if candidate is None else candidate.composite.get(name))
+    fit = judge.in_sample(CompositeModel.of(links), FIXED)
+    prediction = predict_held_out(judge, fit.composite, FIXED)
+    return Explanation(fit.composite, fit.features, prediction.composites)
 
 
 def get_questioned(
     comparison: Comparison, named: Explanation, effects: Sequence[str], rivals: Collection[str]
-) -> tuple[Chain, tuple[str, ...]]:
+) -> tuple[CompositeModel, tuple[str, ...]]:
     """The chain and the effects about which a further grasp is asked.
 
     These are the effects of the verdict, or the first effect that has rivals if the verdict names none.
@@ -55,17 +55,17 @@ def get_questioned(
     names = tuple(name for name in effects if name != UNKNOWN)
     first = next(iter(rivals), None)
     best = comparison.get_best_with(first) if first is not None and not names else None
-    return (named.chain, names) if best is None or first is None else (best.chain, (first,))
+    return (named.composite, names) if best is None or first is None else (best.composite, (first,))
 
 
-def list_fits_alone(comparison: Comparison, forms: Forms) -> dict[str, tuple[Chain, FloatArray]]:
+def list_fits_alone(comparison: Comparison, forms: Forms) -> dict[str, tuple[CompositeModel, FloatArray]]:
     """Each effect that was fitted alone: its chain, and held-out features f64[C, F, n], or those of a coarse fit."""
     judge, result = comparison.judge, {}
     for name in forms:
         single = comparison.sets.get(frozenset({name}))
         if single is not None:
-            result[name] = (single.chain, single.prediction.features)
+            result[name] = (single.composite, single.prediction.features)
         elif name in comparison.alone:
-            chain = Chain((comparison.alone[name],))
-            result[name] = (chain, chain.features(judge.state))
+            composite = CompositeModel((comparison.alone[name],))
+            result[name] = (composite, composite.features(judge.state))
     return result

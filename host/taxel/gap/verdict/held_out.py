@@ -10,7 +10,7 @@ import numpy as np
 from taxel.gap.effects.catalogue import FIXED
 from taxel.gap.features.features import SessionMeans
 from taxel.gap.features.metric import Interval, jackknife, leave_one_out, shrink
-from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import fit, start_of
 from taxel.gap.fitting.judge import REFITS, Judge
 from taxel.types import FloatArray
@@ -73,7 +73,9 @@ class HeldOut:
         return np.array([of(float(self.before2[k].mean()), float(self.after2[k].mean())) for k in stays])
 
 
-def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED, inside: Sequence[Chain] = ()) -> HeldOut:
+def compute_held_out(
+    judge: Judge, composite: CompositeModel, fixed: Sequence[str] = FIXED, in_sample: Sequence[CompositeModel] = ()
+) -> HeldOut:
     """Leave every session out in turn. inside: what was chosen without each, if it was not `chain` for all."""
     real, layout = judge.sessions, judge.layout
     count = real.value.shape[1]
@@ -81,21 +83,23 @@ def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED, inside: S
     scale = layout.scale(real.value.shape[0], real.value.shape[3])
     firsts = [real.square(session, before, scale) for session in range(count)]
     seconds, promised, links = [], [], []
-    start = start_of(judge.state, chain, fixed)
+    start = start_of(judge.state, composite, fixed)
     for session in range(count):
-        if inside:
-            chain, start = inside[session], start_of(judge.state, inside[session], fixed)
+        if in_sample:
+            composite, start = in_sample[session], start_of(judge.state, in_sample[session], fixed)
         part = real.only(np.arange(count) != session) if count > 1 else real
         own = Judge(judge.state, part, layout)
-        fitted = fit(own.problem(), chain, fixed, REFITS, start)
-        links.append(fitted.chain.links)
+        fitted = fit(own.problem(), composite, fixed, REFITS, start)
+        links.append(fitted.composite.links)
         seconds.append(real.square(session, fitted.features, scale))
         excess = [own.excess(features) for features in (before, fitted.features)]
-        scatter = scatter2(part, scale)
+        scatter = compute_session_variance(part, scale)
         promised.append(shrink(max(excess[0], 0.0) + scatter, max(excess[1], 0.0) + scatter))
-    return HeldOut(np.array(firsts), np.array(seconds), scatter2(real, scale), np.array(promised), tuple(links))
+    return HeldOut(
+        np.array(firsts), np.array(seconds), compute_session_variance(real, scale), np.array(promised), tuple(links)
+    )
 
 
-def scatter2(real: SessionMeans, scale: FloatArray) -> float:
+def compute_session_variance(real: SessionMeans, scale: FloatArray) -> float:
     """Squared gap of one session that its scatter alone makes, counts^2."""
     return float(np.sum(scale * np.nan_to_num(real.variance)))

@@ -11,7 +11,7 @@ from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import compare_sets
 from taxel.gap.effects.catalogue import Forms
 from taxel.gap.errors import GapInputError
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.judge import Judge
 from taxel.gap.verdict.explanation import explain
 from taxel.gap.verdict.verdict import list_causes
@@ -22,18 +22,18 @@ MIN_SESSIONS: Final = 4
 
 def choose_without_sessions(
     judge: Judge, forms: Forms, seed: int, progress: Callable[[int, int], None]
-) -> tuple[Chain, ...]:
+) -> tuple[CompositeModel, ...]:
     """The named effects without each session in turn, as fitted chains. Raises GapInputError for too few sessions."""
     count = judge.sessions.value.shape[1]
     if count < MIN_SESSIONS:
         expected = f"at least {MIN_SESSIONS} sessions"
         raise GapInputError("--nested", expected, str(count), "omit --nested, or record more sessions")
-    chains = []
+    composites = []
     for session in range(count):
         progress(session, count)
         rest = judge.sessions.only(np.arange(count) != session)
         comparison = compare_sets(Judge(judge.state, rest, judge.layout), forms, seed)
         causes = list_causes(comparison.compute_probabilities())
-        chains.append(explain(comparison, [name for name in causes if name != UNKNOWN]).chain)
+        composites.append(explain(comparison, [name for name in causes if name != UNKNOWN]).composite)
     progress(count, count)
-    return tuple(chains)
+    return tuple(composites)

@@ -9,17 +9,17 @@ import numpy as np
 from taxel.gap.data.simulator_faults import LEFT_OUT, SimulatorFault
 from taxel.gap.effects.catalogue import FIXED
 from taxel.gap.effects.effect import TAXEL
-from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.judge import Judge
 
 
-def list_reasons(judge: Judge, chain: Chain, faults: Sequence[SimulatorFault]) -> list[str]:
+def list_reasons(judge: Judge, composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
     """One sentence for each reason. chain: the named effects, fitted."""
     reasons = []
     kept = [one for one in faults if one.handled != LEFT_OUT]
     if kept:
         reasons.append(f"{len(kept)} grasps of the simulator violate physics, first {kept[0].grasp}: {kept[0].problem}")
-    for link in chain.links:
+    for link in composite.links:
         if link.effect.name in FIXED or link.effect.scope == TAXEL:
             continue
         for row, parameter in enumerate(link.effect.parameters()):

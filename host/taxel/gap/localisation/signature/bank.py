@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.gap.features.metric import off_diagonal
+from taxel.gap.localisation.signature.contacts import Change, changes
 from taxel.gap.localisation.signature.fit import Remainder, Told, p_value, told
 from taxel.gap.localisation.signature.places import Spot, energy, located, place_entry, spots
-from taxel.gap.localisation.signature.presses import Change, changes
 from taxel.gap.localisation.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, shapes
 from taxel.gap.localisation.signature.words import change_words, shape_words, sum_words
 from taxel.gap.localisation.where import PHASES, Products, p_values, products, shares, summed
@@ -216,7 +216,7 @@ def _said(pair: Pair, layout: Layout, found: Signature, model: FloatArray) -> tu
 
 
 def _phase(left: Products, layout: Layout) -> str:
-    flat = off_diagonal(left.cells).sum(axis=0)
+    flat = off_diagonal(left.conditions).sum(axis=0)
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
     return PHASES[max(phases, key=lambda phase: float(flat[layout.phase == phase].sum()))]
 

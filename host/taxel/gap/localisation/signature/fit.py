@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.chances import student_tail
+from taxel.gap.features.chances import compute_student_survival
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.gap.features.metric import jackknife, leave_one_out, off_diagonal
 from taxel.gap.localisation.signature.shapes import HAND, Shape, groups
@@ -107,24 +107,24 @@ class _Sums:
 def told(left: Remainder, shape: Shape) -> list[Told]:
     """A distortion in all its scopes; none where one cell is all there is and the distortion needs another."""
     sums = _sums(left, shape)
-    one_cell = len(np.unique(left.fold)) < 2
-    return [_in_scope(left, sums, shape, scope) for scope in shape.scopes if not one_cell or scope == HAND]
+    one_condition = len(np.unique(left.fold)) < 2
+    return [_in_scope(left, sums, shape, scope) for scope in shape.scopes if not one_condition or scope == HAND]
 
 
 def p_value(gram: FloatArray) -> float | None:
     """That this much, f64[S, S], is told although nothing is there: t of the jackknife. None below 3 sessions."""
     whole = float(off_diagonal(gram))
     left = [float(off_diagonal(gram[np.ix_(stay, stay)])) for stay in leave_one_out(len(gram))]
-    return tail(whole, jackknife(np.array(left), whole).error, len(gram))
+    return survival(whole, jackknife(np.array(left), whole).error, len(gram))
 
 
-def tail(value: float, error: float | None, sessions: int) -> float | None:
+def survival(value: float, error: float | None, sessions: int) -> float | None:
     """One-sided p-value of Student's t."""
     if error is None:
         return None
     if error <= 0:
         return 1.0 if value <= 0 else 0.0
-    return student_tail(value / error, sessions - 1)
+    return compute_student_survival(value / error, sessions - 1)
 
 
 def _sums(left: Remainder, shape: Shape) -> _Sums:
@@ -172,8 +172,8 @@ def _products(sums: _Sums, fitted: FloatArray) -> FloatArray:
     """Residuals' products less those of what the fits f64[C, S, n, K] leave, f64[n, S, S]."""
 
     def by_taxel(values: FloatArray) -> FloatArray:
-        cells, sessions, taxels, columns = values.shape
-        return np.transpose(values, (2, 1, 0, 3)).reshape(taxels, sessions, cells * columns)
+        conditions, sessions, taxels, columns = values.shape
+        return np.transpose(values, (2, 1, 0, 3)).reshape(taxels, sessions, conditions * columns)
 
     predicted = np.moveaxis(np.matmul(sums.normal, np.moveaxis(fitted, 1, 3)), 3, 1)
     turned = np.swapaxes(by_taxel(fitted), 1, 2)

@@ -85,8 +85,8 @@ def _spot(left: Remainder, scope: str, scaled: FloatArray, excess: FloatArray, p
     here = np.isin(group, chosen)
     gram = left.even(np.einsum("csfn,ctfn->st", scaled[..., here], scaled[..., here], optimize=True))
     p = p_value(gram)
-    cells = pressed[:, here].sum(axis=1)
-    alone = bool((cells > 0.1 * cells.max()).sum() == 1)
+    conditions = pressed[:, here].sum(axis=1)
+    alone = bool((conditions > 0.1 * conditions.max()).sum() == 1)
     searched = None if p is None else min(1.0, p * count)
     return Spot(scope, tuple(chosen), np.where(here, excess.sum(axis=0), 0.0), gram, searched, alone)
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import Layout
+from taxel.gap.localisation.signature.contacts import Change
 from taxel.gap.localisation.signature.fit import Told
 from taxel.gap.localisation.signature.places import Spot, place_words
-from taxel.gap.localisation.signature.presses import Change
 from taxel.gap.localisation.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, bends
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
@@ -120,9 +120,9 @@ def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
     return f"grows with the signal, with a bend at {knots[bend]:.0f} counts: {high}"
 
 
-def _too(counts: float, drop: float) -> str:
+def _too(counts: float, signal_counts: float) -> str:
     way = "above" if counts > 0 else "below"
-    return f"the signal of the hand is {abs(counts):.0f} counts {way} a predicted signal of {drop:.0f} counts"
+    return f"the signal of the hand is {abs(counts):.0f} counts {way} a predicted signal of {signal_counts:.0f} counts"
 
 
 def _history(numbers: FloatArray, layout: Layout) -> str:

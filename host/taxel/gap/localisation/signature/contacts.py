@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.chances import fisher_tail, student_tail
+from taxel.gap.features.chances import compute_fisher_survival, compute_student_survival
 from taxel.types import FloatArray
 
 LEAST_ENERGY: Final = 0.1
@@ -51,7 +51,7 @@ def changes(pair: Pair, hold: FloatArray, counts2: float) -> list[Change]:
     session = np.searchsorted(pair.sessions, pair.real.session)
     result = []
     for name, test, scale in (("session", _between, 1.0), ("presses", _within, 1.0 / 12.0)):
-        found = [test(columns[:, k], pair.real.cell, session) for k in range(columns.shape[1])]
+        found = [test(columns[:, k], pair.real.condition, session) for k in range(columns.shape[1])]
         tested = [one[1] for one in found if one[1] is not None]
         p_value = min(1.0, min(tested) * len(tested)) if tested else None
         boards = [k for k in range(len(found) - 1) if _small(found[k + 1][1], len(tested))]
@@ -72,7 +72,7 @@ def _factors(pair: Pair, hold: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     sensor, count = pair.groups.sensor, len(pair.sensors.address)
     belongs = (sensor[:, None] == np.arange(count)).astype(np.float64)
-    predicted = np.nan_to_num(hold)[pair.real.cell]
+    predicted = np.nan_to_num(hold)[pair.real.condition]
     known = np.isfinite(pair.real.hold)
     squares = np.where(known, predicted**2, 0.0) @ belongs
     shared = np.where(known, predicted * np.nan_to_num(pair.real.hold), 0.0) @ belongs
@@ -80,8 +80,8 @@ def _factors(pair: Pair, hold: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(told, shared / np.where(told, squares, 1.0), np.nan), np.where(told, squares, 0.0)
 
 
-def _dummies(cell: NDArray[np.intp]) -> FloatArray:
-    return np.asarray(cell[:, None] == np.unique(cell)).astype(np.float64)
+def _dummies(condition: NDArray[np.intp]) -> FloatArray:
+    return np.asarray(condition[:, None] == np.unique(condition)).astype(np.float64)
 
 
 def _left(values: FloatArray, columns: FloatArray) -> FloatArray:
@@ -89,30 +89,30 @@ def _left(values: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def _between(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
+def _between(factor: FloatArray, condition: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
     """Standard deviation between sessions beyond what cells scatter, and the F test of it (two-way, additive)."""
     known = np.isfinite(factor)
-    keys, number = np.unique(np.column_stack([cell, session])[known], axis=0, return_inverse=True)
+    keys, number = np.unique(np.column_stack([condition, session])[known], axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), factor[known]) / np.bincount(number.ravel()) if len(keys) else np.zeros(0)
     sessions = len(np.unique(keys[:, 1])) if len(keys) else 0
-    cells = len(np.unique(keys[:, 0])) if len(keys) else 0
-    freedom = len(keys) - cells - sessions + 1
-    if sessions < 2 or freedom < 1:
+    conditions = len(np.unique(keys[:, 0])) if len(keys) else 0
+    degrees_of_freedom = len(keys) - conditions - sessions + 1
+    if sessions < 2 or degrees_of_freedom < 1:
         return _NOTHING
     alone, both = _dummies(keys[:, 0]), np.hstack([_dummies(keys[:, 0]), _dummies(keys[:, 1])])
     coefficients = np.linalg.lstsq(both, mean, rcond=None)[0]
-    error = float(np.sum((mean - both @ coefficients) ** 2)) / freedom
-    between = (float(np.sum(_left(mean, alone) ** 2)) - freedom * error) / (sessions - 1)
+    error = float(np.sum((mean - both @ coefficients) ** 2)) / degrees_of_freedom
+    between = (float(np.sum(_left(mean, alone) ** 2)) - degrees_of_freedom * error) / (sessions - 1)
     size = float(np.sqrt(max(between - error, 0.0) * sessions / len(keys)))
-    level = np.diff(coefficients[cells:])
+    level = np.diff(coefficients[conditions:])
     steady = sessions >= 4 and bool((level > 0).all() or (level < 0).all())
     trend = size * (1.0 if level.sum() > 0 else -1.0) if steady else size
     if error <= 0:
         return trend, 0.0 if between > 0 else 1.0, steady, 0.0
-    return trend, fisher_tail(between / error, sessions - 1, freedom), steady, 0.0
+    return trend, compute_fisher_survival(between / error, sessions - 1, degrees_of_freedom), steady, 0.0
 
 
-def _within(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
+def _within(factor: FloatArray, condition: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
     """Change from a session's first press to its last, with cells and sessions apart; the larger of two p-values, of
     ordinary least squares and of one that lets presses of a session go together (Liang and Zeger 1986).
     """
@@ -121,10 +121,10 @@ def _within(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp
     for number in np.unique(session):
         own = np.flatnonzero(session == number)  # grasps are in order of time
         place[own] = np.linspace(-0.5, 0.5, len(own)) if len(own) > 1 else 0.0
-    columns = np.hstack([_dummies(cell[known]), _dummies(session[known])]) if known.any() else np.zeros((0, 1))
+    columns = np.hstack([_dummies(condition[known]), _dummies(session[known])]) if known.any() else np.zeros((0, 1))
     sessions = len(np.unique(session[known]))
-    freedom = int(known.sum()) - len(np.unique(cell[known])) - sessions
-    if freedom < 2:
+    degrees_of_freedom = int(known.sum()) - len(np.unique(condition[known])) - sessions
+    if degrees_of_freedom < 2:
         return _NOTHING
     moved, value = _left(place[known], columns), _left(factor[known], columns)
     square = float(moved @ moved)
@@ -132,11 +132,11 @@ def _within(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp
         return _NOTHING
     slope = float(moved @ value) / square
     rest = value - slope * moved
-    error = float(np.sqrt(rest @ rest / freedom / square))
-    p = 2.0 * student_tail(abs(slope) / error, freedom) if error > 0 else 0.0
+    error = float(np.sqrt(rest @ rest / degrees_of_freedom / square))
+    p = 2.0 * compute_student_survival(abs(slope) / error, degrees_of_freedom) if error > 0 else 0.0
     if sessions < 3:
         return slope, None, False, error
     scores = np.bincount(session[known], moved * rest)
     robust = float(np.sqrt(sessions / (sessions - 1) * scores @ scores)) / square
-    other = 2.0 * student_tail(abs(slope) / robust, sessions - 1) if robust > 0 else 0.0
+    other = 2.0 * compute_student_survival(abs(slope) / robust, sessions - 1) if robust > 0 else 0.0
     return slope, max(p, other), False, max(error, robust)

@@ -21,23 +21,23 @@ class FittedEffect:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class CompositeModel:
     """Effects in the order in which they act."""
 
     links: tuple[FittedEffect, ...] = ()
 
     @classmethod
-    def of(cls, links: Sequence[FittedEffect]) -> Chain:
+    def of(cls, links: Sequence[FittedEffect]) -> CompositeModel:
         """In order."""
         return cls(tuple(sorted(links, key=lambda link: link.effect.order)))
 
-    def with_link(self, link: FittedEffect) -> Chain:
+    def with_link(self, link: FittedEffect) -> CompositeModel:
         """One more effect."""
-        return Chain.of([*self.links, link])
+        return CompositeModel.of([*self.links, link])
 
-    def without(self, name: str) -> Chain:
+    def without(self, name: str) -> CompositeModel:
         """All but one."""
-        return Chain(tuple(link for link in self.links if link.effect.name != name))
+        return CompositeModel(tuple(link for link in self.links if link.effect.name != name))
 
     def get(self, name: str) -> FittedEffect:
         """The effect with this name. Raises KeyError."""
@@ -46,18 +46,18 @@ class Chain:
                 return link
         raise KeyError(name)
 
-    def only(self, names: Collection[str]) -> Chain:
+    def only(self, names: Collection[str]) -> CompositeModel:
         """The effects with these names."""
-        return Chain(tuple(link for link in self.links if link.effect.name in names))
+        return CompositeModel(tuple(link for link in self.links if link.effect.name in names))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects, in order of action."""
         return tuple(link.effect.name for link in self.links)
 
-    def with_values(self, values: Sequence[FloatArray]) -> Chain:
+    def with_values(self, values: Sequence[FloatArray]) -> CompositeModel:
         """The same effects with other values."""
-        return Chain(tuple(replace(link, values=new) for link, new in zip(self.links, values, strict=True)))
+        return CompositeModel(tuple(replace(link, values=new) for link, new in zip(self.links, values, strict=True)))
 
     def features(self, state: State) -> FloatArray:
         """The simulator's features with these effects, f64[C, F, n]."""

@@ -13,7 +13,7 @@ from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class ContactVariance:
     """What a press like the recorded ones scatters, counts^2. other: f64[F, n], of features that are no drops. still,
     share2: f64[B], the variance of untouched taxels' drops, and the relative one of touched taxels'.
     """
@@ -24,15 +24,15 @@ class Scatter:
     share2: FloatArray
 
     @classmethod
-    def of(cls, judge: Judge) -> Scatter:
+    def of(cls, judge: Judge) -> ContactVariance:
         """As the sessions of a recording tell it."""
         layout, real = judge.layout, judge.sessions
         variance = np.nan_to_num(real.variance) / np.maximum(real.known.sum(axis=1), 1)
-        drop, own = judge.state.mean[:, : layout.bins], variance[:, : layout.bins]
-        touched = np.abs(drop) > TOUCHED_COUNTS
+        signal_counts, own = judge.state.mean[:, : layout.bins], variance[:, : layout.bins]
+        touched = np.abs(signal_counts) > TOUCHED_COUNTS
         quiet = np.where(touched, 0.0, own).sum(axis=(0, 2)) / np.maximum((~touched).sum(axis=(0, 2)), 1)
         above = np.where(touched, np.maximum(own - quiet[:, None], 0.0), 0.0).sum(axis=(0, 2))
-        squares = np.where(touched, drop**2, 0.0).sum(axis=(0, 2))
+        squares = np.where(touched, signal_counts**2, 0.0).sum(axis=(0, 2))
         return cls(layout, variance.mean(axis=0), quiet, above / np.maximum(squares, TOUCHED_COUNTS**2))
 
     def weight(self, model: FloatArray, expected: FloatArray) -> FloatArray:
@@ -40,8 +40,8 @@ class Scatter:
         a chain.
         """
         variance = np.broadcast_to(self.other, model.shape).copy()
-        drop = np.maximum(np.abs(model), np.abs(expected))[:, : self.layout.bins]
-        variance[:, : self.layout.bins] = self.still[:, None] + self.share2[:, None] * drop**2
+        signal_counts = np.maximum(np.abs(model), np.abs(expected))[:, : self.layout.bins]
+        variance[:, : self.layout.bins] = self.still[:, None] + self.share2[:, None] * signal_counts**2
         return self.layout.weight[:, None] / (variance + tolerance2(self.layout, model, expected))
 
     def weight_again(self, judge: Judge, expected: FloatArray) -> FloatArray:
