@@ -1,0 +1,1 @@
+"""ROS 2 package of a tactile skin."""
