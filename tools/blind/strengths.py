@@ -27,8 +27,8 @@ from taxel.blind.world import World
 from taxel.blind.world_datasets import make_world
 from taxel.errors import TaxelError
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
-from taxel.gap.features.metric import measure
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.features.metric import measure_gap
 from taxel.hand import load_hand
 
 CAUSE_TYPES: Final = {
@@ -99,8 +99,8 @@ def compute_ratio(name: str, strength: float, seed: list[int]) -> float:
             make_world(world, real, sim)
         except TaxelError:
             return float("nan")
-        judge = prepared(read_pair(real, sim))
-        gap = measure(judge.sessions, judge.state.mean, judge.layout)
+        fit_data = prepare_pair(read_pair(real, sim))
+        gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
     return gap.gap.value / gap.floor
 
 

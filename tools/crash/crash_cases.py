@@ -13,7 +13,7 @@ import numpy as np
 from taxel.blind.run_folder import open_sealed_worlds, seal_worlds
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.files import write_cloud
-from taxel.gap.apply.rewriting import Rewriting, copied, made_beside
+from taxel.gap.apply.rewriting import DatasetEditor, copy_file, open_temporary_output
 from taxel.hand.joint_history import JointFileWriter
 from taxel.link import CaptureLink, CaptureWriter
 from taxel.link.pcapng import PcapngWriter
@@ -185,11 +185,11 @@ def _extend_dataset(folder: Path, source: Path, acknowledge: Acknowledge) -> Non
 
 def _apply(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
     target = folder / "x.h5"
-    with made_beside(target, (), overwrite=True) as whole:
-        copied(target, whole)
-        with Rewriting(whole) as file:
-            file.put("0001", "raw_counts", _make_grasp(50).raw_counts)
-            file.note("changed")
+    with open_temporary_output(target, (), overwrite=True) as whole:
+        copy_file(target, whole)
+        with DatasetEditor(whole) as file:
+            file.replace_array("0001", "raw_counts", _make_grasp(50).raw_counts)
+            file.add_provenance("changed")
     acknowledge()
 
 

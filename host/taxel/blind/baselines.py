@@ -33,7 +33,7 @@ def _apply_rules(diagnosis: Diagnosis) -> str:
     difference of the real and the simulated signals. The other rules compare the signals in the hold phase, counts, of
     loaded and of unloaded taxels.
     """
-    layout, model, real = diagnosis.layout, diagnosis.judge.state.mean, np.nan_to_num(diagnosis.real.mean)
+    layout, model, real = diagnosis.layout, diagnosis.fit_data.state.mean, np.nan_to_num(diagnosis.real.mean)
     gap2 = layout.weight[:, None] * (real - model) ** 2
     share = gap2.sum(axis=(0, 2)) / max(float(gap2.sum()), 1e-12)
     if share[layout.missing] > 0.3:
@@ -44,7 +44,7 @@ def _apply_rules(diagnosis: Diagnosis) -> str:
         return "baseline_drift"
     if share[layout.onset] > 0.2:
         return "latency"
-    hold = diagnosis.pair.clock.bins_of(Phase.HOLD)[0]
+    hold = diagnosis.pair.time_grid.find_bins(Phase.HOLD)[0]
     simulated, measured = model[:, hold], real[:, hold]
     loaded = simulated > 150.0
     if not loaded.any():

@@ -6,8 +6,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
-from taxel.gap.features.metric import gap_of_change, measure
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.features.metric import compute_gap_of_change, measure_gap
 
 
 def measure_change(real: Path, without: Path, sim: Path) -> float:
@@ -18,7 +18,7 @@ def measure_change(real: Path, without: Path, sim: Path) -> float:
     GapInputError.
     """
     with threadpool_limits(limits=1):
-        own, other = (prepared(read_pair(path, sim)) for path in (real, without))
+        own, other = (prepare_pair(read_pair(path, sim)) for path in (real, without))
         change = own.sessions.value[:, 0] - other.sessions.value[:, 0]
-        floor = measure(own.sessions, own.state.mean, own.layout).floor
-    return gap_of_change(np.nan_to_num(change), own.layout) / floor
+        floor = measure_gap(own.sessions, own.state.mean, own.layout).floor
+    return compute_gap_of_change(np.nan_to_num(change), own.layout) / floor

@@ -12,16 +12,16 @@ from threadpoolctl import threadpool_limits
 
 from taxel.blind.hidden import Cause
 from taxel.blind.scoring_rules import is_clear, model_key
-from taxel.gap.data.align import shift_beside
+from taxel.gap.data.align import fit_additional_shift
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import all_effects
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.fit import started
-from taxel.gap.fitting.judge import Judge
-from taxel.gap.report.effects import parameters_of
+from taxel.gap.fitting.fit import start_effect
+from taxel.gap.fitting.fit_data import FitData
+from taxel.gap.report.effects import build_parameter_entries
 
 
 def select_models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
@@ -45,24 +45,26 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
     """
     with threadpool_limits(limits=1):
         pair = read_pair(real, sim)
-        judge = prepared(pair)
+        fit_data = prepare_pair(pair)
         parameters: dict[str, dict[str, float]] = {}
         for effect in all_effects()[name]:
             key = f"{effect.variant} {effect.scope}"
-            if key not in models or effect.unavailable(judge.state):
+            if key not in models or effect.find_unavailable_reason(fit_data.state):
                 continue
-            fitted_effect = _fit(judge, effect)
-            parameters[key] = {label: _number(entry) for label, entry in parameters_of(pair, fitted_effect).items()}
+            fitted_effect = _fit(fit_data, effect)
+            parameters[key] = {
+                label: _number(entry) for label, entry in build_parameter_entries(pair, fitted_effect).items()
+            }
     return parameters
 
 
-def _fit(judge: Judge, effect: Effect) -> FittedEffect:
+def _fit(fit_data: FitData, effect: Effect) -> FittedEffect:
     """Fit one effect to the data; as in a diagnosis, the frames are aligned in time again after the first fit."""
-    model = judge.in_sample(CompositeModel((started(judge.state, effect),))).composite
+    model = fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, effect),))).composite
     if not is_delay(effect):
-        shift, model = shift_beside(judge, model, ())
-        model = judge.shifted(shift).in_sample(model).composite
-    return model.links[0]
+        shift, model = fit_additional_shift(fit_data, model, ())
+        model = fit_data.shift_time(shift).fit_in_sample(model).composite
+    return model.fitted_effects[0]
 
 
 def _number(entry: dict[str, Any]) -> float:

@@ -11,7 +11,7 @@ from taxel.blind.loaded_locations import find_observable_taxels, loaded_location
 from taxel.blind.run_folder import get_reference_path, get_world_folder
 from taxel.blind.scoring_rules import MIN_CLEAR_RATIO, model_key
 from taxel.blind.world import World
-from taxel.gap.effects.sticking import WORKED_OUT, Sticking
+from taxel.gap.effects.sticking import DERIVED_PARAMETERS, Sticking
 
 MIN_TRUE_VALUE: Final = 1e-6
 """Parameters with a smaller true value have no meaningful relative error."""
@@ -227,7 +227,7 @@ def _compare_parameters(
                 continue
             if abs(true_value) < max(MIN_TRUE_VALUE, MIN_SHARE_OF_MAX * _max_value(truth, name)):
                 continue
-            if model_key(entry).startswith(Sticking.variant) and name in WORKED_OUT:
+            if model_key(entry).startswith(Sticking.variant) and name in DERIVED_PARAMETERS:
                 continue  # derived from the other parameters and from the duration of the record
             if cause.name == "pose_error" and name not in ("translation_mm", "rotation_deg"):
                 continue  # the axis of rotation of an object is not identifiable from indentations along a face

@@ -8,7 +8,7 @@ import typer
 
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
-from taxel.gap.apply.apply import Applied, apply_report, resimulate
+from taxel.gap.apply.apply import AppliedReport, apply_report, resimulate
 from taxel.gap.effects.effect_files import add_effect_file
 
 
@@ -45,7 +45,7 @@ def apply(
     _print_result(result, as_json)
 
 
-def _print_result(result: Applied, as_json: bool) -> None:
+def _print_result(result: AppliedReport, as_json: bool) -> None:
     """Print the dataset to which the diagnosed effects were added, with the names of the effects and the notes."""
     if as_json:
         print(json.dumps({"file": str(result.path), "effects": result.effects, "notes": result.notes}))

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from taxel.cli.options import AsJson, Overwrite
-from taxel.gap.export.export import Exported, export_report
+from taxel.gap.export.export import ExportResult, export_report
 
 
 def export(
@@ -35,7 +35,7 @@ def export(
     _print_result(export_report(report, to, out, sim=sim, step_s=step_s, overwrite=overwrite), as_json)
 
 
-def _print_result(result: Exported, as_json: bool) -> None:
+def _print_result(result: ExportResult, as_json: bool) -> None:
     """Print the written files, the effects in them, and what is approximated or missing."""
     if as_json:
         print(

@@ -11,10 +11,10 @@ from threadpoolctl import threadpool_limits
 from taxel.cli.options import AsJson
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
-from taxel.gap.comparison.compare import Show
-from taxel.gap.experiment_design.from_report import findings_in, findings_of_pair
-from taxel.gap.experiment_design.ranking import MOST_CONTACTS, NextContacts, rank_next_contacts
-from taxel.gap.experiment_design.unrecorded import unrecorded
+from taxel.gap.comparison.compare import ProgressCallback
+from taxel.gap.experiment_design.from_report import diagnose_findings, read_findings
+from taxel.gap.experiment_design.ranking import MAX_CONTACTS, ContactRanking, rank_next_contacts
+from taxel.gap.experiment_design.unrecorded_approaches import read_unrecorded
 from taxel.gap.fitting.state import State
 
 
@@ -29,7 +29,7 @@ def rank_contacts(
         list[Path] | None,
         typer.Option("--candidate", help="Simulated dataset of approaches that could be recorded; repeatable."),
     ] = None,
-    top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MOST_CONTACTS,
+    top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MAX_CONTACTS,
     as_json: AsJson = False,
 ) -> None:
     """Rank the contacts that would separate confounded effects or narrow the intervals of their parameters.
@@ -41,28 +41,29 @@ def rank_contacts(
             f"SIM.h5: expected the simulated dataset after {real}, found nothing; give both datasets or a report.json"
         )
     with stage_bars(hidden=as_json) as show, threadpool_limits(limits=1):
-        findings = findings_in(real, show) if sim is None else findings_of_pair(real, sim, show)
-        further, notes = _further_states(findings.judge.state, candidates or [], show)
+        findings = read_findings(real, show) if sim is None else diagnose_findings(real, sim, show)
+        further, notes = _further_states(findings.fit_data.state, candidates or [], show)
         show("ranking", 0, 1)
         ranking = rank_next_contacts(findings, further, top)
         show("ranking", 1, 1)
     if as_json:
-        print(json.dumps({"line": ranking.line, "next_presses": ranking.to_json(), "notes": notes}, allow_nan=False))
+        result = {"line": ranking.criterion, "next_presses": ranking.to_json(), "notes": notes}
+        print(json.dumps(result, allow_nan=False))
     else:
         _print_contacts(ranking, notes)
 
 
-def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[State], list[str]]:
+def _further_states(state: State, candidates: Sequence[Path], show: ProgressCallback) -> tuple[list[State], list[str]]:
     """Read simulated approaches that were not recorded; also return notes on datasets without such approaches.
 
     state: data of the diagnosed pair of datasets. candidates: further simulated datasets.
     """
-    paths = [Path(state.pair.paths[1])] if state.pair.unrecorded else []
+    paths = [Path(state.pair.paths[1])] if state.pair.unrecorded_conditions else []
     further: list[State] = []
     notes = []
     for path in [*paths, *candidates]:
         conditions = [condition for other in further for condition in other.pair.conditions]
-        new = unrecorded(state, path, conditions, lambda done, total: show("reading candidates", done, total))
+        new = read_unrecorded(state, path, conditions, lambda done, total: show("reading candidates", done, total))
         if new is None:
             notes.append(f"{path}: all approaches of this dataset are recorded already")
         else:
@@ -70,11 +71,11 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
     return further, notes
 
 
-def _print_contacts(ranking: NextContacts, notes: Sequence[str]) -> None:
+def _print_contacts(ranking: ContactRanking, notes: Sequence[str]) -> None:
     """Print the recommended contacts in order, each with its information gain in bits and the reason."""
-    print(ranking.line)
+    print(ranking.criterion)
     for rank, candidate in enumerate(ranking.contacts, 1):
-        print(f"{rank:3}. {candidate.contact.words}: {candidate.gain:.2f} bits")
-        print(f"     {candidate.why}")
+        print(f"{rank:3}. {candidate.contact.description}: {candidate.gain:.2f} bits")
+        print(f"     {candidate.reason}")
     for note in notes:
         print(f"note: {note}")

@@ -1,4 +1,4 @@
-"""The whole diagnosis of two datasets: read, measure, compare sets of effects, hold out, report."""
+"""Complete diagnosis of two datasets: reading, gap, comparison of sets of effects, held-out evaluation and report."""
 
 from __future__ import annotations
 
@@ -13,44 +13,53 @@ from threadpoolctl import threadpool_limits
 
 from taxel.gap.apply.resimulation import ResimulatedSet, Resimulator, resimulate_sets
 from taxel.gap.calibration.calibration import UNKNOWN
-from taxel.gap.comparison.compare import Comparison, Show, compare_sets, ignore_progress
+from taxel.gap.comparison.compare import Comparison, ProgressCallback, compare_sets, ignore_progress
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
-from taxel.gap.data.lacking import GEOMETRY, POSES
+from taxel.gap.data.missing_inputs import GEOMETRY, POSES
 from taxel.gap.data.pair import Pair, read_pair
-from taxel.gap.data.prepare import prepared
-from taxel.gap.effects.catalogue import DROPOUT, chosen
-from taxel.gap.features.cloud_gap import NO_CLOUDS, cloud_gap
-from taxel.gap.features.features import Layout, SessionMeans
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.effects.catalogue import DROPOUT, choose_effects
+from taxel.gap.features.cloud_gap import NO_CLOUD_GAP, compute_cloud_gap
+from taxel.gap.features.features import FeatureLayout, SessionMeans
 from taxel.gap.features.metric import Gap
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.fitting.priors import Priors
-from taxel.gap.identifiability.confounding import confounded_with
+from taxel.gap.identifiability.confounding import find_confounded_effects
 from taxel.gap.identifiability.identify import compute_similarities
-from taxel.gap.localisation.signature.bank import unexplained
+from taxel.gap.localisation.signature.bank import describe_unexplained
 from taxel.gap.report.assembly import ReportInputs, build_report
-from taxel.gap.report.thesis_terms import thesis_terms
-from taxel.gap.verdict.attribution import attribute
-from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
+from taxel.gap.report.thesis_terms import build_thesis_terms
+from taxel.gap.verdict.attribution import compute_attribution
+from taxel.gap.verdict.explanation import Explanation, fit_explanation, list_fits_alone
 from taxel.gap.verdict.headlines import REAL_AND_SIMULATED, TWO_REAL
 from taxel.gap.verdict.held_out import HeldOut, compute_held_out
-from taxel.gap.verdict.nested import choose_without_sessions
+from taxel.gap.verdict.nested import select_composites_without_session
 from taxel.gap.verdict.reasons import list_reasons
-from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import Verdict, derive_verdict, list_causes, list_leading_effects
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """All results of a diagnosis; `report` is the form for files."""
+    """All results of a diagnosis.
+
+    Attributes:
+        pair: the two datasets. layout: order and weights of the features. real: features of the real sessions.
+        fit_data: data and weights of the fits.
+        gap: gap, floor and excess. comparison: the comparison of the sets of effects.
+        explanation: the effects that the verdict names. held_out: their evaluation on sessions outside the fit.
+        verdict: status, named effects and reasons.
+        report: the report as a dictionary, as written to files.
+    """
 
     pair: Pair
-    layout: Layout
+    layout: FeatureLayout
     real: SessionMeans
-    judge: Judge
+    fit_data: FitData
     gap: Gap
     comparison: Comparison
     explanation: Explanation
-    held: HeldOut
+    held_out: HeldOut
     verdict: Verdict
     report: dict[str, Any]
 
@@ -60,27 +69,30 @@ def diagnose(
     sim_path: str | PathLike[str],
     without: Collection[str] = (),
     seed: int = 0,
-    show: Show = ignore_progress,
+    show: ProgressCallback = ignore_progress,
     priors: Priors = MappingProxyType({}),
     nested: bool = False,
     resimulator: Resimulator | None = None,
 ) -> Diagnosis:
-    """Say where the gap between two datasets lies, which effect causes it and how far it shrinks.
+    """Return the diagnosis of the gap between two datasets: its location, its causes and its shrink.
 
-    without: names of the catalogue that are not tried. seed: of the bootstrap and of the p-values. priors: of the
-    parameters of effects. nested: repeat the comparison without each session, and evaluate its choice there; this takes
-    as many times as long. resimulator: simulates the most probable sets of effects, whose measured gaps then decide.
-    Raises DatasetError and GapInputError with one line.
+    without: names of effects that are excluded from the catalogue. seed: of the bootstrap, of the p-values and of the
+    placebo in millimetres. show: called with the stage and the progress of the stage. priors: priors on parameters of
+    effects. nested: if True, the comparison is repeated without each session, and its result is evaluated on this
+    session; the run time grows with the number of sessions. resimulator: simulates the most probable sets of effects,
+    whose measured gaps then decide. Raises DatasetError and GapInputError with a message of one line.
     """
-    began = time.perf_counter()
-    forms = chosen(without, priors)
-    with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
+    start_s = time.perf_counter()
+    forms = choose_effects(without, priors)
+    with threadpool_limits(limits=1):  # threads are slower for small matrices, because they mostly wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
-        judge = prepared(pair)
-        in_sample: tuple[CompositeModel, ...] = ()
+        fit_data = prepare_pair(pair)
+        nested_composites: tuple[CompositeModel, ...] = ()
         if nested:
-            in_sample = choose_without_sessions(judge, forms, seed, lambda number, total: show("nested", number, total))
-        comparison = compare_sets(judge, forms, seed, DEFAULT_SETTINGS, show)
+            nested_composites = select_composites_without_session(
+                fit_data, forms, seed, lambda number, total: show("nested", number, total)
+            )
+        comparison = compare_sets(fit_data, forms, seed, DEFAULT_SETTINGS, show)
         resimulated: tuple[ResimulatedSet, ...] = ()
         if resimulator is not None:
             resimulation = resimulate_sets(comparison, resimulator, seed, show)
@@ -88,43 +100,43 @@ def diagnose(
         probabilities = comparison.compute_probabilities()
         causes = list_causes(probabilities)
         show("held-out evaluation", 0, 1)
-        state, real, layout, gap = judge.state, judge.sessions, judge.layout, comparison.gap
-        named = explain(comparison, [name for name in causes if name != UNKNOWN])
-        held = compute_held_out(judge, named.composite, in_sample=in_sample)
-        told = attribute(judge, named.names, held)
-        fitted = [link for link in named.composite.links if link.effect.name != DROPOUT]
-        likes = compute_similarities(judge, forms, fitted)
-        left = unexplained(pair, layout, real, named.features, judge.fold, seed)
-        rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
-        doubts = list_reasons(judge, named.composite, pair.faults)
+        state, real, layout, gap = fit_data.state, fit_data.sessions, fit_data.layout, comparison.gap
+        named = fit_explanation(comparison, [name for name in causes if name != UNKNOWN])
+        held_out = compute_held_out(fit_data, named.composite, composites_without_session=nested_composites)
+        attribution = compute_attribution(fit_data, named.names, held_out)
+        fitted = [one for one in named.composite.fitted_effects if one.effect.name != DROPOUT]
+        similarities = compute_similarities(fit_data, forms, fitted)
+        remainder = describe_unexplained(pair, layout, real, named.features, fit_data.condition_folds, seed)
+        rivals = {name: comparison.list_rivals(name) for name in list_leading_effects(probabilities)}
+        reasons = list_reasons(fit_data, named.composite, pair.faults)
         sides = TWO_REAL if pair.is_real_real else REAL_AND_SIMULATED
-        verdict = judge_verdict(gap, probabilities, held, rivals, doubts, sides)
-        alone = list_fits_alone(comparison, forms)
+        verdict = derive_verdict(gap, probabilities, held_out, rivals, reasons, sides)
+        single_fits = list_fits_alone(comparison, forms)
         report = build_report(
             ReportInputs(
                 comparison=comparison,
                 forms=forms,
                 named=named,
-                alone=alone,
-                held_out=held,
-                attribution=told,
+                alone=single_fits,
+                held_out=held_out,
+                attribution=attribution,
                 verdict=verdict,
-                unexplained=left,
-                similarities=likes,
-                confounded=confounded_with(named.names, verdict.rivals, likes),
+                unexplained=remainder,
+                similarities=similarities,
+                confounded=find_confounded_effects(named.names, verdict.rivals, similarities),
                 seed=seed,
             )
         )
         if resimulator is not None:
             report["resimulated"] = [one.to_json() for one in resimulated]
         if nested:
-            report["after"]["chosen_inside"] = [sorted(composite.names) for composite in in_sample]
-        has_clouds = not pair.lacking & {GEOMETRY, POSES}
-        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed) if has_clouds else dict(NO_CLOUDS)
-        report["thesis_terms"] = thesis_terms(judge, alone) if has_clouds else []
+            report["after"]["chosen_inside"] = [sorted(composite.names) for composite in nested_composites]
+        has_clouds = not pair.missing_inputs & {GEOMETRY, POSES}
+        report["gap"]["mm"] = compute_cloud_gap(pair, real, state.mean, seed) if has_clouds else dict(NO_CLOUD_GAP)
+        report["thesis_terms"] = build_thesis_terms(fit_data, single_fits) if has_clouds else []
         report["notes"] = [
             f"the frames of the hand are shifted by {1e3 * state.shift_s:.0f} ms against those of the simulator"
         ]
-        report["runtime_s"] = time.perf_counter() - began
+        report["runtime_s"] = time.perf_counter() - start_s
         show("held-out evaluation", 1, 1)
-    return Diagnosis(pair, layout, real, judge, gap, comparison, named, held, verdict, report)
+    return Diagnosis(pair, layout, real, fit_data, gap, comparison, named, held_out, verdict, report)

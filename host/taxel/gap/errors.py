@@ -1,12 +1,15 @@
-"""What can be wrong with two datasets that are to be compared."""
+"""Exception for datasets, reports and options that the diagnosis of the gap cannot use."""
 
 from taxel.errors import TaxelError, fit_line
 
 
 class GapInputError(TaxelError, ValueError):
-    """Two datasets, a report or an option that the diagnosis cannot use; one line: what, expected, found, remedy.
+    """A dataset, a report or an option that the diagnosis cannot use; the message is one line.
 
-    Attributes: where (file or option, and field), expected, found, remedy.
+    Attributes:
+        where: the file or option, and the field.
+        expected, found: the permitted content and the actual content.
+        remedy: the action of the user that corrects the error.
     """
 
     def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:

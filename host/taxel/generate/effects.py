@@ -8,8 +8,8 @@ import numpy as np
 
 from taxel.gap.effects.catalogue import DROPOUT, all_effects
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Parameter
-from taxel.gap.report.model import NOISE_PARTS
-from taxel.gap.report.reading import MOST_NOISE_COUNTS, ReportedEffect, ReportedGap
+from taxel.gap.report.model import NOISE_COMPONENTS
+from taxel.gap.report.reading import MAX_NOISE_COUNTS, ReportedEffect, ReportedGap
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range
 from taxel.hand import Hand
@@ -130,7 +130,7 @@ def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: 
     name, value: of the parameter. label: key of the interval. All kinds of noise that taxels share have a common
     interval; its relative width is used for each of them.
     """
-    if reported.name == "noise" and name != NOISE_PARTS[0]:
+    if reported.name == "noise" and name != NOISE_COMPONENTS[0]:
         # The report gives one interval for all noise that taxels share.
         bounds = reported.intervals.get(label.replace(name, COMMON))
         if bounds is None or sum(bounds) <= 0.0:
@@ -155,7 +155,7 @@ def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
 def list_sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
     """List the parameters of an effect that are sampled; for noise, its independent parts. own: all parameters."""
     if name == "noise":
-        return [Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS]
+        return [Parameter(part, "counts", 0.0, MAX_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_COMPONENTS]
     return own
 
 

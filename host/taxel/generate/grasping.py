@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from taxel.campaign.setup import WITHDRAW_M, WRIST_LINK, Setup
-from taxel.gap.apply.added import with_effects
-from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
+from taxel.gap.apply.grasp_effects import add_effects_to_grasp
+from taxel.gap.apply.random_samples import RandomStreams
 from taxel.generate.errors import SamplingError
 from taxel.generate.placement import shift_recorded_approach
 from taxel.generate.recipe import FIDELITIES, Recipe
@@ -182,6 +182,6 @@ class ShardGenerator:
             return record, values
         self.objects = {sample.kind.name: mesh}  # an effect on an object applies to all objects of its kind
         grasp = _NumberedGrasp(**{**vars(record), "object": sample.kind.name}, id=str(sample.number))
-        chance = Chance(self.recipe.seed, sample.number, 0, 1)
-        raw, valid = with_effects(self._states.of(grasp), grasp, effects, chance)
+        streams = RandomStreams(self.recipe.seed, sample.number, 0, 1)
+        raw, valid = add_effects_to_grasp(self._states.build_state(grasp), grasp, effects, streams)
         return replace(record, raw_counts=raw, valid=valid), values

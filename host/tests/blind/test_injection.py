@@ -79,11 +79,11 @@ def test_an_injected_cause_has_the_wanted_gap_and_a_base_is_made_once(tmp_path):
     (strength,) = inject_causes(real, sim, tmp_path / "real.h5", [form], [3.0], 1)
     assert strength > 0.0
     from taxel.gap.data.pair import read_pair
-    from taxel.gap.data.prepare import prepared
-    from taxel.gap.features.metric import measure
+    from taxel.gap.data.prepare import prepare_pair
+    from taxel.gap.features.metric import measure_gap
 
-    judge = prepared(read_pair(tmp_path / "real.h5", sim))
-    gap = measure(judge.sessions, judge.state.mean, judge.layout)
+    fit_data = prepare_pair(read_pair(tmp_path / "real.h5", sim))
+    gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
     assert gap.gap.value / gap.floor == pytest.approx(3.3, rel=0.3)
     shutil.copy(tmp_path / "real.h5", tmp_path / "again.h5")
     inject_causes(real, sim, tmp_path / "again.h5", [form], [3.0], 1)

@@ -1,4 +1,7 @@
-"""Pairs of datasets of two flat boards, made by the format page alone: what the simulator lacks is put in by hand."""
+"""Synthetic dataset pairs of two flat boards; the real dataset has given effects that the simulated one lacks.
+
+No code of the diagnosis computes the values of the datasets.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,8 @@ FACES = np.array([[0, 2, 4], [2, 6, 4], [1, 5, 3], [3, 5, 7], [0, 1, 2], [1, 3, 
 FACES = np.concatenate([FACES, [[4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]]).astype(np.int32)
 
 
-def taxels() -> TaxelTable:
+def make_taxel_table() -> TaxelTable:
+    """Return the taxels of both boards, N rows with a pitch of 5 mm."""
     number = np.arange(N) % (ROWS * COLUMNS)
     tx, rx = number // COLUMNS, number % COLUMNS
     place = np.column_stack([-0.005 * tx, -0.005 * rx, np.zeros(N)])
@@ -40,45 +44,54 @@ def taxels() -> TaxelTable:
 
 @dataclass
 class World:
-    """A hand and its simulator. Sizes are of what repeats and sessions scatter.
+    """Parameters of a hand with two boards and of its simulator.
 
-    most: newtons that no taxel exceeds. scales: every cell is pressed with its force times each of these; cells of the
-    second one follow those of the first. recorded: cells that the hand has pressed; None: all.
+    conditions: number of conditions at each force scale.
+    sessions, repeats: of the real dataset; the simulated dataset has 1 session with 2 repeats.
+    session_std: standard deviation between sessions of the logarithm of the force of each taxel.
+    repeat_std: standard deviation between repeats of the logarithm of the force of all taxels.
+    effect: function (force [T, n] in N, signal [T, n] in counts) -> signal [T, n] of the hand; None: no effect.
+    raw_effect: function (raw counts [T, n], valid [T, 2], rng) -> raw counts and valid of the hand; None: no effect.
+    largest_force_n: upper limit of the force of a taxel at a force scale of 1.
+    force_scales: factors of the force; the conditions of the second factor follow those of the first.
+    recorded_conditions: number of conditions that the real dataset contains; None: all.
+    is_absent: function (session, condition) -> whether the real dataset lacks the grasps; None: no grasp is absent.
+    noise_counts: standard deviation of the noise of the simulator; the noise of the hand is 4 counts.
     """
 
     seed: int = 1
     conditions: int = 6
     sessions: int = 5
     repeats: int = 2
-    session_scatter: float = 0.03
-    repeat_scatter: float = 0.03
-    effect: object = None  # (force [T, n], drop of force) -> drop [T, n]
-    after: object = None  # (raw [T, n], valid [T, s], rng) -> the same two
+    session_std: float = 0.03
+    repeat_std: float = 0.03
+    effect: object = None
+    raw_effect: object = None
     objects: tuple[str, ...] = ("cube", "block")
-    most: float = np.inf
-    scales: tuple[float, ...] = (1.0,)
-    recorded: int | None = None
-    absent: object = None  # (session, cell) -> whether the hand has left it out
-    noise: float = 4.0  # counts, of the simulator
+    largest_force_n: float = np.inf
+    force_scales: tuple[float, ...] = (1.0,)
+    recorded_conditions: int | None = None
+    is_absent: object = None
+    noise_counts: float = 4.0
     mesh: ObjectMesh = field(default_factory=lambda: ObjectMesh(CUBE, FACES))
 
-    def force(self, condition: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
-        """Newtons over time, f64[T, n]: a patch that differs from cell to cell, pressed and let go."""
-        condition, ladder = condition % self.conditions, self.scales[condition // self.conditions]
+    def compute_force(self, condition: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
+        """Return the force in N, f64[T, n]: each condition loads another patch of one board and releases it."""
+        condition, force_scale = condition % self.conditions, self.force_scales[condition // self.conditions]
         rng = np.random.default_rng([7, condition])
         board = condition % BOARDS
         centre = rng.uniform([0.0, 0.0], [ROWS - 1.0, COLUMNS - 1.0])
         number = np.arange(ROWS * COLUMNS)
-        apart = np.hypot(number // COLUMNS - centre[0], number % COLUMNS - centre[1])
+        distance = np.hypot(number // COLUMNS - centre[0], number % COLUMNS - centre[1])
         patch = np.zeros(N)
-        patch[board * ROWS * COLUMNS :][: ROWS * COLUMNS] = np.maximum(rng.uniform(1.2, 3.0) - apart, 0.0)
-        patch = np.minimum(patch, self.most) * ladder
+        patch[board * ROWS * COLUMNS :][: ROWS * COLUMNS] = np.maximum(rng.uniform(1.2, 3.0) - distance, 0.0)
+        patch = np.minimum(patch, self.largest_force_n) * force_scale
         closing = np.clip((TIME - 5.7) / 0.5, 0.0, 1.0)
         opening = np.clip((TIME - 7.7) / 0.4, 0.0, 1.0)
         return (closing - opening)[:, None] * patch * scale
 
     def write(self, folder) -> tuple[str, str]:
-        """Both files."""
+        """Write both datasets and return their paths, real and simulated."""
         real, sim = folder / "real.h5", folder / "sim.h5"
         self._write(real, "real")
         self._write(sim, "sim")
@@ -93,7 +106,7 @@ class World:
             DatasetHeader(
                 source=source,
                 hand="two boards",
-                taxels=taxels(),
+                taxels=make_taxel_table(),
                 sensors=sensors,
                 objects=meshes,
                 generator="a test",
@@ -106,28 +119,30 @@ class World:
     def _grasps(self, source: str):
         rng = np.random.default_rng([self.seed, source == "sim"])
         sessions, repeats = (self.sessions, self.repeats) if source == "real" else (1, 2)
-        conditions = self.conditions * len(self.scales)
-        if source == "real" and self.recorded is not None:
-            conditions = self.recorded
+        conditions = self.conditions * len(self.force_scales)
+        if source == "real" and self.recorded_conditions is not None:
+            conditions = self.recorded_conditions
         for session in range(sessions):
-            mounting = np.exp(rng.normal(0.0, self.session_scatter, N))
+            mounting = np.exp(rng.normal(0.0, self.session_std, N))
             for condition in range(conditions):
-                if source == "real" and self.absent is not None and self.absent(session, condition):
+                if source == "real" and self.is_absent is not None and self.is_absent(session, condition):
                     continue
                 for repeat in range(repeats):
                     scale = 1.0
                     if source == "real":
-                        scale = mounting * np.exp(rng.normal(0.0, self.repeat_scatter))
-                    yield self._grasp(source, condition, session, repeat, self.force(condition, scale), rng)
+                        scale = mounting * np.exp(rng.normal(0.0, self.repeat_std))
+                    yield self._grasp(source, condition, session, repeat, self.compute_force(condition, scale), rng)
 
     def _grasp(self, source, condition, session, repeat, force, rng) -> GraspRecord:
         signal_counts = MODEL.predict_signal(force)
         if source == "real" and self.effect is not None:
             signal_counts = self.effect(force, signal_counts)
-        raw = np.rint(30_000.0 - signal_counts + rng.normal(0.0, 4.0 if source == "real" else self.noise, force.shape))
+        raw = np.rint(
+            30_000.0 - signal_counts + rng.normal(0.0, 4.0 if source == "real" else self.noise_counts, force.shape)
+        )
         valid = np.ones((len(TIME), BOARDS), bool)
-        if source == "real" and self.after is not None:
-            raw, valid = self.after(raw, valid, rng)
+        if source == "real" and self.raw_effect is not None:
+            raw, valid = self.raw_effect(raw, valid, rng)
         record = GraspRecord(
             object=self.objects[condition % len(self.objects)],
             approach=f"press_{condition}",
@@ -147,38 +162,38 @@ class World:
 
 
 @pytest.fixture(scope="session")
-def world():
-    """Makes a world and writes it: `world(folder, **changes)` gives both paths."""
+def write_world():
+    """Function `write_world(folder, **changes)` that writes both datasets of a world and returns their paths."""
 
-    def make(folder, **changes) -> tuple[str, str]:
+    def write(folder, **changes) -> tuple[str, str]:
         return World(**changes).write(folder)
 
-    return make
+    return write
 
 
 @pytest.fixture(scope="session")
-def written(world, tmp_path_factory):
-    """The same without a folder, `written(**changes)`: each world is made once, and its files are not to be changed."""
-    known: dict[tuple, tuple[str, str]] = {}
+def get_world_paths(write_world, tmp_path_factory):
+    """Function `get_world_paths(**changes)` that writes each world once; a test must not change its files."""
+    paths_of_worlds: dict[tuple, tuple[str, str]] = {}
 
-    def once(**changes) -> tuple[str, str]:
+    def get_paths(**changes) -> tuple[str, str]:
         key = tuple(sorted(changes.items(), key=lambda item: item[0]))
-        if key not in known:
-            known[key] = world(tmp_path_factory.mktemp("world"), **changes)
-        return known[key]
+        if key not in paths_of_worlds:
+            paths_of_worlds[key] = write_world(tmp_path_factory.mktemp("world"), **changes)
+        return paths_of_worlds[key]
 
-    return once
+    return get_paths
 
 
 @pytest.fixture(scope="session")
-def reported(written):
-    """The report of a world's diagnosis, `reported(**changes)`: each is made once, and nobody changes it."""
-    known: dict[tuple[str, str], dict] = {}
+def get_report(get_world_paths):
+    """Function `get_report(**changes)` that diagnoses each world once; a test must not change its report."""
+    reports: dict[tuple[str, str], dict] = {}
 
-    def once(**changes) -> dict:
-        paths = written(**changes)
-        if paths not in known:
-            known[paths] = diagnose(*paths).report
-        return known[paths]
+    def get(**changes) -> dict:
+        paths = get_world_paths(**changes)
+        if paths not in reports:
+            reports[paths] = diagnose(*paths).report
+        return reports[paths]
 
-    return once
+    return get

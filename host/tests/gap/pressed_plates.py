@@ -1,8 +1,8 @@
-"""Flat plates that convex objects press, by a contact law of their own: what a layer that is softer, or a plate that is
-not where the model has it, does to forces, where nothing of the diagnosis has made them.
+"""Synthetic dataset pairs of flat plates in contact with convex objects, computed without code of the diagnosis.
 
-A taxel is 5 x 5 springs that bear in proportion to their depth; a plate moves along its normal until they bear the net
-force. Counts are those of the sensor model.
+The real layer has another stiffness than the simulated one, or the real plates have other poses. A taxel consists of
+5 x 5 springs with forces proportional to their depth; a plate moves along its normal until the sum of these forces
+equals the net force. The sensor model converts forces into counts.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ PHASE = np.repeat([0, 1, 2, 3, 4], [110, 14, 16, 12, 20]).astype(np.uint8)
 TIME = np.arange(len(PHASE)) / RATE
 STIFFNESS_N_PER_M = 1800.0
 MODEL = SensorModel(32_000.0, 2600.0, 1.4, 4.0, contact_stiffness_n_per_m=STIFFNESS_N_PER_M, layer="uncoupled")
-NEAR = 5
-"""Springs of a taxel, along each axis."""
+SPRINGS_PER_AXIS = 5
+"""Number of springs of a taxel along each axis."""
 
-LEVELS = np.linspace(0.0, 1.2, 9)
-"""Shares of a press at which its forces are worked out; between them they are linear."""
+FORCE_LEVELS = np.linspace(0.0, 1.2, 9)
+"""Net forces, relative to the net force of a contact, at which forces are solved; linear interpolation between them."""
 
 
-def solid(points: np.ndarray) -> ObjectMesh:
-    """The hull of points, its faces outwards."""
+def make_hull(points: np.ndarray) -> ObjectMesh:
+    """Return the convex hull of points f64[k, 3] in metres, with outward faces."""
     faces = ConvexHull(points).simplices.astype(np.int32)
     a, b, c = (points[faces[:, k]] for k in range(3))
     inwards = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - points.mean(axis=0)) < 0
@@ -47,38 +47,42 @@ def solid(points: np.ndarray) -> ObjectMesh:
     return ObjectMesh(points, faces)
 
 
-def ball(radius: float) -> ObjectMesh:
-    """Of some 160 corners."""
+def make_ball(radius: float) -> ObjectMesh:
+    """Return a ball with 160 vertices, radius in metres."""
     number = np.arange(160) + 0.5
     height, turn = 1.0 - number / 80.0, np.pi * (1.0 + 5.0**0.5) * number
     wide = np.sqrt(1.0 - height**2)
-    return solid(radius * np.column_stack([wide * np.cos(turn), wide * np.sin(turn), height]))
+    return make_hull(radius * np.column_stack([wide * np.cos(turn), wide * np.sin(turn), height]))
 
 
-def brick(*size: float) -> ObjectMesh:
-    """Edges in metres."""
+def make_brick(*size: float) -> ObjectMesh:
+    """Return a box with three edge lengths in metres."""
     corners = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), axis=-1).reshape(-1, 3)
-    return solid(corners * size)
+    return make_hull(corners * size)
 
 
-OBJECTS = {"ball": ball(0.018), "brick": brick(0.03, 0.022, 0.03)}
+OBJECTS = {"ball": make_ball(0.018), "brick": make_brick(0.03, 0.022, 0.03)}
 
 
 @dataclass(frozen=True)
 class Plates:
-    """scale: stiffness of the hand's layer over the model's. moved: of each plate of the hand, f64[3, 6], metres and
-    radians (rotation vector), in its own frame.
+    """Parameters of a hand with three plates and of its simulator.
+
+    stiffness_scale: stiffness of the real layer divided by the stiffness of the simulated layer.
+    displacements: displacement of each real plate in its own frame, f64[3, 6]: translation in metres and rotation
+        vector in radians.
+    approaches: number of approaches of each object.
     """
 
     seed: int
-    scale: float = 1.0
-    moved: tuple[tuple[float, ...], ...] = ((0.0,) * 6,) * BOARDS
-    ways: int = 4
+    stiffness_scale: float = 1.0
+    displacements: tuple[tuple[float, ...], ...] = ((0.0,) * 6,) * BOARDS
+    approaches: int = 4
     sessions: int = 4
     repeats: int = 2
 
     def write(self, folder: Path) -> tuple[str, str]:
-        """Both files."""
+        """Write both datasets and return their paths, real and simulated."""
         paths = tuple(str(folder / f"{source}.h5") for source in ("real", "sim"))
         for path, source in zip(paths, ("real", "sim"), strict=True):
             self._write(path, source)
@@ -90,7 +94,7 @@ class Plates:
             np.repeat(np.arange(0x20, 0x20 + BOARDS), CROSSINGS).astype(np.uint8),
             (crossing // COLUMNS).astype(np.uint8),
             (crossing % COLUMNS).astype(np.uint8),
-            np.tile(centres(), (BOARDS, 1)),
+            np.tile(list_centres(), (BOARDS, 1)),
             np.tile([0.0, 0.0, 1.0], (len(crossing), 1)),
             np.full(len(crossing), 0.003),
         )
@@ -116,22 +120,25 @@ class Plates:
         plan = np.random.default_rng(self.seed)
         conditions = []
         for name in OBJECTS:
-            for way in range(self.ways):
+            for way in range(self.approaches):
                 turn = Rotation.from_rotvec(plan.normal(0.0, [0.15, 0.15, 1.5], (BOARDS, 3))).as_matrix()
                 place = np.column_stack([plan.uniform(-0.008, 0.008, (BOARDS, 2)), np.full(BOARDS, 0.02)])
-                conditions.append((name, f"way_{way}", frames(turn, place), plan.uniform(3.0, 14.0, BOARDS)))
+                conditions.append((name, f"way_{way}", make_poses(turn, place), plan.uniform(3.0, 14.0, BOARDS)))
         rng = np.random.default_rng([self.seed, real])
-        fixed = np.array(self.moved) if real else np.zeros((BOARDS, 6))
+        fixed = np.array(self.displacements) if real else np.zeros((BOARDS, 6))
+        stiffness_scale = self.stiffness_scale if real else 1.0
         for session in range(self.sessions if real else 1):
             mounting = rng.normal(0.0, [2e-4, 2e-4, 0.0, 2e-3, 2e-3, 2e-3], (BOARDS, 6)) * real
-            for name, way, believed, net in conditions:
+            for name, way, nominal_pose, net in conditions:
                 for repeat in range(self.repeats):
                     slip = rng.normal(0.0, [1e-4, 1e-4, 0.0, 1e-3, 1e-3, 1e-3], (BOARDS, 6)) * real
-                    # A plate that moves sees the object move the other way.
-                    object_at = np.linalg.inv(motion(fixed)) @ motion(mounting + slip) @ believed
-                    hard = float(np.exp(rng.normal(0.0, 0.02 * real)))
-                    force, separation = self._pressed(name, object_at, net, self.scale if real else 1.0, hard)
-                    half = MODEL.half_force_n * (self.scale if real else 1.0)
+                    # In the frame of the plate, the object moves in the opposite direction.
+                    object_at = np.linalg.inv(make_motions(fixed)) @ make_motions(mounting + slip) @ nominal_pose
+                    force_scale = float(np.exp(rng.normal(0.0, 0.02 * real)))
+                    force, separation = self._compute_forces(
+                        name, object_at, net, self.stiffness_scale if real else 1.0, force_scale
+                    )
+                    half = MODEL.half_force_n * stiffness_scale
                     signal_counts = MODEL.full_scale_drop_counts * force / (force + half)
                     raw = 32_000.0 - signal_counts + rng.normal(0.0, 5.0, signal_counts.shape)
                     yield GraspRecord(
@@ -143,67 +150,72 @@ class Plates:
                         phase=PHASE,
                         raw_counts=np.clip(np.rint(raw), 0, 65_535).astype(np.uint16),
                         valid=np.ones((len(TIME), BOARDS), bool),
-                        sensor_pose=np.linalg.inv(believed),
+                        sensor_pose=np.linalg.inv(nominal_pose),
                         object_pose=np.eye(4),
                         contact_force=None if real else force,
                         separation=None if real else separation,
                     )
 
-    def _pressed(self, name: str, object_at: np.ndarray, net: np.ndarray, scale: float, hard: float):
-        """Newtons and metres over time, f64[T, n] each."""
+    def _compute_forces(self, name: str, object_at: np.ndarray, net: np.ndarray, scale: float, force_scale: float):
+        """Return the force in N and the separation in metres over time, f64[T, n] each."""
         closing = np.clip((TIME - 5.5) / 0.6, 0.0, 1.0) - np.clip((TIME - 7.0) / 0.5, 0.0, 1.0)
-        level = np.clip(hard * np.clip(closing, 0.0, 1.0), 0.0, LEVELS[-1])
+        level = np.clip(force_scale * np.clip(closing, 0.0, 1.0), 0.0, FORCE_LEVELS[-1])
         force, separation = [], []
         for board in range(BOARDS):
-            above = heights(OBJECTS[name], object_at[board])
-            rows = [pressed(above, share * net[board], scale * STIFFNESS_N_PER_M) for share in LEVELS]
+            above = compute_heights(OBJECTS[name], object_at[board])
+            rows = [solve_contact(above, share * net[board], scale * STIFFNESS_N_PER_M) for share in FORCE_LEVELS]
             own = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
-            for known, values in zip((force, separation), own, strict=True):
-                known.append(np.stack([np.interp(level, LEVELS, values[:, k]) for k in range(CROSSINGS)], axis=1))
+            for results, values in zip((force, separation), own, strict=True):
+                results.append(
+                    np.stack([np.interp(level, FORCE_LEVELS, values[:, k]) for k in range(CROSSINGS)], axis=1)
+                )
         return np.concatenate(force, axis=1), np.concatenate(separation, axis=1)
 
 
-def centres() -> np.ndarray:
-    """Of a plate's taxels, f64[42, 3]."""
+def list_centres() -> np.ndarray:
+    """Return the centres of the taxels of a plate in metres, f64[42, 3]."""
     number = np.arange(CROSSINGS)
     x, y = number // COLUMNS - (ROWS - 1) / 2, number % COLUMNS - (COLUMNS - 1) / 2
     return PITCH_M * np.column_stack([x, y, np.zeros(CROSSINGS)])
 
 
-def frames(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Poses f64[m, 4, 4]."""
+def make_poses(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return poses f64[m, 4, 4] from rotation matrices f64[m, 3, 3] and translations f64[m, 3]."""
     out = np.tile(np.eye(4), (len(turn), 1, 1))
     out[:, :3, :3], out[:, :3, 3] = turn, place
     return out
 
 
-def motion(step: np.ndarray) -> np.ndarray:
-    """Of steps f64[m, 6]: translation, rotation vector."""
-    return frames(Rotation.from_rotvec(step[:, 3:]).as_matrix(), step[:, :3])
+def make_motions(step: np.ndarray) -> np.ndarray:
+    """Return poses f64[m, 4, 4] from translations in metres and rotation vectors in radians, f64[m, 6]."""
+    return make_poses(Rotation.from_rotvec(step[:, 3:]).as_matrix(), step[:, :3])
 
 
-def heights(mesh: ObjectMesh, object_at: np.ndarray) -> np.ndarray:
-    """How far the object is above each spring, f64[42, 25], metres; 1 where it is not."""
-    within = PITCH_M * ((np.arange(NEAR) + 0.5) / NEAR - 0.5)
+def compute_heights(mesh: ObjectMesh, object_at: np.ndarray) -> np.ndarray:
+    """Return the height of the object above each spring in metres, f64[42, 25]; 1 where no object is above it."""
+    within = PITCH_M * ((np.arange(SPRINGS_PER_AXIS) + 0.5) / SPRINGS_PER_AXIS - 0.5)
     x, y = np.meshgrid(within, within)
-    springs = (centres()[:, None, :2] + np.stack([x.ravel(), y.ravel()], axis=1)).reshape(-1, 2)
+    springs = (list_centres()[:, None, :2] + np.stack([x.ravel(), y.ravel()], axis=1)).reshape(-1, 2)
     planes = ConvexHull(mesh.vertices @ object_at[:3, :3].T + object_at[:3, 3]).equations
     level, slope = springs @ planes[:, :2].T + planes[:, 3], planes[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        at = -level / slope
-    low = np.where(slope < 0, at, -np.inf).max(axis=1)
-    high = np.where(slope > 0, at, np.inf).min(axis=1)
+        crossing = -level / slope
+    low = np.where(slope < 0, crossing, -np.inf).max(axis=1)
+    high = np.where(slope > 0, crossing, np.inf).min(axis=1)
     return np.where(low < high, low, 1.0).reshape(CROSSINGS, -1)
 
 
-def pressed(above: np.ndarray, net: float, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Forces f64[42] at a net force, and how far each taxel's middle is from contact."""
+def solve_contact(above: np.ndarray, net: float, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the forces of the taxels in N and the mean separation of their springs in metres, f64[42] each.
+
+    above: heights of `compute_heights`, f64[42, 25] in metres. net: net force in N. stiffness: of a taxel, in N/m.
+    """
     lowest = float(above.min())
     low, high = lowest, lowest + 0.02
     if net <= 0.0:
         return np.zeros(CROSSINGS), np.minimum(above.mean(axis=1) - lowest + 0.003, 0.05)
     for _ in range(50):
         middle = 0.5 * (low + high)
-        bears = stiffness * np.maximum(middle - above, 0.0).mean(axis=1).sum()
-        low, high = (middle, high) if bears < net else (low, middle)
+        force = stiffness * np.maximum(middle - above, 0.0).mean(axis=1).sum()
+        low, high = (middle, high) if force < net else (low, middle)
     return stiffness * np.maximum(high - above, 0.0).mean(axis=1), np.minimum(above.mean(axis=1) - high, 0.05)

@@ -1,4 +1,4 @@
-"""`taxel gap apply`: what it refuses with one line, and the user's own simulator run once more."""
+"""`taxel gap apply`: output, refused inputs with one error line, and a simulator command of the user."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ print(found["effects"][0]["parameters"])
 
 
 @pytest.fixture(scope="module")
-def paths(world, tmp_path_factory):
-    """Of a hand's recording and of the simulation."""
-    return world(tmp_path_factory.mktemp("apply_command"), conditions=2, sessions=1, repeats=1)
+def paths(write_world, tmp_path_factory):
+    """Paths of a real and a simulated dataset."""
+    return write_world(tmp_path_factory.mktemp("apply_command"), conditions=2, sessions=1, repeats=1)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def digest(paths):
 
 @pytest.fixture
 def content(digest):
-    """A report that names a saturation and a gain of each taxel."""
+    """Content of a report that names a saturation and a gain of each taxel."""
     number = list(range(N // 2)) * 2
     shared = {"until_s": 3.5, "shift_s": 0.0}
     clip = {"form": "clip", "scope": "hand", "order": 60, "blocks": ["hand"]}
@@ -79,9 +79,9 @@ def report(content, tmp_path) -> Path:
 def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
     assert run_taxel("gap", "apply", report, paths[1], "--out", out) == 0
-    said = capsys.readouterr().out
-    assert "gain mismatch, saturation" in said
-    assert "unknown cause" in said
+    printed = capsys.readouterr().out
+    assert "gain mismatch, saturation" in printed
+    assert "unknown cause" in printed
     with GraspDataset(out) as data:
         signal_counts = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
     assert 400.0 <= signal_counts < 430.0
@@ -113,10 +113,10 @@ def test_a_dataset_of_another_hand_is_refused(capsys, report, paths, tmp_path):
     assert "sim.h5: /taxels/sensor[0]: expected 32 as in" in line
 
 
-def change(content, path, value):
-    *places, last = path
-    for place in places:
-        content = content[place]
+def set_value(content, path, value):
+    *outer_keys, last = path
+    for key in outer_keys:
+        content = content[key]
     content[last] = value
 
 
@@ -152,7 +152,7 @@ SATURATION = ("effects", 1, "model")
     ],
 )
 def test_a_malformed_report_gives_one_error_line(capsys, content, paths, tmp_path, path, value, words):
-    change(content, path, value)
+    set_value(content, path, value)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(content))
     line = run_refused_command(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5")
@@ -173,7 +173,7 @@ def test_a_file_that_is_not_a_report_gives_one_error_line(text, tmp_path):
         read_report(tmp_path / "none.json")
 
 
-def simulator(tmp_path, text=SIMULATOR) -> str:
+def write_simulator(tmp_path, text=SIMULATOR) -> str:
     script = tmp_path / "my simulator.py"
     script.write_text(text)
     return shlex.join([sys.executable, str(script)]) + " {effects} {sim} {out}"
@@ -183,7 +183,9 @@ def test_a_simulator_command_of_the_user_creates_the_dataset(capfd, content, rep
     content["verdict"]["effects"] = ["saturation"]
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
-    assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
+    assert (
+        run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", write_simulator(tmp_path), "--json") == 0
+    )
     printed = capfd.readouterr()
     assert json.loads(printed.out)["effects"] == ["saturation"]
     assert "400.0" in printed.err
@@ -209,7 +211,7 @@ def test_a_simulator_command_of_the_user_creates_the_dataset(capfd, content, rep
 def test_the_dataset_of_the_simulator_command_is_checked(capsys, report, paths, tmp_path, text, words):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
-    resim = simulator(tmp_path, text)
+    resim = write_simulator(tmp_path, text)
     assert words in run_refused_command(
         capsys, "gap", "apply", report, paths[1], "--out", out, "--overwrite", "--resim", resim
     )
@@ -235,7 +237,7 @@ def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, pat
     content["verdict"] = {"status": "no_gap", "effects": []}
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
-    resim = simulator(tmp_path, "raise SystemExit(3)")
+    resim = write_simulator(tmp_path, "raise SystemExit(3)")
     assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", resim) == 0
     assert "there is no gap" in capsys.readouterr().out
     assert out.read_bytes() == Path(paths[1]).read_bytes()

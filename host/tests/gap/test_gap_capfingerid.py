@@ -42,7 +42,7 @@ def repeats(tool, frames):
 
 
 def build_frames(tool, values) -> object:
-    """Frames of a recording with `values` [T, 405], one frame every 70 ms."""
+    """Return frames of a recording with `values` [T, 405], one frame every 70 ms."""
     count = len(values)
     grid = np.asarray(values, np.int16).reshape(count, 27, 15)
     return measured_touches.Frames.from_recording(

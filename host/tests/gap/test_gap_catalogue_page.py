@@ -1,4 +1,4 @@
-"""The page of the diagnosis lists what the catalogue holds."""
+"""The documentation page of the diagnosis lists all effects of the catalogue."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def test_the_catalogue_table_lists_every_variant_and_parameter(name):
     (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
     for form in OWN_EFFECTS[name]:
         assert not form.variant or f"`{form.variant}`" in row
-        told = {parameter.name for parameter in form.own_parameters() if form.name != "pose_error"}
-        assert all(f"`{one}`" in row for one in told)
+        names = {parameter.name for parameter in form.own_parameters() if form.name != "pose_error"}
+        assert all(f"`{one}`" in row for one in names)

@@ -1,4 +1,4 @@
-"""`taxel gap diagnose`: what it writes, and what it refuses with one line."""
+"""`taxel gap diagnose`: written files, printed verdict, and refused inputs with one error line."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from host.tests.command_line import run_taxel
 
 
 @pytest.fixture(scope="module")
-def paths(world, tmp_path_factory):
-    return world(tmp_path_factory.mktemp("pair"), conditions=4, sessions=3)
+def paths(write_world, tmp_path_factory):
+    return write_world(tmp_path_factory.mktemp("pair"), conditions=4, sessions=3)
 
 
 def test_the_diagnose_command_writes_report_and_page_and_prints_the_verdict(capsys, paths, tmp_path):
@@ -29,8 +29,8 @@ def test_the_diagnose_command_writes_report_and_page_and_prints_the_verdict(caps
     assert json.loads(capsys.readouterr().out)["verdict"] == report["verdict"]
 
 
-def broken(paths, tmp_path, change):
-    """The pair with a changed simulator."""
+def change_simulation(paths, tmp_path, change):
+    """Return the paths of the real dataset and of a changed copy of the simulated dataset."""
     copy = tmp_path / "sim.h5"
     copy.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(copy, "r+") as file:
@@ -44,7 +44,7 @@ def test_frames_of_the_simulator_that_violate_physics_are_reported(capsys, paths
         frame = int(np.flatnonzero(grasp["phase"][:] == 2)[-3])
         grasp["contact_force"][frame] = 30.0 * grasp["contact_force"][frame] + 5.0
 
-    real, sim = broken(paths, tmp_path, plant_spike)
+    real, sim = change_simulation(paths, tmp_path, plant_spike)
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "intact") == 0
     assert "faulty grasp" not in capsys.readouterr().out
     assert run_taxel("gap", "diagnose", real, sim, "--out", tmp_path / "spike") == 0
@@ -65,7 +65,7 @@ def swap_lines(file):
     file["taxels/rx"][0], file["taxels/rx"][1] = 1, 0
 
 
-def no_baseline(file):
+def remove_baseline(file):
     grasp = file["grasps/0000"]
     phase = grasp["phase"][:]
     phase[:105] = 1
@@ -78,11 +78,11 @@ def no_baseline(file):
         (rename_approaches, ("/grasps", "an (object, approach) of", "simulate the recorded grasps")),
         (move_a_taxel, ("/taxels/position[3]", "the same taxels in the same order")),
         (swap_lines, ("/taxels/rx[0]", "the same taxels in the same order")),
-        (no_baseline, ("/grasps/0000", "baseline")),
+        (remove_baseline, ("/grasps/0000", "baseline")),
     ],
 )
 def test_files_of_different_hands_or_objects_give_one_error_line(capsys, paths, tmp_path, change, words):
-    pair = broken(paths, tmp_path, change)
+    pair = change_simulation(paths, tmp_path, change)
     assert run_taxel("gap", "diagnose", *pair, "--out", tmp_path / "gap") == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(lines) == 1

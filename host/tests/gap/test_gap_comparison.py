@@ -1,4 +1,4 @@
-"""Comparison of sets of effects: densities, weights, calibration, and whole comparisons of constructed pairs."""
+"""Comparison of sets of effects: densities, weights, calibration, and complete comparisons of synthetic pairs."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.fit import fit, started
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit import fit, start_effect
+from taxel.gap.fitting.fit_data import FitData
 
 
 def stiffen(force, signal):
@@ -38,54 +38,56 @@ def delay_second_board(force, signal):
 
 
 @pytest.fixture(scope="module")
-def judge(written):
-    return prepared(read_pair(*written(effect=stiffen)))
+def fit_data(get_world_paths):
+    return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
 
 
 @pytest.fixture(scope="module")
-def fitted(judge):
-    return judge.in_sample(CompositeModel((started(judge.state, Stiffness(HAND)),)))
+def fitted(fit_data):
+    return fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, Stiffness(HAND)),)))
 
 
-def test_density_is_largest_for_the_correct_effect_in_every_condition(judge, fitted):
-    density = BlockDensity(judge, DEFAULT_SETTINGS)
-    without, with_effect = (density.compute_log_density(one)[..., 0] for one in (judge.state.mean, fitted.features))
+def test_density_is_largest_for_the_correct_effect_in_every_condition(fit_data, fitted):
+    density = BlockDensity(fit_data, DEFAULT_SETTINGS)
+    without, with_effect = (density.compute_log_density(one)[..., 0] for one in (fit_data.state.mean, fitted.features))
     assert (with_effect.sum(axis=1) > without.sum(axis=1)).all()
 
 
-def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(judge):
-    density = BlockDensity(judge, DEFAULT_SETTINGS)
-    spoilt, worse = judge.state.mean.copy(), judge.state.mean.copy()
-    spoilt[0, : judge.layout.bins] += 1000.0
-    worse[0, : judge.layout.bins] += 10_000.0
-    small, large = (density.compute_log_density(one) for one in (spoilt, worse))
+def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(fit_data):
+    density = BlockDensity(fit_data, DEFAULT_SETTINGS)
+    faulty, more_faulty = fit_data.state.mean.copy(), fit_data.state.mean.copy()
+    faulty[0, : fit_data.layout.bins] += 1000.0
+    more_faulty[0, : fit_data.layout.bins] += 10_000.0
+    small, large = (density.compute_log_density(one) for one in (faulty, more_faulty))
     assert np.array_equal(small[1:], large[1:])
     blocks, dimensions = 2, DEFAULT_SETTINGS.dimensions[0]
-    bound = 0.5 * blocks * (judge.sessions.value.shape[1] - 1 + dimensions) * np.log(100.0)
+    bound = 0.5 * blocks * (fit_data.sessions.value.shape[1] - 1 + dimensions) * np.log(100.0)
     assert 0.0 < (small - large)[0].sum() < 1.01 * bound
 
 
-def test_a_part_contains_half_of_the_taxels_of_a_condition_like_one_colour_of_a_chessboard(judge):
-    taxels = judge.state.pair.taxels
+def test_a_fold_contains_every_second_taxel_of_a_condition_as_on_a_chessboard(fit_data):
+    taxels = fit_data.state.pair.taxels
     is_dark = (taxels.tx.astype(int) + taxels.rx) % 2 == 1
-    for parts in judge.parts:
-        dark, light = set(parts[is_dark].tolist()), set(parts[~is_dark].tolist())
+    for folds in fit_data.taxel_folds:
+        dark, light = set(folds[is_dark].tolist()), set(folds[~is_dark].tolist())
         assert len(dark) == len(light) == 1
         assert dark != light
-    number, count = np.unique(judge.parts, return_counts=True)
-    assert len(number) == len(judge.parts)
+    number, count = np.unique(fit_data.taxel_folds, return_counts=True)
+    assert len(number) == len(fit_data.taxel_folds)
     assert set(count.tolist()) == {len(is_dark)}
 
 
-def test_linear_predictions_agree_with_fits_that_left_the_parts_out(judge, fitted):
-    prediction = predict_held_out(judge, fitted.composite, ())
+def test_linear_predictions_agree_with_refits_without_the_fold(fit_data, fitted):
+    prediction = predict_held_out(fit_data, fitted.composite, ())
     for number, composite in enumerate(prediction.composites):
-        held = judge.parts == number
-        refitted = fit(judge.problem(~held), fitted.composite)
-        linear = np.moveaxis(prediction.features - refitted.features, 1, 2)[held]
+        is_in_fold = fit_data.taxel_folds == number
+        refitted = fit(fit_data.build_problem(~is_in_fold), fitted.composite)
+        linear = np.moveaxis(prediction.features - refitted.features, 1, 2)[is_in_fold]
         change = np.abs(refitted.features - fitted.features).max()
         assert np.abs(linear).max() < 0.2 * change
-        assert composite.links[0].values == pytest.approx(refitted.composite.links[0].values, rel=0.01)
+        assert composite.fitted_effects[0].values == pytest.approx(
+            refitted.composite.fitted_effects[0].values, rel=0.01
+        )
 
 
 def test_weights_sum_to_1_and_prefer_the_better_and_the_smaller_set():
@@ -108,8 +110,8 @@ def test_logistic_model_recovers_frequencies_and_survives_json():
     labels = rng.random(2000) < 1.0 / (1.0 + np.exp(-(inputs[:, 0] - 1.0)))
     model = Logistic.fit(inputs, labels.tolist())
     assert model.predict(np.array([1.0, 0.0])) == pytest.approx(0.5, abs=0.05)
-    stored = Logistic.from_json(json.loads(json.dumps(model.to_json())))
-    assert stored.predict(inputs[0]) == pytest.approx(model.predict(inputs[0]), abs=1e-4)
+    restored = Logistic.from_json(json.loads(json.dumps(model.to_json())))
+    assert restored.predict(inputs[0]) == pytest.approx(model.predict(inputs[0]), abs=1e-4)
 
 
 def test_packaged_calibration_increases_with_the_evidence():
@@ -124,20 +126,20 @@ def test_packaged_calibration_increases_with_the_evidence():
 
 
 @pytest.mark.parametrize(("effect", "name"), [(stiffen, "stiffness"), (delay_second_board, "latency")])
-def test_a_single_cause_is_the_most_probable(world, tmp_path, effect, name):
-    probabilities = compare(*world(tmp_path, effect=effect)).compute_probabilities()
+def test_a_single_cause_is_the_most_probable(write_world, tmp_path, effect, name):
+    probabilities = compare(*write_world(tmp_path, effect=effect)).compute_probabilities()
     assert max(probabilities, key=lambda key: probabilities[key]) == name
     assert all(0.0 <= value <= 1.0 for value in probabilities.values())
 
 
-def test_equal_files_have_no_probable_cause(world, tmp_path):
-    comparison = compare(*world(tmp_path))
+def test_equal_files_have_no_probable_cause(write_world, tmp_path):
+    comparison = compare(*write_world(tmp_path))
     probabilities = comparison.compute_probabilities()
     assert max(value for name, value in probabilities.items() if name != NO_GAP) < 0.5
 
 
 def make_constant(probability: float, inputs: int) -> Logistic:
-    """A model that predicts one probability for all inputs."""
+    """Return a model that predicts one probability for all inputs."""
     return Logistic(float(np.log(probability / (1 - probability))), np.zeros(inputs), np.zeros(inputs), np.ones(inputs))
 
 
@@ -152,82 +154,82 @@ def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cau
     assert causes[0] > causes[2] > causes[1]
 
 
-def test_an_excluded_effect_has_no_probability(world, tmp_path):
-    assert "noise" not in compare(*world(tmp_path, effect=stiffen), without=["noise"]).compute_probabilities()
+def test_an_excluded_effect_has_no_probability(write_world, tmp_path):
+    assert "noise" not in compare(*write_world(tmp_path, effect=stiffen), without=["noise"]).compute_probabilities()
 
 
-def test_the_model_error_is_estimated_and_limits_the_evidence(judge, fitted):
-    density = BlockDensity(judge, DEFAULT_SETTINGS)
-    exact = density.estimate_model_error(judge.target)
+def test_the_model_error_is_estimated_and_limits_the_evidence(fit_data, fitted):
+    density = BlockDensity(fit_data, DEFAULT_SETTINGS)
+    exact = density.estimate_model_error(fit_data.target)
     assert exact == DEFAULT_SETTINGS.smallest_model_error
-    bins = slice(0, judge.layout.bins)
-    wrong = judge.target.copy()
+    bins = slice(0, fit_data.layout.bins)
+    wrong = fit_data.target.copy()
     wrong[:, bins] *= 1.2
     error = density.estimate_model_error(wrong)
     assert 0.1 < error < 0.25  # relative to the larger of both signals
-    tolerant = BlockDensity(judge, DEFAULT_SETTINGS, error)
+    tolerant = BlockDensity(fit_data, DEFAULT_SETTINGS, error)
     gains = [
         (one.compute_log_density(fitted.features) - one.compute_log_density(wrong)).sum() for one in (density, tolerant)
     ]
     assert gains[1] < 0.5 * gains[0]
 
 
-def with_repeats(judge: Judge, counts: float) -> Judge:
-    """The same pair with a simulated mean whose signal varies by some counts, by the differences of its repeats."""
-    variance = np.zeros_like(judge.state.mean)
-    variance[:, : judge.layout.bins] = counts**2
-    return Judge(replace(judge.state, mean_variance=variance), judge.sessions, judge.layout)
+def add_repeat_variance(fit_data: FitData, counts: float) -> FitData:
+    """Return the pair with a standard error of the simulated mean signal of `counts`, estimated from its repeats."""
+    variance = np.zeros_like(fit_data.state.mean)
+    variance[:, : fit_data.layout.bins] = counts**2
+    return FitData(replace(fit_data.state, mean_variance=variance), fit_data.sessions, fit_data.layout)
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("share", [0.0, 1.0])
-def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(judge, share, seed):
-    rng, bins, counts = np.random.default_rng(seed), slice(0, judge.layout.bins), 40.0
-    varied = with_repeats(judge, counts)
-    own_error = np.sqrt(judge.sessions.mean_variance[:, bins] + share * counts**2)
-    predicted = judge.target.copy()
+def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(fit_data, share, seed):
+    rng, bins, counts = np.random.default_rng(seed), slice(0, fit_data.layout.bins), 40.0
+    varied = add_repeat_variance(fit_data, counts)
+    own_error = np.sqrt(fit_data.sessions.mean_variance[:, bins] + share * counts**2)
+    predicted = fit_data.target.copy()
     predicted[:, bins] += own_error * rng.normal(size=own_error.shape)
     density = fit_density(varied, DEFAULT_SETTINGS, predicted)
     assert abs(density.repeat_share - share) <= 0.25
     assert density.compute_simulated_floor2() == pytest.approx(
-        density.repeat_share * counts**2 * judge.layout.weight[bins].sum(), rel=0.2
+        density.repeat_share * counts**2 * fit_data.layout.weight[bins].sum(), rel=0.2
     )
 
 
-def test_variation_of_simulated_repeats_is_no_gap(judge):
-    exact, varied = (BlockDensity(one, DEFAULT_SETTINGS) for one in (judge, with_repeats(judge, 200.0)))
-    deviations = [one.compute_deviations(judge.state.mean)[..., 0].mean() for one in (exact, varied)]
+def test_variation_of_simulated_repeats_is_no_gap(fit_data):
+    exact, varied = (BlockDensity(one, DEFAULT_SETTINGS) for one in (fit_data, add_repeat_variance(fit_data, 200.0)))
+    deviations = [one.compute_deviations(fit_data.state.mean)[..., 0].mean() for one in (exact, varied)]
     assert deviations[1] < 0.1 * deviations[0]
-    bins = slice(0, judge.layout.bins)
-    assert with_repeats(judge, 200.0).weight[:, bins].max() < judge.weight[:, bins].max()
+    bins = slice(0, fit_data.layout.bins)
+    assert add_repeat_variance(fit_data, 200.0).weight[:, bins].max() < fit_data.weight[:, bins].max()
 
 
-def test_variation_of_a_real_reference_is_not_counted_twice(judge):
-    pair = judge.state.pair
-    assert prepared(pair).state.mean_variance is not None
-    assert prepared(replace(pair, is_real_real=True)).state.mean_variance is None
+def test_variation_of_a_real_reference_is_not_counted_twice(fit_data):
+    pair = fit_data.state.pair
+    assert prepare_pair(pair).state.mean_variance is not None
+    assert prepare_pair(replace(pair, is_real_real=True)).state.mean_variance is None
 
 
-def imitate(judge: Judge, slope: float, seed: int) -> FittedEffect:
-    """Gains of all taxels that vary at random, and with the load."""
+def make_random_gains(fit_data: FitData, slope: float, seed: int) -> FittedEffect:
+    """Return random gains of all taxels that change with the logarithm of the load by this slope."""
     rng = np.random.default_rng(seed)
-    load = np.abs(judge.state.mean[:, : judge.layout.bins]).max(axis=(0, 1))
+    load = np.abs(fit_data.state.mean[:, : fit_data.layout.bins]).max(axis=(0, 1))
     gains = rng.normal(0.0, 0.05, len(load)) + slope * np.log(np.maximum(load, 1.0) / 1000.0)
     # Within two prior standard deviations, beyond which each gain alone is less probable.
     return FittedEffect(GainMismatch(TAXEL), np.clip(gains, -0.6, 0.6)[None])
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_gains_that_depend_on_the_load_are_less_probable(judge, seed):
-    search = CandidateSearch(judge, {}, BlockDensity(judge, DEFAULT_SETTINGS), DEFAULT_SETTINGS)
-    independent, dependent = imitate(judge, 0.0, seed), imitate(judge, -0.2, seed)
-    assert compute_load_trend(judge.state, independent) < 3.5
-    assert compute_load_trend(judge.state, dependent) > 5.0
+def test_gains_that_depend_on_the_load_are_less_probable(fit_data, seed):
+    search = CandidateSearch(fit_data, {}, BlockDensity(fit_data, DEFAULT_SETTINGS), DEFAULT_SETTINGS)
+    independent, dependent = make_random_gains(fit_data, 0.0, seed), make_random_gains(fit_data, -0.2, seed)
+    assert compute_load_trend(fit_data.state, independent) < 3.5
+    assert compute_load_trend(fit_data.state, dependent) > 5.0
     priors = [search.compute_log_prior(CompositeModel((one,))) for one in (independent, dependent)]
     assert priors[1] < priors[0] - 10.0
 
 
-def test_only_properties_of_boards_and_taxels_have_a_load_trend(judge, fitted):
-    assert compute_load_trend(judge.state, fitted.composite.links[0]) == 0.0
+def test_only_properties_of_boards_and_taxels_have_a_load_trend(fit_data, fitted):
+    assert compute_load_trend(fit_data.state, fitted.composite.fitted_effects[0]) == 0.0
     delays = np.linspace(0.0, 0.1, 2)[None]
-    assert compute_load_trend(judge.state, FittedEffect(Latency(BOARD), delays)) == 0.0
+    assert compute_load_trend(fit_data.state, FittedEffect(Latency(BOARD), delays)) == 0.0

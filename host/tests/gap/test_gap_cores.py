@@ -1,4 +1,4 @@
-"""Work that is shared with a copy of this process: the same results, in order, whatever happens to the copy."""
+"""Work shared with a forked worker process: equal, ordered results, also if the worker process fails."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ import pytest
 
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.effect import Prior
-from taxel.gap.fitting import cores
-from taxel.gap.fitting.cores import WORTH, in_copies, in_threads
+from taxel.gap.fitting import parallel
+from taxel.gap.fitting.parallel import MIN_PARALLEL_VALUES, map_in_processes, map_in_threads
 
 ITEMS = list(range(23))
 
 
 @pytest.fixture
 def state():
-    return SimpleNamespace(signal_counts=np.zeros(WORTH), coarse=SimpleNamespace(signal_counts=np.zeros(3)))
+    return SimpleNamespace(
+        signal_counts=np.zeros(MIN_PARALLEL_VALUES), coarse=SimpleNamespace(signal_counts=np.zeros(3))
+    )
 
 
 def square(item):
@@ -32,66 +34,66 @@ def square(item):
     return item, np.full(item, float(item)) ** 2
 
 
-def same(found):
+def are_results_expected(found):
     return [number for number, _ in found] == ITEMS and all((own == square(n)[1]).all() for n, own in found)
 
 
-@pytest.mark.parametrize("share", [in_copies, in_threads])
+@pytest.mark.parametrize("share", [map_in_processes, map_in_threads])
 def test_results_of_shared_work_are_in_order(state, share):
-    assert same(share(state, square, ITEMS))
+    assert are_results_expected(share(state, square, ITEMS))
 
 
 def test_both_processes_take_part(state):
-    assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
+    assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
 def test_nested_work_runs_in_the_calling_process(state):
-    """Both cores are busy then; afterwards the next one is shared again."""
-    inner = in_copies(state, lambda item: len(set(in_copies(state, lambda _: os.getpid(), ITEMS))), ITEMS)
+    """Both cores are in use by the outer work; work after it is shared again."""
+    inner = map_in_processes(state, lambda item: len(set(map_in_processes(state, lambda _: os.getpid(), ITEMS))), ITEMS)
     assert set(inner) == {1}
-    assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
+    assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
 def test_small_work_runs_in_the_calling_process(state):
     state.signal_counts = np.zeros(10)
-    assert set(in_copies(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}
+    assert set(map_in_processes(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}
 
 
 def test_results_that_cannot_be_pickled_are_computed_in_the_calling_process(state):
-    def local(item):
+    def return_function(item):
         time.sleep(0.005)
-        return lambda: item  # nothing that could be sent
+        return lambda: item  # a local function cannot be pickled
 
-    assert [one() for one in in_copies(state, local, ITEMS)] == ITEMS
+    assert [one() for one in map_in_processes(state, return_function, ITEMS)] == ITEMS
 
 
 def test_an_error_in_either_process_is_raised_in_the_calling_process(state):
-    def fails_late(item):
+    def fail_at_seven(item):
         time.sleep(0.005)
         if item == 7:
             raise ValueError("seven")
         return item
 
     with pytest.raises(ValueError, match="seven"):
-        in_copies(state, fails_late, ITEMS)
+        map_in_processes(state, fail_at_seven, ITEMS)
 
 
 def test_work_of_a_killed_process_is_repeated(state):
     here = os.getpid()
 
-    def kills(item):
+    def exit_in_worker(item):
         time.sleep(0.005)
         if os.getpid() != here and item > 4:
             os._exit(1)
         return item, np.full(item, float(item)) ** 2
 
-    assert same(in_copies(state, kills, ITEMS))
+    assert are_results_expected(map_in_processes(state, exit_in_worker, ITEMS))
 
 
 def test_partially_received_results_of_a_killed_process_are_recomputed(state, monkeypatch):
-    here, real = os.getpid(), cores._HEAD
+    here, real = os.getpid(), parallel._HEADER
 
-    class Cut:
+    class FailingHeader:
         size = real.size
         unpack = staticmethod(real.unpack)
 
@@ -100,12 +102,13 @@ def test_partially_received_results_of_a_killed_process_are_recomputed(state, mo
                 os._exit(1)
             return real.pack(number, size)
 
-    monkeypatch.setattr(cores, "_HEAD", Cut())
-    big = in_copies(state, lambda item: (time.sleep(0.005), np.full(50_000, item))[1], ITEMS)
+    monkeypatch.setattr(parallel, "_HEADER", FailingHeader())
+    big = map_in_processes(state, lambda item: (time.sleep(0.005), np.full(50_000, item))[1], ITEMS)
     assert [int(one[0]) for one in big] == ITEMS
 
 
-def gone(pid):
+def is_ended(pid):
+    """True if a process has ended or is a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
     except OSError:
@@ -117,24 +120,24 @@ def test_a_worker_process_ends_with_its_parent(tmp_path):
 import os, time
 from types import SimpleNamespace
 import numpy as np
-from taxel.gap.fitting.cores import WORTH, in_copies
+from taxel.gap.fitting.parallel import MIN_PARALLEL_VALUES, map_in_processes
 here = os.getpid()
 def work(item):
     if os.getpid() != here:
         open({str(tmp_path / "copy")!r}, "w").write(str(os.getpid()) + "\\n")
     time.sleep(0.05)
     return bytes(1_000_000)
-in_copies(SimpleNamespace(drop=np.zeros(WORTH), coarse=SimpleNamespace(drop=0)), work, range(200))
+map_in_processes(SimpleNamespace(signal_counts=np.zeros(MIN_PARALLEL_VALUES)), work, range(200))
 """
-    maker = subprocess.Popen([sys.executable, "-c", program])
+    parent = subprocess.Popen([sys.executable, "-c", program])
     deadline = time.monotonic() + 60
     while not ((tmp_path / "copy").exists() and (tmp_path / "copy").read_text().endswith("\n")):
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    maker.kill()
-    maker.wait()
-    copy = int((tmp_path / "copy").read_text())
-    while not gone(copy):
+    parent.kill()
+    parent.wait()
+    worker = int((tmp_path / "copy").read_text())
+    while not is_ended(worker):
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -150,26 +153,26 @@ def test_an_effect_with_a_prior_can_be_pickled(form):
 
 
 def test_threads_are_used_if_no_process_can_be_forked(state, monkeypatch):
-    def refused():
+    def refuse_fork():
         raise PermissionError("no process")
 
-    monkeypatch.setattr(os, "fork", refused)
-    assert same(in_copies(state, square, ITEMS))
+    monkeypatch.setattr(os, "fork", refuse_fork)
+    assert are_results_expected(map_in_processes(state, square, ITEMS))
 
 
 def test_shared_work_leaves_no_open_files_and_no_processes(state):
-    def open_files():
+    def count_open_files():
         return len(os.listdir("/proc/self/fd"))
 
-    def children():
+    def list_children():
         found = []
         for path in Path("/proc").glob("[0-9]*/stat"):
-            with suppress(OSError):  # somebody else's has ended meanwhile
+            with suppress(OSError):  # a process of another program has ended
                 line = path.read_text()
                 found += [line.split()[0]] if line.rsplit(")", 1)[1].split()[1] == str(os.getpid()) else []
         return sorted(found)
 
-    before = open_files(), children()
+    before = count_open_files(), list_children()
     for _ in range(5):
-        in_copies(state, square, ITEMS)
-    assert (open_files(), children()) == before
+        map_in_processes(state, square, ITEMS)
+    assert (count_open_files(), list_children()) == before

@@ -1,4 +1,4 @@
-"""Effects of a user's Python file."""
+"""Effects that a Python file of the user defines."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Bend(Effect):
         if not values.any():
             return signal
         (bend,) = self.spread_out(state, values)
-        counts = state.to_drop(signal)
-        return signal.with_drop(counts * (1.0 + bend * counts / 1000.0))
+        counts = state.to_signal_counts(signal)
+        return signal.with_signal_counts(counts * (1.0 + bend * counts / 1000.0))
 
 
 VARIANTS = (Bend(),)
@@ -34,16 +34,16 @@ VARIANTS = (Bend(),)
 
 @pytest.fixture(autouse=True)
 def own_catalogue(monkeypatch):
-    """The effects that a test adds do not remain."""
+    """Remove the effects that a test adds to the catalogue."""
     monkeypatch.setattr(catalogue, "_ADDED", {})
 
 
-def bent(force, signal):
+def bend_signal(force, signal):
     return signal * (1.0 - 0.3 * signal / 1000.0)
 
 
-def test_an_effect_of_a_file_is_the_most_probable_cause_and_can_be_applied(world, tmp_path):
-    paths = world(tmp_path, effect=bent)
+def test_an_effect_of_a_file_is_the_most_probable_cause_and_can_be_applied(write_world, tmp_path):
+    paths = write_world(tmp_path, effect=bend_signal)
     effects = tmp_path / "my.py"
     effects.write_text(FILE)
     others = [word for name in ("stiffness", "saturation", "gain_mismatch") for word in ("--without", name)]

@@ -16,26 +16,26 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
-from taxel.gap.apply.added import with_effects
-from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
-from taxel.gap.apply.rewriting import Rewriting, copied
+from taxel.gap.apply.grasp_effects import add_effects_to_grasp
+from taxel.gap.apply.random_samples import RandomStreams
+from taxel.gap.apply.rewriting import DatasetEditor, copy_file
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.data.pair import read_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
-from taxel.gap.effects.dropout import Dropout, Dropped, Short
-from taxel.gap.effects.geometry import Geometry
+from taxel.gap.effects.dropout import Defects, Dropout, Short
+from taxel.gap.effects.geometry import ContactGeometry
 from taxel.gap.errors import GapInputError
 from taxel.gap.export.export import FORMATS, export_report
 from taxel.gap.export.genesis_options import OPTIONS
-from taxel.gap.features.features import Layout
+from taxel.gap.features.features import FeatureLayout
 from taxel.gap.fitting.composite import FittedEffect
-from taxel.gap.fitting.state import state_of
+from taxel.gap.fitting.state import build_state
 from taxel.gap.page.action import recommend_action
 from taxel.gap.report.checked_report import CheckedReport
-from taxel.gap.report.model import NOISE_PARTS, model_of
+from taxel.gap.report.model import NOISE_COMPONENTS, describe_model
 from taxel.gap.report.reading import read_report
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
@@ -47,22 +47,22 @@ MODEL = {"full": 2000.0, "half": 1.5}
 """Counts and newtons of the sensor model of the worlds in conftest.py."""
 
 
-def gain(force, signal):
+def scale_boards(force, signal):
     return signal * np.where(np.arange(N) < N // 2, 1.4, 0.8)
 
 
-def crosstalk(force, signal):
+def add_crosstalk(force, signal):
     grid = signal.reshape(-1, 2, ROWS, COLUMNS)
     others = (grid.sum(axis=2, keepdims=True) - grid) / (ROWS - 1)
     return signal + 0.4 * others.reshape(signal.shape)
 
 
-def saturation(force, signal):
+def clip_signal(force, signal):
     return np.minimum(signal, 700.0)
 
 
-def hysteresis(force, signal):
-    """30 % of the closed gap of a plate capacitor arrives with a time constant of 1.2 s."""
+def add_hysteresis(force, signal):
+    """Delay 30 % of the closed gap of a plate capacitor with a time constant of 1.2 s."""
     x, half_counts = FRAME_S / 1.2, 0.25 * MODEL["full"]
     closed = signal / (half_counts + signal)
     late, before, result = np.zeros(N), np.zeros(N), closed.copy()
@@ -72,37 +72,37 @@ def hysteresis(force, signal):
     return half_counts * result / (1.0 - result)
 
 
-def latency(force, signal):
+def delay_first_board(force, signal):
     late = signal.copy()
     late[4:, BOARD] = signal[:-4, BOARD]
     return late
 
 
-def drift(force, signal):
-    """The signal of all taxels grows by 12 counts per second from the first frame on."""
+def add_drift(force, signal):
+    """Increase the signal of all taxels by 12 counts per second from the first frame on."""
     return signal + 12.0 * FRAME_S * np.arange(len(signal))[:, None]
 
 
-def dead_line(raw, valid, rng):
-    """TX line 2 of the first board has a constant mean."""
+def kill_line(raw, valid, rng):
+    """Give TX line 2 of the first board a constant mean."""
     raw = raw.copy()
     raw[:, 10:15] = 30_000.0 + rng.normal(0.0, 4.0, (len(raw), 5))
     return raw, valid
 
 
-def noise(raw, valid, rng):
+def add_noise(raw, valid, rng):
     return raw + rng.normal(0.0, 30.0, raw.shape), valid
 
 
 WORLDS = {
-    "gain_mismatch": {"effect": gain},
-    "electrode_crosstalk": {"effect": crosstalk},
-    "saturation": {"effect": saturation},
-    "hysteresis": {"effect": hysteresis},
-    "latency": {"effect": latency},
-    "baseline_drift": {"effect": drift},
-    "dropout": {"after": dead_line},
-    "noise": {"after": noise},
+    "gain_mismatch": {"effect": scale_boards},
+    "electrode_crosstalk": {"effect": add_crosstalk},
+    "saturation": {"effect": clip_signal},
+    "hysteresis": {"effect": add_hysteresis},
+    "latency": {"effect": delay_first_board},
+    "baseline_drift": {"effect": add_drift},
+    "dropout": {"raw_effect": kill_line},
+    "noise": {"raw_effect": add_noise},
 }
 PARTLY = ("hysteresis",)
 """Worlds with a remaining gap of unknown cause, because the alignment in time absorbs a part of the hysteresis."""
@@ -118,27 +118,27 @@ class Case:
     report: dict
 
 
-def others(name: str) -> set[str]:
-    """Effects that the diagnosis of a world excludes, which makes it faster."""
+def list_other_effects(name: str) -> set[str]:
+    """Return the effects that the diagnosis of a world excludes, which makes the diagnosis faster."""
     return set(OWN_EFFECTS) - {name}
 
 
 @pytest.fixture(scope="module")
-def case(world, tmp_path_factory):
-    """The diagnosed world of an effect, `case(name)`; only this effect is in the catalogue of the diagnosis."""
-    known: dict[str, Case] = {}
+def get_case(write_world, tmp_path_factory):
+    """Function `get_case(name)` that diagnoses the world of an effect once, without all other effects."""
+    cases: dict[str, Case] = {}
 
-    def once(name: str) -> Case:
-        if name not in known:
+    def get(name: str) -> Case:
+        if name not in cases:
             folder = tmp_path_factory.mktemp(name)
-            real, sim = world(folder, conditions=5, sessions=4, **WORLDS[name])
-            report = diagnose(real, sim, without=others(name)).report
+            real, sim = write_world(folder, conditions=5, sessions=4, **WORLDS[name])
+            report = diagnose(real, sim, without=list_other_effects(name)).report
             path = folder / "report.json"
             path.write_text(json.dumps(report, allow_nan=False))
-            known[name] = Case(real, sim, path, report)
-        return known[name]
+            cases[name] = Case(real, sim, path, report)
+        return cases[name]
 
-    return once
+    return get
 
 
 def load_module(path: Path) -> ModuleType:
@@ -150,25 +150,25 @@ def load_module(path: Path) -> ModuleType:
     return module
 
 
-def with_module(effects, grasp, seed: int, force: bool = True) -> np.ndarray:
-    """Counts of a grasp after the exported module."""
+def apply_module(effects, grasp, seed: int, force: bool = True) -> np.ndarray:
+    """Return the counts of a grasp after the exported module."""
     start_s = float(grasp.timestamp[grasp.phase != Phase.BASELINE][0])
     newtons = grasp.contact_force if force else None
     return effects.apply_recording(grasp.timestamp, grasp.raw_counts, newtons, grasp.separation, seed, start_s)
 
 
-def rewrite(module: ModuleType, sim: str, out: Path) -> None:
+def rewrite_dataset(module: ModuleType, sim: str, out: Path) -> None:
     """Write the simulated dataset with the counts of the exported module."""
-    copied(sim, out)
+    copy_file(sim, out)
     effects = module.SkinEffects()
-    with GraspDataset(sim) as data, Rewriting(out) as copy:
+    with GraspDataset(sim) as data, DatasetEditor(out) as copy:
         for seed, name in enumerate(data.ids):
-            copy.put(name, "raw_counts", with_module(effects, data[name], seed).astype(np.uint16))
-            copy.put(name, "valid", effects.valid_frames)
+            copy.replace_array(name, "raw_counts", apply_module(effects, data[name], seed).astype(np.uint16))
+            copy.replace_array(name, "valid", effects.valid_frames)
 
 
-def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(case, tmp_path, monkeypatch):
-    own = case("saturation")
+def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(get_case, tmp_path, monkeypatch):
+    own = get_case("saturation")
     action = recommend_action(CheckedReport(own.report), str(own.path))
     monkeypatch.chdir(tmp_path)
     assert run_taxel(*shlex.split(action.command)[1:]) == 0
@@ -176,63 +176,63 @@ def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(case, tmp_
     with GraspDataset(own.sim) as data:
         grasp = max(data, key=lambda one: int(one.raw_counts[0].max()) - int(one.raw_counts.min()))
         frames = list(zip(grasp.timestamp, grasp.raw_counts, grasp.contact_force, strict=True))
-    *start, change = action.lines
+    *import_lines, frame_line = action.lines
     names: dict[str, Any] = {}
-    exec("\n".join(start), names)
+    exec("\n".join(import_lines), names)
     signals = []
     for time_s, counts, force in frames:
         names |= {"time_s": time_s, "counts": counts, "force": force}
-        exec(change, names)
+        exec(frame_line, names)
         signals.append(30_000.0 - names["counts"])
-    simulated = max(30_000.0 - float(counts.min()) for _, counts, _ in frames)
-    assert 650.0 < np.max(signals) < 750.0 < simulated
+    unchanged = max(30_000.0 - float(counts.min()) for _, counts, _ in frames)
+    assert 650.0 < np.max(signals) < 750.0 < unchanged
 
 
 @pytest.mark.parametrize("name", sorted(set(WORLDS) - set(PARTLY)))
-def test_exported_module_closes_the_diagnosed_gap(case, tmp_path, name):
-    own = case(name)
+def test_exported_module_closes_the_diagnosed_gap(get_case, tmp_path, name):
+    own = get_case(name)
     assert own.report["verdict"]["effects"] == [name]
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
     assert export_report(own.path, "python", module).effects == (name,)
-    rewrite(load_module(module), own.sim, out)
-    again = diagnose(own.real, out, without=others(name))
+    rewrite_dataset(load_module(module), own.sim, out)
+    again = diagnose(own.real, out, without=list_other_effects(name))
     gap = again.report["gap"]
     # The module draws random numbers for a drift and for noise, so that the simulated mean varies as the real one does.
-    varied2 = BlockDensity(again.judge, DEFAULT_SETTINGS).compute_simulated_floor2()
+    varied2 = BlockDensity(again.fit_data, DEFAULT_SETTINGS).compute_simulated_floor2()
     is_at_floor = gap["value"] ** 2 <= 1.2**2 * (gap["floor"] ** 2 + varied2)
     assert again.report["verdict"]["status"] == "no_gap" or is_at_floor
 
 
 @pytest.mark.parametrize("name", PARTLY)
-def test_exported_module_leaves_only_the_unexplained_gap(case, tmp_path, name):
-    own = case(name)
+def test_exported_module_leaves_only_the_unexplained_gap(get_case, tmp_path, name):
+    own = get_case(name)
     assert own.report["verdict"]["effects"] == [name, "unknown"]
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
     done = export_report(own.path, "python", module)
     assert done.effects == (name,)
     assert "unknown cause" in done.notes[0]
-    rewrite(load_module(module), own.sim, out)
+    rewrite_dataset(load_module(module), own.sim, out)
     again = diagnose(own.real, out, without=set(OWN_EFFECTS) - {name}).report
     assert again["gap"]["value"] <= 1.1 * own.report["after"]["value"]
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """A simulation, its state, and reports about it without a diagnosis."""
+class Simulation:
+    """A simulated dataset with its state, and a writer of reports about it without a diagnosis."""
 
     sim: str
     pair: object
     state: object
 
-    def report(self, folder: Path, form, values, status: str = "explained", **changes) -> Path:
-        """Path of a report whose verdict names one effect. changes: of the model of this effect."""
+    def write_report(self, folder: Path, form, values, status: str = "explained", **changes) -> Path:
+        """Return the path of a report whose verdict names one effect. changes: of the model of this effect."""
         effect = FittedEffect(form, values)
         content = {
             "format": "taxel-gap-report",
             "version": 1,
             "inputs": {"sim": {"path": self.sim, "sha256": self.pair.digests[1]}},
             "verdict": {"status": status, "effects": [form.name]},
-            "effects": [{"name": form.name, "model": {**model_of(self.state, effect), **changes}}],
+            "effects": [{"name": form.name, "model": {**describe_model(self.state, effect), **changes}}],
             "taxels": {name: getattr(self.pair.taxels, name).tolist() for name in ("sensor", "tx", "rx")},
         }
         path = folder / "report.json"
@@ -241,11 +241,11 @@ class Simulated:
 
 
 @pytest.fixture(scope="module")
-def simulated(world, tmp_path_factory) -> Simulated:
-    sim = world(tmp_path_factory.mktemp("export"), conditions=3, sessions=1, repeats=1)[1]
+def simulation(write_world, tmp_path_factory) -> Simulation:
+    sim = write_world(tmp_path_factory.mktemp("export"), conditions=3, sessions=1, repeats=1)[1]
     pair = read_pair(sim, sim)
-    layout = Layout.of(pair.clock)
-    return Simulated(sim, pair, state_of(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n))))
+    layout = FeatureLayout.from_time_grid(pair.time_grid)
+    return Simulation(sim, pair, build_state(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n))))
 
 
 FORMS = [form for forms in OWN_EFFECTS.values() for form in forms if form.name not in ("noise", "pose_error")]
@@ -256,22 +256,24 @@ TOLERANCE_COUNTS = {"pillars": 10.0, "depth": 10.0}
 
 
 @pytest.mark.parametrize("form", FORMS, ids=IDS)
-def test_exported_module_agrees_with_gap_apply(simulated, tmp_path, monkeypatch, form):
+def test_exported_module_agrees_with_gap_apply(simulation, tmp_path, monkeypatch, form):
     # The exported file has no meshes: the comparison uses an even load on each taxel.
-    monkeypatch.setattr(Geometry, "shares", property(lambda self: {}))
-    values = form.typical(simulated.state)
+    monkeypatch.setattr(ContactGeometry, "piece_shares", property(lambda self: {}))
+    values = form.make_typical_values(simulation.state)
     if form.name == "baseline_drift":
         values = np.array([[40.0, 30.0], [0.0, 0.0]])[:, : values.shape[1]]
-    path = simulated.report(tmp_path, form, values)
+    path = simulation.write_report(tmp_path, form, values)
     export_report(path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     reported, change = read_report(path).effects, 0.0
-    with GraspDataset(simulated.sim) as data:
+    with GraspDataset(simulation.sim) as data:
         states = FrameStates(data)
         for grasp in data:
-            expected = with_effects(states.of(grasp), grasp, reported, Chance(0, 0, 0, 1))[0].astype(float)
+            expected = add_effects_to_grasp(states.build_state(grasp), grasp, reported, RandomStreams(0, 0, 0, 1))[
+                0
+            ].astype(float)
             change = max(change, np.abs(expected - grasp.raw_counts).max())
-            found = with_module(effects, grasp, 0)
+            found = apply_module(effects, grasp, 0)
             assert np.abs(found - expected).max() <= TOLERANCE_COUNTS.get(form.variant, 2.0)
     assert change > 10.0
 
@@ -280,7 +282,7 @@ def find_form(name: str, variant: str, scope: str = "hand"):
     return next(one for one in OWN_EFFECTS[name] if (one.variant, one.scope) == (variant, scope))
 
 
-LATE = ("hysteresis", "drop", np.array([[0.4], [0.8]]))
+CREEP = ("hysteresis", "drop", np.array([[0.4], [0.8]]))
 CLIP = ("saturation", "clip", np.array([[450.0]]))
 LINES = ("electrode_crosstalk", "lines", np.array([[0.2], [0.1]]))
 STIFF = ("stiffness", "", np.array([[0.7]]))
@@ -288,42 +290,48 @@ STIFF = ("stiffness", "", np.array([[0.7]]))
 
 @pytest.mark.parametrize(
     ("name", "variant", "values"),
-    [LATE, CLIP, LINES, STIFF],
+    [CREEP, CLIP, LINES, STIFF],
     ids=["hysteresis", "saturation", "crosstalk", "stiffness"],
 )
-def test_module_without_forces_agrees_within_the_noise_of_the_simulator(simulated, tmp_path, name, variant, values):
-    path = simulated.report(tmp_path, find_form(name, variant), values)
+def test_module_without_forces_agrees_within_the_noise_of_the_simulator(simulation, tmp_path, name, variant, values):
+    path = simulation.write_report(tmp_path, find_form(name, variant), values)
     export_report(path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    with GraspDataset(simulated.sim) as data:
+    with GraspDataset(simulation.sim) as data:
         grasp = data["0000"]
-        difference = with_module(effects, grasp, 0, force=False) - with_module(effects, grasp, 0)
+        difference = apply_module(effects, grasp, 0, force=False) - apply_module(effects, grasp, 0)
     assert np.abs(difference).max() <= 25.0  # the noise of the worlds has a standard deviation of 4 counts
     assert difference.std() < 4.0
 
 
 @pytest.mark.parametrize("form", FORMS, ids=IDS)
-def test_frames_one_by_one_agree_with_the_whole_recording(simulated, tmp_path, form):
-    export_report(simulated.report(tmp_path, form, form.typical(simulated.state)), "python", tmp_path / "skin.py")
+def test_frames_one_by_one_agree_with_the_whole_recording(simulation, tmp_path, form):
+    export_report(
+        simulation.write_report(tmp_path, form, form.make_typical_values(simulation.state)),
+        "python",
+        tmp_path / "skin.py",
+    )
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    with GraspDataset(simulated.sim) as data:
+    with GraspDataset(simulation.sim) as data:
         grasp = data["0001"]
-        expected = with_module(effects, grasp, 3)
+        expected = apply_module(effects, grasp, 3)
         effects.reset(3, float(grasp.timestamp[grasp.phase != Phase.BASELINE][0]))
         for k, time_s in enumerate(grasp.timestamp.tolist()):
             found = effects.apply(time_s, grasp.raw_counts[k], grasp.contact_force[k], grasp.separation[k])
             np.testing.assert_array_equal(found, expected[k])
 
 
-def test_delay_before_the_simulator_is_exact_in_recordings_and_zero_in_streams(simulated, tmp_path):
-    path = simulated.report(tmp_path, find_form("latency", "delay", "board"), np.array([[-0.1, 0.2]]))
+def test_delay_before_the_simulator_is_exact_in_recordings_and_zero_in_streams(simulation, tmp_path):
+    path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[-0.1, 0.2]]))
     done = export_report(path, "python", tmp_path / "skin.py")
     assert "precedes" in done.approximated["latency"]
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    with GraspDataset(simulated.sim) as data:
+    with GraspDataset(simulation.sim) as data:
         grasp = data["0000"]
-        expected = with_effects(FrameStates(data).of(grasp), grasp, read_report(path).effects, Chance(0, 0, 0, 1))[0]
-        np.testing.assert_allclose(with_module(effects, grasp, 0), expected, atol=1.0)
+        expected = add_effects_to_grasp(
+            FrameStates(data).build_state(grasp), grasp, read_report(path).effects, RandomStreams(0, 0, 0, 1)
+        )[0]
+        np.testing.assert_allclose(apply_module(effects, grasp, 0), expected, atol=1.0)
         start_s = float(grasp.timestamp[110])
         effects.reset(0, start_s)
         stream = [
@@ -332,13 +340,18 @@ def test_delay_before_the_simulator_is_exact_in_recordings_and_zero_in_streams(s
     np.testing.assert_array_equal(np.array(stream)[:, BOARD], grasp.raw_counts[:, BOARD])
 
 
-def noise_of(*counts: float) -> dict:
-    return {name: {"unit": "counts", "values": [one]} for name, one in zip(NOISE_PARTS, counts, strict=True)}
+def make_noise_parameters(*counts: float) -> dict:
+    return {name: {"unit": "counts", "values": [one]} for name, one in zip(NOISE_COMPONENTS, counts, strict=True)}
 
 
-def test_noise_has_the_reported_covariance_and_follows_the_seed(simulated, tmp_path):
+def test_noise_has_the_reported_covariance_and_follows_the_seed(simulation, tmp_path):
     form = find_form("noise", "")
-    path = simulated.report(tmp_path, form, form.starts(simulated.state), parameters=noise_of(30.0, 40.0, 0.0, 50.0))
+    path = simulation.write_report(
+        tmp_path,
+        form,
+        form.make_start_values(simulation.state),
+        parameters=make_noise_parameters(30.0, 40.0, 0.0, 50.0),
+    )
     export_report(path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     time_s, rest = np.arange(8000) * FRAME_S, np.full((8000, N), 30_000.0)
@@ -350,18 +363,20 @@ def test_noise_has_the_reported_covariance_and_follows_the_seed(simulated, tmp_p
     np.testing.assert_allclose(covariance, expected, atol=3.0)
 
 
-def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simulated, tmp_path):
+def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simulation, tmp_path):
     stuck, dead = np.arange(N) == 7, np.isin(np.arange(N), (7, 35))
-    dropped = Dropped(dead, (), np.array([0.25, 0.0]), dead, stuck, (Short(0x20, "rx", 0, 0.5),))
-    effect = Dropout(dropped)
-    path = simulated.report(tmp_path, effect, effect.found_values(simulated.state))
+    defects = Defects(dead, (), np.array([0.25, 0.0]), dead, stuck, (Short(0x20, "rx", 0, 0.5),))
+    effect = Dropout(defects)
+    path = simulation.write_report(tmp_path, effect, effect.make_detected_values(simulation.state))
     export_report(path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     reported = read_report(path).effects
-    with GraspDataset(simulated.sim) as data:
+    with GraspDataset(simulation.sim) as data:
         grasp = data["0001"]
-        found = with_module(effects, grasp, 0)
-        expected = with_effects(FrameStates(data).of(grasp), grasp, reported, Chance(0, 0, 0, 1))[0]
+        found = apply_module(effects, grasp, 0)
+        expected = add_effects_to_grasp(
+            FrameStates(data).build_state(grasp), grasp, reported, RandomStreams(0, 0, 0, 1)
+        )[0]
     assert effects.boards == (0x20, 0x21)
     assert 1.0 - effects.valid_frames[:, 0].mean() == pytest.approx(0.25, abs=0.1)
     assert effects.valid_frames[:, 1].all()
@@ -372,23 +387,27 @@ def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simul
     np.testing.assert_allclose(found[:, N // 2 :], expected[:, N // 2 :], atol=1.0)
 
 
-def test_module_needs_only_numpy(case, tmp_path):
-    export_report(case("saturation").path, "python", tmp_path / "skin.py")
+def test_module_needs_only_numpy(get_case, tmp_path):
+    export_report(get_case("saturation").path, "python", tmp_path / "skin.py")
     tree = ast.parse((tmp_path / "skin.py").read_text())
     names = {one.module for one in ast.walk(tree) if isinstance(one, ast.ImportFrom)}
     names |= {alias.name for one in ast.walk(tree) if isinstance(one, ast.Import) for alias in one.names}
     assert names <= {"__future__", "json", "typing", "numpy", "numpy.typing"}
 
 
-def test_module_converts_forces_into_counts(case, tmp_path):
-    export_report(case("saturation").path, "python", tmp_path / "skin.py")
+def test_module_converts_forces_into_counts(get_case, tmp_path):
+    export_report(get_case("saturation").path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    np.testing.assert_allclose(effects.counts_of(np.full(N, 1.5)), 29_000.0)
+    np.testing.assert_allclose(effects.compute_counts(np.full(N, 1.5)), 29_000.0)
 
 
-def test_module_states_a_wrong_shape_and_a_missing_separation(simulated, tmp_path):
+def test_module_states_a_wrong_shape_and_a_missing_separation(simulation, tmp_path):
     form = find_form("proximity", "linear")
-    export_report(simulated.report(tmp_path, form, form.starts(simulated.state)), "python", tmp_path / "skin.py")
+    export_report(
+        simulation.write_report(tmp_path, form, form.make_start_values(simulation.state)),
+        "python",
+        tmp_path / "skin.py",
+    )
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     with pytest.raises(ValueError, match="values: expected 60 numbers"):
         effects.apply(0.0, np.zeros(3))
@@ -400,17 +419,17 @@ def test_module_states_a_wrong_shape_and_a_missing_separation(simulated, tmp_pat
 @pytest.mark.parametrize(
     ("name", "variant", "scope"), [("pose_error", "objects", "object"), ("stiffness", "sinking", "hand")]
 )
-def test_effects_that_change_the_contact_are_listed_as_not_expressed(simulated, tmp_path, to, name, variant, scope):
+def test_effects_that_change_the_contact_are_listed_as_not_expressed(simulation, tmp_path, to, name, variant, scope):
     form = find_form(name, variant, scope)
     out = tmp_path / "skin.xml"
-    done = export_report(simulated.report(tmp_path, form, form.typical(simulated.state)), to, out)
+    done = export_report(simulation.write_report(tmp_path, form, form.make_typical_values(simulation.state)), to, out)
     assert done.effects == ()
     assert "contact itself" in done.not_expressed[name]
     assert f"not expressed: {name}" in out.read_text()
 
 
 def compile_mjcf(text: str):
-    """A small model with a site for each taxel, and the sensors of the exported file."""
+    """Return a MuJoCo model with a site for each taxel and the sensors of the exported file."""
     mujoco = pytest.importorskip("mujoco")
     sites = "".join(
         f'<site name="taxel_{board}_{tx}_{rx}"/>' for board in (32, 33) for tx in range(ROWS) for rx in range(COLUMNS)
@@ -419,8 +438,8 @@ def compile_mjcf(text: str):
     return mujoco.MjModel.from_xml_string(text.replace("<sensor>", f"{body}<sensor>"))
 
 
-def test_mjcf_compiles_with_the_delay_of_each_board(simulated, tmp_path):
-    path = simulated.report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
+def test_mjcf_compiles_with_the_delay_of_each_board(simulation, tmp_path):
+    path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
     done = export_report(path, "mujoco", tmp_path / "skin.xml", step_s=0.01)
     assert done.files == (tmp_path / "skin.xml", tmp_path / "skin.py")
     model = compile_mjcf((tmp_path / "skin.xml").read_text())
@@ -430,9 +449,11 @@ def test_mjcf_compiles_with_the_delay_of_each_board(simulated, tmp_path):
     assert effects.parameters["delay_s"] == []
 
 
-def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulated, tmp_path):
+def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulation, tmp_path):
     form = find_form("noise", "")
-    path = simulated.report(tmp_path, form, form.starts(simulated.state), parameters=noise_of(30.0, 40.0, 0.0, 0.0))
+    path = simulation.write_report(
+        tmp_path, form, form.make_start_values(simulation.state), parameters=make_noise_parameters(30.0, 40.0, 0.0, 0.0)
+    )
     export_report(path, "mujoco", tmp_path / "noise.xml")
     text = (tmp_path / "noise.xml").read_text()
     slope = MODEL["full"] / MODEL["half"]
@@ -440,16 +461,16 @@ def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulated, tmp_path):
     assert "has not added it since version 3.1.4" in text
     assert load_module(tmp_path / "noise.py").SkinEffects().parameters["noise"]
     name, variant, values = CLIP
-    path = simulated.report(tmp_path, find_form(name, variant), values)
+    path = simulation.write_report(tmp_path, find_form(name, variant), values)
     export_report(path, "mujoco", tmp_path / "clip.xml")
     cutoff = compile_mjcf((tmp_path / "clip.xml").read_text()).sensor_cutoff
     np.testing.assert_allclose(MODEL["full"] * cutoff / (cutoff + MODEL["half"]), 450.0, rtol=1e-6)
     assert load_module(tmp_path / "clip.py").SkinEffects().parameters["steps"] == []
 
 
-def test_mujoco_reads_a_delayed_sensor_late_by_the_delay(simulated, tmp_path):
+def test_mujoco_reads_a_delayed_sensor_late_by_the_delay(simulation, tmp_path):
     mujoco = pytest.importorskip("mujoco")
-    path = simulated.report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
+    path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
     export_report(path, "mujoco", tmp_path / "skin.xml", step_s=0.01)
     text = (tmp_path / "skin.xml").read_text()
     sites = "".join(
@@ -471,7 +492,7 @@ def test_mujoco_reads_a_delayed_sensor_late_by_the_delay(simulated, tmp_path):
     np.testing.assert_allclose(delayed[10:], exact[:-10], atol=1e-6)
 
 
-class Recorded:
+class RecordedArguments:
     """Configuration that keeps its arguments, in place of a class of Isaac Lab."""
 
     def __init__(self, **arguments):
@@ -482,17 +503,19 @@ class Recorded:
 def isaac_names(monkeypatch):
     """Modules torch and isaaclab that only keep the arguments of the configurations."""
     torch = SimpleNamespace(tensor=lambda values, **_: np.array(values), float32=None)
-    modifiers = SimpleNamespace(ModifierCfg=Recorded, DigitalFilterCfg=Recorded, scale="scale", clip="clip")
-    noise = SimpleNamespace(GaussianNoiseCfg=Recorded, NoiseModelWithAdditiveBiasCfg=Recorded)
+    modifiers = SimpleNamespace(
+        ModifierCfg=RecordedArguments, DigitalFilterCfg=RecordedArguments, scale="scale", clip="clip"
+    )
+    noise = SimpleNamespace(GaussianNoiseCfg=RecordedArguments, NoiseModelWithAdditiveBiasCfg=RecordedArguments)
     utils = SimpleNamespace(modifiers=modifiers, noise=noise)
     modules = {"torch": torch, "isaaclab": SimpleNamespace(utils=utils), "isaaclab.utils": utils}
     for name, module in {**modules, "isaaclab.utils.noise": noise}.items():
         monkeypatch.setitem(sys.modules, name, module)
 
 
-def test_isaac_filter_reproduces_the_hysteresis(simulated, tmp_path, isaac_names):
-    name, variant, values = LATE
-    path = simulated.report(tmp_path, find_form(name, variant), values)
+def test_isaac_filter_reproduces_the_hysteresis(simulation, tmp_path, isaac_names):
+    name, variant, values = CREEP
+    path = simulation.write_report(tmp_path, find_form(name, variant), values)
     export_report(path, "isaac", tmp_path / "isaac.py", step_s=FRAME_S)
     export_report(path, "python", tmp_path / "skin.py")
     (found,) = load_module(tmp_path / "isaac.py").MODIFIERS[32]
@@ -505,60 +528,62 @@ def test_isaac_filter_reproduces_the_hysteresis(simulated, tmp_path, isaac_names
     np.testing.assert_allclose(30_000.0 - counts[:, 0], result, atol=0.51)
 
 
-def test_isaac_configuration_has_the_diagnosed_numbers(simulated, tmp_path, isaac_names):
+def test_isaac_configuration_has_the_diagnosed_numbers(simulation, tmp_path, isaac_names):
     gains = find_form("gain_mismatch", "boards", "board")
-    path = simulated.report(tmp_path, gains, np.log([[1.25, 0.8]]))
+    path = simulation.write_report(tmp_path, gains, np.log([[1.25, 0.8]]))
     export_report(path, "isaac", tmp_path / "gain.py")
     module = load_module(tmp_path / "gain.py")
     assert {board: one[0].params["multiplier"][0] for board, one in module.MODIFIERS.items()} == {32: 1.25, 33: 0.8}
     assert module.NOISE == {}
     drift = find_form("baseline_drift", "")
-    path = simulated.report(tmp_path, drift, np.array([[40.0], [6.0]]))
+    path = simulation.write_report(tmp_path, drift, np.array([[40.0], [6.0]]))
     assert "slope" in export_report(path, "isaac", tmp_path / "drift.py").approximated["baseline_drift"]
     bias = load_module(tmp_path / "drift.py").NOISE[33].bias_noise_cfg
     assert (bias.mean, bias.std, bias.operation) == (20.0, 6.0, "abs")
-    path = simulated.report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.05, 0.0]]))
+    path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.05, 0.0]]))
     export_report(path, "isaac", tmp_path / "delay.py", step_s=0.02)
     np.testing.assert_allclose(load_module(tmp_path / "delay.py").MODIFIERS[32][0].B, [0.0, 0.0, 0.5, 0.5])
-    path = simulated.report(tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
+    path = simulation.write_report(tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
     assert "acts on forces" in export_report(path, "isaac", tmp_path / "force.py").not_expressed["stiffness"]
 
 
-def read_genesis(simulated, folder: Path, form, values, **changes) -> tuple[dict, object]:
-    """Options of the first board, and the result of the export."""
+def read_genesis(simulation, folder: Path, form, values, **changes) -> tuple[dict, object]:
+    """Return the Genesis options of the first board and the result of the export."""
     done = export_report(
-        simulated.report(folder, form, values, **changes), "genesis", folder / "genesis.py", overwrite=True
+        simulation.write_report(folder, form, values, **changes), "genesis", folder / "genesis.py", overwrite=True
     )
     options = load_module(folder / "genesis.py").KINEMATIC_TAXEL[32]
     assert set(options) <= set(OPTIONS)
     return options, done
 
 
-def test_genesis_options_have_the_diagnosed_numbers(simulated, tmp_path):
+def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
     form = find_form("gain_mismatch", "boards", "board")
-    options, _ = read_genesis(simulated, tmp_path, form, np.log([[1.25, 0.8]]))
+    options, _ = read_genesis(simulation, tmp_path, form, np.log([[1.25, 0.8]]))
     assert options["probe_gain"] == [1.25] * (N // 2)
-    options, done = read_genesis(simulated, tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
+    options, done = read_genesis(simulation, tmp_path, find_form("latency", "delay", "board"), np.array([[0.1, 0.0]]))
     assert (options["delay"], options["jitter"]) == (0.1, 0.0)
     form = find_form("noise", "")
-    noise_counts = noise_of(30.0, 40.0, 0.0, 0.0)
-    options, done = read_genesis(simulated, tmp_path, form, form.starts(simulated.state), parameters=noise_counts)
+    noise_counts = make_noise_parameters(30.0, 40.0, 0.0, 0.0)
+    options, done = read_genesis(
+        simulation, tmp_path, form, form.make_start_values(simulation.state), parameters=noise_counts
+    )
     assert options["noise"] == pytest.approx(50.0 * MODEL["half"] / MODEL["full"])
     assert "correlation" in done.approximated["noise"]
-    options, _ = read_genesis(simulated, tmp_path, find_form("baseline_drift", ""), np.array([[40.0], [0.0]]))
+    options, _ = read_genesis(simulation, tmp_path, find_form("baseline_drift", ""), np.array([[40.0], [0.0]]))
     assert options["bias"] == pytest.approx(20.0 * MODEL["half"] / MODEL["full"])
     dead = np.isin(np.arange(N), (3,))
-    effect = Dropout(Dropped(dead, (), np.array([0.0, 0.3]), dead, dead & False))
-    options, done = read_genesis(simulated, tmp_path, effect, effect.found_values(simulated.state))
+    effect = Dropout(Defects(dead, (), np.array([0.0, 0.3]), dead, dead & False))
+    options, done = read_genesis(simulation, tmp_path, effect, effect.make_detected_values(simulation.state))
     assert [k for k, gain in enumerate(options["probe_gain"]) if gain < 1e-6] == [3]
     assert "lost frames" in done.not_expressed["dropout: lost frames"]
-    name, variant, values = LATE
-    _, done = read_genesis(simulated, tmp_path, find_form(name, variant), values)
+    name, variant, values = CREEP
+    _, done = read_genesis(simulation, tmp_path, find_form(name, variant), values)
     assert "hysteresis_strength = -0.4 with hysteresis_tau = 0.8" in done.not_expressed[name]
 
 
-def test_genesis_kernel_reproduces_the_crosstalk_of_lines(simulated, tmp_path):
-    options, _ = read_genesis(simulated, tmp_path, find_form("electrode_crosstalk", "lines"), np.array([[0.3], [0.2]]))
+def test_genesis_kernel_reproduces_the_crosstalk_of_lines(simulation, tmp_path):
+    options, _ = read_genesis(simulation, tmp_path, find_form("electrode_crosstalk", "lines"), np.array([[0.3], [0.2]]))
     force = np.random.default_rng(5).uniform(0.0, 0.01, (ROWS, COLUMNS))
     wide = np.pad(force, ((ROWS - 1,) * 2, (COLUMNS - 1,) * 2))
     kernel = np.array(options["crosstalk_kernel"])
@@ -570,18 +595,20 @@ def test_genesis_kernel_reproduces_the_crosstalk_of_lines(simulated, tmp_path):
 
 
 @pytest.mark.parametrize(("status", "words"), [("no_gap", "there is no gap"), ("unknown", "the cause of the gap")])
-def test_without_an_identified_cause_no_file_is_written(simulated, tmp_path, status, words):
+def test_without_an_identified_cause_no_file_is_written(simulation, tmp_path, status, words):
     name, variant, values = CLIP
     done = export_report(
-        simulated.report(tmp_path, find_form(name, variant), values, status=status), "python", tmp_path / "skin.py"
+        simulation.write_report(tmp_path, find_form(name, variant), values, status=status),
+        "python",
+        tmp_path / "skin.py",
     )
     assert done.files == ()
     assert words in done.notes[0]
     assert not (tmp_path / "skin.py").exists()
 
 
-def test_without_the_simulated_dataset_effects_on_signals_remain(case, tmp_path):
-    content = json.loads(case("saturation").path.read_text())
+def test_without_the_simulated_dataset_effects_on_signals_remain(get_case, tmp_path):
+    content = json.loads(get_case("saturation").path.read_text())
     content["inputs"]["sim"]["path"] = str(tmp_path / "moved.h5")
     report = tmp_path / "report.json"
     report.write_text(json.dumps(content))
@@ -591,12 +618,12 @@ def test_without_the_simulated_dataset_effects_on_signals_remain(case, tmp_path)
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     np.testing.assert_array_equal(effects.apply(0.0, np.full(N, 30_000.0)), 30_000.0)
     assert effects.apply(0.1, np.full(N, 28_000.0)).min() > 29_000.0
-    done = export_report(report, "python", tmp_path / "skin2.py", sim=case("saturation").sim)
+    done = export_report(report, "python", tmp_path / "skin2.py", sim=get_case("saturation").sim)
     assert done.notes == ()
 
 
-def test_without_the_simulated_dataset_effects_on_forces_are_not_expressed(simulated, tmp_path):
-    path = simulated.report(tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
+def test_without_the_simulated_dataset_effects_on_forces_are_not_expressed(simulation, tmp_path):
+    path = simulation.write_report(tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
     content = json.loads(path.read_text())
     content["inputs"]["sim"]["sha256"] = "0" * 64
     path.write_text(json.dumps(content))
@@ -604,8 +631,8 @@ def test_without_the_simulated_dataset_effects_on_forces_are_not_expressed(simul
     assert "has changed since the diagnosis; give --sim" in done.not_expressed["stiffness"]
 
 
-def test_wrong_inputs_are_refused_with_one_line(case, tmp_path):
-    report, out = case("saturation").path, tmp_path / "skin.py"
+def test_wrong_inputs_are_refused_with_one_line(get_case, tmp_path):
+    report, out = get_case("saturation").path, tmp_path / "skin.py"
     with pytest.raises(GapInputError, match="--to: expected one of mujoco, genesis, isaac, python, found"):
         export_report(report, "gazebo", out)
     with pytest.raises(GapInputError, match=r"expected a report\.json"):
@@ -617,7 +644,7 @@ def test_wrong_inputs_are_refused_with_one_line(case, tmp_path):
     with pytest.raises(GapInputError, match="expected another file than the inputs"):
         export_report(report, "python", report, overwrite=True)
     with pytest.raises(GapInputError, match='/source: expected "sim"'):
-        export_report(report, "python", out, sim=case("saturation").real)
+        export_report(report, "python", out, sim=get_case("saturation").real)
     out.write_text("mine")
     with pytest.raises(GapInputError, match="an existing one; choose another --out, or give --overwrite"):
         export_report(report, "python", out)
@@ -626,8 +653,8 @@ def test_wrong_inputs_are_refused_with_one_line(case, tmp_path):
     assert "class SkinEffects" in out.read_text()
 
 
-def test_command_prints_files_effects_and_limits(case, capsys, tmp_path):
-    report, out = case("saturation").path, tmp_path / "skin.py"
+def test_command_prints_files_effects_and_limits(get_case, capsys, tmp_path):
+    report, out = get_case("saturation").path, tmp_path / "skin.py"
     assert run_taxel("gap", "export", report, "--to", "python", "--out", out) == 0
     assert capsys.readouterr().out == f"{out}: with saturation\n"
     assert "give --overwrite" in run_refused_command(capsys, "gap", "export", report, "--to", "python", "--out", out)

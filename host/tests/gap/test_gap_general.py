@@ -15,52 +15,52 @@ from taxel.cli.main import build_app
 from taxel.errors import TaxelError
 from taxel.gap.comparison.compare import compare
 from taxel.gap.data.general_pair import open_pair
-from taxel.gap.data.lacking import FORCES, GEOMETRY, LINES, PHASES
+from taxel.gap.data.missing_inputs import FORCES, GEOMETRY, LINES, PHASES
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS, find_unavailable_reason
-from taxel.gap.features.metric import measure
+from taxel.gap.features.metric import measure_gap
 from taxel.recording.general import GeneralDataset, Properties, TaxelPlaces, write_general
 
 
 @pytest.fixture(scope="module", params=SENSORS)
 def pair(request, tmp_path_factory) -> tuple[Path, Path]:
-    """A pair without a cause."""
+    """Paths of a real and a simulated dataset of one modality without a cause."""
     folder = tmp_path_factory.mktemp("pair")
     world = ModalityWorld(request.param, "", 1.0, 77, sessions=4, repeats=1, conditions=7)
     world.make(folder / "real.h5", folder / "sim.h5")
     return folder / "real.h5", folder / "sim.h5"
 
 
-def rewrite(source: Path, target: Path, change=lambda contact: contact, **header) -> Path:
-    """Write a copy of a dataset with changed contacts (None: left out) and a changed header."""
+def rewrite_dataset(source: Path, target: Path, change=lambda contact: contact, **header) -> Path:
+    """Write a copy of a dataset with changed contacts (None: excluded) and a changed header."""
     with GeneralDataset(source) as data:
         contacts = [other for contact in data if (other := change(contact)) is not None]
         write_general(target, replace(data.header, **header), contacts)
     return target
 
 
-def refusal(real: Path, sim: Path) -> str:
-    """The error line of a pair that cannot be compared."""
+def get_refusal(real: Path, sim: Path) -> str:
+    """Return the error line of a pair that cannot be compared."""
     with pytest.raises(TaxelError) as caught:
         compare(real, sim)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
-def notes_of(real: Path, sim: Path) -> str:
+def join_losses(real: Path, sim: Path) -> str:
     return " | ".join(read_pair(real, sim).losses)
 
 
 def test_a_pair_without_a_cause_has_no_gap_above_its_floor(pair):
-    judge = prepared(read_pair(*pair))
-    gap = measure(judge.sessions, judge.state.mean, judge.layout)
+    fit_data = prepare_pair(read_pair(*pair))
+    gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
     assert gap.gap.value < 1.4 * gap.floor
 
 
-def test_what_the_datasets_lack_makes_effects_unavailable_with_a_reason(pair):
-    state = prepared(read_pair(*pair)).state
-    assert state.pair.lacking >= {LINES, FORCES}
+def test_effects_that_need_absent_data_are_unavailable_with_a_reason(pair):
+    state = prepare_pair(read_pair(*pair)).state
+    assert state.pair.missing_inputs >= {LINES, FORCES}
     reasons = {name: find_unavailable_reason(state, own) for name, own in OWN_EFFECTS.items()}
     assert "no electrode lines" in reasons["electrode_crosstalk"]
     assert "no contact force" in reasons["stiffness"]
@@ -72,36 +72,38 @@ def test_what_the_datasets_lack_makes_effects_unavailable_with_a_reason(pair):
 
 
 def test_a_reversed_sign_is_rejected(pair, tmp_path):
-    undeclared = replace(header_of(pair[1]).properties, contact=None)
-    negative = rewrite(pair[1], tmp_path / "sim.h5", negate, properties=undeclared)
-    line = refusal(pair[0], negative)
+    undeclared = replace(read_header(pair[1]).properties, contact=None)
+    negative = rewrite_dataset(pair[1], tmp_path / "sim.h5", negate_values, properties=undeclared)
+    line = get_refusal(pair[0], negative)
     assert "sign" in line or "contact lowers" in line
 
 
-def negate(contact):
+def negate_values(contact):
     return replace(contact, values=-contact.values)
 
 
-def header_of(path: Path):
+def read_header(path: Path):
     with GeneralDataset(path) as data:
         return data.header
 
 
 def test_a_declared_direction_that_the_values_contradict_is_rejected(pair, tmp_path):
-    if header_of(pair[0]).properties.contact is None:
+    if read_header(pair[0]).properties.contact is None:
         pytest.skip("the direction of a vector taxel is not declared")
-    assert "contact lowers" in refusal(rewrite(pair[0], tmp_path / "real.h5", negate), pair[1])
+    assert "contact lowers" in get_refusal(rewrite_dataset(pair[0], tmp_path / "real.h5", negate_values), pair[1])
 
 
 def test_another_unit_is_rejected_whether_it_is_declared_or_not(pair, tmp_path):
     def scale(contact):
         return replace(contact, values=1000.0 * contact.values)
 
-    unit = replace(header_of(pair[1]).properties, unit="mV", full_scale=None)
-    assert "convert the values" in refusal(pair[0], rewrite(pair[1], tmp_path / "a.h5", scale, properties=unit))
+    unit = replace(read_header(pair[1]).properties, unit="mV", full_scale=None)
+    assert "convert the values" in get_refusal(
+        pair[0], rewrite_dataset(pair[1], tmp_path / "a.h5", scale, properties=unit)
+    )
     nothing = replace(unit, unit=None)
-    other = rewrite(pair[1], tmp_path / "b.h5", scale, properties=nothing)
-    assert "declare the unit in both files" in refusal(pair[0], other)
+    other = rewrite_dataset(pair[1], tmp_path / "b.h5", scale, properties=nothing)
+    assert "declare the unit in both files" in get_refusal(pair[0], other)
 
 
 @pytest.mark.parametrize("is_shuffled", [False, True])
@@ -113,18 +115,18 @@ def test_an_exchange_of_taxels_is_rejected_or_stated_as_unobservable(pair, tmp_p
         order[strong] = order[strong[::-1]]
         if is_shuffled:
             order = np.random.default_rng(3).permutation(data.n)
-    changed = rewrite(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values[:, order]))
-    if "capacitive" in header_of(pair[0]).sensor:
-        assert "do not determine the order of the taxels" in notes_of(changed, pair[1])
+    changed = rewrite_dataset(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values[:, order]))
+    if "capacitive" in read_header(pair[0]).sensor:
+        assert "do not determine the order of the taxels" in join_losses(changed, pair[1])
     else:
-        assert "correct the order of the columns" in refusal(changed, pair[1])
+        assert "correct the order of the columns" in get_refusal(changed, pair[1])
 
 
-def test_one_session_is_no_basis_for_a_verdict(pair, tmp_path):
+def test_one_session_gives_an_unknown_verdict_with_a_reason(pair, tmp_path):
     def keep(contact):
         return contact if contact.session == 0 else None
 
-    one = rewrite(pair[0], tmp_path / "real.h5", keep)
+    one = rewrite_dataset(pair[0], tmp_path / "real.h5", keep)
     words = ["gap", "diagnose", str(one), str(pair[1]), "--out", str(tmp_path / "gap")]
     result = CliRunner().invoke(build_app("gap"), words)
     assert result.exit_code == 0, result.output
@@ -134,39 +136,41 @@ def test_one_session_is_no_basis_for_a_verdict(pair, tmp_path):
 
 
 def test_missing_repeats_unequal_rates_and_gaps_in_time_are_stated(pair, tmp_path):
-    once = rewrite(pair[0], tmp_path / "a.h5", lambda one: one if one.session == 0 else None)
-    assert "no condition was repeated" in notes_of(once, pair[1])
+    once = rewrite_dataset(pair[0], tmp_path / "a.h5", lambda one: one if one.session == 0 else None)
+    assert "no condition was repeated" in join_losses(once, pair[1])
 
     def halve(contact):
         return replace(contact, time=contact.time[::2], values=contact.values[::2], phase=contact.phase[::2])
 
-    slow = rewrite(pair[1], tmp_path / "b.h5", halve)
-    rates = [part for part in notes_of(pair[0], slow).split(" | ") if "frames per second" in part]
+    slow = rewrite_dataset(pair[1], tmp_path / "b.h5", halve)
+    rates = [part for part in join_losses(pair[0], slow).split(" | ") if "frames per second" in part]
     assert len(rates) == 2
-    judge = prepared(read_pair(pair[0], slow))
-    assert measure(judge.sessions, judge.state.mean, judge.layout).gap.value < 25.0
+    fit_data = prepare_pair(read_pair(pair[0], slow))
+    assert measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout).gap.value < 25.0
 
     def interrupt(contact):
         rows = np.r_[0:20, 30 : len(contact.time)]
         return replace(contact, time=contact.time[rows], values=contact.values[rows], phase=contact.phase[rows])
 
-    torn = rewrite(pair[0], tmp_path / "c.h5", interrupt)
-    assert "gaps in time" in notes_of(torn, pair[1])
+    interrupted = rewrite_dataset(pair[0], tmp_path / "c.h5", interrupt)
+    assert "gaps in time" in join_losses(interrupted, pair[1])
 
 
 def test_phases_are_detected_from_the_values_if_they_are_not_stated(pair, tmp_path):
-    paths = [rewrite(path, tmp_path / f"{k}.h5", lambda one: replace(one, phase=None)) for k, path in enumerate(pair)]
+    paths = [
+        rewrite_dataset(path, tmp_path / f"{k}.h5", lambda one: replace(one, phase=None)) for k, path in enumerate(pair)
+    ]
     with open_pair(*paths) as opened, GeneralDataset(pair[0]) as data:
-        assert PHASES in opened.lacking
+        assert PHASES in opened.missing_inputs
         for made, contact in zip(opened.real, data, strict=True):
             agreeing = (made.phase == contact.phase).mean()
             assert agreeing > 0.8
 
 
 def test_without_positions_a_spread_is_unavailable(pair, tmp_path):
-    paths = [rewrite(path, tmp_path / f"{k}.h5", places=TaxelPlaces()) for k, path in enumerate(pair)]
-    state = prepared(read_pair(*paths)).state
-    assert GEOMETRY in state.pair.lacking
+    paths = [rewrite_dataset(path, tmp_path / f"{k}.h5", places=TaxelPlaces()) for k, path in enumerate(pair)]
+    state = prepare_pair(read_pair(*paths)).state
+    assert GEOMETRY in state.pair.missing_inputs
     assert "no positions" in find_unavailable_reason(state, OWN_EFFECTS["contact_propagation"][-2:])
 
 
@@ -176,8 +180,8 @@ def test_frames_at_the_edge_of_two_nodes_do_not_depend_on_rounding_of_times(pair
     def shift(contact):
         return replace(contact, time=contact.time - 1234.5678 + 7e4 * contact.session)
 
-    moved = rewrite(pair[0], tmp_path / "real.h5", shift)
-    first, second = (read_pair(path, pair[1]).real.nodes for path in (pair[0], moved))
+    moved = rewrite_dataset(pair[0], tmp_path / "real.h5", shift)
+    first, second = (read_pair(path, pair[1]).real.node_signal_counts for path in (pair[0], moved))
     np.testing.assert_allclose(first, second, atol=1e-3)
 
 
@@ -185,7 +189,9 @@ def test_two_real_datasets_have_the_variance_of_both_in_the_floor(pair, tmp_path
     days = []
     for day in range(2):
         own = [2 * day, 2 * day + 1]
-        days.append(rewrite(pair[0], tmp_path / f"{day}.h5", lambda one, own=own: one if one.session in own else None))
+        days.append(
+            rewrite_dataset(pair[0], tmp_path / f"{day}.h5", lambda one, own=own: one if one.session in own else None)
+        )
     words = ["gap", "diagnose", *map(str, days), "--out", str(tmp_path / "gap")]
     with pytest.raises(TaxelError, match="--real-real"):
         CliRunner().invoke(build_app("gap"), words, catch_exceptions=False)
@@ -193,8 +199,8 @@ def test_two_real_datasets_have_the_variance_of_both_in_the_floor(pair, tmp_path
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["verdict"]["status"] != "explained"
-    alone = prepared(read_pair(days[0], pair[1]))
-    single = measure(alone.sessions, alone.state.mean, alone.layout).floor
+    alone = prepare_pair(read_pair(days[0], pair[1]))
+    single = measure_gap(alone.sessions, alone.state.mean, alone.layout).floor
     assert report["gap"]["floor"] > 1.1 * single
 
 
@@ -225,18 +231,20 @@ def test_worlds_have_causes_of_every_kind():
 
 def test_wrong_declarations_are_rejected_with_one_line(pair, tmp_path):
     with pytest.raises(TaxelError, match="expected one of raises, lowers, signed"):
-        rewrite(pair[0], tmp_path / "a.h5", properties=Properties(contact="up"))
+        rewrite_dataset(pair[0], tmp_path / "a.h5", properties=Properties(contact="up"))
     with pytest.raises(TaxelError, match="expected shape"):
-        rewrite(pair[0], tmp_path / "b.h5", places=TaxelPlaces(position=np.zeros((3, 3))))
+        rewrite_dataset(pair[0], tmp_path / "b.h5", places=TaxelPlaces(position=np.zeros((3, 3))))
     assert not list(tmp_path.iterdir())
 
 
 def test_an_offset_of_the_rest_values_is_stated_and_is_no_gap(pair, tmp_path):
-    scale = header_of(pair[0]).properties.full_scale
-    moved = rewrite(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values + 0.5 * scale))
-    assert "the rest values differ by" in notes_of(moved, pair[1])
-    first, second = (prepared(read_pair(path, pair[1])) for path in (pair[0], moved))
-    gaps = [measure(judge.sessions, judge.state.mean, judge.layout).gap.value for judge in (first, second)]
+    scale = read_header(pair[0]).properties.full_scale
+    moved = rewrite_dataset(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values + 0.5 * scale))
+    assert "the rest values differ by" in join_losses(moved, pair[1])
+    first, second = (prepare_pair(read_pair(path, pair[1])) for path in (pair[0], moved))
+    gaps = [
+        measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout).gap.value for fit_data in (first, second)
+    ]
     assert gaps[0] == pytest.approx(gaps[1], rel=1e-3)
 
 
@@ -250,13 +258,13 @@ def test_show_draws_maps_and_states_the_size_of_the_datasets(pair, tmp_path):
 
 
 def test_the_report_of_a_sensor_without_lines_names_no_line(pair, tmp_path):
-    real = rewrite(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=1.3 * one.values))
+    real = rewrite_dataset(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=1.3 * one.values))
     words = ["gap", "diagnose", str(real), str(pair[1]), "--out", str(tmp_path / "gap")]
     result = CliRunner().invoke(build_app("gap"), words)
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["where"]["lines"] == []
-    assert report["inputs"]["unit"]["name"] == header_of(pair[0]).properties.unit
+    assert report["inputs"]["unit"]["name"] == read_header(pair[0]).properties.unit
     assert "lines" in report["inputs"]["lacking"]
     unavailable = {one["name"]: one["reason"] for one in report["effects"] if one["identifiability"] == "unavailable"}
     assert "no electrode lines" in unavailable["electrode_crosstalk"]

@@ -1,4 +1,4 @@
-"""A search without each session: what it finds, what it is judged in, and when it is refused."""
+"""`--nested`: leave-one-session-out searches, their evaluation, and the refusal of too few sessions."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ from taxel.gap.page.certainty_section import describe_repeated_searches
 from taxel.gap.report.checked_report import CheckedReport
 
 
-def clipped(force, signal_counts):
+def clip_signal(force, signal_counts):
     return np.minimum(signal_counts, 500.0)
 
 
-def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(world, tmp_path):
-    files = world(tmp_path, effect=clipped, sessions=4, most=3.0)
-    without = set(OWN_EFFECTS) - {"saturation", "stiffness", "noise"}  # five searches of the whole would take a while
-    nested, plain = (diagnose(*files, without, nested=anew).report for anew in (True, False))
+def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(write_world, tmp_path):
+    files = write_world(tmp_path, effect=clip_signal, sessions=4, largest_force_n=3.0)
+    without = set(OWN_EFFECTS) - {
+        "saturation",
+        "stiffness",
+        "noise",
+    }  # five searches of the complete catalogue would take long
+    nested, plain = (diagnose(*files, without, nested=is_nested).report for is_nested in (True, False))
     assert nested["verdict"]["effects"] == plain["verdict"]["effects"]
     assert all("saturation" in names for names in nested["after"]["chosen_inside"])
     assert len(nested["after"]["chosen_inside"]) == 4
@@ -34,9 +38,9 @@ def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(world, tm
     assert "4 of 4 searches without one" in page.read_text()
 
 
-def test_nested_search_with_three_sessions_is_refused(world, tmp_path):
+def test_nested_search_with_three_sessions_is_refused(write_world, tmp_path):
     with pytest.raises(GapInputError, match="--nested: expected at least 4 sessions, found 3"):
-        diagnose(*world(tmp_path, effect=clipped, sessions=3, most=3.0), nested=True)
+        diagnose(*write_world(tmp_path, effect=clip_signal, sessions=3, largest_force_n=3.0), nested=True)
 
 
 def test_nested_agreement_counts_searches_with_the_same_effects():

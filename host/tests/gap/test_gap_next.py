@@ -1,4 +1,4 @@
-"""`taxel gap next`: which press would tell most of what a diagnosis leaves open."""
+"""`taxel gap next`: ranking of further contacts by the information that they add to a diagnosis."""
 
 from __future__ import annotations
 
@@ -11,124 +11,143 @@ import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.experiment_design.candidates import batches
+from taxel.gap.experiment_design.candidates import generate_batches
 from taxel.gap.experiment_design.contact_variance import ContactVariance
-from taxel.gap.experiment_design.findings import Findings, rivals_of
-from taxel.gap.experiment_design.information import CompositeInformation, Felt
+from taxel.gap.experiment_design.findings import Findings, fit_rivals
+from taxel.gap.experiment_design.information import CandidatePrediction, CompositeInformation
 from taxel.gap.experiment_design.ranking import rank_next_contacts
-from taxel.gap.experiment_design.unrecorded import unrecorded
+from taxel.gap.experiment_design.unrecorded_approaches import read_unrecorded
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.identifiability.identify import compute_similarities
 from taxel.gap.page import write_page
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
-TRIED = {"latency", "gain_mismatch", "stiffness", "hysteresis"}
-LITTLE_N = 0.15
-"""A tenth of the force of half the drop: drops grow with force as good as linearly."""
+INCLUDED = {"latency", "gain_mismatch", "stiffness", "hysteresis"}
+SMALL_FORCE_N = 0.15
+"""Force in N: a tenth of the half-force of the sensor model, so that the signal is nearly linear in the force."""
 
 
-def softer(force, signal_counts):
+def soften(force, signal_counts):
     return 2000.0 * force / (force + 1.5 * 0.7)
 
 
-def late(force, signal_counts):
-    moved = signal_counts.copy()
-    moved[3:, : signal_counts.shape[1] // 2] = signal_counts[:-3, : signal_counts.shape[1] // 2]
-    return moved
+def delay_first_board(force, signal_counts):
+    delayed = signal_counts.copy()
+    delayed[3:, : signal_counts.shape[1] // 2] = signal_counts[:-3, : signal_counts.shape[1] // 2]
+    return delayed
 
 
-def judge_of(paths) -> Judge:
+def make_fit_data(paths) -> FitData:
     pair = read_pair(*paths)
-    return prepared(pair)
+    return prepare_pair(pair)
 
 
-def findings_of(judge, link, *others) -> Findings:
-    """One effect and its rivals, all fitted."""
-    composite = judge.in_sample(CompositeModel((link,))).composite
+def make_findings(fit_data, link, *others) -> Findings:
+    """Return the findings of one fitted effect and its fitted rivals."""
+    composite = fit_data.fit_in_sample(CompositeModel((link,))).composite
     starts = {(link.effect.name, other.effect.name): [other] for other in others}
-    return Findings(judge, composite, (link.effect.name,), rivals_of(judge, composite, starts), ())
+    return Findings(fit_data, composite, (link.effect.name,), fit_rivals(fit_data, composite, starts), ())
 
 
-def plain(judge, effect, *values) -> FittedEffect:
-    return FittedEffect(effect, effect.neutral(judge.state) + np.reshape(values, (-1, 1)))
+def make_effect(fit_data, effect, *values) -> FittedEffect:
+    return FittedEffect(effect, effect.make_neutral_values(fit_data.state) + np.reshape(values, (-1, 1)))
 
 
-def stiff_or_gain(judge) -> Findings:
-    return findings_of(judge, plain(judge, Stiffness(), 0.0), plain(judge, GainMismatch("board", 0.5), 0.0))
+def make_confounded_findings(fit_data) -> Findings:
+    return make_findings(
+        fit_data, make_effect(fit_data, Stiffness(), 0.0), make_effect(fit_data, GainMismatch("board", 0.5), 0.0)
+    )
 
 
 @pytest.fixture(scope="module")
-def gentle(world, tmp_path_factory):
-    """A softer hand, pressed so little that its gain might be larger as well."""
-    paths = world(tmp_path_factory.mktemp("gentle"), effect=softer, most=LITTLE_N, sessions=3)
-    return paths, judge_of(paths)
+def small_force_pair(write_world, tmp_path_factory):
+    """A softer real layer at forces so small that a larger gain has the same effect."""
+    paths = write_world(
+        tmp_path_factory.mktemp("small_force"), effect=soften, largest_force_n=SMALL_FORCE_N, sessions=3
+    )
+    return paths, make_fit_data(paths)
 
 
-def angle(judge) -> float:
+def compute_stiffness_angle(fit_data) -> float:
     forms = {STIFF: (Stiffness(),), GAIN: (GainMismatch("board", 0.5),)}
-    link = judge.in_sample(CompositeModel((plain(judge, Stiffness(), 0.0),))).composite.links[0]
-    return next(one.degrees for one in compute_similarities(judge, forms, [link]) if one.name == STIFF)
+    composite = fit_data.fit_in_sample(CompositeModel((make_effect(fit_data, Stiffness(), 0.0),))).composite
+    stiffness = composite.fitted_effects[0]
+    return next(one.angle_deg for one in compute_similarities(fit_data, forms, [stiffness]) if one.name == STIFF)
 
 
-def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(gentle, world, tmp_path):
-    found = rank_next_contacts(stiff_or_gain(gentle[1]))
-    assert found.line == "Confounded effects: stiffness and gain mismatch."
+def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(small_force_pair, write_world, tmp_path):
+    found = rank_next_contacts(make_confounded_findings(small_force_pair[1]))
+    assert found.criterion == "Confounded effects: stiffness and gain mismatch."
     assert len(found.contacts) == 10
     first = found.contacts[0]
     assert (first.contact.force_scale, first.separates) == (3.0, (STIFF, GAIN))
-    assert first.contact.words.endswith("with 3 times the force")
-    assert "standard deviations" in first.why
+    assert first.contact.description.endswith("with 3 times the force")
+    assert "standard deviations" in first.reason
     gains = [one.gain for one in found.contacts]
     assert gains == sorted(gains, reverse=True)
     assert {one.contact.force_scale for one in found.contacts} <= {2.0, 3.0}
-    laddered = judge_of(world(tmp_path, effect=softer, most=LITTLE_N, sessions=3, scales=(1.0, 3.0)))
-    assert angle(laddered) > 1.5 * angle(gentle[1])
-
-
-def test_separation_of_two_effects_is_measured_on_all_grasps_together(gentle):
-    judge = gentle[1]
-    findings = stiff_or_gain(judge)
-    found, other = (
-        CompositeInformation.of(judge, composite) for composite in (findings.composite, findings.rivals[STIFF, GAIN])
+    two_force_levels = make_fit_data(
+        write_world(tmp_path, effect=soften, largest_force_n=SMALL_FORCE_N, sessions=3, force_scales=(1.0, 3.0))
     )
-    batch = list(batches(judge.state, recorded=True, memory=False, near=False))[4]
-    felt, rival = Felt.of(found, batch.state), Felt.of(other, batch.state)
-    weight = ContactVariance.of(judge).weight(batch.state.mean, felt.features)
-    apart, new = other.features - found.features, rival.features - felt.features
+    assert compute_stiffness_angle(two_force_levels) > 1.5 * compute_stiffness_angle(small_force_pair[1])
+
+
+def test_separation_of_two_effects_is_measured_on_all_grasps_together(small_force_pair):
+    fit_data = small_force_pair[1]
+    findings = make_confounded_findings(fit_data)
+    found, other = (
+        CompositeInformation.compute(fit_data, composite)
+        for composite in (findings.composite, findings.rivals[STIFF, GAIN])
+    )
+    batch = list(generate_batches(fit_data.state, is_recorded=True, is_time_dependent=False, has_proximity=False))[4]
+    prediction, rival_prediction = (
+        CandidatePrediction.compute(found, batch.state),
+        CandidatePrediction.compute(other, batch.state),
+    )
+    weight = ContactVariance.estimate(fit_data).compute_weight(batch.state.mean, prediction.features)
+    old_difference, new_difference = other.features - found.features, rival_prediction.features - prediction.features
     contact = 2
     columns = []
-    for column, own in zip(other.columns, rival.columns, strict=True):
+    for column, own in zip(other.columns, rival_prediction.columns, strict=True):
         for block in range(column.count):
             rows = (column.change * (column.blocks == block)[:, None], own.change * (own.blocks == block)[:, None])
-            part = [np.sqrt(judge.weight) * rows[0], (np.sqrt(weight) * rows[1])[contact : contact + 1]]
+            part = [np.sqrt(fit_data.weight) * rows[0], (np.sqrt(weight) * rows[1])[contact : contact + 1]]
             prior = np.zeros(2)
             prior[block] = np.sqrt(column.precision[block])
             columns.append(np.concatenate([part[0].ravel(), part[1].ravel(), prior]))
-    target = [np.sqrt(judge.weight) * apart, (np.sqrt(weight) * new)[contact : contact + 1], np.zeros(2)]
+    target = [
+        np.sqrt(fit_data.weight) * old_difference,
+        (np.sqrt(weight) * new_difference)[contact : contact + 1],
+        np.zeros(2),
+    ]
     design, target = np.transpose(columns), np.concatenate([one.ravel() for one in target])
     residual = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
-    after = other.left(apart).after(rival.added(contact, weight), new[contact])
+    after = other.compute_remaining(old_difference).compute_squared_length_after(
+        rival_prediction.compute_added(contact, weight), new_difference[contact]
+    )
     assert after == pytest.approx(float(residual @ residual), rel=1e-6)
-    spread = np.diag(np.linalg.inv(design.T @ design))
-    assert other.variance_after(rival.added(contact, weight)) == pytest.approx(spread, rel=1e-6)
+    variance = np.diag(np.linalg.inv(design.T @ design))
+    assert other.compute_variance_after(rival_prediction.compute_added(contact, weight)) == pytest.approx(
+        variance, rel=1e-6
+    )
 
 
-def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(world, tmp_path):
-    judge = judge_of(world(tmp_path, effect=late, conditions=4, sessions=3))
-    found = rank_next_contacts(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
-    assert found.line.startswith("No effects are confounded")
+def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(write_world, tmp_path):
+    fit_data = make_fit_data(write_world(tmp_path, effect=delay_first_board, conditions=4, sessions=3))
+    found = rank_next_contacts(make_findings(fit_data, make_effect(fit_data, Latency(), 0.05)), limit=40)
+    assert found.criterion.startswith("No effects are confounded")
     first = found.contacts[0]
     assert first.separates[0].startswith("seconds of latency, ")
-    assert "standard error" in first.why
+    assert "standard error" in first.reason
     assert first.contact.closing_scale < 1.0
-    assert not any(" by 0 %" in one.why or not one.why for one in found.contacts)
+    assert not any(" by 0 %" in one.reason or not one.reason for one in found.contacts)
     gains = {
         (one.contact.approach, one.contact.closing_scale): one.gain
         for one in found.contacts
@@ -138,48 +157,48 @@ def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(worl
     assert all(gains.get((f"press_{k}", 4.0), 0.0) < gains[f"press_{k}", quick] for k in range(4))
 
 
-def test_a_proximity_effect_proposes_approaches_without_contact(gentle):
-    judge = gentle[1]
-    link = plain(judge, Proximity(), 0.0, 40.0)
-    found = rank_next_contacts(Findings(judge, CompositeModel((link,)), ("proximity",), {}, ()), most=100)
-    off = [one for one in found.contacts if one.contact.apart_mm]
-    assert off
-    assert off[0].contact.words.endswith("held at a distance of 2 mm")
+def test_a_proximity_effect_proposes_approaches_without_contact(small_force_pair):
+    fit_data = small_force_pair[1]
+    link = make_effect(fit_data, Proximity(), 0.0, 40.0)
+    found = rank_next_contacts(Findings(fit_data, CompositeModel((link,)), ("proximity",), {}, ()), limit=100)
+    without_contact = [one for one in found.contacts if one.contact.apart_mm]
+    assert without_contact
+    assert without_contact[0].contact.description.endswith("held at a distance of 2 mm")
 
 
-def test_without_a_named_effect_no_grasp_is_proposed(gentle):
-    found = rank_next_contacts(Findings(gentle[1], CompositeModel(), (), {}, ()))
+def test_without_a_named_effect_no_grasp_is_proposed(small_force_pair):
+    found = rank_next_contacts(Findings(small_force_pair[1], CompositeModel(), (), {}, ()))
     assert found.contacts == ()
-    assert "The verdict has no effect" in found.line
+    assert "The verdict has no effect" in found.criterion
 
 
-def test_simulated_approaches_are_ranked_with_recorded_ones(gentle, world, tmp_path):
+def test_simulated_approaches_are_ranked_with_recorded_ones(small_force_pair, write_world, tmp_path):
     (tmp_path / "more").mkdir()
-    more = world(tmp_path / "more", most=LITTLE_N, conditions=3, scales=(1.0, 20.0))[1]
-    judge = gentle[1]
-    state = unrecorded(judge.state, more, known=[("cube", "press_4")])
-    assert state is None  # six cells, all of them recorded
+    more = write_world(tmp_path / "more", largest_force_n=SMALL_FORCE_N, conditions=3, force_scales=(1.0, 20.0))[1]
+    fit_data = small_force_pair[1]
+    state = read_unrecorded(fit_data.state, more, known=[("cube", "press_4")])
+    assert state is None  # all six conditions are recorded
     with h5py.File(more, "r+") as file:
         for grasp in file["grasps"].values():
             grasp.attrs["approach"] = "hard_" + grasp.attrs["approach"]
-    state = unrecorded(judge.state, more)
+    state = read_unrecorded(fit_data.state, more)
     assert len(state.pair.conditions) == 6
-    found = rank_next_contacts(stiff_or_gain(judge), [state])
-    assert not found.contacts[0].contact.recorded
+    found = rank_next_contacts(make_confounded_findings(fit_data), [state])
+    assert not found.contacts[0].contact.is_recorded
     assert found.contacts[0].contact.approach in ("hard_press_3", "hard_press_4", "hard_press_5")
-    assert "not yet recorded" in found.contacts[0].contact.words
+    assert "not yet recorded" in found.contacts[0].contact.description
 
 
 # --- the command
 
 
 @pytest.fixture(scope="module")
-def diagnosed(world, tmp_path_factory):
-    """Two files, four of six simulated approaches recorded, and the report of their diagnosis."""
+def diagnosed(write_world, tmp_path_factory):
+    """Paths of both datasets (the real one has four of six simulated conditions), and the report of their diagnosis."""
     folder = tmp_path_factory.mktemp("diagnosed")
-    paths = world(folder, effect=late, recorded=4, sessions=3)
-    left_out = [word for name in sorted(set(OWN_EFFECTS) - TRIED) for word in ("--without", name)]
-    assert run_taxel("gap", "diagnose", *paths, "--out", folder, *left_out) == 0
+    paths = write_world(folder, effect=delay_first_board, recorded_conditions=4, sessions=3)
+    exclusions = [word for name in sorted(set(OWN_EFFECTS) - INCLUDED) for word in ("--without", name)]
+    assert run_taxel("gap", "diagnose", *paths, "--out", folder, *exclusions) == 0
     return paths, folder / "report.json"
 
 
@@ -199,19 +218,21 @@ def test_report_and_page_contain_the_proposed_grasps(diagnosed, tmp_path):
 def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
     paths, report = diagnosed
     assert run_taxel("gap", "next", report, "--json", "--top", 3) == 0
-    told = json.loads(capsys.readouterr().out)
+    proposals = json.loads(capsys.readouterr().out)
     diagnosis = json.loads(report.read_text())["next_presses"][:3]
-    assert [one["press"] for one in told["next_presses"]] == [one["press"] for one in diagnosis]
-    for one, other in zip(told["next_presses"], diagnosis, strict=True):
+    assert [one["press"] for one in proposals["next_presses"]] == [one["press"] for one in diagnosis]
+    for one, other in zip(proposals["next_presses"], diagnosis, strict=True):
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
     assert run_taxel("gap", "next", report, "--candidate", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "all approaches of this dataset are recorded already" in out
-    assert told["next_presses"][0]["press"].split()[-1] in out
+    assert proposals["next_presses"][0]["press"].split()[-1] in out
 
 
-def test_grasps_that_separate_two_rivals_are_proposed_for_a_report_that_names_no_effect(capsys, gentle, tmp_path):
-    paths, _ = gentle
+def test_grasps_that_separate_two_rivals_are_proposed_for_a_report_that_names_no_effect(
+    capsys, small_force_pair, tmp_path
+):
+    paths, _ = small_force_pair
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 0
     report = json.loads((tmp_path / "report.json").read_text())
     report["verdict"] |= {"status": "unknown", "effects": ["unknown"], "confounded_with": {STIFF: [GAIN]}}
@@ -223,13 +244,13 @@ def test_grasps_that_separate_two_rivals_are_proposed_for_a_report_that_names_no
     assert {STIFF, GAIN} <= set(proposed[0]["separates"])
 
 
-def test_no_grasp_is_proposed_for_a_dropout(capsys, world, tmp_path):
-    def silence(raw, valid, rng):
+def test_no_grasp_is_proposed_for_a_dropout(capsys, write_world, tmp_path):
+    def silence_second_board(raw, valid, rng):
         valid = valid.copy()
         valid[:, 1] = False
         return raw, valid
 
-    paths = world(tmp_path, after=silence, conditions=3, sessions=3)
+    paths = write_world(tmp_path, raw_effect=silence_second_board, conditions=3, sessions=3)
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 0
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []
@@ -237,7 +258,7 @@ def test_no_grasp_is_proposed_for_a_dropout(capsys, world, tmp_path):
     assert "no parameters that a further grasp could determine" in capsys.readouterr().out
 
 
-def test_invalid_input_gives_one_error_line(capsys, diagnosed, gentle, tmp_path):
+def test_invalid_input_gives_one_error_line(capsys, diagnosed, small_force_pair, tmp_path):
     paths, report = diagnosed
     assert "SIM.h5" in run_refused_command(capsys, "gap", "next", paths[0])
     assert run_taxel("gap", "next", report, "--top", 0) == 2

@@ -19,13 +19,13 @@ from taxel.gap.page.action import EXPORT_COMMAND, PASTE_LINES, Action, recommend
 from taxel.gap.page.confidence import MOST_CAUSES, list_shown_causes
 from taxel.gap.page.effect_cards import format_parameters
 from taxel.gap.report.checked_report import CheckedReport
-from taxel.gap.report.neutral import SHAPES, find_neutral
+from taxel.gap.report.neutral import SHAPE_PARAMETERS, find_neutral
 
 Report = dict[str, Any]
 
 
 def make_report(status: str, *names: str, sessions: int = 4, **verdict: Any) -> Report:
-    """A report of version 2 with these effects in the verdict, and all fields that a summary reads."""
+    """Return a report of version 2 with these effects in the verdict and all fields that a summary reads."""
     effects = [
         {
             "name": name,
@@ -79,27 +79,27 @@ def make_report(status: str, *names: str, sessions: int = 4, **verdict: Any) -> 
     }
 
 
-def action_of(report: Report) -> Action:
+def recommend(report: Report) -> Action:
     return recommend_action(CheckedReport(report))
 
 
 def test_an_effect_on_counts_is_added_by_three_lines() -> None:
-    action = action_of(make_report("explained", "contact_propagation"))
+    action = recommend(make_report("explained", "contact_propagation"))
     assert "Add contact propagation to the simulator" in action.steps[0]
     assert (action.command, action.lines) == (EXPORT_COMMAND.format(report="report.json"), PASTE_LINES)
     assert len(PASTE_LINES) == 3
     assert action.next_contact.startswith("box top, with 3 times the force (separates noise and latency")
 
 
-def test_a_displaced_object_is_moved_in_the_simulator() -> None:
-    action = action_of(make_report("explained", "pose_error"))
+def test_for_a_displaced_object_a_corrected_pose_is_recommended() -> None:
+    action = recommend(make_report("explained", "pose_error"))
     assert action.steps == ("Correct the pose in the simulator: size, palm\N{NO-BREAK SPACE}(0x20)\N{NO-BREAK SPACE}"
                             "3.00\N{NO-BREAK SPACE}mm (2.00 to 4.00).",)  # fmt: skip
     assert action.lines == ()
 
 
-def test_dead_parts_are_repaired_before_they_are_simulated() -> None:
-    action = action_of(make_report("explained", "dropout", "noise"))
+def test_a_repair_of_dead_hardware_is_recommended_before_its_simulation() -> None:
+    action = recommend(make_report("explained", "dropout", "noise"))
     assert action.steps[0] == "Repair the hardware if possible: palm."
     assert "Add dropout and noise" in action.steps[1]
 
@@ -107,50 +107,50 @@ def test_dead_parts_are_repaired_before_they_are_simulated() -> None:
 def test_an_effect_that_does_not_reduce_the_gap_is_not_added() -> None:
     report = make_report("explained", "gain_mismatch")
     report["after"] |= {"shrink": 0.003, "value": 19.9}
-    action = action_of(report)
+    action = recommend(report)
     assert action.steps[0].startswith("Change nothing yet: gain mismatch")
     assert (action.lines, action.next_contact != "") == ((), True)
 
 
 def test_an_effect_of_a_plug_in_has_no_lines() -> None:
-    action = action_of(make_report("explained", "my_own"))
+    action = recommend(make_report("explained", "my_own"))
     assert "taxel gap apply" in action.steps[0]
     assert action.lines == ()
 
 
 @pytest.mark.parametrize(("sessions", "words"), [(1, "2 more sessions"), (2, "1 more session ")])
-def test_too_few_sessions_are_completed_before_anything_is_changed(sessions: int, words: str) -> None:
+def test_for_too_few_sessions_further_sessions_are_recommended(sessions: int, words: str) -> None:
     for report in (make_report("unknown", "unknown", sessions=sessions), make_report("partly_explained", "noise")):
         report["counts"]["real"]["sessions"] = sessions
-        action = action_of(report)
+        action = recommend(report)
         assert words in action.steps[0].replace("\N{NO-BREAK SPACE}", " ")
         assert action.lines == ()
 
 
-def test_without_a_gap_nothing_is_changed() -> None:
-    assert action_of(make_report("no_gap")).steps == (
+def test_without_a_gap_no_change_is_recommended() -> None:
+    assert recommend(make_report("no_gap")).steps == (
         "Keep the simulator as it is for contacts like the recorded ones.",
     )
 
 
-def test_an_unknown_cause_is_inspected_where_it_acts() -> None:
+def test_for_an_unknown_cause_an_inspection_at_its_location_is_recommended() -> None:
     report = make_report("unknown", "unknown")
     report["unexplained"] = {"p_value": 1e-4, "signature": "row", "where": [{"address": 32, "axis": "tx", "index": 2}]}
-    action = action_of(report)
+    action = recommend(report)
     assert "Inspect the hardware at palm, TX" in action.steps[0]
     assert action.lines == ()
 
 
-def test_rivals_are_separated_before_anything_is_changed() -> None:
+def test_for_rivals_a_contact_that_separates_them_is_recommended() -> None:
     report = make_report("unknown", "unknown", confounded_with={"stiffness": ["gain_mismatch"]})
-    assert "decides between the possible causes" in action_of(report).steps[0]
+    assert "decides between the possible causes" in recommend(report).steps[0]
 
 
 def test_two_real_datasets_get_no_lines_for_a_simulator() -> None:
     report = make_report("explained", "gain_mismatch")
     report["inputs"]["real_real"] = True
-    assert action_of(report).lines == ()
-    assert "simulator" not in " ".join(action_of(report).steps)
+    assert recommend(report).lines == ()
+    assert "simulator" not in " ".join(recommend(report).steps)
 
 
 def test_the_line_of_confidence_begins_with_the_most_probable_cause() -> None:
@@ -162,8 +162,8 @@ def test_the_line_of_confidence_begins_with_the_most_probable_cause() -> None:
     assert re.search(r'<li class="named"><span>noise</span>.*?<b>97.%</b>', text)
 
 
-def neutral_parameters(effect: Effect) -> Report:
-    """Reported parameters of an effect at their neutral values."""
+def make_neutral_parameters(effect: Effect) -> Report:
+    """Return the reported parameters of an effect at their neutral values."""
     rows = effect.parameters()
     link = FittedEffect(effect, np.array([[row.neutral] for row in rows]))
     return {
@@ -172,16 +172,12 @@ def neutral_parameters(effect: Effect) -> Report:
     }
 
 
-def forms_of(name: str) -> tuple[Effect, ...]:
-    return tuple(OWN_EFFECTS[name])
-
-
 @pytest.mark.parametrize("name", [name for name in OWN_EFFECTS if name != "dropout"])
 def test_no_parameter_of_the_catalogue_is_shown_at_its_neutral_value(name: str) -> None:
-    for form in forms_of(name):
+    for form in OWN_EFFECTS[name]:
         report = make_report("explained", name)
-        report["effects"][0]["parameters"] = parameters = neutral_parameters(form)
-        shapes = {key for key in parameters if f"{name}.{key}" in SHAPES}
+        report["effects"][0]["parameters"] = parameters = make_neutral_parameters(form)
+        shapes = {key for key in parameters if f"{name}.{key}" in SHAPE_PARAMETERS}
         checked = CheckedReport(report)
         text = format_parameters(checked, checked.effects[0])
         assert not [key for key in parameters if key not in shapes and re.search(rf"\b{key.split('_')[0]}\b", text)]
@@ -199,7 +195,7 @@ def test_a_parameter_is_shown_from_the_second_decimal_of_its_difference(value: f
     assert "log gain" not in text
 
 
-def summary_of(report: Report) -> list[str]:
+def print_lines(report: Report) -> list[str]:
     console = Console(width=WIDTH, record=True, file=open("/dev/null", "w"), color_system=None)  # noqa: SIM115
     print_summary(console, report, "out/gap/report.html")
     return console.export_text().rstrip("\n").split("\n")
@@ -223,14 +219,14 @@ def test_the_summary_fits_into_a_terminal_of_24_lines(name: str) -> None:
     report["losses"] = ["a long note on the datasets " * 6] * 12
     report["verdict"]["one_line"] = "a very long sentence " * 20
     report["next_presses"][0]["press"] = "a very long name " * 20
-    lines = summary_of(report)
+    lines = print_lines(report)
     assert len(lines) <= MOST_LINES
     assert all(len(line) <= WIDTH for line in lines)
     assert lines[-1] == "report: out/gap/report.html"
 
 
 def test_the_summary_has_the_order_of_the_page() -> None:
-    text = "\n".join(summary_of(REPORTS["explained"]))
+    text = "\n".join(print_lines(REPORTS["explained"]))
     order = [
         "The real skin differs.",
         "90 %",

@@ -26,8 +26,8 @@ FLOOR = 2.0
 LARGEST = 400.0  # counts squared
 
 
-def report_of(hand_name: str, boards: list[str] | None = None) -> Report:
-    """The smallest report with a picture: one taxel of the first board has an excess."""
+def make_report(hand_name: str, boards: list[str] | None = None) -> Report:
+    """Return the smallest report with a picture: one taxel of the first board has an excess."""
     taxels: Report = {"sensor": [], "tx": [], "rx": []}
     sensors = []
     for board in load_hand(hand_name).boards:
@@ -51,16 +51,16 @@ def report_of(hand_name: str, boards: list[str] | None = None) -> Report:
     }
 
 
-def views(report: Report) -> tuple[View, ...]:
+def make_views(report: Report) -> tuple[View, ...]:
     return arrange_views(list_boards(CheckedReport(report)))
 
 
-def squares(svg: str) -> list[str]:
-    """The CSS class of each taxel, in the order of the picture."""
+def list_classes(svg: str) -> list[str]:
+    """Return the CSS class of each taxel, in the order of the picture."""
     return [r.get("class", "") for r in ET.fromstring(svg).iter(f"{SVG}rect") if r.find(f"{SVG}title") is not None]
 
 
-def texts(svg: str, kind: str) -> list[str]:
+def list_texts(svg: str, kind: str) -> list[str]:
     found = [t.text or "" for t in ET.fromstring(svg).iter(f"{SVG}text") if (t.get("class") or "").startswith(kind)]
     return [text.replace("\N{NO-BREAK SPACE}", " ") for text in found]
 
@@ -72,9 +72,9 @@ def has_overlap(view: View) -> bool:
 
 @pytest.mark.parametrize("hand_name", ["original", "original_complete", "allegro", "rig4", "flat8"])
 def test_every_taxel_is_drawn_once_and_boards_do_not_overlap(hand_name: str) -> None:
-    report = report_of(hand_name)
-    assert len(squares(unrolled_svg(report))) == len(report["taxels"]["sensor"])
-    for view in views(report):
+    report = make_report(hand_name)
+    assert len(list_classes(unrolled_svg(report))) == len(report["taxels"]["sensor"])
+    for view in make_views(report):
         assert not has_overlap(view)
         for placed in view.boards:
             assert 0 <= placed.x <= view.width - placed.board.columns
@@ -82,7 +82,7 @@ def test_every_taxel_is_drawn_once_and_boards_do_not_overlap(hand_name: str) -> 
 
 
 def test_boards_with_a_layout_are_drawn_by_it() -> None:
-    hand, report = load_hand("original"), report_of("original")
+    hand, report = load_hand("original"), make_report("original")
     for board in list_boards(CheckedReport(report)):
         kind = hand.get_board(board.address).kind
         assert (board.row, board.column) == (tuple(kind.row.tolist()), tuple(kind.column.tolist()))
@@ -91,7 +91,7 @@ def test_boards_with_a_layout_are_drawn_by_it() -> None:
 
 
 def test_a_kind_with_other_lines_than_the_packaged_one_is_drawn_by_its_lines() -> None:
-    report = report_of("allegro")
+    report = make_report("allegro")
     report["sensors"][0]["kind"] = "palm"
     board = next(board for board in list_boards(CheckedReport(report)) if board.name == "palm")
     assert (board.row, board.column) == (board.tx, board.rx)
@@ -99,7 +99,7 @@ def test_a_kind_with_other_lines_than_the_packaged_one_is_drawn_by_its_lines() -
 
 @pytest.mark.parametrize(("axis", "index"), [("tx", 0), ("tx", 9), ("rx", 0), ("rx", 11)])
 def test_the_arrows_of_a_line_point_at_all_its_rows_or_columns(axis: str, index: int) -> None:
-    report = report_of("original", ["palm"])
+    report = make_report("original", ["palm"])
     address = report["sensors"][0]["address"]
     report["where"]["lines"] = [{"address": address, "axis": axis, "index": index, "share": 1.0, "p_value": 0.001}]
     kind = load_hand("original").get_board(address).kind
@@ -109,7 +109,7 @@ def test_the_arrows_of_a_line_point_at_all_its_rows_or_columns(axis: str, index:
 
 
 def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
-    palm_side, back = views(report_of("original"))
+    palm_side, back = make_views(make_report("original"))
     at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
     assert len(palm_side.boards) + len(back.boards) == 17
     assert at["fingertip_pinkie"].x < at["fingertip_middle"].x < at["fingertip_index"].x
@@ -122,7 +122,7 @@ def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
 
 
 def test_the_assumed_hand_is_arranged_like_a_right_hand() -> None:
-    palm_side, back = views(report_of("allegro"))
+    palm_side, back = make_views(make_report("allegro"))
     at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
     assert len(palm_side.boards) + len(back.boards) == 17
     # Seen from the palm, the thumb is on the right; seen from behind, the index finger is on the left.
@@ -138,40 +138,40 @@ def test_the_assumed_hand_is_arranged_like_a_right_hand() -> None:
 
 
 def test_a_part_of_the_default_hand_keeps_its_arrangement() -> None:
-    (view,) = views(report_of("original", ["palm", "fingertip_index"]))
+    (view,) = make_views(make_report("original", ["palm", "fingertip_index"]))
     assert view.title == "palm side"
     assert not has_overlap(view)
 
 
 def test_an_unknown_board_name_arranges_all_boards_in_rows() -> None:
-    report = report_of("original")
+    report = make_report("original")
     report["sensors"][0]["name"] = "forearm"
-    (view,) = views(report)
+    (view,) = make_views(report)
     assert len(view.boards) == 17
     assert len({placed.y for placed in view.boards}) > 1
 
 
 def test_boards_without_a_name_are_labelled_by_their_address() -> None:
-    report = report_of("rig4") | {"sensors": []}
-    assert texts(unrolled_svg(report), "name") == ["board 0x50", "board 0x51", "board 0x52", "board 0x53"]
+    report = make_report("rig4") | {"sensors": []}
+    assert list_texts(unrolled_svg(report), "name") == ["board 0x50", "board 0x51", "board 0x52", "board 0x53"]
 
 
 def test_a_long_name_is_shortened_and_escaped() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     report["sensors"][0]["name"] = "<b>" + "x" * 100
-    name = texts(unrolled_svg(report), "name")[0]
+    name = list_texts(unrolled_svg(report), "name")[0]
     assert name.startswith("<b>xx")
     assert len(name) <= 18
 
 
 def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     report["taxel_excess"]["before"][1] = LARGEST / 4
-    before, after = squares(unrolled_svg(report, "before")), squares(unrolled_svg(report, "after"))
+    before, after = list_classes(unrolled_svg(report, "before")), list_classes(unrolled_svg(report, "after"))
     assert before[:3] == [f"q{STEPS - 1}", f"q{STEPS // 2}", "q0"]
     assert set(after) == {"q0"}
     report["taxel_excess"]["after"][2] = 4 * LARGEST
-    assert squares(unrolled_svg(report, "before"))[0] == f"q{STEPS // 2}"
+    assert list_classes(unrolled_svg(report, "before"))[0] == f"q{STEPS // 2}"
 
 
 def test_the_scale_ends_at_three_floors_or_above() -> None:
@@ -182,13 +182,13 @@ def test_the_scale_ends_at_three_floors_or_above() -> None:
 
 
 def test_a_taxel_without_data_is_empty() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     report["taxel_excess"]["before"][3] = None
-    assert squares(unrolled_svg(report))[3] == "none"
+    assert list_classes(unrolled_svg(report))[3] == "none"
 
 
 def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     address = report["sensors"][1]["address"]
     report["where"]["sensors"] = [
         {"address": address, "name": "wall", "share": 0.62, "p_value": 0.01},
@@ -199,18 +199,18 @@ def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
         {"address": address, "axis": "rx", "index": 2, "share": 0.1, "p_value": 0.5},
     ]
     svg = unrolled_svg(report, "before")
-    assert texts(svg, "name marked") == ["wall 62 %"]
+    assert list_texts(svg, "name marked") == ["wall 62 %"]
     assert svg.count('class="arrow"') == 1
     assert "marked" not in re.sub("<style>.*</style>", "", unrolled_svg(report, "after"), flags=re.DOTALL)
 
 
 def test_unexplained_locations_are_marked_after() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     address = report["sensors"][2]["address"]
     locations = [{"address": address, "axis": "rx", "index": 1}, {"address": address}, "somewhere"]
     report["unexplained"] = {"p_value": 0.001, "where": locations}
     svg = unrolled_svg(report, "after")
-    assert texts(svg, "name marked") == ["dome"]
+    assert list_texts(svg, "name marked") == ["dome"]
     assert svg.count('class="arrow"') == 1
     assert 'class="arrow"' not in unrolled_svg(report, "before")
     report["unexplained"]["p_value"] = 0.3
@@ -218,27 +218,27 @@ def test_unexplained_locations_are_marked_after() -> None:
 
 
 def test_a_line_that_the_board_lacks_is_not_marked() -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     line = {"address": report["sensors"][0]["address"], "axis": "tx", "index": 200, "share": 1.0, "p_value": 0.001}
     report["where"]["lines"] = [line]
     assert 'class="arrow"' not in unrolled_svg(report)
 
 
-def luminance(colour: str) -> float:
-    """Relative luminance, WCAG 2.2."""
-    parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    red, green, blue = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
+def compute_luminance(colour: str) -> float:
+    """Return the relative luminance of a colour #rrggbb (WCAG 2.2)."""
+    channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels)
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 def test_the_lightness_of_the_ramps_is_monotonic() -> None:
-    assert all(luminance(a) > luminance(b) for a, b in pairwise(LIGHT))
-    assert all(luminance(a) < luminance(b) for a, b in pairwise(DARK))
+    assert all(compute_luminance(a) > compute_luminance(b) for a, b in pairwise(LIGHT))
+    assert all(compute_luminance(a) < compute_luminance(b) for a, b in pairwise(DARK))
     assert len(LIGHT) == len(DARK) == STEPS
 
 
 def test_the_svg_has_no_external_references() -> None:
-    svg = unrolled_svg(report_of("original"))
+    svg = unrolled_svg(make_report("original"))
     assert not re.search(r"url\(|@import|href|<script", svg)
     assert re.findall(r"https?://[^\"]*", svg) == ["http://www.w3.org/2000/svg"]
     assert ET.fromstring(svg).find(f"{SVG}title") is not None
@@ -246,12 +246,12 @@ def test_the_svg_has_no_external_references() -> None:
 
 def test_an_unknown_stage_is_rejected() -> None:
     with pytest.raises(ValueError, match="expected one of before, after, found 'later'"):
-        unrolled_svg(report_of("rig4"), "later")
+        unrolled_svg(make_report("rig4"), "later")
 
 
 @pytest.mark.parametrize("key", ["taxels", "taxel_excess"])
 def test_a_report_without_taxels_has_no_picture(key: str, tmp_path: Path) -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     del report[key]
     with pytest.raises(GapInputError, match="taxel_excess: expected taxels and the excess of each, found none"):
         unrolled_svg(report)
@@ -261,7 +261,7 @@ def test_a_report_without_taxels_has_no_picture(key: str, tmp_path: Path) -> Non
 
 
 def test_the_png_is_reproducible_and_contains_the_colours_of_the_hand(tmp_path: Path) -> None:
-    report = report_of("rig4")
+    report = make_report("rig4")
     report["sensors"][0]["name"] = "$x_{"  # must not be parsed as a formula
     unrolled_png(report, tmp_path / "a.png")
     unrolled_png(copy.deepcopy(report), tmp_path / "b.png")

@@ -19,18 +19,18 @@ from taxel.gap.page import page_text, write_page
 Report = dict[str, Any]
 KeyPath = tuple[str | int, ...]
 
-HOSTILE = '<script>alert("x")</script>&amp;\x00\ud800\u202e\'--> </style>'
+HOSTILE_TEXT = '<script>alert("x")</script>&amp;\x00\ud800\u202e\'--> </style>'
 MISSING = object()
-WRONG = (MISSING, None, "x", -1, 1e308, 10**400, True, math.nan, [], {}, [None], [[]], {"": None})
+WRONG_VALUES = (MISSING, None, "x", -1, 1e308, 10**400, True, math.nan, [], {}, [None], [[]], {"": None})
 
 
-def share_entry(**location: Any) -> Report:
+def make_share_entry(**location: Any) -> Report:
     return {**location, "share": 1.0, "p_value": 0.01}
 
 
 @pytest.fixture
 def report() -> Report:
-    """Two boards of two taxels, and one entry in every list."""
+    """A report with two boards of two taxels and one entry in every list."""
     effect = {
         "name": "noise",
         "parameters": {"white_counts": {"value": 4.4, "ci95": [4.2, 4.7], "unit": "counts"}},
@@ -66,12 +66,15 @@ def report() -> Report:
             "mm": {"value": 2.0, "ci95": None, "floor": 1.0, "placebo": 1.5},
         },
         "where": {
-            "sensors": [share_entry(address=80, name="slab")],
-            "lines": [share_entry(address=80, axis="tx", index=0), share_entry(address=80, axis="rx", index=1)],
-            "taxels": [share_entry(index=0)],
-            "phases": [share_entry(phase="hold")],
-            "objects": [share_entry(name="box")],
-            "approaches": [share_entry(object="box", approach="top")],
+            "sensors": [make_share_entry(address=80, name="slab")],
+            "lines": [
+                make_share_entry(address=80, axis="tx", index=0),
+                make_share_entry(address=80, axis="rx", index=1),
+            ],
+            "taxels": [make_share_entry(index=0)],
+            "phases": [make_share_entry(phase="hold")],
+            "objects": [make_share_entry(name="box")],
+            "approaches": [make_share_entry(object="box", approach="top")],
         },
         "verdict": {
             "status": "explained",
@@ -112,12 +115,12 @@ def report() -> Report:
     }
 
 
-def parsed(text: str) -> ET.Element:
+def parse_xml(text: str) -> ET.Element:
     return ET.fromstring(text)
 
 
-def changed(report: Report, path: KeyPath, value: object) -> Report:
-    """A copy with another value at a path, or without the field."""
+def change_report(report: Report, path: KeyPath, value: object) -> Report:
+    """Return a copy with another value at a path, or without the field."""
     copied = copy.deepcopy(report)
     *outer, last = path
     inner: Any = copied
@@ -130,11 +133,11 @@ def changed(report: Report, path: KeyPath, value: object) -> Report:
     return copied
 
 
-def key_paths(value: Any, prefix: KeyPath = ()) -> Iterator[KeyPath]:
+def list_key_paths(value: Any, prefix: KeyPath = ()) -> Iterator[KeyPath]:
     keys = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in keys:
         yield (*prefix, key)
-        yield from key_paths(inner, (*prefix, key))
+        yield from list_key_paths(inner, (*prefix, key))
 
 
 @pytest.mark.parametrize(
@@ -164,18 +167,21 @@ def key_paths(value: Any, prefix: KeyPath = ()) -> Iterator[KeyPath]:
     ],
 )
 def test_text_of_the_report_cannot_become_markup(report: Report, path: KeyPath, tmp_path: Path) -> None:
-    write_page(changed(report, path, HOSTILE), tmp_path / "page.html")
+    write_page(change_report(report, path, HOSTILE_TEXT), tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    root = parsed(text)
+    root = parse_xml(text)
     assert "script" not in {element.tag for element in root.iter()}
     assert len(list(root.iter("style"))) == 1
     assert not any(mark in text for mark in ("\x00", "\u202e"))
 
 
 def test_keys_of_the_report_are_escaped(report: Report) -> None:
-    report["verdict"]["confounded_with"] = {HOSTILE: [HOSTILE]}
-    report["effects"][0]["parameters"] = {HOSTILE: {"value": 1.0, "unit": "mm"}, f"gain@{HOSTILE}": {"value": 2}}
-    assert "script" not in {element.tag for element in parsed(page_text(report)).iter()}
+    report["verdict"]["confounded_with"] = {HOSTILE_TEXT: [HOSTILE_TEXT]}
+    report["effects"][0]["parameters"] = {
+        HOSTILE_TEXT: {"value": 1.0, "unit": "mm"},
+        f"gain@{HOSTILE_TEXT}": {"value": 2},
+    }
+    assert "script" not in {element.tag for element in parse_xml(page_text(report)).iter()}
 
 
 @pytest.mark.parametrize(
@@ -218,7 +224,7 @@ def test_a_malformed_field_raises_one_line_and_nothing_is_written(
     report: Report, path: KeyPath, value: object, line: str, tmp_path: Path
 ) -> None:
     with pytest.raises(GapInputError) as caught:
-        write_page(changed(report, path, value), tmp_path / "page.html")
+        write_page(change_report(report, path, value), tmp_path / "page.html")
     assert str(caught.value).startswith(line)
     assert "\n" not in str(caught.value)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
@@ -230,7 +236,7 @@ def test_a_malformed_field_raises_one_line_and_nothing_is_written(
 )
 def test_the_error_names_a_missing_required_field(report: Report, key: str) -> None:
     with pytest.raises(GapInputError, match=rf"^report: {key}: expected a field of that name, found none"):
-        page_text(changed(report, (key,), MISSING))
+        page_text(change_report(report, (key,), MISSING))
 
 
 @pytest.mark.parametrize("content", [[], "text", None, 3])
@@ -246,17 +252,17 @@ def test_a_repeated_taxel_is_rejected(report: Report) -> None:
         page_text(report)
 
 
-def rejection(report: Report) -> str:
-    """Error message for a report; empty if the report is accepted."""
+def get_rejection(report: Report) -> str:
+    """Return the error message for a report; empty if the report is accepted."""
     try:
-        parsed(page_text(report))
+        parse_xml(page_text(report))
     except GapInputError as error:
         return str(error)
     return ""
 
 
 def test_any_wrong_value_is_shown_or_rejected_in_one_line(report: Report) -> None:
-    for path in key_paths(report):
-        for value in WRONG:
-            line = rejection(changed(report, path, value))
+    for path in list_key_paths(report):
+        for value in WRONG_VALUES:
+            line = get_rejection(change_report(report, path, value))
             assert not line or re.fullmatch(r"report: .*: expected .*, found .*; .*", line), (path, value)

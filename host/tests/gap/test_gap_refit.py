@@ -1,4 +1,4 @@
-"""Fits that begin near their end keep the derivative of their beginning; what a subspace leaves is worked out once."""
+"""Refits that reuse the derivatives of their start, and projections on the subspace of an effect."""
 
 from __future__ import annotations
 
@@ -6,52 +6,59 @@ import numpy as np
 import pytest
 
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.equations import Column, Problem, system_of
-from taxel.gap.fitting.fit import fit, start_of, started
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.equations import DerivativeColumn, FitProblem, build_normal_matrix
+from taxel.gap.fitting.fit import fit, linearise, start_effect
+from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.identifiability.identify import Subspace
 
 
 @pytest.fixture(scope="module")
-def judge(world, tmp_path_factory) -> Judge:
-    return prepared(read_pair(*world(tmp_path_factory.mktemp("refit"))))
+def fit_data(write_world, tmp_path_factory) -> FitData:
+    return prepare_pair(read_pair(*write_world(tmp_path_factory.mktemp("refit"))))
 
 
 @pytest.mark.parametrize("name", ["stiffness", "saturation", "contact_propagation", "gain_mismatch"])
-def test_a_refit_with_reused_derivatives_reaches_the_same_cost(judge, name):
-    state = judge.state
+def test_a_refit_with_reused_derivatives_reaches_the_same_cost(fit_data, name):
+    state = fit_data.state
     effect = OWN_EFFECTS[name][0]
-    there = FittedEffect(effect, effect.typical(state))
-    target = CompositeModel((there,)).features(state) + np.random.default_rng(1).normal(0.0, 1.0, state.mean.shape)
-    whole = Problem(state, target, judge.weight)
-    composite = fit(whole, CompositeModel((started(state, effect),))).composite
-    part = Problem(state, target, np.where((judge.parts != 0)[:, None], judge.weight, 0.0))
-    slow, quick = fit(part, composite), fit(part, composite, iterations=6, start=start_of(state, composite))
-    assert quick.cost <= slow.cost * (1.0 + 1e-4)
-    assert quick.cost < part.cost(state.mean)
+    true_effect = FittedEffect(effect, effect.make_typical_values(state))
+    target = CompositeModel((true_effect,)).predict_features(state) + np.random.default_rng(1).normal(
+        0.0, 1.0, state.mean.shape
+    )
+    problem = FitProblem(state, target, fit_data.weight)
+    composite = fit(problem, CompositeModel((start_effect(state, effect),))).composite
+    problem_without_fold = FitProblem(
+        state, target, np.where((fit_data.taxel_folds != 0)[:, None], fit_data.weight, 0.0)
+    )
+    without_start, with_start = (
+        fit(problem_without_fold, composite),
+        fit(problem_without_fold, composite, iterations=6, linearisation=linearise(state, composite)),
+    )
+    assert with_start.cost <= without_start.cost * (1.0 + 1e-4)
+    assert with_start.cost < problem_without_fold.cost(state.mean)
 
 
-def test_the_block_structure_of_one_effect_does_not_change_the_normal_equations(judge):
-    """The short way gives what the long one gives."""
-    state = judge.state
+def test_the_block_structure_of_one_effect_does_not_change_the_normal_equations(fit_data):
+    """The computation by blocks and the general computation agree."""
+    state = fit_data.state
     effect = OWN_EFFECTS["hysteresis"][0]
-    columns = start_of(state, CompositeModel((FittedEffect(effect, effect.typical(state)),))).columns
-    problem = Problem(state, state.mean, judge.weight)
-    apart = [Column(one.change, one.blocks.copy(), one.count, one.precision) for one in columns]
-    np.testing.assert_allclose(system_of(problem, columns), system_of(problem, apart))
+    columns = linearise(state, CompositeModel((FittedEffect(effect, effect.make_typical_values(state)),))).columns
+    problem = FitProblem(state, state.mean, fit_data.weight)
+    separate_columns = [DerivativeColumn(one.change, one.blocks.copy(), one.count, one.precision) for one in columns]
+    np.testing.assert_allclose(build_normal_matrix(problem, columns), build_normal_matrix(problem, separate_columns))
 
 
-def test_projection_on_a_subspace_removes_its_vectors_and_keeps_orthogonal_ones(judge):
-    state = judge.state
-    columns = start_of(state, CompositeModel((started(state, OWN_EFFECTS["gain_mismatch"][1]),))).columns
+def test_projection_on_a_subspace_removes_its_vectors_and_keeps_orthogonal_ones(fit_data):
+    state = fit_data.state
+    columns = linearise(state, CompositeModel((start_effect(state, OWN_EFFECTS["gain_mismatch"][1]),))).columns
     values = np.random.default_rng(2).normal(size=columns[0].count)
-    own = columns[0].change * values[columns[0].blocks][:, None]
-    space = Subspace(judge, [*columns, *columns])  # the same twice: no more than once
-    whole = float(np.sum(judge.weight * own**2))
-    assert space.left(own) == pytest.approx(0.0, abs=1e-6 * whole)
-    noise = np.zeros_like(own)
-    noise[:, judge.layout.noise] = 1.0
-    assert space.left(noise) == pytest.approx(float(np.sum(judge.weight * noise**2)))
+    in_subspace = columns[0].change * values[columns[0].blocks][:, None]
+    space = Subspace(fit_data, [*columns, *columns])  # duplicated columns do not change the subspace
+    total = float(np.sum(fit_data.weight * in_subspace**2))
+    assert space.compute_residual2(in_subspace) == pytest.approx(0.0, abs=1e-6 * total)
+    noise = np.zeros_like(in_subspace)
+    noise[:, fit_data.layout.noise] = 1.0
+    assert space.compute_residual2(noise) == pytest.approx(float(np.sum(fit_data.weight * noise**2)))

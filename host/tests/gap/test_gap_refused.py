@@ -1,4 +1,4 @@
-"""Pairs in which nothing can be told, and what less is told of others: one line, or a sentence in the report."""
+"""Datasets without information are refused with one line; smaller deficits are reported."""
 
 from __future__ import annotations
 
@@ -18,57 +18,57 @@ from taxel.recording.errors import DatasetError
 pytestmark = pytest.mark.slow
 
 
-def changed(path, change):
+def change_grasps(path, change):
     with h5py.File(path, "r+") as file:
         for number, grasp in enumerate(file["grasps"].values()):
             change(number, grasp)
 
 
-def no_hold(number, grasp):
+def remove_hold(number, grasp):
     valid = grasp["valid"][()]
     valid[grasp["phase"][()] == 2] = False
     grasp["valid"][...] = valid
 
 
-def silent_board(number, grasp):
+def silence_board(number, grasp):
     grasp["valid"][:, 1] = False
 
 
-def still(number, grasp):
+def set_constant_counts(number, grasp):
     grasp["raw_counts"][...] = 2426
 
 
-def coarse(number, grasp):
+def round_times(number, grasp):
     grasp["timestamp"][...] = np.floor(grasp["timestamp"][()])
 
 
 @pytest.mark.parametrize(
     ("side", "change", "words"),
     [
-        (0, no_hold, "valid frames in hold"),
-        (1, silent_board, "frames of sensor 33"),
-        (0, still, "check the recording of the hand"),
-        (1, still, "counts that depend on contact_force"),
-        (0, coarse, "a finer clock"),
+        (0, remove_hold, "valid frames in hold"),
+        (1, silence_board, "frames of sensor 33"),
+        (0, set_constant_counts, "check the recording of the hand"),
+        (1, set_constant_counts, "counts that depend on contact_force"),
+        (0, round_times, "a finer clock"),
     ],
 )
-def test_datasets_without_information_are_refused_in_one_line(world, tmp_path, side, change, words):
-    paths = world(tmp_path, conditions=3, sessions=3)
-    changed(paths[side], change)
+def test_datasets_without_information_are_refused_in_one_line(write_world, tmp_path, side, change, words):
+    paths = write_world(tmp_path, conditions=3, sessions=3)
+    change_grasps(paths[side], change)
     with pytest.raises(GapInputError, match=words) as caught:
         read_pair(*paths)
     assert paths[side] in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_exchanged_real_and_simulated_files_are_refused(world, tmp_path):
-    real, sim = world(tmp_path, conditions=2, sessions=2)
+def test_exchanged_real_and_simulated_files_are_refused(write_world, tmp_path):
+    real, sim = write_world(tmp_path, conditions=2, sessions=2)
     with pytest.raises(GapInputError, match="exchange the two files"):
         read_pair(sim, real)
     read_pair(real, real)
 
 
-def copies(path):
+def repeat_first_counts(path):
     with h5py.File(path, "r+") as file:
         first = {}
         for grasp in file["grasps"].values():
@@ -76,62 +76,62 @@ def copies(path):
             grasp["raw_counts"][...] = one["raw_counts"][()]
 
 
-def test_bit_identical_grasps_are_not_counted_as_repeats(world, tmp_path):
-    paths = world(tmp_path, conditions=3, sessions=3)
-    copies(paths[0])
+def test_bit_identical_grasps_are_not_counted_as_repeats(write_world, tmp_path):
+    paths = write_world(tmp_path, conditions=3, sessions=3)
+    repeat_first_counts(paths[0])
     losses = read_pair(*paths).losses
     assert any("bit-identical" in loss for loss in losses)
 
 
-def test_a_phase_missing_in_a_grasp_is_reported(world, tmp_path):
-    paths = world(tmp_path, conditions=3, sessions=3)
+def test_a_phase_missing_in_a_grasp_is_reported(write_world, tmp_path):
+    paths = write_world(tmp_path, conditions=3, sessions=3)
 
-    def no_release(number, grasp):
+    def remove_release(number, grasp):
         if number == 4:
             phase = grasp["phase"][()]
             grasp["phase"][...] = np.where(phase == 3, 4, phase)
 
-    changed(paths[0], no_release)
+    change_grasps(paths[0], remove_release)
     (loss,) = (loss for loss in read_pair(*paths).losses if "release" in loss)
     assert "1 of 18 grasps (0004)" in loss
 
 
-def test_timestamps_in_milliseconds_are_reported(world, tmp_path):
-    paths = world(tmp_path, conditions=3, sessions=3)
-    changed(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
+def test_timestamps_in_milliseconds_are_reported(write_world, tmp_path):
+    paths = write_world(tmp_path, conditions=3, sessions=3)
+    change_grasps(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
     assert any("check the unit of time" in loss for loss in read_pair(*paths).losses)
 
 
-def test_a_grasp_without_valid_frames_is_reported(world, tmp_path):
-    paths = world(tmp_path, conditions=3, sessions=3)
+def test_a_grasp_without_valid_frames_is_reported(write_world, tmp_path):
+    paths = write_world(tmp_path, conditions=3, sessions=3)
 
-    def lost(number, grasp):
+    def lose_frames(number, grasp):
         if number == 4:
             grasp["valid"][...] = False
 
-    changed(paths[0], lost)
+    change_grasps(paths[0], lose_frames)
     losses = read_pair(*paths).losses
     assert "1 of 18 grasps of the hand have no valid frame" in losses
     assert not any("baselines" in loss for loss in losses)
 
 
-def test_an_empty_catalogue_gives_an_unknown_cause(world, tmp_path):
+def test_an_empty_catalogue_gives_an_unknown_cause(write_world, tmp_path):
     from taxel.gap.effects.catalogue import OWN_EFFECTS
 
-    paths = world(tmp_path, effect=lambda force, signal_counts: 0.6 * signal_counts)
+    paths = write_world(tmp_path, effect=lambda force, signal_counts: 0.6 * signal_counts)
     verdict = diagnose(*paths, without=list(OWN_EFFECTS)).report["verdict"]
     assert verdict["status"] == "unknown"
     assert "no effect of the catalogue was tried" in verdict["one_line"]
 
 
-def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
-    real, sim = world(tmp_path, conditions=2, sessions=3)
+def test_names_with_square_brackets_are_printed_unchanged(write_world, tmp_path):
+    real, sim = write_world(tmp_path, conditions=2, sessions=3)
 
-    def renamed(number, grasp):
+    def rename_approach(number, grasp):
         if grasp.attrs["approach"] == "press_0":
             grasp.attrs["approach"] = "press[/bold]0"
 
-    changed(real, renamed)
+    change_grasps(real, rename_approach)
     out = tmp_path / "[/bold]x"
     result = CliRunner().invoke(build_app("gap"), ["gap", "diagnose", real, sim, "--out", str(out)])
     assert result.exit_code == 0, result.output
@@ -142,8 +142,8 @@ def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
 
 
 @pytest.mark.parametrize("place", ["file", "page"])
-def test_a_failed_write_of_the_report_keeps_the_existing_files(world, tmp_path, place):
-    real, sim = world(tmp_path, conditions=2, sessions=3)
+def test_a_failed_write_of_the_report_keeps_the_existing_files(write_world, tmp_path, place):
+    real, sim = write_world(tmp_path, conditions=2, sessions=3)
     out = tmp_path / "out"
     if place == "file":
         out.write_text("old")
@@ -156,8 +156,8 @@ def test_a_failed_write_of_the_report_keeps_the_existing_files(world, tmp_path, 
     assert (out if place == "file" else out / "report.json").read_text() == "old"
 
 
-def test_apply_does_not_overwrite_the_real_dataset(world, tmp_path):
-    real, sim = world(tmp_path, conditions=2, sessions=3)
+def test_apply_does_not_overwrite_the_real_dataset(write_world, tmp_path):
+    real, sim = write_world(tmp_path, conditions=2, sessions=3)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(diagnose(real, sim).report))
     command = ["gap", "apply", str(report), sim, "--out", real, "--overwrite"]
@@ -166,12 +166,12 @@ def test_apply_does_not_overwrite_the_real_dataset(world, tmp_path):
     assert "another file than the inputs" in str(result.exception)
 
 
-def test_a_session_number_beyond_63_bits_is_refused(world, tmp_path):
-    paths = world(tmp_path, conditions=2, sessions=3)
+def test_a_session_number_beyond_63_bits_is_refused(write_world, tmp_path):
+    paths = write_world(tmp_path, conditions=2, sessions=3)
 
-    def huge(number, grasp):
+    def set_huge_session(number, grasp):
         grasp.attrs["session"] = np.uint64(2**63)
 
-    changed(paths[0], huge)
+    change_grasps(paths[0], set_huge_session)
     with pytest.raises(DatasetError, match="2\\^63 - 1"):
         read_pair(*paths)

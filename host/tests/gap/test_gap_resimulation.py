@@ -1,4 +1,4 @@
-"""Simulations with the most probable sets of effects: they are measured, reused, and decide between these sets."""
+"""Simulations with the most probable sets of effects: measurement, reuse, and decision between these sets."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from taxel.gap.comparison.compare import compare, weigh_sets
 from taxel.gap.errors import GapInputError
 
 
-def scaled(force, signal_counts):
-    """The real skin is 1.4 times as sensitive."""
+def amplify_signal(force, signal_counts):
+    """Multiply the signal of the real skin by 1.4."""
     return 1.4 * signal_counts
 
 
 @pytest.fixture(scope="module")
-def comparison(written):
-    return compare(*written(effect=scaled))
+def comparison(get_world_paths):
+    return compare(*get_world_paths(effect=amplify_signal))
 
 
 def test_the_measured_gap_of_a_simulation_is_stated_and_the_dataset_is_reused(comparison, tmp_path, monkeypatch):
@@ -42,19 +42,19 @@ def test_the_measured_gap_of_a_simulation_is_stated_and_the_dataset_is_reused(co
 
 def test_simulations_decide_between_the_simulated_sets_and_leave_their_common_level(comparison):
     keys = sorted(comparison.weights, key=lambda key: -comparison.weights[key])[:2]
-    judge = comparison.judge
-    perfect, useless = np.nan_to_num(judge.target), judge.state.mean
-    found = CandidateSets(comparison.sets, comparison.alone)
+    fit_data = comparison.fit_data
+    perfect, useless = np.nan_to_num(fit_data.target), fit_data.state.mean
+    found = CandidateSets(comparison.sets, comparison.single_fits)
     simulated = {keys[0]: useless, keys[1]: perfect}
-    after = weigh_sets(judge, comparison.tried, found, simulated=simulated)
+    after = weigh_sets(fit_data, comparison.tried, found, simulated=simulated)
     assert after.weights[keys[1]] > after.weights[keys[0]]
-    before = weigh_sets(judge, comparison.tried, found)
+    before = weigh_sets(fit_data, comparison.tried, found)
     level = [sum(one.sets[key].held_out.sum() for key in keys) for one in (before, after)]
     assert level[0] == pytest.approx(level[1])
 
 
-def test_the_command_of_a_simulator_gets_the_effects_of_each_set(written, tmp_path):
-    real, sim = written(effect=scaled)
+def test_the_command_of_a_simulator_gets_the_effects_of_each_set(get_world_paths, tmp_path):
+    real, sim = get_world_paths(effect=amplify_signal)
     script = tmp_path / "simulator.py"
     script.write_text(
         "import json, shutil, sys\n"
@@ -83,7 +83,7 @@ def test_a_wrong_command_gives_one_line(comparison, tmp_path, command, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_simulation_of_other_grasps_is_rejected(comparison, written, tmp_path):
-    other = Path(written(effect=scaled, conditions=4)[1])
+def test_a_simulation_of_other_grasps_is_rejected(comparison, get_world_paths, tmp_path):
+    other = Path(get_world_paths(effect=amplify_signal, conditions=4)[1])
     with pytest.raises(GapInputError, match="same taxels, conditions"):
         resimulate_sets(comparison, Resimulator(f"sh -c 'cp {other} {{out}}; : {{effects}}'", tmp_path))

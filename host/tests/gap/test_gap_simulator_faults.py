@@ -1,4 +1,4 @@
-"""Faulty grasps of a simulated dataset are found, left out and reported."""
+"""Faulty grasps of a simulated dataset are found, excluded and reported."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.simulator_faults import KEPT, LEFT_OUT
+from taxel.gap.data.simulator_faults import HANDLING_EXCLUDED, HANDLING_KEPT
 from taxel.gap.diagnosis import diagnose
 from taxel.recording.grasp_format import Phase
 
 GRASP = "0003"
 
 
-def spike(group):
+def add_force_spike(group):
     force = group["contact_force"][...]
     force[np.flatnonzero(group["phase"][...] == Phase.HOLD)[3]] *= 20.0
     group["contact_force"][...] = force
 
 
-def stop(group):
+def freeze_contact(group):
     frame = np.flatnonzero(group["phase"][...] == Phase.HOLD)[3]
     for name in ("raw_counts", "contact_force", "separation"):
         values = group[name][...]
@@ -28,12 +28,16 @@ def stop(group):
         group[name][...] = values
 
 
-def lose_object(group):
+def remove_object(group):
     group["contact_force"][...] = 0.0
     group["raw_counts"][...] = group["raw_counts"][0]
 
 
-FAULTS = {"force jump": spike, "contact in the recovery": stop, "the object is missing": lose_object}
+FAULTS = {
+    "force jump": add_force_spike,
+    "contact in the recovery": freeze_contact,
+    "the object is missing": remove_object,
+}
 
 
 def damage(path, change, names=(GRASP,)):
@@ -43,40 +47,40 @@ def damage(path, change, names=(GRASP,)):
 
 
 @pytest.mark.parametrize("words", FAULTS)
-def test_a_faulty_grasp_is_left_out_and_named(world, tmp_path, words):
-    real, sim = world(tmp_path)
+def test_a_faulty_grasp_is_excluded_and_named(write_world, tmp_path, words):
+    real, sim = write_world(tmp_path)
     grasps = len(read_pair(real, sim).sim)
     damage(sim, FAULTS[words])
     pair = read_pair(real, sim)
     (fault,) = pair.faults
-    assert (fault.grasp, fault.handled) == (GRASP, LEFT_OUT)
+    assert (fault.grasp, fault.handled) == (GRASP, HANDLING_EXCLUDED)
     assert words in fault.problem
     assert len(pair.sim) == grasps - 1
 
 
-def test_a_fault_of_one_grasp_changes_neither_cause_nor_gap(world, tmp_path):
-    paths = world(tmp_path, effect=lambda force, signal: np.minimum(signal, 500.0))
+def test_a_fault_of_one_grasp_changes_neither_cause_nor_gap(write_world, tmp_path):
+    paths = write_world(tmp_path, effect=lambda force, signal: np.minimum(signal, 500.0))
     before = diagnose(*paths).report
-    damage(paths[1], spike)
+    damage(paths[1], add_force_spike)
     after = diagnose(*paths).report
     assert after["verdict"]["effects"][0] == before["verdict"]["effects"][0] == "saturation"
     assert after["gap"]["value"] == pytest.approx(before["gap"]["value"], rel=0.05)
     assert before["inputs"]["problems"] == []
     (problem,) = after["inputs"]["problems"]
-    assert (problem["file"], problem["grasp"], problem["handled"]) == ("sim", GRASP, LEFT_OUT)
+    assert (problem["file"], problem["grasp"], problem["handled"]) == ("sim", GRASP, HANDLING_EXCLUDED)
 
 
-def test_faults_of_many_grasps_are_kept_and_reported(world, tmp_path):
-    real, sim = world(tmp_path)
+def test_faults_of_many_grasps_are_kept_and_reported(write_world, tmp_path):
+    real, sim = write_world(tmp_path)
     with h5py.File(sim) as file:
         names = sorted(file["grasps"])
-    damage(sim, spike, names[: len(names) // 2])
+    damage(sim, add_force_spike, names[: len(names) // 2])
     pair = read_pair(real, sim)
     assert len(pair.sim) == len(names)
-    assert {one.handled for one in pair.faults} == {KEPT}
+    assert {one.handled for one in pair.faults} == {HANDLING_KEPT}
     report = diagnose(real, sim).report
     assert any("violate physics" in reason for reason in report["verdict"]["reasons"])
 
 
-def test_a_simulator_without_faults_has_no_problems(world, tmp_path):
-    assert read_pair(*world(tmp_path)).faults == ()
+def test_a_simulator_without_faults_has_no_problems(write_world, tmp_path):
+    assert read_pair(*write_world(tmp_path)).faults == ()

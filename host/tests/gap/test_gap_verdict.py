@@ -1,4 +1,4 @@
-"""The verdict that follows from probabilities."""
+"""Verdict, effects and headline that follow from the probabilities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.features.metric import Gap, Interval
 from taxel.gap.verdict.headlines import (
     HEADLINES,
-    MOST_WORDS,
+    MAX_WORDS,
     PREDICATES,
     REAL_AND_SIMULATED,
     TWO_REAL,
@@ -23,7 +23,7 @@ from taxel.gap.verdict.headlines import (
     make_open_headline,
     make_weak_headline,
 )
-from taxel.gap.verdict.verdict import judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import derive_verdict, list_causes, list_leading_effects
 
 ANSWERS = Path(__file__).parents[3] / "docs" / "blind-check-answers.jsonl.gz"
 
@@ -36,11 +36,13 @@ NO_EXCESS = Interval(1.0, -3.0, 5.0, 2.0)
 RIVALS = {"stiffness": ["gain_mismatch"], "contact_propagation": ["electrode_crosstalk"]}
 
 
-def judge(probabilities, sessions=5, warnings=(), left=NO_EXCESS, sides=REAL_AND_SIMULATED):
+def make_verdict(probabilities, sessions=5, warnings=(), remaining_excess=NO_EXCESS, sides=REAL_AND_SIMULATED):
     shrink = SimpleNamespace(value=0.6)
-    held = SimpleNamespace(sessions=sessions, shrink=shrink, left2=left, before=20.0, after=8.0, floor2=25.0)
-    rivals = {name: RIVALS.get(name, []) for name in list_questioned(probabilities)}
-    return judge_verdict(GAP, probabilities, held, rivals, warnings, sides)
+    held_out = SimpleNamespace(
+        session_count=sessions, shrink=shrink, remaining_excess=remaining_excess, before=20.0, after=8.0, floor2=25.0
+    )
+    rivals = {name: RIVALS.get(name, []) for name in list_leading_effects(probabilities)}
+    return derive_verdict(GAP, probabilities, held_out, rivals, warnings, sides)
 
 
 @pytest.mark.parametrize(
@@ -55,14 +57,14 @@ def judge(probabilities, sessions=5, warnings=(), left=NO_EXCESS, sides=REAL_AND
     ],
 )
 def test_status_and_effects_follow_from_the_probabilities(probabilities, status, effects):
-    verdict = judge(probabilities)
+    verdict = make_verdict(probabilities)
     assert (verdict.status, verdict.effects) == (status, effects)
     assert verdict.effects == list_causes(probabilities)
     assert verdict.probabilities == probabilities
 
 
 def test_two_rivals_are_reported_as_either_of_both():
-    verdict = judge({"stiffness": 0.48, "gain_mismatch": 0.47, "noise": 0.01, "unknown": 0.05, "no_gap": 0.01})
+    verdict = make_verdict({"stiffness": 0.48, "gain_mismatch": 0.47, "noise": 0.01, "unknown": 0.05, "no_gap": 0.01})
     assert verdict.effects == ("unknown",)
     assert verdict.rivals == {"stiffness": ("gain_mismatch",)}
     expected = "The skin differs in stiffness or is unevenly sensitive; another contact decides."
@@ -84,36 +86,38 @@ def test_two_rivals_are_reported_as_either_of_both():
     ],
 )
 def test_the_headline_of_an_unnamed_cause_follows_the_largest_probability(probabilities, headline):
-    verdict = judge(probabilities)
+    verdict = make_verdict(probabilities)
     assert (verdict.effects, verdict.headline) == (("unknown",), headline)
 
 
 def test_too_few_sessions_end_neither_in_no_gap_nor_in_explained():
-    none = judge({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, sessions=1)
+    none = make_verdict({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, sessions=1)
     assert none.status == "unknown"
     assert "too few sessions for a verdict: 1 recorded, needs 3" in none.one_line
-    assert judge({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, sessions=2).status == "partly_explained"
+    assert make_verdict({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, sessions=2).status == "partly_explained"
 
 
 @pytest.mark.parametrize(("low", "status"), [(6.0, "explained"), (7.0, "partly_explained"), (None, "explained")])
 def test_a_remaining_excess_of_more_than_half_the_floor_is_stated(low, status):
-    verdict = judge({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, left=Interval(100.0, low, 200.0, 10.0))
+    verdict = make_verdict(
+        {"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, remaining_excess=Interval(100.0, low, 200.0, 10.0)
+    )
     assert verdict.status == status
     assert ("10.0 counts above the floor remain" in verdict.one_line) == (status == "partly_explained")
     assert verdict.effects == ("noise",)
 
 
 def test_reasons_contain_the_warnings_and_the_unknown_cause():
-    reasons = judge({"noise": 0.98, "unknown": 0.7, "no_gap": 0.0}, warnings=["a bound was reached"]).reasons
+    reasons = make_verdict({"noise": 0.98, "unknown": 0.7, "no_gap": 0.0}, warnings=["a bound was reached"]).reasons
     assert reasons[0] == "a bound was reached"
     assert "outside the catalogue" in reasons[1]
 
 
 def test_the_sentence_has_the_gap_and_the_shrink_of_held_out_sessions():
     probabilities = {"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}
-    line = judge(probabilities).one_line
+    line = make_verdict(probabilities).one_line
     assert "from 20.0 to 8.0 counts, by 60 %; the rest agrees with the floor of 5.0 counts" in line
-    line = judge(probabilities, left=Interval(39.0, 2.0, 76.0, 18.0)).one_line
+    line = make_verdict(probabilities, remaining_excess=Interval(39.0, 2.0, 76.0, 18.0)).one_line
     assert "from 20.0 to 8.0 counts, by 60 %; the floor is 5.0 counts" in line
 
 
@@ -134,7 +138,7 @@ def test_headlines_of_every_effect_and_pair_have_at_most_twelve_words(sides):
     headlines += [make_weak_headline(name, sides) for name in NAMES]
     headlines += [sides.fill(HEADLINES["unknown"]), make_open_headline(sides)]
     for headline in headlines:
-        assert len(headline.split()) <= MOST_WORDS, headline
+        assert len(headline.split()) <= MAX_WORDS, headline
         assert headline[0].isupper(), headline
         assert headline.endswith("."), headline
         assert "_" not in headline, headline
@@ -150,14 +154,15 @@ def test_every_effect_of_the_catalogue_has_a_headline_of_its_own(name):
 
 
 def test_a_cause_of_little_certainty_is_called_probable():
-    assert judge({"noise": 0.7, "unknown": 0.0, "no_gap": 0.0}).headline == "Probably the skin is noisier."
+    assert make_verdict({"noise": 0.7, "unknown": 0.0, "no_gap": 0.0}).headline == "Probably the skin is noisier."
     assert (
-        judge({"noise": 0.8, "unknown": 0.0, "no_gap": 0.0}).headline == "The real skin is noisier than the simulator."
+        make_verdict({"noise": 0.8, "unknown": 0.0, "no_gap": 0.0}).headline
+        == "The real skin is noisier than the simulator."
     )
 
 
 def list_probabilities():
-    """Probabilities that lead to every status, with each effect and each pair of effects."""
+    """Yield probabilities for every status, with each effect and each pair of effects."""
     for names in [(), *((name,) for name in NAMES), *combinations(NAMES, 2)]:
         for value, unknown, no_gap in (
             (0.9, 0.1, 0.0),
@@ -175,10 +180,10 @@ def list_probabilities():
 def test_headlines_of_every_status_have_at_most_twelve_words(sides, sessions):
     statuses = set()
     for probabilities in list_probabilities():
-        for left in (NO_EXCESS, Interval(100.0, 60.0, 200.0, 10.0)):
-            verdict = judge(probabilities, sessions, left=left, sides=sides)
+        for excess in (NO_EXCESS, Interval(100.0, 60.0, 200.0, 10.0)):
+            verdict = make_verdict(probabilities, sessions, remaining_excess=excess, sides=sides)
             statuses.add(verdict.status)
-            assert len(verdict.headline.split()) <= MOST_WORDS, verdict.headline
+            assert len(verdict.headline.split()) <= MAX_WORDS, verdict.headline
             assert sides is REAL_AND_SIMULATED or "simul" not in verdict.headline
     few = {"unknown", "partly_explained"}
     assert statuses == (few if sessions < 3 else few | {"explained", "no_gap"})
@@ -196,4 +201,4 @@ def test_headlines_of_all_named_sets_of_the_score_sheet_have_at_most_twelve_word
         is_partial = verdict["status"] != "explained"
         for probability in (0.6, 0.9):
             headline = make_headline(known, REAL_AND_SIMULATED, is_partial, probability=probability)
-            assert len(headline.split()) <= MOST_WORDS, headline
+            assert len(headline.split()) <= MAX_WORDS, headline

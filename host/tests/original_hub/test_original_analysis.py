@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_taxel
-from taxel.gap.verdict.verdict import UNKNOWN, WORDS
+from taxel.gap.verdict.verdict import MEANINGS, UNKNOWN
 from taxel.grasp.timeline import Phase
 from taxel.hand import load_hand
 from taxel.recording import DatasetHeader, GraspDatasetWriter, GraspRecord
@@ -111,7 +111,7 @@ def test_grasps_of_an_original_hub_can_be_diagnosed(
     real = make_grasps(capture, tmp_path, None)
     sim = make_grasps(capture, tmp_path, np.zeros(load_hand("original").n_taxels))
     capsys.readouterr()
-    names = set(WORDS) - {"noise", UNKNOWN}
+    names = set(MEANINGS) - {"noise", UNKNOWN}
     excluded = [word for name in sorted(names) for word in ("--without", name)]  # saves time
     assert run_taxel("gap", "diagnose", str(real), str(sim), "--out", str(tmp_path / "gap"), *excluded) == 0
     report = json.loads((tmp_path / "gap" / "report.json").read_text())

@@ -63,16 +63,16 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
     Returns gap and floor of the world, and for each entry its probabilities and seconds, or the line of its error.
     """
     from taxel.gap.data.pair import read_pair
-    from taxel.gap.data.prepare import prepared
-    from taxel.gap.features.metric import measure
+    from taxel.gap.data.prepare import prepare_pair
+    from taxel.gap.features.metric import measure_gap
 
     result: dict[str, Any] = {"gap": None, "entries": {}}
     with TemporaryDirectory(prefix="taxel-benchmark-") as name:
         real, sim = Path(name) / "real.h5", Path(name) / "sim.h5"
         world.make(real, sim, bases)
         try:
-            judge = prepared(read_pair(real, sim))
-            gap = measure(judge.sessions, judge.state.mean, judge.layout)
+            fit_data = prepare_pair(read_pair(real, sim))
+            gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
             result["gap"] = [gap.gap.value, gap.floor]
         except TaxelError:
             pass  # every entry reports the error in its own way

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.blind.hidden import UNKNOWN
-from taxel.gap.calibration.calibration import LISTED, NO_GAP
+from taxel.gap.calibration.calibration import NAMED_PROBABILITY, NO_GAP
 from taxel.gap.verdict.verdict import list_causes
 from taxel.types import FloatArray
 
@@ -47,7 +47,7 @@ class ScoredAnswer:
     @property
     def probable(self) -> frozenset[str]:
         """Causes with a probability of at least `LISTED`."""
-        return frozenset(name for name in self.causes if self.probabilities[name] >= LISTED)
+        return frozenset(name for name in self.causes if self.probabilities[name] >= NAMED_PROBABILITY)
 
     @property
     def listed(self) -> frozenset[str]:

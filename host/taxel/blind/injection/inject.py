@@ -13,8 +13,8 @@ import numpy as np
 from taxel.blind.injection.forms import InjectedForm
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
-from taxel.gap.features.metric import gap_of_change, measure
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.features.metric import compute_gap_of_change, measure_gap
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.hdf5_output import change_hdf5
@@ -41,15 +41,15 @@ def inject_causes(
     skin = read_skin(real, sim)
     parts = [form.sample(skin, np.random.default_rng([seed, number])) for number, form in enumerate(forms)]
     strengths = []
-    judge = prepared(read_pair(real, sim))
-    floor = measure(judge.sessions, judge.state.mean, judge.layout).floor
+    fit_data = prepare_pair(read_pair(real, sim))
+    floor = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout).floor
     for part, wanted in zip(parts, floors, strict=True):
         strength = FIRST_STRENGTH
         for _ in range(STEPS):
             write_injected(real, sim, out, skin, [(part, strength)], seed)
-            changed = prepared(read_pair(out, sim))
-            change = np.where((judge.weight > 0) & (changed.weight > 0), changed.target - judge.target, 0.0)
-            gap = gap_of_change(change, judge.layout)
+            changed = prepare_pair(read_pair(out, sim))
+            change = np.where((fit_data.weight > 0) & (changed.weight > 0), changed.target - fit_data.target, 0.0)
+            gap = compute_gap_of_change(change, fit_data.layout)
             strength = float(np.clip(strength * wanted * floor / max(gap, 1e-9), *STRENGTHS))
         strengths.append(strength)
     write_injected(real, sim, out, skin, list(zip(parts, strengths, strict=True)), seed)

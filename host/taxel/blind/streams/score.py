@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from taxel.blind.seal import verify_commitment
 from taxel.blind.streams.world import StreamWorld
-from taxel.gap.calibration.calibration import LISTED, NO_GAP, UNKNOWN
+from taxel.gap.calibration.calibration import NAMED_PROBABILITY, NO_GAP, UNKNOWN
 
 Result = dict[str, Any]
 
@@ -127,7 +127,7 @@ def _first_cause(probabilities: dict[str, float]) -> str:
 
 def _is_unknown(probabilities: dict[str, float]) -> bool:
     """Whether no effect of the catalogue is named."""
-    return not any(value >= LISTED for name, value in probabilities.items() if name not in (UNKNOWN, NO_GAP))
+    return not any(value >= NAMED_PROBABILITY for name, value in probabilities.items() if name not in (UNKNOWN, NO_GAP))
 
 
 def format_score(score: dict[str, Any]) -> str:

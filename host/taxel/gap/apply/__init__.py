@@ -1,1 +1,1 @@
-"""Diagnosed effects added to a simulation, or handed to the simulator that made it."""
+"""Diagnosed effects, added to a simulated dataset or passed to the user's simulator."""

@@ -1,4 +1,4 @@
-"""A simulation with the effects that a diagnosis found, added frame by frame or by the user's own simulator."""
+"""Simulated datasets with the effects of a report, added frame by frame or computed by the user's own simulator."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.apply.added import with_effects
-from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
-from taxel.gap.apply.resim import effects_text, report_source, run_simulator
-from taxel.gap.apply.rewriting import Rewriting, changed, copied, made_beside
-from taxel.gap.apply.same_hand import SAME_HAND, check_hand
-from taxel.gap.comparison.compare import Show, ignore_progress
-from taxel.gap.data.pair import PLACE_TOLERANCE_M
+from taxel.gap.apply.grasp_effects import add_effects_to_grasp
+from taxel.gap.apply.hand_check import SAME_HAND_REMEDY, check_hand
+from taxel.gap.apply.random_samples import RandomStreams
+from taxel.gap.apply.rewriting import DatasetEditor, copy_file, has_changed, open_temporary_output
+from taxel.gap.apply.user_simulator import format_effects, get_report_source, run_simulator
+from taxel.gap.comparison.compare import ProgressCallback, ignore_progress
+from taxel.gap.data.pair import POSITION_TOLERANCE_M
 from taxel.gap.effects.effect import OBJECT
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
@@ -35,8 +35,14 @@ Text = str | PathLike[str]
 
 
 @dataclass(frozen=True)
-class Applied:
-    """What was made. effects: names of what was added, in the order in which they act. notes: for people."""
+class AppliedReport:
+    """A dataset with the effects of a report.
+
+    Attributes:
+        path: the written dataset.
+        effects: names of the added effects, in the order in which they act.
+        notes: remarks for the user.
+    """
 
     path: Path
     effects: tuple[str, ...]
@@ -44,123 +50,145 @@ class Applied:
 
 
 def apply_report(
-    report: Text, sim: Text, out: Text, *, seed: int = 0, overwrite: bool = False, show: Show = ignore_progress
-) -> Applied:
-    """Write the simulation with the effects of the report's verdict added to its counts.
+    report: Text,
+    sim: Text,
+    out: Text,
+    *,
+    seed: int = 0,
+    overwrite: bool = False,
+    show: ProgressCallback = ignore_progress,
+) -> AppliedReport:
+    """Write a copy of a simulated dataset with the effects of a report's verdict added to its counts.
 
-    seed: of noise, drifts and lost frames. Under no gap, or an unknown cause, it is a copy, bit for bit. Raises
-    DatasetError and GapInputError of one line; a file of that name then stays as it was.
+    report, sim: input files. out: dataset to write. seed: of noise, drift and lost frames. overwrite: whether `out` may
+    replace an existing file. The result is a bit-identical copy of `sim` if the verdict is no gap or an unknown cause.
+    Raises DatasetError and GapInputError of one line; an existing file `out` then remains unchanged.
     """
-    with _made(report, sim, out, overwrite) as (found, whole):
-        notes = _notes(found, Path(sim), Path(out))
-        if found.effects:
-            copied(sim, whole)
+    with _prepare_output(report, sim, out, overwrite) as (gap, temporary):
+        notes = _describe_result(gap, Path(sim), Path(out))
+        if gap.effects:
+            copy_file(sim, temporary)
             with threadpool_limits(limits=1):
-                add_effects(found.effects, Path(sim), whole, _provenance(found, {"seed": seed}), seed, show)
-    return Applied(Path(out), tuple(one.name for one in found.effects), tuple(notes))
+                add_effects(gap.effects, Path(sim), temporary, _format_provenance(gap, {"seed": seed}), seed, show)
+    return AppliedReport(Path(out), tuple(effect.name for effect in gap.effects), tuple(notes))
 
 
-def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: bool = False) -> Applied:
-    """Have the user's own simulator make the simulation with the effects of the report's verdict.
+def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: bool = False) -> AppliedReport:
+    """Run the user's own simulator with the effects of a report's verdict, and check the dataset that it writes.
 
-    command: see `run_simulator`. Under no gap, or an unknown cause, it is not run: the result is a copy. Raises as
-    `apply_report`.
+    command: see `run_simulator`; the command is not run, and the result is a copy of `sim`, if the verdict is no gap or
+    an unknown cause. Raises the same exceptions as `apply_report`.
     """
-    with _made(report, sim, out, overwrite) as (found, whole):
-        notes = _notes(found, Path(sim), Path(out))
-        if found.effects:
-            run_simulator(command, effects_text(found.effects, report_source(found)), Path(sim), whole)
-            _check_made(found, Path(sim), whole, Path(out))
-            with Rewriting(whole) as file:
-                file.note(_provenance(found, {"resim": command}))
-    return Applied(Path(out), tuple(one.name for one in found.effects), tuple(notes))
+    with _prepare_output(report, sim, out, overwrite) as (gap, temporary):
+        notes = _describe_result(gap, Path(sim), Path(out))
+        if gap.effects:
+            run_simulator(command, format_effects(gap.effects, get_report_source(gap)), Path(sim), temporary)
+            _check_simulated(gap, Path(sim), temporary, Path(out))
+            with DatasetEditor(temporary) as file:
+                file.add_provenance(_format_provenance(gap, {"resim": command}))
+    return AppliedReport(Path(out), tuple(effect.name for effect in gap.effects), tuple(notes))
 
 
 @contextmanager
-def _made(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple[ReportedGap, Path]]:
-    """The report, and where to make the dataset; a copy where nothing is to be added. What was made is checked."""
-    found = read_report(report)
-    inputs = Path(report), Path(sim), *([found.real] if found.real is not None else [])
-    with made_beside(Path(out), inputs, overwrite) as whole:
+def _prepare_output(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple[ReportedGap, Path]]:
+    """Context manager that yields the report and the temporary path of the dataset, and checks the dataset at the end.
+
+    The dataset at the temporary path is already a copy of `sim` if the report has no effects.
+    """
+    gap = read_report(report)
+    inputs = Path(report), Path(sim), *([gap.real] if gap.real is not None else [])
+    with open_temporary_output(Path(out), inputs, overwrite) as temporary:
         with GraspDataset(sim) as data:
-            check_hand(found, data, format_path(sim))
-        if not found.effects:
-            copied(sim, whole)
-        yield found, whole
-        with GraspDataset(whole) as data:
+            check_hand(gap, data, format_path(sim))
+        if not gap.effects:
+            copy_file(sim, temporary)
+        yield gap, temporary
+        with GraspDataset(temporary) as data:
             data.check()
 
 
 def add_effects(
-    effects: Sequence[ReportedEffect], sim: Path, target: Path, note: str, seed: int = 0, show: Show = ignore_progress
+    effects: Sequence[ReportedEffect],
+    sim: Path,
+    target: Path,
+    note: str,
+    seed: int = 0,
+    show: ProgressCallback = ignore_progress,
 ) -> None:
     """Add effects, in the order in which they act, to every frame of `target`, a copy of `sim`.
 
-    note: provenance for the attributes of the file. seed: of noise, drifts and lost frames.
+    note: provenance for the attributes of the file. seed: of noise, drift and lost frames. Raises DatasetError and
+    GapInputError.
     """
-    with GraspDataset(sim) as data, Rewriting(target) as copy:
+    with GraspDataset(sim) as data, DatasetEditor(target) as copy:
         keys = [(grasp.object, grasp.approach) for grasp in data]
         conditions, repeats = {key: number for number, key in enumerate(sorted(set(keys)))}, Counter(keys)
-        seen, states = dict.fromkeys(keys, 0), FrameStates(data)
+        next_repeat, states = dict.fromkeys(keys, 0), FrameStates(data)
         for done, (name, key) in enumerate(zip(data.ids, keys, strict=True)):
             grasp = data[name]
-            chance = Chance(seed, conditions[key], seen[key], repeats[key])
-            raw, valid = with_effects(states.of(grasp), grasp, effects, chance)
-            seen[key] += 1
+            streams = RandomStreams(seed, conditions[key], next_repeat[key], repeats[key])
+            raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, effects, streams)
+            next_repeat[key] += 1
             for array, before, after in (("raw_counts", grasp.raw_counts, raw), ("valid", grasp.valid, valid)):
-                if changed(before, after):
-                    copy.put(name, array, after)
+                if has_changed(before, after):
+                    copy.replace_array(name, array, after)
             show("adding effects", done + 1, len(keys))
-        copy.note(note)
+        copy.add_provenance(note)
 
 
-def _provenance(found: ReportedGap, how: Mapping[str, Any]) -> str:
-    """What was added, as JSON; values of boards and taxels stand in the report, which its SHA-256 names."""
+def _format_provenance(gap: ReportedGap, settings: Mapping[str, Any]) -> str:
+    """Return the added effects as JSON text for the attribute of the dataset.
+
+    Values of single boards, objects or taxels are omitted; they are in the report, which is identified by its SHA-256.
+    """
     effects = [
         {
-            "name": one.name,
-            "form": one.content["form"],
-            "scope": one.effect.scope,
-            "parameters": dict(zip(one.parameters, one.values[:, 0].tolist(), strict=True))
-            if one.values.shape[1] == 1
-            else list(one.parameters),
+            "name": effect.name,
+            "form": effect.content["form"],
+            "scope": effect.effect.scope,
+            "parameters": dict(zip(effect.parameters, effect.values[:, 0].tolist(), strict=True))
+            if effect.values.shape[1] == 1
+            else list(effect.parameters),
         }
-        for one in found.effects
+        for effect in gap.effects
     ]
     return json.dumps(
-        {"program": f"taxel {version('taxel')}", "report": report_source(found), "effects": effects, **how}
+        {"program": f"taxel {version('taxel')}", "report": get_report_source(gap), "effects": effects, **settings}
     )
 
 
-def _check_made(found: ReportedGap, sim: Path, made: Path, out: Path) -> None:
-    """Refuse what a simulator made where it is not of the same taxels, or holds nothing."""
+def _check_simulated(gap: ReportedGap, sim: Path, written: Path, out: Path) -> None:
+    """Check a dataset of the user's simulator. Raises GapInputError for other taxels and for a dataset without grasps.
+
+    written: temporary path of the dataset. out: path that the error message states.
+    """
     path = format_path(out)
-    with GraspDataset(sim) as before, GraspDataset(made) as after:
-        check_hand(found, after, path)
-        apart = np.linalg.norm(before.taxels.position - after.taxels.position, axis=1)
-        if apart.max() > PLACE_TOLERANCE_M:
-            k = int(apart.argmax())
-            expected, far = f"the position in {format_path(sim)}", f"a position {1e3 * apart[k]:.3g} mm away"
-            raise GapInputError(f"{path}: /taxels/position[{k}]", expected, far, SAME_HAND)
+    with GraspDataset(sim) as before, GraspDataset(written) as after:
+        check_hand(gap, after, path)
+        distance = np.linalg.norm(before.taxels.position - after.taxels.position, axis=1)
+        if distance.max() > POSITION_TOLERANCE_M:
+            k = int(distance.argmax())
+            expected, far = f"the position in {format_path(sim)}", f"a position {1e3 * distance[k]:.3g} mm away"
+            raise GapInputError(f"{path}: /taxels/position[{k}]", expected, far, SAME_HAND_REMEDY)
         if not len(after):
             raise GapInputError(f"{path}: /grasps", "grasps", "none", "let the simulator write them")
 
 
-def _notes(found: ReportedGap, sim: Path, out: Path) -> list[str]:
-    """What a user should know of what was added, and what was not."""
+def _describe_result(gap: ReportedGap, sim: Path, out: Path) -> list[str]:
+    """Return remarks for the user on effects and values that were not added."""
     notes = []
-    if not found.effects:
-        why = "there is no gap" if found.status == "no_gap" else "the cause of the gap is unknown"
-        return [f"{why}: no effect was added, {out} is a copy"]
-    if found.remainder:
+    if not gap.effects:
+        reason = "there is no gap" if gap.status == "no_gap" else "the cause of the gap is unknown"
+        return [f"{reason}: no effect was added, {out} is a copy"]
+    if gap.has_unknown_cause:
         notes.append("a part of the gap has an unknown cause, which was not added")
     with open_regular_file(sim) as file:
-        if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
+        if hashlib.file_digest(file, "sha256").hexdigest() != gap.sim_sha256:
             notes.append("the report was made from another simulated dataset")
     with GraspDataset(sim) as data:
         objects = {grasp.object for grasp in data}
-    for one in found.effects:
-        left = sorted(objects - set(one.blocks)) if one.effect.scope == OBJECT else []
-        if left:
-            notes.append(f"{one.name}: the report has no values for {', '.join(left[:4])}; these are unchanged")
+    for effect in gap.effects:
+        unchanged = sorted(objects - set(effect.blocks)) if effect.effect.scope == OBJECT else []
+        if unchanged:
+            notes.append(f"{effect.name}: the report has no values for {', '.join(unchanged[:4])}; these are unchanged")
     return notes

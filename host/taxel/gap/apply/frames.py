@@ -1,4 +1,4 @@
-"""Simulated grasps, frame by frame, as what effects act on: states whose nodes of time are a grasp's frames."""
+"""States of simulated grasps whose time nodes are the frames, so that effects can change every frame."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.clock import Clock
-from taxel.gap.data.pair import Pair, grouped
-from taxel.gap.data.reading import Phases, Recording, require_hold
+from taxel.gap.data.pair import Pair, group_taxels
+from taxel.gap.data.reading import GraspPhases, Recording, require_hold
+from taxel.gap.data.time_grid import TimeGrid
 from taxel.gap.errors import GapInputError
-from taxel.gap.features.features import Layout
+from taxel.gap.features.features import FeatureLayout
 from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -23,8 +23,11 @@ from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.types import FloatArray
 
 
-class SimulatedGrasp(Phases, Protocol):
-    """One grasp of a simulation, read from a file or in memory; fields as those of `taxel.recording.grasp.Grasp`."""
+class SimulatedGrasp(GraspPhases, Protocol):
+    """One simulated grasp of T frames, n taxels and s sensors, from a file or in memory.
+
+    The properties have the meaning of those of `taxel.recording.grasp.Grasp`.
+    """
 
     @property
     def object(self) -> str:
@@ -36,117 +39,131 @@ class SimulatedGrasp(Phases, Protocol):
 
     @property
     def timestamp(self) -> FloatArray:
-        """f64[T], seconds."""
+        """Times of the frames, f64[T], seconds."""
 
     @property
     def raw_counts(self) -> NDArray[np.uint16]:
-        """u16[T, n]."""
+        """Raw counts, u16[T, n]."""
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """bool[T, s]: whether a sensor has answered."""
+        """Whether the frame of a sensor arrived, bool[T, s]."""
 
     @property
     def sensor_pose(self) -> FloatArray:
-        """f64[s, 4, 4], world, brackets during hold."""
+        """Poses of the sensor brackets during hold in world coordinates, f64[s, 4, 4], metres."""
 
     @property
     def object_pose(self) -> FloatArray:
-        """f64[4, 4], world, where it is believed to be."""
+        """Nominal pose of the object in world coordinates, f64[4, 4], metres."""
 
     @property
     def contact_force(self) -> FloatArray | None:
-        """f64[T, n], newtons."""
+        """Contact forces, f64[T, n], newtons."""
 
     @property
     def separation(self) -> FloatArray | None:
-        """f64[T, n], metres."""
+        """Distances between taxel and object, f64[T, n], metres; negative for a penetration."""
 
 
 class Simulation(Protocol):
-    """What the grasps of a simulation have in common; fields as those of `GraspDataset`."""
+    """Data that all grasps of a simulation share; the properties have the meaning of those of `GraspDataset`."""
 
     @property
     def path(self) -> Path:
-        """The file, for messages."""
+        """Path of the file, for error messages."""
 
     @property
     def taxels(self) -> TaxelTable:
-        """One row a taxel."""
+        """Table with one row for each taxel."""
 
     @property
     def sensors(self) -> SensorTable:
-        """One row a sensor."""
+        """Table with one row for each sensor."""
 
     @property
     def objects(self) -> Mapping[str, ObjectMesh]:
-        """Meshes by name."""
+        """Meshes of the objects by name."""
 
     @property
     def sensor_model(self) -> SensorModel | None:
-        """How force becomes counts."""
+        """Relation between force and counts; None if the simulation states none."""
 
 
 @dataclass(frozen=True, eq=False)
-class FrameClock(Clock):
-    """Nodes that are frames. begin, end: f64[K], seconds since the first one; a frame stands until the next."""
+class FrameTimeGrid(TimeGrid):
+    """Time grid whose K nodes are the frames of one grasp.
+
+    begin, end: f64[K], seconds since the first frame; a node ends at the next frame.
+    """
 
     @classmethod
-    def at(cls, time_s: FloatArray, phase: NDArray[np.uint8]) -> FrameClock:
-        """time_s: f64[K], seconds. phase: u8[K]."""
+    def from_frames(cls, time_s: FloatArray, phase: NDArray[np.uint8]) -> FrameTimeGrid:
+        """Return the time grid of K frames. time_s: f64[K], seconds. phase: u8[K].
+
+        The last node has the median duration.
+        """
         since = time_s - time_s[0]
-        last = float(np.median(np.diff(since))) if len(since) > 1 else 0.0
-        everything = ((Phase(int(phase[-1])), slice(0, len(phase))),)
-        return cls(phase, since, np.append(since[1:], since[-1] + last), everything)
+        last_duration = float(np.median(np.diff(since))) if len(since) > 1 else 0.0
+        single_bin = ((Phase(int(phase[-1])), slice(0, len(phase))),)
+        return cls(phase, since, np.append(since[1:], since[-1] + last_duration), single_bin)
 
     @cached_property
-    def since_start(self) -> FloatArray:
-        """Middle of each frame's time, f64[K]: phases need not follow each other here."""
+    def time_since_start_s(self) -> FloatArray:
+        """Middle of each node in seconds since the first frame, f64[K].
+
+        Unlike in the base class, the times already count from the first frame, not from the beginning of a phase.
+        """
         return 0.5 * (self.begin + self.end)
 
 
-def moving(grasp: Phases) -> NDArray[np.intp]:
-    """The frames that effects act on, from closing on: a drop is counted from the baseline, which has none."""
+def find_effect_frames(grasp: GraspPhases) -> NDArray[np.intp]:
+    """Return the indices of the frames that effects on the signal change: all frames outside the baseline phase.
+
+    The signal is the difference from the baseline, so that effects on the signal do not change baseline frames.
+    """
     return np.flatnonzero(grasp.phase != Phase.BASELINE)
 
 
 class FrameStates:
-    """The states of a simulation's grasps. data: with source "sim"; a file must be open."""
+    """States of the grasps of a simulation. data: a simulated dataset; a file must be open."""
 
     def __init__(self, data: Simulation) -> None:
-        self._data, self._groups = data, grouped(data.taxels, data.sensors)
+        self._data, self._groups = data, group_taxels(data.taxels, data.sensors)
 
-    def of(self, grasp: SimulatedGrasp) -> State:
-        """The state of a grasp's `moving` frames; what only features need is empty.
+    def build_state(self, grasp: SimulatedGrasp) -> State:
+        """Return the state of the frames of a grasp outside the baseline phase.
 
-        Raises GapInputError for a grasp without hold, and for one whose time stands still.
+        Fields that only features need are empty. Raises GapInputError for a grasp without hold, and for
+        a grasp with a constant time.
         """
-        assert grasp.contact_force is not None  # a simulation has them
+        assert grasp.contact_force is not None  # a simulated dataset always contains forces
         assert grasp.separation is not None
         require_hold(grasp, str(self._data.path))
-        own = moving(grasp)
-        clock = FrameClock.at(grasp.timestamp[own], grasp.phase[own])
-        if not clock.since_start[-1] > 0.0:
+        frames = find_effect_frames(grasp)
+        time_grid = FrameTimeGrid.from_frames(grasp.timestamp[frames], grasp.phase[frames])
+        if not time_grid.time_since_start_s[-1] > 0.0:
             where = f"{self._data.path}: /grasps/{grasp.id}/timestamp"
             raise GapInputError(where, "increasing time from closing on", "constant time", "correct the file")
-        base = Signal(grasp.contact_force[None, own], grasp.separation[None, own], None)
-        layout, pair = Layout.of(clock), self._pair(grasp, clock)
-        return State(pair, layout, clock, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
+        base = Signal(grasp.contact_force[None, frames], grasp.separation[None, frames], None)
+        layout, pair = FeatureLayout.from_time_grid(time_grid), self._build_pair(grasp, time_grid)
+        return State(pair, layout, time_grid, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
 
-    def _pair(self, grasp: SimulatedGrasp, clock: Clock) -> Pair:
+    def _build_pair(self, grasp: SimulatedGrasp, time_grid: TimeGrid) -> Pair:
+        """Return a pair with one condition, which contains only the data that effects use."""
         data = self._data
-        empty: dict[str, Any] = dict.fromkeys(Recording.__dataclass_fields__, np.zeros(0))
-        still = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)
-        nothing = Recording(**{**empty, "frames": np.array([still])})
+        empty_fields: dict[str, Any] = dict.fromkeys(Recording.__dataclass_fields__, np.zeros(0))
+        baseline_frames = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)
+        no_recording = Recording(**{**empty_fields, "baseline_frames": np.array([baseline_frames])})
         return Pair(
             conditions=((grasp.object, grasp.approach),),
             taxels=data.taxels,
             sensors=data.sensors,
             groups=self._groups,
-            clock=clock,
-            frame_s=float(np.median(clock.end - clock.begin)),
-            real=nothing,
-            sim=nothing,
+            time_grid=time_grid,
+            frame_s=float(np.median(time_grid.end - time_grid.begin)),
+            real=no_recording,
+            sim=no_recording,
             sensor_model=data.sensor_model,
             objects=dict(data.objects),
             sensor_poses=grasp.sensor_pose[None],

@@ -1,4 +1,4 @@
-"""Simulations with the most probable sets of effects, whose measured gaps replace the predictions of the comparison."""
+"""Simulations with the most probable sets of effects; their measured features replace the predictions of these sets."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.gap.apply.apply import add_effects
-from taxel.gap.apply.resim import effects_text, run_simulator, split_command
-from taxel.gap.apply.rewriting import copied, made_beside
+from taxel.gap.apply.rewriting import copy_file, open_temporary_output
+from taxel.gap.apply.user_simulator import format_effects, run_simulator, split_command
 from taxel.gap.comparison.candidates import CandidateSets
-from taxel.gap.comparison.compare import RIVAL_ODDS, Comparison, Show, ignore_progress, weigh_sets
+from taxel.gap.comparison.compare import RIVAL_ODDS, Comparison, ProgressCallback, ignore_progress, weigh_sets
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.errors import GapInputError
-from taxel.gap.features.metric import Interval, measure, shrink_by
-from taxel.gap.fitting.judge import Judge
-from taxel.gap.report.model import model_of
-from taxel.gap.report.reading import ReportedEffect, reported_effect
+from taxel.gap.features.metric import Interval, compute_shrink_interval, measure_gap
+from taxel.gap.fitting.fit_data import FitData
+from taxel.gap.report.model import describe_model
+from taxel.gap.report.reading import ReportedEffect, convert_fitted_effect
 from taxel.input_files import open_regular_file
 from taxel.types import FloatArray
 
 BUILTIN: Final = "builtin"
-"""Command that stands for the project's own models: every effect is added to every frame of the simulator's dataset."""
+"""Value of the option --resim for the models of this project, which add every effect to every frame of the dataset."""
 
 DEFAULT_BUDGET: Final = 3
-"""Simulations of one diagnosis; the two or three most probable sets decide a verdict."""
+"""Largest number of simulations in one diagnosis. Chosen: the two or three most probable sets decide the verdict."""
 
 
 @dataclass(frozen=True)
 class Resimulator:
-    """A way to simulate with effects.
+    """Simulator that computes a dataset with given effects.
 
     Attributes:
-        command: command of the user's simulator (`taxel.gap.apply.resim.run_simulator`), or `BUILTIN`.
-        folder: folder of the simulated datasets; a dataset that an interrupted run completed is used again.
+        command: command of the user's simulator (`taxel.gap.apply.user_simulator.run_simulator`), or `BUILTIN`.
+        folder: folder of the simulated datasets; complete datasets of an earlier run with the same inputs are reused.
         budget: largest number of simulations.
-        seed: of noise, drifts and lost frames of `BUILTIN`.
+        seed: of noise, drift and lost frames of `BUILTIN`.
     """
 
     command: str
@@ -55,30 +55,37 @@ class Resimulator:
             split_command(self.command)
 
     def simulate(self, effects: Sequence[ReportedEffect], sim: Path) -> Path:
-        """Simulate with effects, in the order in which they act; return the dataset. sim: without effects.
+        """Simulate with effects, and return the path of the dataset.
 
-        Raises GapInputError and DatasetError.
+        effects: in the order in which they act. sim: simulated dataset without effects. Raises GapInputError and
+        DatasetError.
         """
-        text = effects_text(effects, None)
+        text = format_effects(effects, None)
         content = "\n".join([text, self.command, str(self.seed), _digest(sim)])
         target = self.folder / hashlib.sha256(content.encode()).hexdigest()[:16] / "sim.h5"
         if target.is_file():
             return target
         target.parent.mkdir(parents=True, exist_ok=True)
-        with made_beside(target, (sim,), overwrite=False) as whole:
+        with open_temporary_output(target, (sim,), overwrite=False) as temporary:
             if self.command == BUILTIN:
-                copied(sim, whole)
-                note = json.dumps({"effects": [one.name for one in effects], "seed": self.seed})
-                add_effects(effects, sim, whole, note, self.seed)
+                copy_file(sim, temporary)
+                note = json.dumps({"effects": [effect.name for effect in effects], "seed": self.seed})
+                add_effects(effects, sim, temporary, note, self.seed)
             else:
-                run_simulator(self.command, text, sim, whole)
+                run_simulator(self.command, text, sim, temporary)
         return target
 
 
 @dataclass(frozen=True)
 class ResimulatedSet:
-    """Measured gap of one simulation: names of the added effects; gap before and after, and floor, in counts; shrink
-    with its interval over the sessions.
+    """Measured gap of one simulation with effects.
+
+    Attributes:
+        effects: names of the added effects.
+        before, after: gap without and with the effects, counts.
+        floor: floor of the gap, counts.
+        shrink: relative shrink of the gap, with its interval over the sessions.
+        path: the simulated dataset.
     """
 
     effects: tuple[str, ...]
@@ -89,7 +96,7 @@ class ResimulatedSet:
     path: Path
 
     def to_json(self) -> dict[str, Any]:
-        """Entry of the field `resimulated` of the report."""
+        """Return the entry of the field `resimulated` of the report."""
         return {
             "effects": list(self.effects),
             "before": self.before,
@@ -103,65 +110,74 @@ class ResimulatedSet:
 
 @dataclass(frozen=True, eq=False)
 class Resimulation:
-    """The comparison with the simulated features of the sets, and the simulations, smallest gap first."""
+    """Result of the simulations with effects.
+
+    Attributes:
+        comparison: comparison in which the simulated features replace the predictions of the simulated sets.
+        results: the simulations, smallest gap first.
+    """
 
     comparison: Comparison
     results: tuple[ResimulatedSet, ...] = field(default_factory=tuple)
 
 
 def resimulate_sets(
-    comparison: Comparison, simulator: Resimulator, seed: int = 0, show: Show = ignore_progress
+    comparison: Comparison, simulator: Resimulator, seed: int = 0, show: ProgressCallback = ignore_progress
 ) -> Resimulation:
-    """Simulate with the most probable sets of effects, and weigh all sets again.
+    """Simulate with the most probable sets of effects, and return the comparison with new weights of all sets.
 
     In each step the set with the largest weight that is not yet simulated is simulated, as long as its weight is at
-    least `RIVAL_ODDS` times the largest one and the budget lasts; see `taxel.gap.comparison.candidates.reevaluate`.
+    least `RIVAL_ODDS` times the largest weight and the budget lasts; see `taxel.gap.comparison.candidates.reevaluate`.
     seed: of the bootstrap. Raises GapInputError and DatasetError.
     """
-    judge, results = comparison.judge, []
+    fit_data, results = comparison.fit_data, []
     simulated: dict[frozenset[str], FloatArray] = {}
     for number in range(simulator.budget):
         show("simulation with effects", number, simulator.budget)
         largest = max(comparison.weights.values())
-        waiting = [key for key in comparison.weights if key and key not in simulated]
-        key = max(waiting, key=lambda one: comparison.weights[one], default=None)
+        not_simulated = [key for key in comparison.weights if key and key not in simulated]
+        key = max(not_simulated, key=lambda candidate: comparison.weights[candidate], default=None)
         if key is None or comparison.weights[key] < RIVAL_ODDS * largest:
             break
-        effects = [reported_effect(link, model_of(judge.state, link)) for link in comparison.sets[key].composite.links]
-        effects.sort(key=lambda one: one.order)
-        path = simulator.simulate(effects, Path(judge.state.pair.paths[1]))
-        simulated[key] = read_features(judge, path)
-        results.append(_measure_set(judge, tuple(one.name for one in effects), simulated[key], path))
-        found = CandidateSets(comparison.sets, comparison.alone)
-        comparison = weigh_sets(judge, comparison.tried, found, seed, simulated=simulated)
+        effects = [
+            convert_fitted_effect(fitted, describe_model(fit_data.state, fitted))
+            for fitted in comparison.sets[key].composite.fitted_effects
+        ]
+        effects.sort(key=lambda effect: effect.order)
+        path = simulator.simulate(effects, Path(fit_data.state.pair.paths[1]))
+        simulated[key] = read_features(fit_data, path)
+        results.append(_measure_set(fit_data, tuple(effect.name for effect in effects), simulated[key], path))
+        candidates = CandidateSets(comparison.sets, comparison.single_fits)
+        comparison = weigh_sets(fit_data, comparison.tried, candidates, seed, simulated=simulated)
     show("simulation with effects", simulator.budget, simulator.budget)
-    return Resimulation(comparison, tuple(sorted(results, key=lambda one: one.after)))
+    return Resimulation(comparison, tuple(sorted(results, key=lambda result: result.after)))
 
 
-def read_features(judge: Judge, path: Path) -> FloatArray:
-    """Features f64[C, F, n] of a further simulation of the same grasps, aligned in time with the hand.
+def read_features(fit_data: FitData, path: Path) -> FloatArray:
+    """Return the features of a further simulation of the same grasps, aligned in time with the hand.
 
-    Raises GapInputError for a dataset of other taxels, conditions or durations.
+    The result is f64[C, F, n], counts. Raises GapInputError for a dataset with other taxels, conditions or
+    durations of the phases.
     """
-    own = judge.state.pair
-    other = read_pair(own.paths[0], path)
-    times = own.clock.since_start, other.clock.since_start
-    same = (own.n, own.conditions, times[0].shape) == (other.n, other.conditions, times[1].shape)
-    if not same or not np.allclose(*times):
-        expected = f"the grasps of {own.paths[1]}: same taxels, conditions and durations of the phases"
+    pair = fit_data.state.pair
+    other = read_pair(pair.paths[0], path)
+    times = pair.time_grid.time_since_start_s, other.time_grid.time_since_start_s
+    is_same = (pair.n, pair.conditions, times[0].shape) == (other.n, other.conditions, times[1].shape)
+    if not is_same or not np.allclose(*times):
+        expected = f"the grasps of {pair.paths[1]}: same taxels, conditions and durations of the phases"
         raise GapInputError(f"--resim: {path}", expected, "others", "let the simulator repeat the same grasps")
-    return prepared(other).state.mean
+    return prepare_pair(other).state.mean
 
 
-def _measure_set(judge: Judge, effects: tuple[str, ...], features: FloatArray, path: Path) -> ResimulatedSet:
-    """Gap before and after, and shrink, of simulated features f64[C, F, n]."""
-    real, layout, before = judge.sessions, judge.layout, judge.state.mean
-    gaps = [measure(real, model, layout) for model in (before, features)]
-    reduction = shrink_by(real, before, features, layout)
+def _measure_set(fit_data: FitData, effects: tuple[str, ...], features: FloatArray, path: Path) -> ResimulatedSet:
+    """Return gap before and after, and shrink, of simulated features. features: f64[C, F, n], counts."""
+    real, layout, before = fit_data.sessions, fit_data.layout, fit_data.state.mean
+    gaps = [measure_gap(real, model, layout) for model in (before, features)]
+    reduction = compute_shrink_interval(real, before, features, layout)
     return ResimulatedSet(effects, gaps[0].gap.value, gaps[1].gap.value, gaps[0].floor, reduction, path)
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     with open_regular_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

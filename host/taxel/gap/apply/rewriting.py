@@ -1,4 +1,4 @@
-"""A dataset that is a changed copy of another: everything stays but some grasps' counts and which frames arrived."""
+"""Changes of arrays in a copy of a dataset; all other content of the copy remains unchanged."""
 
 from __future__ import annotations
 
@@ -21,36 +21,37 @@ from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_storage import check_target, convert_writing_errors, write_array
 from taxel.recording.hdf5_output import extend_hdf5
 
-NOTE: Final = "gap_applied"
-"""Attribute of the file that says what was added; a second one is called gap_applied_2, and so on."""
+PROVENANCE_ATTRIBUTE: Final = "gap_applied"
+"""Attribute of the file that states the added effects; a further one is called gap_applied_2, and so on."""
 
 
 @contextmanager
-def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iterator[Path]:
-    """A path in a folder beside the target, for a file that takes the target's name once it is whole.
+def open_temporary_output(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iterator[Path]:
+    """Context manager that yields a temporary path beside the target, and renames the complete file to the target.
 
-    Whatever fails, a target that was there stays as it was. Raises DatasetError for a target that must not or cannot
-    be made, and GapInputError for one that is among the inputs.
+    An existing target remains unchanged if an error occurs. inputs: files that must not be the target. overwrite:
+    whether an existing target may be replaced. Raises DatasetError for a target that exists or cannot be written, and
+    GapInputError for a target that is one of the inputs.
     """
-    place = Location(str(target))
+    location = Location(str(target))
     for path in inputs:
         if target.exists() and path.exists() and target.samefile(path):
             raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
-    check_target(target, overwrite, place)
-    with convert_writing_errors(place):
+    check_target(target, overwrite, location)
+    with convert_writing_errors(location):
         pending = PendingOutput(target, overwrite=overwrite)
-    # A user's simulator creates its file itself and may need the ending of the target's name.
+    # The temporary file has the target's name, because a user's simulator may choose the format by the file extension.
     folder = pending.part.with_name(pending.part.name + ".folder")
-    whole = folder / target.name
+    temporary = folder / target.name
     try:
-        with convert_writing_errors(place):
+        with convert_writing_errors(location):
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
-        yield whole
-        with convert_writing_errors(place):
-            pending.commit(whole)
+        yield temporary
+        with convert_writing_errors(location):
+            pending.commit(temporary)
     except DatasetError as error:
-        if error.file != format_path(whole):
+        if error.file != format_path(temporary):
             raise
         raise DatasetError(format_path(target), *error.args[1:]) from None
     finally:
@@ -58,58 +59,59 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
         pending.discard()
 
 
-def copied(source: str | PathLike[str], target: Path) -> None:
-    """Copy a file, bit for bit. Raises DatasetError where the disk refuses."""
+def copy_file(source: str | PathLike[str], target: Path) -> None:
+    """Copy the content of a file to `target`. Raises DatasetError if writing fails."""
     with convert_writing_errors(Location(str(target))):
         shutil.copyfile(source, target)
 
 
-class Rewriting:
-    """An open copy in which arrays of grasps are replaced. Use it as a context manager."""
+class DatasetEditor:
+    """Open dataset whose arrays can be replaced. Use the editor as a context manager."""
 
     def __init__(self, path: Path) -> None:
-        self._place = Location(str(path))
+        self._location = Location(str(path))
         self._output = LiveOutput.without_name(path)
-        self._file = extend_hdf5(self._output, self._place)
+        self._file = extend_hdf5(self._output, self._location)
 
-    def put(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:
-        """Replace an array of a grasp; its attributes stay. Raises DatasetError where the disk refuses."""
-        with convert_writing_errors(self._place.key("grasps").key(grasp_id).key(name)):
+    def replace_array(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:
+        """Replace an array of a grasp; its attributes remain. Raises DatasetError if writing fails."""
+        with convert_writing_errors(self._location.key("grasps").key(grasp_id).key(name)):
             group = self._file["grasps"][grasp_id]
             node = group[name]
             if h5py.h5o.get_info(node.id).rc == 1 and np.can_cast(array.dtype, node.dtype):
                 node[...] = array
                 self._file.check()
                 return
-            # It stands in several places, or holds narrower integers.
-            notes = dict(node.attrs)
+            # The array has several hard links, or its integer type is too narrow for the new values.
+            attributes = dict(node.attrs)
             del group[name]
             write_array(group, name, array)
-            group[name].attrs.update(notes)
+            group[name].attrs.update(attributes)
             self._file.check()
 
-    def note(self, text: str) -> None:
-        """Say in the file's attributes what was done to it."""
-        with convert_writing_errors(self._place):
+    def add_provenance(self, text: str) -> None:
+        """Add a provenance text to the attributes of the file. Raises DatasetError if writing fails."""
+        with convert_writing_errors(self._location):
             number = 1
-            while self._name(number) in self._file.attrs:
+            while self._get_attribute_name(number) in self._file.attrs:
                 number += 1
-            self._file.attrs[self._name(number)] = text
+            self._file.attrs[self._get_attribute_name(number)] = text
 
-    def _name(self, number: int) -> str:
-        return NOTE if number == 1 else f"{NOTE}_{number}"
+    def _get_attribute_name(self, number: int) -> str:
+        """Return the attribute name of provenance text `number`, from 1."""
+        return PROVENANCE_ATTRIBUTE if number == 1 else f"{PROVENANCE_ATTRIBUTE}_{number}"
 
-    def __enter__(self) -> Rewriting:
+    def __enter__(self) -> DatasetEditor:
         return self
 
     def __exit__(self, *_: object) -> None:
         try:
-            with convert_writing_errors(self._place):
+            with convert_writing_errors(self._location):
                 self._file.close()
         finally:
             self._output.file.close()
 
 
-def changed(before: NDArray[Any], after: NDArray[Any]) -> bool:
-    """Whether an array is to be written."""
+def has_changed(before: NDArray[Any], after: NDArray[Any]) -> bool:
+    """Return whether two arrays differ."""
     return after is not before and not np.array_equal(before, after)

@@ -1,4 +1,4 @@
-"""From evidence to probability: logistic models, fitted to worlds with known causes and stored as data."""
+"""Conversion of evidence to probabilities by logistic models that were fitted to worlds with known causes."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from taxel.types import FloatArray
 UNKNOWN = "unknown"
 NO_GAP = "no_gap"
 
-LIMITS = (1e-6, 1.0 - 1e-6)
-"""Limits of probabilities in logarithms; no calibration on hundreds of worlds supports more certainty."""
+PROBABILITY_LIMITS = (1e-6, 1.0 - 1e-6)
+"""Limits of probabilities before logarithms are taken (chosen): hundreds of worlds cannot support more certainty."""
 
-PENALTY = 1.0
-"""Precision of the normal prior on the standardised coefficients of a logistic model (ridge, as usual for few data)."""
+COEFFICIENT_PRECISION = 1.0
+"""Precision of the normal prior on the standardised coefficients of a logistic model (ridge penalty, usual for few
+data). A larger value reduces the coefficients."""
 
-
-LISTED = 0.5
-"""Probability from which a cause is named (gap report, version 2)."""
+NAMED_PROBABILITY = 0.5
+"""Probability from which a cause is named (definition of the gap report, version 2)."""
 
 SMALLEST_CAUSE = 0.5
 """Gap in floors from which an effect is a cause (definition of the gap report, version 2)."""
@@ -34,13 +34,16 @@ SMALLEST_CAUSE = 0.5
 SIZE_ERROR = 0.4
 """Relative standard error of the size of a fitted effect (chosen: small effects are poorly determined)."""
 
-LARGEST = 30.0
-"""Bound of a coefficient, beyond every probability that data can support."""
+MAX_COEFFICIENT = 30.0
+"""Largest absolute value of a coefficient (chosen): far beyond every probability that data can support."""
 
 
 @dataclass(frozen=True, eq=False)
 class Logistic:
-    """P = 1 / (1 + exp(-(intercept + coefficients . (x - mean) / std)))."""
+    """Logistic model with k inputs: P = 1 / (1 + exp(-(intercept + coefficients . (x - mean) / std))).
+
+    coefficients, mean, std: f64[k]; mean and std standardise the inputs.
+    """
 
     intercept: float
     coefficients: FloatArray
@@ -54,7 +57,7 @@ class Logistic:
 
     @classmethod
     def fit(cls, inputs: FloatArray, labels: Sequence[bool]) -> Logistic:
-        """Fit the model by penalised maximum likelihood. inputs: f64[m, k]. labels: m statements, true or false."""
+        """Fit the model by penalised maximum likelihood. inputs: f64[m, k]. labels: truth of each of m statements."""
         mean, std = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-9)
         design = np.column_stack([np.ones(len(inputs)), (inputs - mean) / std])
         target = np.asarray(labels, np.float64)
@@ -62,18 +65,20 @@ class Logistic:
         def loss(parameters: FloatArray) -> tuple[float, FloatArray]:
             value = design @ parameters
             gradient = design.T @ (expit(value) - target)
-            gradient[1:] += PENALTY * parameters[1:]
+            gradient[1:] += COEFFICIENT_PRECISION * parameters[1:]
             cost = (
-                np.logaddexp(0.0, value).sum() - target @ value + 0.5 * PENALTY * float(parameters[1:] @ parameters[1:])
+                np.logaddexp(0.0, value).sum()
+                - target @ value
+                + 0.5 * COEFFICIENT_PRECISION * float(parameters[1:] @ parameters[1:])
             )
             return float(cost), gradient
 
-        start, bounds = np.zeros(design.shape[1]), [(-LARGEST, LARGEST)] * design.shape[1]
+        start, bounds = np.zeros(design.shape[1]), [(-MAX_COEFFICIENT, MAX_COEFFICIENT)] * design.shape[1]
         solution = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         return cls(float(solution[0]), solution[1:], mean, std)
 
     def to_json(self) -> dict[str, object]:
-        """The parameters as JSON values."""
+        """Return the parameters as JSON values."""
         return {
             "intercept": round(self.intercept, 6),
             **{name: np.round(getattr(self, name), 6).tolist() for name in ("coefficients", "mean", "std")},
@@ -81,7 +86,7 @@ class Logistic:
 
     @classmethod
     def from_json(cls, values: dict[str, object]) -> Logistic:
-        """The model of JSON values that `to_json` returned."""
+        """Build a model from JSON values of `to_json`. Raises KeyError for a missing parameter."""
         arrays = (np.asarray(values[name], np.float64) for name in ("coefficients", "mean", "std"))
         return cls(float(str(values["intercept"])), *arrays)
 
@@ -112,27 +117,32 @@ class Calibration:
         the probability of a cause, given that there is one, is p / I, and the result is A p / I.
         """
         odds = self.compute_odds(effects, remainder, tried)
-        some = self.any_cause.predict(compute_any_inputs(effects, remainder))
+        any_cause = self.any_cause.predict(compute_any_inputs(effects, remainder))
         # An effect is no cause if it alone produces less than half the floor (definition of the gap report).
         sizes = [effects[name][2] if name in effects else np.log(SMALLEST_CAUSE) for name in tried]
-        large = ndtr((np.array(sizes) - np.log(SMALLEST_CAUSE)) / SIZE_ERROR)
-        own = expit(odds) * np.append(np.where([name in effects for name in tried], large, 1.0), 1.0)
-        independent = -np.expm1(np.log1p(-own).sum())
-        values = np.minimum(own * some / independent, LIMITS[1])
-        return {**dict(zip([*tried, UNKNOWN], values.tolist(), strict=True)), NO_GAP: 1.0 - some}
+        size_probabilities = ndtr((np.array(sizes) - np.log(SMALLEST_CAUSE)) / SIZE_ERROR)
+        independent_probabilities = expit(odds) * np.append(
+            np.where([name in effects for name in tried], size_probabilities, 1.0), 1.0
+        )
+        independent_any = -np.expm1(np.log1p(-independent_probabilities).sum())
+        values = np.minimum(independent_probabilities * any_cause / independent_any, PROBABILITY_LIMITS[1])
+        return {**dict(zip([*tried, UNKNOWN], values.tolist(), strict=True)), NO_GAP: 1.0 - any_cause}
 
     def compute_odds(
         self, effects: Mapping[str, FloatArray], remainder: FloatArray, tried: Sequence[str]
     ) -> FloatArray:
-        """Log odds of every effect that was tried and of an unknown cause, each by itself, f64[len(tried) + 1]."""
-        found = [
+        """Compute the log odds of every effect that was tried and of an unknown cause, f64[len(tried) + 1].
+
+        Each cause is evaluated independently of the others.
+        """
+        probabilities = [
             self.effect.predict(combine_inputs(effects[name], remainder)) if name in effects else self.not_compared
             for name in tried
         ]
-        return np.asarray(logit(np.clip([*found, self.unknown.predict(remainder)], *LIMITS)))
+        return np.asarray(logit(np.clip([*probabilities, self.unknown.predict(remainder)], *PROBABILITY_LIMITS)))
 
     def to_json(self) -> dict[str, object]:
-        """The calibration as JSON values."""
+        """Return the calibration as JSON values."""
         return {
             "source": self.source,
             "not_compared": round(self.not_compared, 6),
@@ -143,17 +153,19 @@ class Calibration:
 
 
 def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
-    """Inputs of `Calibration.effect`, f64[9]: those of an effect, f64[6], and of the remainder's inputs, f64[6], the
-    deviation, the size and the gain. A name is less certain if the best set leaves much.
+    """Build the inputs of `Calibration.effect`, f64[9].
+
+    The inputs are those of the effect, f64[6], and three inputs of the remainder, f64[6]: deviation, size and gain. An
+    effect is less certain if the remainder of the best set is large.
     """
     return np.concatenate([effect, remainder[[2, 4, 5]]])
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
-    """Inputs of `Calibration.any_cause`, f64[3].
+    """Build the inputs of `Calibration.any_cause`, f64[3].
 
-    Logarithm of the gap in floors, largest gain of an effect, and the same logarithm above one floor. effects: inputs
-    f64[6] of each effect. remainder: f64[6].
+    The inputs are the logarithm of the gap in floors, the largest gain of an effect, and the positive part of this
+    logarithm. effects: inputs f64[6] of each effect. remainder: f64[6].
     """
     gain = max((values[1] for values in effects.values()), default=0.0)
     return np.array([remainder[0], gain, max(float(remainder[0]), 0.0)])
@@ -161,7 +173,7 @@ def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray)
 
 @cache
 def load_calibration() -> Calibration:
-    """The packaged calibration. Raises GapInputError if it is damaged."""
+    """Return the packaged calibration. Raises GapInputError if the file is damaged."""
     path = resources.files("taxel.gap.calibration").joinpath("calibration.json")
     try:
         values = json.loads(path.read_text())

@@ -12,24 +12,24 @@ from taxel.gap.comparison.density import BlockDensity, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import ComparisonSettings
-from taxel.gap.effects.catalogue import DROPOUT, FIXED, Forms
+from taxel.gap.effects.catalogue import DROPOUT, INSPECTED_EFFECTS, Forms
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.dropped import find_dropped
+from taxel.gap.effects.dropout_inspection import find_defects
 from taxel.gap.effects.effect import HAND
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.cores import in_copies
-from taxel.gap.fitting.fit import NOTHING_KNOWN, near_their_end, started
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit import NO_COLUMNS, compute_columns_by_effect, start_effect
+from taxel.gap.fitting.fit_data import FitData
+from taxel.gap.fitting.parallel import map_in_processes
 from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A set of effects.
+    """Candidate: a set of effects with fitted values, and its evaluation.
 
-    chain: with fitted values. features: f64[C, F, n], of the fit. prediction: held out. inside, held_out: log density
-    of each block, f64[C, s, 5], for the fit and for predictions of parts that a fit did not use. log_prior: of the
-    forms and the parameters.
+    composite: model with fitted values. features: f64[C, F, n], predicted by the fit to all features. prediction:
+    held-out prediction of the features. in_sample, held_out: log density of each block (condition, board, family),
+    f64[C, s, 5], for these two predictions. log_prior: log prior of the forms and the parameters.
     """
 
     composite: CompositeModel
@@ -46,142 +46,168 @@ class Candidate:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of the effects."""
+        """Names of the effects of the set."""
         return frozenset(self.composite.names)
 
 
 Sets = dict[frozenset[str], Candidate]
+"""Best candidate of each set of effects, by the names of the effects."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateSets:
-    """Result of a search. sets: the best candidate of each set of names, the empty set included. alone: coarse fit of
-    each effect alone. repeat_share: share of the variance between simulated repeats that applies to their mean.
+    """Result of a search.
+
+    sets: best candidate of each set of effects, including the empty set. single_fits: coarse fit of each effect alone,
+    by name. repeat_share: share of the variance between simulated repeats that applies to their mean.
     """
 
     sets: Sets
-    alone: dict[str, FittedEffect] = field(default_factory=dict)
+    single_fits: dict[str, FittedEffect] = field(default_factory=dict)
     repeat_share: float = 1.0
 
 
 class CandidateSearch:
-    """Builds the candidate sets of one pair, starting from the empty set."""
+    """Search for the candidate sets of one pair, starting from the empty set."""
 
-    def __init__(self, judge: Judge, forms: Forms, density: BlockDensity, settings: ComparisonSettings) -> None:
+    def __init__(self, fit_data: FitData, forms: Forms, density: BlockDensity, settings: ComparisonSettings) -> None:
         """Prepare the search. forms: forms of each effect by its name."""
-        self._judge, self._forms, self._density, self._settings = judge, forms, density, settings
+        self._fit_data, self._forms, self._density, self._settings = fit_data, forms, density, settings
 
     def run(self, progress: Callable[[int, int], None]) -> CandidateSets:
-        """Fit and evaluate candidate sets. progress: steps done, total."""
-        empty = self.evaluate(CompositeModel(), self._judge.state.mean)
-        found: Sets = {empty.names: empty}
-        alone: dict[str, FittedEffect] = {}
+        """Fit and evaluate candidate sets. progress: called with the steps done and their number."""
+        empty = self.evaluate(CompositeModel(), self._fit_data.state.mean)
+        sets: Sets = {empty.names: empty}
+        single_fits: dict[str, FittedEffect] = {}
         base = empty
         for size in range(self._settings.largest_set):
             progress(size, self._settings.largest_set)
-            coarse = self._fit_coarsely(base)
+            coarse_fits = self._fit_coarsely(base)
             if not size:
-                for composite, _ in coarse:
-                    alone.setdefault(composite.names[0], composite.links[0])
-            number = self._settings.candidates[min(size, 1)]
+                for composite, _ in coarse_fits:
+                    single_fits.setdefault(composite.names[0], composite.fitted_effects[0])
+            number_of_fits = self._settings.candidates[min(size, 1)]
             # Effects that are found by inspection cost no fit: they are always compared.
             composites = [
                 composite
-                for place, (composite, _) in enumerate(coarse)
-                if place < number or set(composite.names) - base.names <= set(FIXED)
+                for rank, (composite, _) in enumerate(coarse_fits)
+                if rank < number_of_fits or set(composite.names) - base.names <= set(INSPECTED_EFFECTS)
             ]
-            extended = in_copies(self._judge.state, self.fit, composites)
+            extended = map_in_processes(self._fit_data.state, self.fit, composites)
             for candidate in extended:
-                known = found.get(candidate.names)
-                if known is None or candidate.value > known.value:
-                    found[candidate.names] = candidate
-            best = max(extended, key=lambda one: one.value, default=base)
+                previous = sets.get(candidate.names)
+                if previous is None or candidate.value > previous.value:
+                    sets[candidate.names] = candidate
+            best = max(extended, key=lambda candidate: candidate.value, default=base)
             if best.value <= base.value:
                 break  # no further effect predicts better
             base = best
-        return CandidateSets(found, alone)
+        return CandidateSets(sets, single_fits)
 
     def compute_log_prior(self, composite: CompositeModel) -> float:
-        """Log prior of the forms of the effects, of parameters that are farther from the expected value than usual, and
-        of properties of the skin that depend on the load (`ComparisonSettings.local_odds`, `usual_deviation`,
+        """Compute the log prior of the forms of the effects, of parameters far from their expected values, and of
+        properties of the skin that depend on the load (`ComparisonSettings.local_odds`, `usual_deviation`,
         `compute_load_trend`).
         """
         settings = self._settings
         total = 0.0
-        for link in composite.links:
-            if link.effect.name in FIXED:
+        for fitted_effect in composite.fitted_effects:
+            if fitted_effect.effect.name in INSPECTED_EFFECTS:
                 continue
-            if link.effect.scope != HAND:
+            if fitted_effect.effect.scope != HAND:
                 total += math.log(settings.local_odds)
-            trend = compute_load_trend(self._judge.state, link)
+            trend = compute_load_trend(self._fit_data.state, fitted_effect)
             total -= 0.5 * max(trend**2 - settings.usual_deviation**2, 0.0)
-            for row, parameter in enumerate(link.effect.parameters()):
+            for row, parameter in enumerate(fitted_effect.effect.parameters()):
                 if np.isfinite(parameter.prior):
-                    squares = ((link.values[row] - parameter.middle) / parameter.prior) ** 2
+                    squares = ((fitted_effect.values[row] - parameter.prior_mean) / parameter.prior) ** 2
                     total -= 0.5 * float(np.maximum(squares - settings.usual_deviation**2, 0.0).sum())
         return total
 
     def fit(self, composite: CompositeModel) -> Candidate:
-        """Fit a chain from its values, and evaluate it."""
-        fit = self._judge.in_sample(composite, FIXED, self._settings.fit_iterations)
+        """Fit a composite model, starting from its values, and evaluate the result."""
+        fit = self._fit_data.fit_in_sample(composite, INSPECTED_EFFECTS, self._settings.fit_iterations)
         return self.evaluate(fit.composite, fit.features)
 
     def evaluate(self, composite: CompositeModel, features: FloatArray) -> Candidate:
-        """Evaluate a fitted chain, in sample and held out. features: f64[C, F, n], of the chain."""
-        held = predict_held_out(self._judge, composite, FIXED) if composite.links else HeldOutPrediction(features)
+        """Evaluate a fitted composite model, in sample and held out. features: f64[C, F, n], its prediction."""
+        prediction = (
+            predict_held_out(self._fit_data, composite, INSPECTED_EFFECTS)
+            if composite.fitted_effects
+            else HeldOutPrediction(features)
+        )
         density = self._density.compute_log_density
         prior = self.compute_log_prior(composite)
-        return Candidate(composite, features, held, density(features), density(held.features), prior)
+        return Candidate(composite, features, prediction, density(features), density(prediction.features), prior)
 
     def _fit_coarsely(self, base: Candidate) -> list[tuple[CompositeModel, float]]:
-        """Fit every effect beside `base` coarsely; the best form of each scope, those with the largest log density
-        first.
-        """
-        state = self._judge.state
-        known = near_their_end(state, base.composite, base.features, FIXED) if base.composite.links else NOTHING_KNOWN
-        links = [link for name in self._forms if name not in base.names for link in self._start_forms(name, base)]
+        """Fit every further effect coarsely together with the effects of `base`.
 
-        def fit_one(link: FittedEffect) -> tuple[CompositeModel, float] | None:
-            composite = base.composite.with_link(link)
-            fit = self._judge.in_sample(composite, FIXED, self._settings.coarse_iterations, known)
-            fitted = fit.composite.get(link.effect.name)
+        Returns composite models with their log density plus log prior, largest first; of each effect and scope only the
+        best form. Forms whose fitted values have no consequence of their own are omitted.
+        """
+        state = self._fit_data.state
+        fixed_columns = (
+            compute_columns_by_effect(state, base.composite, base.features, INSPECTED_EFFECTS)
+            if base.composite.fitted_effects
+            else NO_COLUMNS
+        )
+        start_forms = [
+            fitted_effect
+            for name in self._forms
+            if name not in base.names
+            for fitted_effect in self._list_start_forms(name, base)
+        ]
+
+        def fit_one(fitted_effect: FittedEffect) -> tuple[CompositeModel, float] | None:
+            composite = base.composite.with_effect(fitted_effect)
+            fit = self._fit_data.fit_in_sample(
+                composite, INSPECTED_EFFECTS, self._settings.coarse_iterations, fixed_columns
+            )
+            fitted = fit.composite.get(fitted_effect.effect.name)
             if fitted.effect.is_idle(state, fitted.values):
                 return None
             density = float(self._density.compute_log_density(fit.features).sum())
             return fit.composite, density + self.compute_log_prior(fit.composite)
 
         best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
-        for link, fitted in zip(links, in_copies(state, fit_one, links), strict=True):
-            key = link.effect.name, link.effect.scope
+        for fitted_effect, fitted in zip(start_forms, map_in_processes(state, fit_one, start_forms), strict=True):
+            key = fitted_effect.effect.name, fitted_effect.effect.scope
             if fitted is not None and (key not in best or fitted[1] > best[key][1]):
                 best[key] = fitted
         return sorted(best.values(), key=lambda pair: -pair[1])
 
-    def _start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
-        """Forms of an effect at the values where a search starts; a dropout as it is found beside `base`."""
-        state = self._judge.state
+    def _list_start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
+        """Return the available forms of an effect with their start values.
+
+        A dropout has the values that an inspection finds with the features of `base`; no entry if nothing is found.
+        """
+        state = self._fit_data.state
         if name == DROPOUT:
-            dropped = find_dropped(state, self._judge.sessions, base.features)
-            effect = Dropout(dropped)
-            return [FittedEffect(effect, effect.found_values(state))] if dropped.found else []
-        return [started(state, form) for form in self._forms[name] if not form.unavailable(state)]
+            defects = find_defects(state, self._fit_data.sessions, base.features)
+            effect = Dropout(defects)
+            return [FittedEffect(effect, effect.make_detected_values(state))] if defects.has_any else []
+        return [start_effect(state, form) for form in self._forms[name] if not form.find_unavailable_reason(state)]
 
 
 def reevaluate(
-    judge: Judge, found: CandidateSets, settings: ComparisonSettings, simulated: Mapping[frozenset[str], FloatArray]
+    fit_data: FitData,
+    candidate_sets: CandidateSets,
+    settings: ComparisonSettings,
+    simulated: Mapping[frozenset[str], FloatArray],
 ) -> CandidateSets:
-    """Evaluate all sets once more, with the model error that the best set leaves.
+    """Evaluate all sets once more, with the model error that is estimated from the best set.
 
     simulated: features f64[C, F, n] of simulations with some sets. They replace the features of the fits; the change
     from fit to held-out prediction is kept. The mean change of the log density over the simulated sets is removed,
-    because a simulation has random errors that a fit has not: simulations decide only between simulated sets.
+    because a simulation has random errors and a fit has none: simulations decide only between simulated sets.
     """
-    best = max(found.sets.values(), key=lambda one: one.value)
-    density = fit_density(judge, settings, best.prediction.features)
+    best = max(candidate_sets.sets.values(), key=lambda candidate: candidate.value)
+    density = fit_density(fit_data, settings, best.prediction.features)
     compute = density.compute_log_density
     sets = {
-        key: replace(one, in_sample=compute(one.features), held_out=compute(one.prediction.features))
-        for key, one in found.sets.items()
+        key: replace(candidate, in_sample=compute(candidate.features), held_out=compute(candidate.prediction.features))
+        for key, candidate in candidate_sets.sets.items()
     }
     measured = {
         key: compute(features + sets[key].prediction.features - sets[key].features)
@@ -190,4 +216,4 @@ def reevaluate(
     changes = [value - sets[key].held_out for key, value in measured.items()]
     for key, value in measured.items():
         sets[key] = replace(sets[key], held_out=value - np.mean(changes, axis=0))
-    return CandidateSets(sets, found.alone, density.repeat_share)
+    return CandidateSets(sets, candidate_sets.single_fits, density.repeat_share)

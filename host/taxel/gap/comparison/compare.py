@@ -18,21 +18,22 @@ from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, col
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS, ComparisonSettings
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepared
-from taxel.gap.effects.catalogue import Forms, chosen, find_unavailable_reason
-from taxel.gap.features.metric import Gap, measure
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.effects.catalogue import Forms, choose_effects, find_unavailable_reason
+from taxel.gap.features.metric import Gap, measure_gap
 from taxel.gap.fitting.composite import FittedEffect
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 from taxel.types import FloatArray
 
-Show = Callable[[str, int, int], None]
+ProgressCallback = Callable[[str, int, int], None]
+"""Function that shows progress: name of the stage, steps done, number of steps."""
 
 RIVAL_ODDS: Final = 0.1
-"""Odds of two sets from which both are plausible."""
+"""Ratio of the weights of two sets from which both are plausible (chosen)."""
 
 ONE_SESSION: Final = 0.49
-"""Factor on the probabilities of causes with a single session: the variance between sessions is then unknown, and a
-deviation of this session is at least as probable as a cause."""
+"""Factor on the probabilities of causes with a single session (chosen): the variance between sessions is then unknown,
+and a deviation of this session is at least as probable as a cause. With a factor below 0.5, no cause is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,47 +41,49 @@ class Comparison:
     """Result of a comparison.
 
     Attributes:
-        judge: the pair of datasets. gap: gap, floor and excess without effects.
+        fit_data: the prepared pair of datasets. gap: gap, floor and excess without effects.
         tried: names of the effects that were tried.
         sets, weights: the candidate sets and their weights.
-        alone: coarse fit of each effect alone.
+        single_fits: coarse fit of each effect alone, by name.
         effects: evidence for each effect that is part of a set. remainder: evidence for an unknown cause.
     """
 
-    judge: Judge
+    fit_data: FitData
     gap: Gap
     tried: tuple[str, ...]
     sets: Sets
     weights: dict[frozenset[str], float]
-    alone: dict[str, FittedEffect]
+    single_fits: dict[str, FittedEffect]
     effects: dict[str, EffectEvidence]
     remainder: RemainderEvidence
 
     @property
     def best(self) -> frozenset[str]:
-        """The set with the largest weight."""
+        """Names of the effects of the set with the largest weight."""
         return max(self.weights, key=lambda key: self.weights[key])
 
     def get_best_with(self, name: str) -> Candidate | None:
-        """The set with the largest weight that contains an effect; None if no set does."""
+        """Return the set with the largest weight that contains an effect; None if no set contains this effect."""
         keys = [key for key in self.sets if name in key]
         return self.sets[max(keys, key=lambda key: self.weights[key])] if keys else None
 
     def compute_probabilities(self, calibration: Calibration | None = None) -> dict[str, float]:
-        """Marginal probability of every effect that was tried, of an unknown cause and of no gap.
+        """Compute the marginal probability of every effect that was tried, of an unknown cause and of no gap.
 
-        calibration: None: the packaged one.
+        calibration: None: the packaged calibration.
         """
         inputs = {name: one.to_inputs() for name, one in self.effects.items()}
         calibration = calibration or load_calibration()
-        found = calibration.compute_probabilities(inputs, self.remainder.to_inputs(), self.tried)
-        if self.judge.sessions.value.shape[1] > 1:
-            return found
-        return {name: value if name == NO_GAP else ONE_SESSION * value for name, value in found.items()}
+        probabilities = calibration.compute_probabilities(inputs, self.remainder.to_inputs(), self.tried)
+        if self.fit_data.sessions.value.shape[1] > 1:
+            return probabilities
+        return {name: value if name == NO_GAP else ONE_SESSION * value for name, value in probabilities.items()}
 
     def list_rivals(self, name: str) -> list[str]:
-        """Effects that may replace an effect: a set with the other effect and without this one has a weight of at least
-        `RIVAL_ODDS` times that of the best set with this one; largest weight first.
+        """Return the rivals of an effect, largest weight first.
+
+        An effect is a rival if a set with the rival and without the named effect has a weight of at least `RIVAL_ODDS`
+        times the weight of the best set with the named effect.
         """
         own = max((weight for key, weight in self.weights.items() if name in key), default=0.0)
         others: dict[str, float] = {}
@@ -89,16 +92,17 @@ class Comparison:
                 others.update({other: max(weight, others.get(other, 0.0)) for other in key})
         return sorted(others, key=lambda other: -others[other])
 
-    def get_alone(self, name: str) -> FittedEffect | None:
-        """An effect fitted alone; None if it has no fit."""
+    def get_single_fit(self, name: str) -> FittedEffect | None:
+        """Return an effect that was fitted alone; None if there is no such fit."""
         single = self.sets.get(frozenset({name}))
-        return single.composite.links[0] if single is not None else self.alone.get(name)
+        return single.composite.fitted_effects[0] if single is not None else self.single_fits.get(name)
 
     def compute_influence(self, name: str) -> list[tuple[int, float]]:
-        """Share of every condition in the evidence for an effect, largest first: [(index of the condition, share)].
+        """Compute the share of every condition in the evidence for an effect: [(index of the condition, share)].
 
         The evidence is the held-out log density of the best set with the effect minus that of the best set without it;
-        conditions that speak against the effect have share 0. Empty if no set contains the effect.
+        conditions that are evidence against the effect have share 0. Largest share first; empty if no set contains the
+        effect.
         """
         with_name = [key for key in self.sets if name in key]
         if not with_name:
@@ -112,7 +116,7 @@ class Comparison:
 
 
 def ignore_progress(stage: str, done: int, total: int) -> None:
-    """Show no progress."""
+    """Ignore progress; default of the functions that report progress."""
 
 
 def compare(
@@ -121,7 +125,7 @@ def compare(
     without: Collection[str] = (),
     seed: int = 0,
     settings: ComparisonSettings = DEFAULT_SETTINGS,
-    show: Show = ignore_progress,
+    show: ProgressCallback = ignore_progress,
 ) -> Comparison:
     """Compare sets of effects on a real and a simulated dataset.
 
@@ -130,31 +134,31 @@ def compare(
     """
     with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
-        return compare_sets(prepared(pair), chosen(without), seed, settings, show)
+        return compare_sets(prepare_pair(pair), choose_effects(without), seed, settings, show)
 
 
 def compare_sets(
-    judge: Judge,
+    fit_data: FitData,
     forms: Forms,
     seed: int = 0,
     settings: ComparisonSettings = DEFAULT_SETTINGS,
-    show: Show = ignore_progress,
+    show: ProgressCallback = ignore_progress,
 ) -> Comparison:
-    """Compare sets of effects on a pair that was read.
+    """Compare sets of effects on a prepared pair of datasets.
 
     forms: forms of the effects by name. An effect whose forms are all unavailable on this pair is not tried.
     """
-    forms = {name: own for name, own in forms.items() if not find_unavailable_reason(judge.state, own)}
-    search = CandidateSearch(judge, forms, BlockDensity(judge, settings), settings)
-    found = search.run(lambda done, total: show("effect search", done, total))
+    forms = {name: own for name, own in forms.items() if not find_unavailable_reason(fit_data.state, own)}
+    search = CandidateSearch(fit_data, forms, BlockDensity(fit_data, settings), settings)
+    candidate_sets = search.run(lambda done, total: show("effect search", done, total))
     show("effect search", settings.largest_set, settings.largest_set)
-    return weigh_sets(judge, tuple(forms), found, seed, settings)
+    return weigh_sets(fit_data, tuple(forms), candidate_sets, seed, settings)
 
 
 def weigh_sets(
-    judge: Judge,
+    fit_data: FitData,
     tried: tuple[str, ...],
-    found: CandidateSets,
+    candidate_sets: CandidateSets,
     seed: int = 0,
     settings: ComparisonSettings = DEFAULT_SETTINGS,
     simulated: Mapping[frozenset[str], FloatArray] = MappingProxyType({}),
@@ -163,15 +167,17 @@ def weigh_sets(
 
     tried: names of the effects that were tried. simulated: see `taxel.gap.comparison.candidates.reevaluate`.
     """
-    found = reevaluate(judge, found, settings, simulated)
-    values = np.stack([one.held_out.sum(axis=(1, 2)) for one in found.sets.values()])
-    priors = [one.log_prior for one in found.sets.values()]
-    shares = compute_set_weights(values, [len(key) for key in found.sets], settings, seed, priors)
-    weights = dict(zip(found.sets, shares.tolist(), strict=True))
-    gap = measure(judge.sessions, judge.state.mean, judge.layout)
-    best = found.sets[max(weights, key=lambda key: weights[key])]
-    effects = collect_effects(judge, gap, found.sets, weights)
-    # Without the model error, which would explain what an unknown cause leaves.
-    density = BlockDensity(judge, settings, repeat_share=found.repeat_share)
-    remainder = collect_remainder(judge, gap, best, density)
-    return Comparison(judge, gap, tried, found.sets, weights, found.alone, effects, remainder)
+    candidate_sets = reevaluate(fit_data, candidate_sets, settings, simulated)
+    values = np.stack([one.held_out.sum(axis=(1, 2)) for one in candidate_sets.sets.values()])
+    priors = [one.log_prior for one in candidate_sets.sets.values()]
+    shares = compute_set_weights(values, [len(key) for key in candidate_sets.sets], settings, seed, priors)
+    weights = dict(zip(candidate_sets.sets, shares.tolist(), strict=True))
+    gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
+    best = candidate_sets.sets[max(weights, key=lambda key: weights[key])]
+    effects = collect_effects(fit_data, gap, candidate_sets.sets, weights)
+    # The model error would explain the remainder of an unknown cause: it is omitted here.
+    density = BlockDensity(fit_data, settings, repeat_share=candidate_sets.repeat_share)
+    remainder = collect_remainder(fit_data, gap, best, density)
+    return Comparison(
+        fit_data, gap, tried, candidate_sets.sets, weights, candidate_sets.single_fits, effects, remainder
+    )

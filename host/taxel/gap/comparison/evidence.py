@@ -1,4 +1,4 @@
-"""What a comparison of candidate sets states of each effect, and of what the best set leaves."""
+"""Evidence from a comparison of candidate sets: for each effect, and for a cause outside the catalogue."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 from taxel.gap.comparison.candidates import Candidate, Sets
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
-from taxel.gap.effects.catalogue import FIXED
-from taxel.gap.features.metric import Gap, gap_of_change, measure
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
+from taxel.gap.features.metric import Gap, compute_gap_of_change, measure_gap
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 from taxel.types import FloatArray
 
 SMALLEST_RATIO = 0.02
-"""Ratios below this value count as this value in logarithms: a smaller effect is not resolved in any dataset."""
+"""Lower limit of ratios before logarithms are taken (chosen): a smaller effect is not resolved in any dataset."""
 
 SMALLEST_FLOOR = 0.1
-"""Floor in counts that is assumed where no variance is known, as with one session without repeats. Rounding of counts
-alone produces such a floor in the mean of a few frames."""
+"""Lower limit of the floor, counts, for datasets with an unknown variance, such as one session without repeats. Chosen:
+rounding of counts alone produces such a floor in the mean of a few frames."""
 
 LOADED_SHARE = 0.02
-"""Share of the largest simulated signal of a block (condition, board) from which another block counts as loaded."""
+"""Share of the largest simulated signal of a block (condition, board) from which a block counts as loaded (chosen)."""
 
 USUAL_BLOCKS = 20.0
-"""Loaded blocks of a usual dataset. A gain in log density refers to so many blocks, because small systematic errors of
-the simulator add up over the blocks of a large dataset."""
+"""Number of loaded blocks of a usual dataset (chosen). Gains in log density are scaled to this number, because small
+systematic errors of the simulator add up over the blocks of a large dataset."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class EffectEvidence:
         share: this gap divided by the largest such gap of the effects of the same set.
         parameters: number of fitted values of the effect, 1 for an effect that is found by inspection. Many values fit
             many deviations.
-        conditions: effective number of conditions that make the gain.
+        conditions: effective number of conditions that contribute to the gain.
         blocks: number of loaded blocks.
     """
 
@@ -57,7 +57,7 @@ class EffectEvidence:
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Inputs of the calibration, f64[6]; the fifth one is 0 for an effect that is a cause by its size."""
+        """Return the inputs of the calibration, f64[6]; the fifth input is 0 for an effect of the size of a cause."""
         odds = np.log((self.weight + 1e-3) / (1.0 - self.weight + 1e-3))
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         size, share = (np.log(max(value, SMALLEST_RATIO)) for value in (self.size, self.share))
@@ -67,7 +67,7 @@ class EffectEvidence:
 
 @dataclass(frozen=True)
 class RemainderEvidence:
-    """Evidence for a cause outside the catalogue, from what the best set leaves.
+    """Evidence for a cause outside the catalogue, from the remainder of the best set.
 
     Attributes:
         before, after: root of the excess without effects and with the best set, divided by the floor. The variance of
@@ -90,25 +90,25 @@ class RemainderEvidence:
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Inputs of the calibration, f64[6]; the first one is also an input of the probability of any cause."""
+        """Return the inputs of the calibration, f64[6]; the first is also an input of the probability of any cause."""
         ratios = np.array([self.before, self.after, self.deviation, self.common, self.size])
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         return np.append(np.log(np.maximum(ratios, SMALLEST_RATIO)), gain)
 
 
 def collect_effects(
-    judge: Judge, gap: Gap, sets: Sets, weights: Mapping[frozenset[str], float]
+    fit_data: FitData, gap: Gap, sets: Sets, weights: Mapping[frozenset[str], float]
 ) -> dict[str, EffectEvidence]:
-    """Evidence for every effect that is part of a candidate set. weights: of the sets."""
+    """Collect the evidence for every effect that is part of a candidate set. weights: weight of each set."""
     names = sorted({name for key in sets for name in key})
     density = {key: one.value for key, one in sets.items()}
     floor = max(gap.floor, SMALLEST_FLOOR)
-    blocks = int(_get_loads(judge)[1].sum())
+    blocks = int(_compute_loads(fit_data)[1].sum())
     evidence = {}
     for name in names:
         best = max((key for key in sets if name in key), key=lambda key: density[key])
         without = max((key for key in sets if name not in key), key=lambda key: density[key])
-        sizes = {own: compute_alone(judge, sets[best].composite, own) for own in best}
+        sizes = {own: compute_single_gap(fit_data, sets[best].composite, own) for own in best}
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
         gains = np.maximum((sets[best].held_out - sets[without].held_out).sum(axis=(1, 2)), 0.0)
         evidence[name] = EffectEvidence(
@@ -116,48 +116,50 @@ def collect_effects(
             gain=density[best] - density[without],
             size=sizes[name] / floor,
             share=share,
-            parameters=1 if name in FIXED else sets[best].composite.get(name).values.size,
+            parameters=1 if name in INSPECTED_EFFECTS else sets[best].composite.get(name).values.size,
             conditions=float(gains.sum() ** 2 / max(float((gains**2).sum()), np.finfo(float).tiny)),
             blocks=blocks,
         )
     return evidence
 
 
-def collect_remainder(judge: Judge, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
-    """Evidence for a cause outside the catalogue. best: the set with the largest weight."""
-    after = measure(judge.sessions, best.features, judge.layout)
+def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
+    """Collect the evidence for a cause outside the catalogue. best: the set with the largest weight."""
+    after = measure_gap(fit_data.sessions, best.features, fit_data.layout)
     repeats2 = density.compute_simulated_floor2()
     floor = max(float(np.hypot(gap.floor, np.sqrt(repeats2))), SMALLEST_FLOOR)
     before_floors, after_floors = (np.sqrt(max(one.excess.value - repeats2, 0.0)) / floor for one in (gap, after))
     deviations = density.compute_deviations(best.features)[..., 0]
-    load, is_loaded = _get_loads(judge)
+    load, is_loaded = _compute_loads(fit_data)
     deviation = float((deviations * load).sum() / max(load.sum(), np.finfo(float).tiny))
-    excess = after.terms.excess[:, : judge.layout.bins].sum(axis=(1, 2))
+    excess = after.terms.excess[:, : fit_data.layout.bins].sum(axis=(1, 2))
     order = np.sort(np.maximum(excess, 0.0))[::-1]
     common = float(order[1] / order.sum()) if len(order) > 1 and order.sum() > 0.0 else 0.0
-    generic = predict_remainder(judge, best.features, best.prediction.features)
+    generic = predict_remainder(fit_data, best.features, best.prediction.features)
     compute = density.compute_log_density
     gain = float(compute(generic).sum() - compute(best.prediction.features).sum())
-    size = _compute_size(judge, generic - best.prediction.features) / floor
+    size = _compute_size(fit_data, generic - best.prediction.features) / floor
     return RemainderEvidence(
         float(before_floors), float(after_floors), deviation, common, gain, float(size), int(is_loaded.sum())
     )
 
 
-def compute_alone(judge: Judge, composite: CompositeModel, name: str) -> float:
-    """Gap in counts that one fitted effect of a chain alone produces in the simulation."""
-    return _compute_size(judge, CompositeModel((composite.get(name),)).features(judge.state) - judge.state.mean)
+def compute_single_gap(fit_data: FitData, composite: CompositeModel, name: str) -> float:
+    """Compute the gap in counts that one fitted effect of a composite model alone produces in the simulation."""
+    return _compute_size(
+        fit_data, CompositeModel((composite.get(name),)).predict_features(fit_data.state) - fit_data.state.mean
+    )
 
 
-def _compute_size(judge: Judge, change: FloatArray) -> float:
-    """Gap in counts of a change of the features f64[C, F, n], where the real features are known."""
-    return gap_of_change(np.where(judge.sessions.known.any(axis=1), change, 0.0), judge.layout)
+def _compute_size(fit_data: FitData, change: FloatArray) -> float:
+    """Compute the gap in counts of a change f64[C, F, n] of those features that are known in the real data."""
+    return compute_gap_of_change(np.where(fit_data.sessions.is_known.any(axis=1), change, 0.0), fit_data.layout)
 
 
-def _get_loads(judge: Judge) -> tuple[FloatArray, FloatArray]:
-    """Sum of the simulated signal of each block, counts, and whether the block is loaded, [C, s] each."""
-    signal = np.abs(judge.state.mean[:, : judge.layout.bins]).sum(axis=1)
-    sensor = judge.state.pair.groups.sensor
+def _compute_loads(fit_data: FitData) -> tuple[FloatArray, FloatArray]:
+    """Compute the sum of the simulated signal of each block, counts, and whether the block is loaded, [C, s] each."""
+    signal = np.abs(fit_data.state.mean[:, : fit_data.layout.bins]).sum(axis=1)
+    sensor = fit_data.state.pair.groups.sensor
     boards = np.arange(int(sensor.max()) + 1)[:, None] == sensor
     load = signal @ boards.T.astype(np.float64)
     return load, load > LOADED_SHARE * load.max()

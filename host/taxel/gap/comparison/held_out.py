@@ -1,4 +1,4 @@
-"""Prediction of each part of the features by a fit that did not use this part."""
+"""Prediction of each fold of the features by a fit that did not use this fold."""
 
 from __future__ import annotations
 
@@ -8,66 +8,73 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.equations import gradient_of, system_of
-from taxel.gap.fitting.fit import free_links, moved, start_of
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.equations import build_normal_matrix, compute_gradient
+from taxel.gap.fitting.fit import apply_step, find_free_indices, linearise
+from taxel.gap.fitting.fit_data import FitData
 from taxel.types import FloatArray
 
 RIDGE: Final = 1e-6
-"""Share of each diagonal element that is added to the normal equations, so that they can be solved without the part."""
+"""Share of each diagonal element that is added to the normal equations (chosen), so that they remain solvable without a
+fold. A larger value draws poorly determined parameters towards the full fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOutPrediction:
-    """features: f64[C, F, n], each part as the fit to the other parts predicts it. chains: these fits, one a part."""
+    """Held-out prediction.
+
+    features: f64[C, F, n]; each fold is predicted by the fit to the other folds. composites: these fits, one for each
+    fold.
+    """
 
     features: FloatArray
     composites: tuple[CompositeModel, ...] = ()
 
 
-def predict_held_out(judge: Judge, composite: CompositeModel, fixed: tuple[str, ...]) -> HeldOutPrediction:
-    """Predict every part of the features by the fit to all other parts.
+def predict_held_out(fit_data: FitData, composite: CompositeModel, fixed: tuple[str, ...]) -> HeldOutPrediction:
+    """Predict every fold of the features by the fit to all other folds.
 
-    The fit to all features is linearised: without part k the parameters move by (H - H_k + P)^-1 (g - g_k), with the
-    normal equations H and the gradient g of all features, those of the part, H_k and g_k, and the precision P of the
-    priors (one Gauss-Newton step). A parameter that only the part determines keeps its value, because the other parts
-    do not contradict it: a set with many such parameters gains held-out density, which the calibration compensates by
-    the number of parameters. The features follow from the derivatives. Parts: `Judge.parts`. fixed: effects whose
-    values are not fitted.
+    The fit to all features is linearised. Without fold k the parameters change by (H - H_k + P)^-1 (g - g_k), one
+    Gauss-Newton step: H and g are matrix and right side of the normal equations of all features, H_k and g_k those of
+    the fold, and P is the precision of the priors. The features follow from the derivatives. A parameter that only the
+    fold determines keeps its value, because the other folds do not contradict this value: a set with many such
+    parameters gains held-out density, for which the calibration compensates by the number of parameters. The folds are
+    `FitData.taxel_folds`. fixed: names of effects whose values are not fitted.
     """
-    start = start_of(judge.state, composite, fixed)
-    if not start.columns:
-        return HeldOutPrediction(start.features)
-    precision = np.diag(np.concatenate([column.precision for column in start.columns]))
-    whole = judge.problem()
-    system, gradient = system_of(whole, start.columns), gradient_of(whole, start.columns, start.features)
-    result, free = start.features.copy(), free_links(composite, fixed)
+    linearisation = linearise(fit_data.state, composite, fixed)
+    if not linearisation.columns:
+        return HeldOutPrediction(linearisation.features)
+    precision = np.diag(np.concatenate([column.precision for column in linearisation.columns]))
+    full_problem = fit_data.build_problem()
+    system = build_normal_matrix(full_problem, linearisation.columns)
+    gradient = compute_gradient(full_problem, linearisation.columns, linearisation.features)
+    features, free = linearisation.features.copy(), find_free_indices(composite, fixed)
     composites = []
-    for number in range(int(judge.parts.max()) + 1):
-        held = judge.parts == number
-        part = judge.problem(held)
-        rest = system - system_of(part, start.columns) + precision
-        rest[np.diag_indices_from(rest)] += RIDGE * np.diag(system) + np.finfo(float).tiny
-        missing = gradient - gradient_of(part, start.columns, start.features)
-        step = _limit_step(composite, fixed, np.asarray(np.linalg.solve(rest, missing), np.float64))
-        change, first = np.zeros_like(result), 0
-        for column in start.columns:
-            change += column.change * step[first : first + column.count][column.blocks][:, None]
-            first += column.count
-        np.moveaxis(result, 1, 2)[held] += np.moveaxis(change, 1, 2)[held]
-        composites.append(moved(composite, free, step))
-    return HeldOutPrediction(result, tuple(composites))
+    for fold in range(int(fit_data.taxel_folds.max()) + 1):
+        is_held_out = fit_data.taxel_folds == fold
+        fold_problem = fit_data.build_problem(is_held_out)
+        remaining_system = system - build_normal_matrix(fold_problem, linearisation.columns) + precision
+        remaining_system[np.diag_indices_from(remaining_system)] += RIDGE * np.diag(system) + np.finfo(float).tiny
+        remaining_gradient = gradient - compute_gradient(fold_problem, linearisation.columns, linearisation.features)
+        full_step = np.asarray(np.linalg.solve(remaining_system, remaining_gradient), np.float64)
+        step = _limit_step(composite, fixed, full_step)
+        change, offset = np.zeros_like(features), 0
+        for column in linearisation.columns:
+            change += column.change * step[offset : offset + column.count][column.blocks][:, None]
+            offset += column.count
+        np.moveaxis(features, 1, 2)[is_held_out] += np.moveaxis(change, 1, 2)[is_held_out]
+        composites.append(apply_step(composite, free, step))
+    return HeldOutPrediction(features, tuple(composites))
 
 
 def _limit_step(composite: CompositeModel, fixed: tuple[str, ...], step: FloatArray) -> FloatArray:
     """Shorten a step of the free parameters f64[p], so that every parameter stays within its bounds."""
-    result, first = step.copy(), 0
-    for link in composite.links:
-        if link.effect.name in fixed:
+    limited_step, offset = step.copy(), 0
+    for fitted_effect in composite.fitted_effects:
+        if fitted_effect.effect.name in fixed:
             continue
-        for row, parameter in enumerate(link.effect.parameters()):
-            values = link.values[row]
-            own = slice(first, first + len(values))
-            result[own] = np.clip(values + step[own], parameter.low, parameter.high) - values
-            first += len(values)
-    return result
+        for row, parameter in enumerate(fitted_effect.effect.parameters()):
+            values = fitted_effect.values[row]
+            rows = slice(offset, offset + len(values))
+            limited_step[rows] = np.clip(values + step[rows], parameter.low, parameter.high) - values
+            offset += len(values)
+    return limited_step

@@ -1,7 +1,7 @@
-"""Trend of the values of taxels or boards with their load: a property of the skin has none.
+"""Trend of fitted values of taxels or boards with their load.
 
-The gain of a taxel is a property of the taxel. If fitted gains decrease with the load, they imitate another effect,
-such as a saturation.
+A property of the skin, such as the gain of a taxel, does not depend on the load. If fitted gains decrease
+with the load, they imitate another effect, such as a saturation.
 """
 
 from __future__ import annotations
@@ -17,36 +17,37 @@ from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
 LOADED_COUNTS: Final = 150.0
-"""Largest simulated signal from which a block counts: below it, its value is hardly determined. Limit of an active
-taxel."""
+"""Largest simulated signal in counts from which a block enters the trend: the limit of an active taxel. The value of a
+block with a smaller signal is poorly determined."""
 
-FEWEST_BLOCKS: Final = 8
-"""Loaded blocks that a trend needs."""
+MIN_BLOCKS: Final = 8
+"""Smallest number of loaded blocks for a trend (chosen)."""
 
 
-def compute_load_trend(state: State, link: FittedEffect) -> float:
-    """Largest t value, in size, of the regression of fitted values on the logarithm of the load of their blocks.
+def compute_load_trend(state: State, fitted_effect: FittedEffect) -> float:
+    """Compute the largest absolute t value of the regressions of fitted values on the logarithm of the load.
 
-    The load of a block is the largest simulated signal of its taxels. 0 for an effect whose values may depend on the
-    load, for one value of the whole hand or of an object, and for too few loaded blocks.
+    Each parameter has a regression over its loaded blocks. The load of a block is the largest simulated signal of its
+    taxels. The result is 0 for an effect whose values may depend on the load, for a value of the whole hand or of an
+    object, and below `MIN_BLOCKS` loaded blocks.
     """
-    if not link.effect.is_load_independent or link.effect.scope in (HAND, OBJECT):
+    if not fitted_effect.effect.is_load_independent or fitted_effect.effect.scope in (HAND, OBJECT):
         return 0.0
-    load = _compute_loads(state, link)
-    is_loaded = load > LOADED_COUNTS
-    if is_loaded.sum() < FEWEST_BLOCKS:
+    loads = _compute_loads(state, fitted_effect)
+    is_loaded = loads > LOADED_COUNTS
+    if is_loaded.sum() < MIN_BLOCKS:
         return 0.0
-    trends = [0.0]
-    for values in link.values:
-        fit = linregress(np.log(load[is_loaded]), values[is_loaded])
-        if fit.stderr > 0.0:
-            trends.append(abs(fit.slope / fit.stderr))
-    return float(max(trends))
+    t_values = [0.0]
+    for values in fitted_effect.values:
+        regression = linregress(np.log(loads[is_loaded]), values[is_loaded])
+        if regression.stderr > 0.0:
+            t_values.append(abs(regression.slope / regression.stderr))
+    return float(max(t_values))
 
 
-def _compute_loads(state: State, link: FittedEffect) -> FloatArray:
-    """Largest simulated signal of each block, f64[G] counts."""
+def _compute_loads(state: State, fitted_effect: FittedEffect) -> FloatArray:
+    """Return the largest simulated signal of each block, f64[G] counts."""
     signal = np.abs(state.mean[:, : state.layout.bins]).max(axis=1)
-    load = np.zeros(link.values.shape[1])
-    np.maximum.at(load, link.effect.blocks(state).ravel(), signal.ravel())
-    return load
+    loads = np.zeros(fitted_effect.values.shape[1])
+    np.maximum.at(loads, fitted_effect.effect.find_blocks(state).ravel(), signal.ravel())
+    return loads

@@ -1,4 +1,4 @@
-"""Every decision constant of the comparison, with its source."""
+"""Settings of the comparison: its decision constants, with their sources."""
 
 from dataclasses import dataclass
 
@@ -9,21 +9,20 @@ class ComparisonSettings:
 
     Attributes:
         dimensions: effective number of independent features in one block (condition, board), by family of features:
-            signal, noise, missing frames, onset, drift. The features of a block vary together (one contact, a few bins
-            of time), so that a block counts as so many. Chosen; larger numbers make the weights of sets sharper, which
-            the calibration compensates.
+            signal, noise, missing frames, onset, drift. The features of a block are correlated (one contact, a few
+            time bins). Chosen; larger numbers make the weights of sets sharper, for which the calibration compensates.
         resolution_counts: standard deviation, by family, below which differences are not resolved: rounding of counts
             (signal), the error of an estimated standard deviation (noise), a frame period (missing frames, onset).
-        prior_odds: odds of each effect before the comparison. One in ten: of twelve effects, about one is present.
+        prior_odds: prior odds of each effect. Chosen: one in ten means that about one of twelve effects is present.
         local_odds: odds of a form with values for each board, object or taxel, relative to a form for the whole hand.
             Chosen: a form for the whole hand is preferred if both predict equally well.
-        usual_deviation: prior standard deviations up to which a parameter costs nothing. A parameter beyond them lowers
-            the log density of a set by half the excess of its squared deviation (a normal prior); two standard
-            deviations contain 95 % of the parameters that a prior describes.
-        smallest_model_error: smallest relative error of a simulated signal that is assumed. One per cent: no simulator
-            of a soft contact is closer to a real one.
-        loaded_share: share of the largest mean square signal of a block from which a block counts as loaded.
-        candidates: number of effects that are fitted in full in the first step and in each further step.
+        usual_deviation: deviation of a parameter from its prior mean, in prior standard deviations, up to which the
+            parameter has no penalty. Beyond it, the log density of a set decreases by half the excess of the squared
+            deviation (normal prior). Two standard deviations contain 95 % of a normal distribution.
+        smallest_model_error: lower limit of the relative error of a simulated signal. Chosen: no simulator of a soft
+            contact is assumed to be more accurate than one per cent.
+        loaded_share: share of the largest mean square signal of a block from which a block counts as loaded (chosen).
+        candidates: number of sets that are fitted in full in the first iteration and in each further iteration.
         coarse_iterations, fit_iterations: iterations of the fits that select the candidates, and of the full fits.
         largest_set: number of effects in the largest set.
         bootstrap_samples: number of resamples of the conditions.

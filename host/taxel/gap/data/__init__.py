@@ -1,1 +1,1 @@
-"""Reads a real and a simulated dataset, pairs and aligns them in time, and identifies faulty simulator grasps."""
+"""Reads a real and a simulated dataset, pairs their conditions, aligns the times, and finds faulty simulated grasps."""

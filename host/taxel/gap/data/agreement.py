@@ -1,4 +1,4 @@
-"""Checks that two datasets of any sensor mean the same: unit, direction, size of the values, order of the taxels."""
+"""Checks that two datasets of any sensor agree in unit, direction and size of the values, and in the taxel order."""
 
 from __future__ import annotations
 
@@ -14,54 +14,64 @@ from taxel.recording.general.format import Direction
 from taxel.recording.general.values import HoldMeans
 from taxel.types import FloatArray
 
-LARGEST_RATIO: Final = 2.0
-"""Ratio of the signals of two files without a declared unit from which the units may differ. It is unusual that the
-sensitivity of all taxels is wrong by a factor of two; a declared unit removes the doubt."""
+MAX_SIGNAL_RATIO: Final = 2.0
+"""Largest ratio between the signals of two files that do not both declare a unit (chosen). A wrong sensitivity of all
+taxels by a factor of two is unusual, so that a larger ratio indicates different units. A declared unit in both files
+removes this check."""
 
-LEAST_CONDITIONS: Final = 3
-"""Conditions that are needed to recognise a taxel by its signals."""
+MIN_CONDITIONS: Final = 3
+"""Smallest number of conditions, and of independent patterns of signals, that identify a taxel by its signals (chosen).
+With fewer, the order of the taxels is not checked."""
 
-LEAST_SHARE: Final = 0.05
-"""Share of the largest singular value of the signals from which a pattern of signals counts as one of its own."""
+MIN_SINGULAR_VALUE_SHARE: Final = 0.05
+"""Ratio of a singular value of the signals to the largest singular value above which the singular value counts as an
+independent pattern of signals (chosen)."""
 
 OFFSET_SHARE: Final = 0.05
-"""Share of a strong signal from which a different rest value is stated; smaller ones are usual between mountings."""
+"""Difference of the rest values above which the difference is reported, as a share of the strongest signal (chosen).
+Smaller differences are usual between two mountings of a sensor."""
 
-POOR_SHARE: Final = 0.5
-BETTER_SHARE: Final = 0.25
-"""The order of taxels is wrong if it leaves more than `POOR_SHARE` of the squared signals unexplained, and if another
-order leaves less than `BETTER_SHARE` of that. Effects of a skin change signals, but do not exchange taxels."""
+MAX_UNEXPLAINED_SHARE: Final = 0.5
+MAX_EXCHANGED_SHARE: Final = 0.25
+"""Thresholds of the check of the order of taxels (chosen). The order of the files is wrong for a taxel if more than
+`MAX_UNEXPLAINED_SHARE` of its squared signals is unexplained, and if another order reduces this remainder to less than
+the share `MAX_EXCHANGED_SHARE`. Effects of a skin change signals, but do not exchange taxels."""
 
-LEAST_POWER: Final = 0.01
-"""Share of the largest squared signal below which a taxel is hardly touched, so that its place is not certain."""
+MIN_POWER_SHARE: Final = 0.01
+"""Smallest ratio of the squared signals of a taxel to the largest squared signals of a taxel for which the order is
+checked (chosen). A taxel with smaller signals is hardly loaded, and its place is uncertain."""
 
 MAX_ORDER_TAXELS: Final = 4096
-"""Taxels up to which the order is checked; the effort grows with the third power."""
+"""Largest number of taxels for which the order is checked; the run time grows with the third power of this number."""
 
 
 def check_agreement(
     real: GeneralDataset,
     sim: GeneralDataset,
-    means: HoldMeans,
-    other: HoldMeans,
+    real_means: HoldMeans,
+    sim_means: HoldMeans,
     directions: tuple[Direction, Direction],
 ) -> list[str]:
-    """Check that two datasets agree; return sentences for the report. Raises GapInputError with one line."""
+    """Return sentences for the report on two datasets that agree. Raises GapInputError for contradictions.
+
+    real_means, sim_means: means in hold of the two datasets. directions: direction in which contact changes the values
+    of the real and of the simulated dataset.
+    """
     paths = format_path(str(real.path)), format_path(str(sim.path))
     _check_shapes(real, sim, paths)
     _check_declarations(real, sim, paths, directions)
-    conditions = sorted(set(means.conditions) & set(other.conditions))
+    conditions = sorted(set(real_means.conditions) & set(sim_means.conditions))
     if not conditions:
-        return []  # the reader of the pair states which conditions are missing
-    signals = means.average_conditions(conditions), other.average_conditions(conditions)
+        return []  # `read_pair` refuses datasets without a common condition
+    signals = real_means.average_conditions(conditions), sim_means.average_conditions(conditions)
     _check_ratio(real, sim, paths, signals)
-    return [*_describe_offset(real, means, other), *_check_order(paths, *signals)]
+    return [*_describe_offset(real, real_means, sim_means), *_check_order(paths, *signals)]
 
 
-def _describe_offset(real: GeneralDataset, means: HoldMeans, other: HoldMeans) -> list[str]:
-    """A sentence on different rest values, if they differ by more than `OFFSET_SHARE` of a strong signal."""
-    offset = float(np.median(np.nanmean(means.rest, axis=0) - np.nanmean(other.rest, axis=0)))
-    strong = float(np.nanmax(np.abs(other.change), initial=0.0))
+def _describe_offset(real: GeneralDataset, real_means: HoldMeans, sim_means: HoldMeans) -> list[str]:
+    """Return a sentence on rest values that differ by more than `OFFSET_SHARE` of the strongest signal."""
+    offset = float(np.median(np.nanmean(real_means.rest, axis=0) - np.nanmean(sim_means.rest, axis=0)))
+    strong = float(np.nanmax(np.abs(sim_means.change), initial=0.0))
     if abs(offset) <= OFFSET_SHARE * strong:
         return []
     unit = real.header.properties.unit or "units of the files"
@@ -70,6 +80,7 @@ def _describe_offset(real: GeneralDataset, means: HoldMeans, other: HoldMeans) -
 
 
 def _check_shapes(real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str]) -> None:
+    """Raise GapInputError if number, components, sensors, lines or positions of the taxels differ."""
     remedy = "give two datasets of the same sensor, with the same taxels in the same order"
     shapes = [f"{data.n} taxels{' of 3 components' if data.is_vector else ''}" for data in (real, sim)]
     if shapes[0] != shapes[1]:
@@ -89,6 +100,7 @@ def _check_shapes(real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, s
 def _check_declarations(
     real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str], directions: tuple[Direction, Direction]
 ) -> None:
+    """Raise GapInputError if the units or directions differ, or if the two files are exchanged."""
     units = real.header.properties.unit, sim.header.properties.unit
     if None not in units and units[0] != units[1]:
         expected, found = f"{format_value(units[0])} as in {paths[0]}", format_value(units[1])
@@ -106,20 +118,23 @@ def _check_declarations(
 def _check_ratio(
     real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str], signals: tuple[FloatArray, FloatArray]
 ) -> None:
-    """Reject files whose signals have another size, unless both declare their unit."""
+    """Raise GapInputError for signals of different size without a unit in both files, and for opposite signs.
+
+    signals: mean signals in hold of the real and of the simulated dataset, [C, m].
+    """
     own, other = (float(np.nanmedian(np.sqrt(np.nanmean(signal**2, axis=1)))) for signal in signals)
     if own <= 0.0 or other <= 0.0:
         return
     ratio = own / other
     declared = real.header.properties.unit is not None and sim.header.properties.unit is not None
-    if not declared and not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
+    if not declared and not 1.0 / MAX_SIGNAL_RATIO < ratio < MAX_SIGNAL_RATIO:
         expected = f"signals as large as in {paths[1]}, or the attribute unit in both files"
         found = f"{ratio:.3g} times as large ones without a declared unit"
         remedy = "convert the values to one unit, and declare the unit in both files"
         raise GapInputError(f"{paths[0]}: /grasps/*/values", expected, found, remedy)
     power = float(np.nansum(signals[0] ** 2) * np.nansum(signals[1] ** 2))
     cosine = float(np.nansum(signals[0] * signals[1])) / max(power**0.5, 1e-300)
-    if cosine < -POOR_SHARE:
+    if cosine < -MAX_UNEXPLAINED_SHARE:
         remedy = "reverse the sign of one file"
         raise GapInputError(
             f"{paths[1]}: /grasps/*/values", "signals of the same sign", "signals of opposite sign", remedy
@@ -127,11 +142,15 @@ def _check_ratio(
 
 
 def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> list[str]:
-    """Reject an order of taxels that another order clearly surpasses. real, sim: f64[C, m], mean changes."""
-    count, taxels = real.shape
+    """Raise GapInputError if another order of the taxels explains the signals clearly better.
+
+    Return a sentence for the report if the contacts do not determine the order. The other order is the assignment of
+    real to simulated taxels with the smallest squared difference. real, sim: f64[C, m], mean signals in hold.
+    """
+    conditions, taxels = real.shape
     singular = np.linalg.svd(np.nan_to_num(sim), compute_uv=False)
-    excited = int((singular > LEAST_SHARE * singular[0]).sum())
-    if count < LEAST_CONDITIONS or excited < LEAST_CONDITIONS or taxels > MAX_ORDER_TAXELS:
+    patterns = int((singular > MIN_SINGULAR_VALUE_SHARE * singular[0]).sum())
+    if conditions < MIN_CONDITIONS or patterns < MIN_CONDITIONS or taxels > MAX_ORDER_TAXELS:
         return ["the contacts do not determine the order of the taxels: an exchange of taxels would not be noticed"]
     x, y = np.nan_to_num(real).T, np.nan_to_num(sim).T
     y = y * (np.linalg.norm(x) / max(float(np.linalg.norm(y)), 1e-300))
@@ -140,8 +159,9 @@ def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> l
     moved = np.flatnonzero(best != rows)
     own, other = cost[moved, moved], cost[moved, best[moved]]
     power = (x[moved] ** 2).sum(axis=1) + (y[moved] ** 2).sum(axis=1)
-    clear = (own > POOR_SHARE * power) & (other < BETTER_SHARE * own) & (power > LEAST_POWER * power.max(initial=0.0))
-    wrong = moved[clear]
+    is_loaded = power > MIN_POWER_SHARE * power.max(initial=0.0)
+    is_wrong = (own > MAX_UNEXPLAINED_SHARE * power) & (other < MAX_EXCHANGED_SHARE * own) & is_loaded
+    wrong = moved[is_wrong]
     exchanged = [k for k in wrong.tolist() if best[k] in wrong]
     if len(exchanged) >= 2:
         first = exchanged[0]

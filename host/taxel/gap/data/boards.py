@@ -1,4 +1,4 @@
-"""Where the taxels of a board lie beside each other."""
+"""Layout of the taxels of each board: distances, pitch, and the centres of the pieces of each taxel."""
 
 from __future__ import annotations
 
@@ -12,65 +12,79 @@ from numpy.typing import NDArray
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray
 
-PIECES: Final = 3
-"""Pieces along a taxel's side: an edge that passes over a taxel presses a part of it."""
+PIECES_PER_SIDE: Final = 3
+"""Pieces along the side of a taxel (chosen). A taxel is divided into pieces because the edge of an object can load only
+a part of the taxel."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoardLayout:
-    """One board. taxels: i64[m], in the recording. apart_m: f64[m, m], distances. pitch_m: of neighbours. pieces:
-    f64[m, PIECES^2, 3], metres, the middles of each taxel's pieces, bracket frame.
+    """Layout of the m taxels of one board.
+
+    Attributes:
+        taxels: i64[m], indices of the taxels in the recording.
+        distance_m: f64[m, m], distances between the taxels, metres.
+        pitch_m: distance of neighbouring taxels, metres.
+        piece_centres: f64[m, PIECES_PER_SIDE^2, 3], centres of the pieces of each taxel in the bracket frame, metres.
     """
 
     taxels: NDArray[np.intp]
-    apart_m: FloatArray
+    distance_m: FloatArray
     pitch_m: float
-    pieces: FloatArray
+    piece_centres: FloatArray
 
     @cached_property
     def columns(self) -> NDArray[np.intp] | slice:
-        """Its taxels, see `columns_of`."""
-        return columns_of(self.taxels)
+        """Index of the taxels of the board, see `make_column_index`."""
+        return make_column_index(self.taxels)
 
 
-def layouts_of(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout, ...]:
-    """Every board. sensor: i64[n], the board of each taxel."""
+def make_board_layouts(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout, ...]:
+    """Return the layout of every board. sensor: i64[n], board of each taxel."""
     layouts = []
-    for taxels in groups_of(sensor):
-        places = table.position[taxels]
-        apart = np.linalg.norm(places[:, None] - places, axis=2)
-        pitch = pitch_m(places, table.size[taxels])
-        layouts.append(BoardLayout(taxels, apart, pitch, _pieces(places, table.normal[taxels], pitch)))
+    for taxels in list_group_members(sensor):
+        position = table.position[taxels]
+        distance_m = np.linalg.norm(position[:, None] - position, axis=2)
+        pitch = compute_pitch_m(position, table.size[taxels])
+        piece_centres = _compute_piece_centres(position, table.normal[taxels], pitch)
+        layouts.append(BoardLayout(taxels, distance_m, pitch, piece_centres))
     return tuple(layouts)
 
 
-def _pieces(position: FloatArray, normal: FloatArray, pitch: float) -> FloatArray:
+def _compute_piece_centres(position: FloatArray, normal: FloatArray, pitch: float) -> FloatArray:
+    """Return the centres of the pieces of m taxels, f64[m, PIECES_PER_SIDE^2, 3], metres."""
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(normal, first)
-    steps = ((np.arange(PIECES) + 0.5) / PIECES - 0.5)[:, None]
+    steps = ((np.arange(PIECES_PER_SIDE) + 0.5) / PIECES_PER_SIDE - 0.5)[:, None]
     along, across = (grid.ravel() * pitch for grid in np.meshgrid(steps, steps, indexing="ij"))
     return np.asarray(position[:, None] + along[:, None] * first[:, None] + across[:, None] * second[:, None])
 
 
-def groups_of(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Members of each group: positions of 0, of 1, ..."""
+def list_group_members(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return the indices of the members of each group. index: [n], group number of each member, from 0 on."""
     order = np.argsort(index, kind="stable")
     return np.split(order, np.cumsum(np.bincount(index))[:-1])
 
 
-def columns_of(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
-    """A slice where they lie together in the recording: no copy is then made of what is theirs."""
+def make_column_index(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
+    """Return an index of the columns of taxels: a slice if the taxels are contiguous, otherwise `taxels` itself.
+
+    Indexing an array by a slice makes no copy.
+    """
     first, last = int(taxels[0]), int(taxels[-1])
-    together = np.array_equal(taxels, np.arange(first, last + 1))
-    return slice(first, last + 1) if together else taxels
+    is_contiguous = np.array_equal(taxels, np.arange(first, last + 1))
+    return slice(first, last + 1) if is_contiguous else taxels
 
 
-def pitch_m(position: FloatArray, size: FloatArray) -> float:
-    """Distance of neighbouring taxels of a board, metres. position: f64[m, 3], size: f64[m]."""
+def compute_pitch_m(position: FloatArray, size: FloatArray) -> float:
+    """Return the median distance of nearest taxels of a board, metres; the size of a single taxel.
+
+    position: f64[m, 3], metres. size: f64[m], metres.
+    """
     if len(position) < 2:
         return float(size.mean())
-    apart = np.linalg.norm(position[:, None] - position, axis=2)
-    apart[apart == 0] = np.inf
-    return float(np.median(apart.min(axis=1)))
+    distance_m = np.linalg.norm(position[:, None] - position, axis=2)
+    distance_m[distance_m == 0] = np.inf
+    return float(np.median(distance_m.min(axis=1)))

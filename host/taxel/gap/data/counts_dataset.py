@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.data.boards import pitch_m
-from taxel.gap.data.lacking import GEOMETRY
+from taxel.gap.data.boards import compute_pitch_m
+from taxel.gap.data.missing_inputs import GEOMETRY
 from taxel.gap.errors import GapInputError
 from taxel.hand.errors import format_path
 from taxel.recording.general.dataset import GeneralDataset
@@ -21,15 +21,17 @@ from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.types import BoolArray, ByteArray, FloatArray, IntArray
 
 BASELINE_COUNTS: Final = 30_000.0
-"""Equivalent count without contact. Only differences from it are used."""
+"""Equivalent count without contact (chosen). Only differences from this value are used."""
 
 APART_M: Final = 1.0
-"""Distance of taxels without known positions, beyond the reach of every effect."""
+"""Distance in metres between taxels without positions (chosen): larger than the range of every effect, so that no taxel
+is a neighbour of another."""
 
 AXIS_NAMES: Final = ("x", "y", "z")
+"""Suffixes of the names of the sensors that contain the components of vector taxels."""
 
 MAX_NUMBER: Final = 256
-"""Sensors, and lines of a sensor, that the tables of a dataset can number."""
+"""Largest number of sensors, and of lines of a sensor: the tables of a dataset store these numbers in 8 bits."""
 
 PLACEHOLDER_MESH: Final = ObjectMesh(
     np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, 1e-3]]),
@@ -79,9 +81,11 @@ class CountsDataset:
         """Do nothing: no file is open."""
 
 
-def make_tables(own: GeneralDataset, lacking: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
-    """Tables of the real file, and the component of each taxel i64[n]; a component of a vector taxel is a taxel of a
-    sensor of its own, so that only equal components are neighbours.
+def make_tables(own: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
+    """Return the tables of taxels and sensors of the real file, and the sensor of each taxel, i64[n].
+
+    Each component of a vector taxel becomes a taxel, and the components of one axis form a sensor, so that only equal
+    components are neighbours. Raises GapInputError for too many sensors or lines (`MAX_NUMBER`).
     """
     places, n = own.header.places, own.n
     axes = AXES if own.is_vector else 1
@@ -94,10 +98,10 @@ def make_tables(own: GeneralDataset, lacking: frozenset[str]) -> tuple[TaxelTabl
         remedy = "divide the dataset, or combine sensors in /taxels/sensor"
         raise GapInputError(f"{format_path(str(own.path))}: /taxels", expected, "more", remedy)
     position = np.zeros((n, 3)) if places.position is None else places.position
-    if GEOMETRY in lacking:
+    if GEOMETRY in missing_inputs:
         position = np.column_stack([np.arange(n) * APART_M, np.zeros((n, 2))])
     normal = np.tile([0.0, 0.0, 1.0], (n, 1)) if places.normal is None else places.normal
-    size = np.full(n, pitch_m(position, np.full(n, APART_M))) if places.size is None else places.size
+    size = np.full(n, compute_pitch_m(position, np.full(n, APART_M))) if places.size is None else places.size
     table = TaxelTable(
         numbers.astype(np.uint8),
         np.repeat(tx, axes).astype(np.uint8),
@@ -113,7 +117,10 @@ def make_tables(own: GeneralDataset, lacking: frozenset[str]) -> tuple[TaxelTabl
 
 
 def _make_lines(places: TaxelPlaces, sensor: IntArray) -> tuple[IntArray, IntArray]:
-    """Electrode lines; without known lines a square arrangement in the order of the taxels, for pictures only."""
+    """Return the TX and RX line of each taxel; without lines, a square arrangement in the order of the taxels.
+
+    The square arrangement serves only for pictures.
+    """
     if places.tx is not None and places.rx is not None:
         return places.tx, places.rx
     tx, rx = np.zeros_like(sensor), np.zeros_like(sensor)
@@ -130,9 +137,10 @@ def convert_contacts(
     factor: float,
     tables: tuple[TaxelTable, SensorTable, IntArray],
 ) -> CountsDataset:
-    """Convert the contacts of a file, whose phases are known.
+    """Return the contacts of a file as a dataset in equivalent counts.
 
-    factor: equivalent counts per unit, positive if contact lowers the values. tables: of `make_tables`.
+    contacts: contacts with phases. factor: equivalent counts per unit, positive if contact lowers the values. tables:
+    the result of `make_tables`.
     """
     taxels, sensors, numbers = tables
     grasps = tuple(_convert_contact(one, factor, (numbers, sensors.s)) for one in contacts)
@@ -141,7 +149,10 @@ def convert_contacts(
 
 
 def _convert_contact(contact: Contact, factor: float, index: tuple[IntArray, int]) -> CountsGrasp:
-    """One contact in equivalent counts that contact lowers."""
+    """Return one contact in equivalent counts that contact lowers.
+
+    index: sensor of each taxel, i64[n], and number of sensors.
+    """
     column, sensors = index
     assert contact.phase is not None
     values = contact.values.reshape(len(contact.values), -1)

@@ -1,8 +1,8 @@
-"""Two datasets of any sensor as two datasets of signals in equivalent counts, which the comparison reads.
+"""Conversion of two datasets of any sensor into two datasets in equivalent counts for the comparison.
 
 The comparison is defined in counts that contact lowers, with lines, positions, meshes and poses. A dataset of version 2
-may lack any of these. `open_pair` infers what is missing, checks that the two files agree, and states what is lacking,
-so that effects that need it are unavailable.
+may lack any of these. `open_pair` infers phases and the direction of the values, checks that the two files agree, and
+lists the data that remain missing, so that effects that need these data are unavailable.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from taxel.gap.data.agreement import check_agreement
 from taxel.gap.data.counts_dataset import convert_contacts, make_tables
-from taxel.gap.data.lacking import FORCES, GEOMETRY, LINES, LOSSES, MESHES, PHASES, POSES, REASONS
+from taxel.gap.data.missing_inputs import FORCES, GEOMETRY, LINES, LOSSES, MESHES, PHASES, POSES, REASONS
 from taxel.gap.data.readable import ReadableDataset
 from taxel.gap.errors import GapInputError
 from taxel.hand.errors import format_path
@@ -26,11 +26,13 @@ from taxel.recording.general.values import HoldMeans, compute_hold_means, with_p
 from taxel.recording.grasp_dataset import GraspDataset
 
 TYPICAL_COUNTS: Final = 1000.0
-"""Equivalent counts of a strong signal: those of the project's own skin in a grasp, for which the resolutions and
-tolerances of the comparison are stated."""
+"""Equivalent counts of a strong signal: the typical signal of the project's own skin in a grasp, to which the
+resolutions and tolerances of the comparison refer. A larger value makes these tolerances smaller relative to the
+signals."""
 
 LONG_STEP: Final = 3.0
-"""Median frame periods from which an interval between two frames is a gap in time."""
+"""Interval between two frames, in median frame periods, above which the interval is reported as a gap in time
+(chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +40,15 @@ class OpenedPair:
     """Two datasets that the comparison reads.
 
     Attributes:
-        real, sim: the datasets. lacking: what both together lack, by the keys of `REASONS`; empty for version 1.
-        notes: sentences for the report on what was inferred and what is lost.
+        real, sim: the datasets.
+        missing_inputs: optional data that the two datasets together lack, keys of `REASONS`; empty for version 1.
+        notes: sentences for the report on inferred properties and on lost results.
         unit: unit of the values, and equivalent counts per unit; None for counts.
     """
 
     real: ReadableDataset
     sim: ReadableDataset
-    lacking: frozenset[str] = frozenset()
+    missing_inputs: frozenset[str] = frozenset()
     notes: tuple[str, ...] = ()
     unit: tuple[str, float] | None = None
 
@@ -63,8 +66,10 @@ class OpenedPair:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """One file: its contacts with phases, their means, and what was inferred. has_phases, has_poses: whether the file
-    states them.
+    """One file: its contacts with phases, their means, and the inferred properties.
+
+    direction: direction in which contact changes the values. has_phases, has_poses: True if the file contains phases
+    and poses of all contacts. notes: sentences for the report.
     """
 
     data: GeneralDataset
@@ -77,9 +82,11 @@ class _Side:
 
 
 def open_pair(real: str | PathLike[str], sim: str | PathLike[str]) -> OpenedPair:
-    """Open two datasets. Raises DatasetError and GapInputError with one line.
+    """Return two opened datasets that the comparison can read.
 
-    Two datasets of version 1 are opened as they are. If one has version 2, both are converted.
+    Two datasets of version 1 are opened without a conversion. If one dataset has version 2, both are converted into
+    equivalent counts. Raises DatasetError for an invalid file, and GapInputError for two files that contradict each
+    other; each message is one line.
     """
     if read_version(real) == 1 and read_version(sim) == 1:
         first = GraspDataset(real)
@@ -92,22 +99,26 @@ def open_pair(real: str | PathLike[str], sim: str | PathLike[str]) -> OpenedPair
         sides = [_read_side(own), _read_side(other)]
         notes = [*sides[0].notes, *sides[1].notes]
         notes += check_agreement(own, other, sides[0].means, sides[1].means, (sides[0].direction, sides[1].direction))
-        scale = _find_scale(own, sides)
-        lacking = _find_lacking(sides)
-        notes += [f"{REASONS[name]}: {cost}" for name, cost in LOSSES.items() if name in lacking]
+        scale = _compute_scale(own, sides)
+        missing_inputs = _find_missing_inputs(sides)
+        notes += [f"{REASONS[name]}: {cost}" for name, cost in LOSSES.items() if name in missing_inputs]
         unit = own.header.properties.unit or other.header.properties.unit or "unit"
         if unit != "counts":
             notes.append(f"1 {unit} of the files counts as {scale:.4g} counts in this report")
-        tables = make_tables(own, lacking)
-        made = []
+        tables = make_tables(own, missing_inputs)
+        converted = []
         for side in sides:
             sign = 1.0 if side.direction == Direction.LOWERS else -1.0
-            made.append(convert_contacts(side.data, side.contacts, sign * scale, tables))
-    return OpenedPair(made[0], made[1], lacking, tuple(notes), None if unit == "counts" else (unit, scale))
+            converted.append(convert_contacts(side.data, side.contacts, sign * scale, tables))
+    counts_per_unit = None if unit == "counts" else (unit, scale)
+    return OpenedPair(converted[0], converted[1], missing_inputs, tuple(notes), counts_per_unit)
 
 
 def _read_side(data: GeneralDataset) -> _Side:
-    """Means and direction of a file. Raises GapInputError for a declared direction that the values contradict."""
+    """Return the contacts, means and inferred properties of a file.
+
+    Raises GapInputError for a file without a usable contact, and for a declared direction that the values contradict.
+    """
     read = list(data)
     contacts = tuple(one for one in map(with_phases, read) if one is not None)
     means = compute_hold_means(contacts)
@@ -115,23 +126,24 @@ def _read_side(data: GeneralDataset) -> _Side:
     if not len(means.rest):
         remedy = "begin each recording at least ten frames before the contact, or state the phases"
         raise GapInputError(f"{path}: /grasps", "contacts with frames before and during contact", "none", remedy)
-    found, declared = means.direction, data.header.properties.contact
+    inferred, declared = means.direction, data.header.properties.contact
     notes = []
     if data.is_vector:
         direction = Direction.SIGNED
     elif declared is None:
-        direction = found
-        notes.append(f"{data.path}: contact {_describe(found)} (inferred, because the file does not declare it)")
+        direction = inferred
+        predicate = _describe_direction(inferred)
+        notes.append(f"{data.path}: contact {predicate} (inferred, because the file does not declare it)")
     else:
         direction = Direction(declared)
         opposite = {Direction.RAISES: Direction.LOWERS, Direction.LOWERS: Direction.RAISES}
-        if opposite.get(direction) == found:
+        if opposite.get(direction) == inferred:
             remedy = "correct the attribute, or the sign of the values"
             expected = f'values as declared (contact = "{declared}")'
-            raise GapInputError(f"{path}: contact", expected, f"values that contact {found.value[:-1]}s", remedy)
-    left_out = len(data) - len(means.rest)
-    if left_out:
-        notes.append(f"{data.path}: {left_out} of {len(data)} contacts have no frames before or during contact")
+            raise GapInputError(f"{path}: contact", expected, f"values that contact {inferred.value[:-1]}s", remedy)
+    unusable = len(data) - len(means.rest)
+    if unusable:
+        notes.append(f"{data.path}: {unusable} of {len(data)} contacts have no frames before or during contact")
     notes += _describe_times(data, contacts)
     has_phases = all(one.phase is not None for one in read)
     has_poses = all(one.sensor_pose is not None and one.object_pose is not None for one in read)
@@ -139,7 +151,7 @@ def _read_side(data: GeneralDataset) -> _Side:
 
 
 def _describe_times(data: GeneralDataset, contacts: Sequence[Contact]) -> list[str]:
-    """Sentences on the frame rate, and on gaps in time."""
+    """Return sentences on the frame rate, and on gaps in time."""
     steps = [np.diff(contact.time) for contact in contacts]
     rate = f"{data.path}: {1.0 / float(np.median(np.concatenate(steps))):.4g} frames per second"
     gaps = sum(bool((step > LONG_STEP * np.median(step)).any()) for step in steps)
@@ -148,15 +160,18 @@ def _describe_times(data: GeneralDataset, contacts: Sequence[Contact]) -> list[s
     return [rate, f"{data.path}: {gaps} of {len(contacts)} contacts have gaps in time, whose frames are missing"]
 
 
-def _describe(direction: Direction) -> str:
-    """The direction as the end of a sentence on a contact."""
+def _describe_direction(direction: Direction) -> str:
+    """Return the direction as the predicate of a sentence whose subject is a contact."""
     return "changes the values in both directions" if direction == Direction.SIGNED else f"{direction.value} the values"
 
 
-def _find_scale(own: GeneralDataset, sides: list[_Side]) -> float:
-    """Equivalent counts per unit: from a declared full scale, or from the strong signals of both datasets."""
-    declared = own.header.properties.full_scale
-    if own.header.properties.unit == "counts" and own.version == 1:
+def _compute_scale(real: GeneralDataset, sides: list[_Side]) -> float:
+    """Return the equivalent counts per unit: from a declared full scale, or from the strong signals of both datasets.
+
+    The scale is 1 if the real dataset has version 1 and the unit counts.
+    """
+    declared = real.header.properties.full_scale
+    if real.header.properties.unit == "counts" and real.version == 1:
         return 1.0
     if declared is not None:
         return 2.0 * TYPICAL_COUNTS / declared
@@ -164,12 +179,12 @@ def _find_scale(own: GeneralDataset, sides: list[_Side]) -> float:
     return TYPICAL_COUNTS / max(float(np.mean(strong)), 1e-300)
 
 
-def _find_lacking(sides: Sequence[_Side]) -> frozenset[str]:
-    """What the real and the simulated file together lack."""
+def _find_missing_inputs(sides: Sequence[_Side]) -> frozenset[str]:
+    """Return the keys of the optional data that the real and the simulated file together lack."""
     real, sim = sides
     places = real.data.header.places
     missing = {
-        FORCES: True,  # a force law of a general sensor is not known
+        FORCES: True,  # the datasets contain no force law of a general sensor
         LINES: places.tx is None,
         GEOMETRY: places.position is None,
         MESHES: not sim.data.header.objects,

@@ -1,4 +1,4 @@
-"""What a pair of recordings lacks: in words where less can be told, refused where nothing can."""
+"""Missing data of a pair of recordings: sentences for the report, and refusal of unusable recordings."""
 
 from __future__ import annotations
 
@@ -7,36 +7,39 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.reading import Groups, Recording
+from taxel.gap.data.reading import Recording, TaxelGroups
 from taxel.gap.errors import GapInputError
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import SensorTable
 
-MOST_RATIO = 50.0
-"""Of how long hold lasts on either side, beyond which one of them is hardly in seconds."""
+MAX_HOLD_RATIO = 50.0
+"""Largest ratio of the median durations of hold of the two sides (chosen). Beyond this ratio, the times of one file are
+probably not in seconds, and the report states the durations."""
 
 
-def require_answers(paths: tuple[str, str], real: Recording, sim: Recording, sensors: SensorTable) -> None:
-    """Raises GapInputError where a whole side tells nothing: no hold, counts that stand still, a board that the
-    simulator never reads.
+def require_usable_data(paths: tuple[str, str], real: Recording, sim: Recording, sensors: SensorTable) -> None:
+    """Raise GapInputError if one recording cannot be compared at all.
+
+    This holds for a real recording without valid frames in hold, for constant counts (in the simulation only if contact
+    forces occur), and for a board without any frame in the simulation. paths: of the real and the simulated file.
     """
-    if not np.isfinite(real.hold).any():
+    if not np.isfinite(real.hold_signal_counts).any():
         where, remedy = f"{paths[0]}: /grasps/*/valid", "record grasps with valid frames"
         raise GapInputError(where, "valid frames in hold", "none in any grasp", remedy)
-    silent = np.flatnonzero((sim.missing >= 1.0).all(axis=0))
+    silent = np.flatnonzero((sim.missing_share >= 1.0).all(axis=0))
     if len(silent):
         board, remedy = int(sensors.address[silent[0]]), "simulate this board, or remove it from both files"
         raise GapInputError(f"{paths[1]}: /grasps/*/valid", f"frames of sensor {board}", "none in any grasp", remedy)
-    if _stands_still(real):
+    if _is_constant(real):
         where, remedy = f"{paths[0]}: /grasps/*/raw_counts", "check the recording of the hand"
         raise GapInputError(where, "counts that change", "constant counts in each grasp", remedy)
-    if sim.force is not None and _stands_still(sim) and (np.nan_to_num(sim.force) > 0.0).any():
+    if sim.force is not None and _is_constant(sim) and (np.nan_to_num(sim.force) > 0.0).any():
         where, remedy = f"{paths[1]}: /grasps/*/raw_counts", "write the counts that the sensor model gives"
         raise GapInputError(where, "counts that depend on contact_force", "constant counts in each grasp", remedy)
 
 
-def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
-    """What less can be told, and why: sentences for the report."""
+def list_losses(real: Recording, sim: Recording, groups: TaxelGroups) -> list[str]:
+    """Return sentences for the report on missing data that limit the results: sessions, forces, repeats and frames."""
     losses = []
     sessions = np.unique(real.session)
     if len(sessions) < 3:
@@ -49,65 +52,69 @@ def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
     ]
     if len(sessions) > 1 and len(confounded) == len(sessions):
         losses.append("no session has every approach: differences between sessions and between approaches are mixed")
-    made = np.bincount(real.condition)
-    if made.max() < 2:
+    repeats = np.bincount(real.condition)
+    if repeats.max() < 2:
         losses.append("no condition was repeated: the variance is unknown, and a gap is not distinguishable from it")
-    elif _are_copies(real):
+    elif _has_identical_repeats(real):
         losses.append("the repeats of each condition are bit-identical: the variance is unknown")
-    elif made.min() < 2:
+    elif repeats.min() < 2:
         losses.append("a condition was recorded only once: its variance is taken from the other conditions")
     for one, side in ((real, "hand"), (sim, "simulator")):
-        losses += _lost_frames(one, side, groups)
+        losses += _list_lost_frames(one, side, groups)
     return losses
 
 
-def lost_phases(
+def list_lost_phases(
     sides: Sequence[tuple[str, Sequence[str]]], durations: Mapping[Phase, Sequence[Sequence[float]]]
 ) -> list[str]:
-    """Phases that are compared in no grasp because some have none. sides: path and grasps of hand and simulator.
-    durations: seconds of each of those grasps, by phase and side; 0 for none.
+    """Return sentences for the report on phases that are excluded because some grasps lack them.
+
+    A further sentence states durations of hold that differ by more than `MAX_HOLD_RATIO`.
+
+    sides: path and names of the grasps, of the hand, then of the simulator. durations: for each phase and side, the
+    seconds of each grasp; 0 if the grasp lacks the phase.
     """
     losses = []
-    for phase, lasts in durations.items():
-        if not any(any(own) for own in lasts):
-            continue  # in neither file: nothing is lost
-        for (path, names), own in zip(sides, lasts, strict=True):
+    for phase, both in durations.items():
+        if not any(any(own) for own in both):
+            continue  # a phase that both files lack is no difference between them
+        for (path, names), own in zip(sides, both, strict=True):
             without = [name for name, seconds in zip(names, own, strict=True) if seconds <= 0]
             if without:
-                those = f"{len(without)} of {len(names)} grasps ({without[0]})"
-                losses.append(f"{path}: {phase.name.lower()} is missing in {those}: excluded from the comparison")
+                affected = f"{len(without)} of {len(names)} grasps ({without[0]})"
+                losses.append(f"{path}: {phase.name.lower()} is missing in {affected}: excluded from the comparison")
     real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
-    if not 1.0 / MOST_RATIO < real / sim < MOST_RATIO:
+    if not 1.0 / MAX_HOLD_RATIO < real / sim < MAX_HOLD_RATIO:
         losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: check the unit of time")
     return losses
 
 
-def _stands_still(recording: Recording) -> bool:
-    """Whether no count of any grasp ever changes, as far as frames arrived."""
-    return not any(np.nan_to_num(part).any() for part in (recording.nodes, recording.noise))
+def _is_constant(recording: Recording) -> bool:
+    """Return True if the counts are constant in the valid frames of every grasp."""
+    return not any(np.nan_to_num(values).any() for values in (recording.node_signal_counts, recording.noise))
 
 
-def _are_copies(recording: Recording) -> bool:
-    """Whether all grasps of each approach are the same."""
+def _has_identical_repeats(recording: Recording) -> bool:
+    """Return True if all grasps of each condition have bit-identical signals in hold and noise."""
     first = np.unique(recording.condition, return_index=True)[1][np.unique(recording.condition, return_inverse=True)[1]]
-    parts: tuple[NDArray[np.floating], ...] = (recording.hold, recording.noise)
-    return all(np.array_equal(part, part[first], equal_nan=True) for part in parts)
+    arrays: tuple[NDArray[np.floating], ...] = (recording.hold_signal_counts, recording.noise)
+    return all(np.array_equal(values, values[first], equal_nan=True) for values in arrays)
 
 
-def _lost_frames(recording: Recording, side: str, groups: Groups) -> list[str]:
-    """Of grasps that never arrived, of baselines that are short, and of boards that lost theirs."""
+def _list_lost_frames(recording: Recording, side: str, groups: TaxelGroups) -> list[str]:
+    """Return sentences on grasps without valid frames, short baselines, and boards without a baseline."""
     losses = []
-    arrived = (recording.missing < 1.0).any(axis=1)
+    arrived = (recording.missing_share < 1.0).any(axis=1)
     if not arrived.all():
         losses.append(f"{int((~arrived).sum())} of {len(recording)} grasps of the {side} have no valid frame")
-    least = int(recording.frames[arrived].min(initial=100))
+    least = int(recording.baseline_frames[arrived].min(initial=100))
     if least < 100:
         losses.append(f"the baselines of the {side} have {least} frames instead of 100")
     count = 0
-    for baseline, missing in zip(recording.baseline, recording.missing, strict=True):
+    for baseline, missing in zip(recording.baseline, recording.missing_share, strict=True):
         boards = np.unique(groups.sensor[np.isnan(baseline)])
         count += int((missing[boards] < 1.0).any())
     if count:
-        those = f"{count} of {len(recording)} grasps of the {side}"
-        losses.append(f"in {those} a board has no baseline: its signal there is unknown")
+        affected = f"{count} of {len(recording)} grasps of the {side}"
+        losses.append(f"in {affected} a board has no baseline: its signal there is unknown")
     return losses

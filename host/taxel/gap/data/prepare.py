@@ -1,44 +1,44 @@
-"""From a pair of recordings to the features and weights that are compared."""
+"""Features and weights of a pair of recordings, which fits and comparisons use."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from taxel.gap.data.align import common_shift
+from taxel.gap.data.align import estimate_common_shift
 from taxel.gap.data.pair import Pair
 from taxel.gap.data.reading import Recording
 from taxel.gap.features.features import (
-    Layout,
+    FeatureLayout,
     SessionMeans,
-    features_of,
-    known_mean,
-    session_means,
-    untouched_conditions,
+    compute_features,
+    compute_known_mean,
+    compute_session_means,
+    find_unloaded_taxels,
 )
-from taxel.gap.fitting.judge import Judge
-from taxel.gap.fitting.state import State, state_of
+from taxel.gap.fitting.fit_data import FitData
+from taxel.gap.fitting.state import State, build_state
 
 
-def prepared(pair: Pair) -> Judge:
-    """Reduce both sides to features, and move the simulator's to the hand's time."""
-    layout = Layout.of(pair.clock)
-    real = means_of(pair, pair.real, layout)
-    simulated = means_of(pair, pair.sim, layout)
-    real = real.known_beside(simulated)
+def prepare_pair(pair: Pair) -> FitData:
+    """Return the features of both sides, with the simulation shifted by the common delay of the hand."""
+    layout = FeatureLayout.from_time_grid(pair.time_grid)
+    real = compute_recording_means(pair, pair.real, layout)
+    simulated = compute_recording_means(pair, pair.sim, layout)
+    real = real.restrict_to_known(simulated)
     if pair.is_real_real:
         real = real.with_reference_variance(simulated)
-    state = simulated_state(pair, simulated, layout)
-    return Judge(state.shifted(common_shift(Judge(state, real, layout))), real, layout)
+    state = make_simulated_state(pair, simulated, layout)
+    return FitData(state.shift_time(estimate_common_shift(FitData(state, real, layout))), real, layout)
 
 
-def means_of(pair: Pair, recording: Recording, layout: Layout) -> SessionMeans:
-    """Features of a recording's sessions, of a pair's cells."""
-    features = features_of(pair, recording, layout, untouched_conditions(pair))
-    return session_means(features, recording, len(pair.conditions), np.unique(recording.session), layout)
+def compute_recording_means(pair: Pair, recording: Recording, layout: FeatureLayout) -> SessionMeans:
+    """Return the mean features of each session of a recording, for the conditions of a pair."""
+    features = compute_features(pair, recording, layout, find_unloaded_taxels(pair))
+    return compute_session_means(features, recording, len(pair.conditions), np.unique(recording.session), layout)
 
 
-def simulated_state(pair: Pair, simulated: SessionMeans, layout: Layout) -> State:
-    """What effects act on."""
-    # The variance of a reference is a part of the floor already.
+def make_simulated_state(pair: Pair, simulated: SessionMeans, layout: FeatureLayout) -> State:
+    """Return the state of the simulation on which effects act. simulated: features of the simulated sessions."""
+    # With two real recordings, the floor already contains the variance of the second recording.
     variance = None if pair.is_real_real else simulated.mean_variance
-    return state_of(pair, layout, np.nan_to_num(known_mean(simulated.value, 1)), variance)
+    return build_state(pair, layout, np.nan_to_num(compute_known_mean(simulated.value, 1)), variance)

@@ -1,4 +1,4 @@
-"""What the comparison reads of a dataset and of a grasp: a grasp dataset, or a dataset in equivalent counts."""
+"""Protocols of the datasets that the comparison reads: grasp datasets, and datasets in equivalent counts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from taxel.types import BoolArray, ByteArray, FloatArray
 
 
 class ReadableGrasp(Protocol):
-    """One grasp; the fields are those of `taxel.recording.grasp.Grasp`, raw counts may be fractions."""
+    """One grasp of T frames, n taxels and s sensors, with fields of `taxel.recording.grasp.Grasp`.
+
+    Raw counts may be fractions.
+    """
 
     id: str
     object: str
@@ -24,47 +27,47 @@ class ReadableGrasp(Protocol):
 
     @property
     def timestamp(self) -> FloatArray:
-        """f64[T], seconds."""
+        """Times of the frames, f64[T], seconds."""
         ...
 
     @property
     def phase(self) -> ByteArray:
-        """u8[T]."""
+        """Phase of each frame, u8[T]."""
         ...
 
     @property
     def raw_counts(self) -> NDArray[Any]:
-        """Numbers [T, n]; contact lowers them."""
+        """Raw counts, [T, n]; contact lowers the raw count."""
         ...
 
     @property
     def valid(self) -> BoolArray:
-        """bool[T, s]."""
+        """True for the frames of a sensor that arrived, bool[T, s]."""
         ...
 
     @property
     def contact_force(self) -> FloatArray | None:
-        """f64[T, n], newtons."""
+        """Contact force on each taxel, f64[T, n], newtons; None if the dataset contains none."""
         ...
 
     @property
     def separation(self) -> FloatArray | None:
-        """f64[T, n], metres."""
+        """Separation of object and taxel, f64[T, n], metres; None if the dataset contains none."""
         ...
 
     @property
     def sensor_pose(self) -> FloatArray:
-        """f64[s, 4, 4]."""
+        """Poses of the sensors, f64[s, 4, 4]."""
         ...
 
     @property
     def object_pose(self) -> FloatArray:
-        """f64[4, 4]."""
+        """Pose of the object, f64[4, 4]."""
         ...
 
 
 class ReadableDataset(Protocol):
-    """A dataset; the fields are those of `taxel.recording.grasp_dataset.GraspDataset`."""
+    """A dataset of grasps, with fields of `taxel.recording.grasp_dataset.GraspDataset`."""
 
     path: Path
     source: str

@@ -1,4 +1,4 @@
-"""One dataset, reduced to what the comparison needs: drops at nodes of time, noise, missing frames, onsets."""
+"""Reduction of one dataset to signals at time nodes, noise, missing frames, onsets and baselines."""
 
 from __future__ import annotations
 
@@ -11,217 +11,252 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from taxel.gap.data.clock import Clock
 from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
+from taxel.gap.data.time_grid import TimeGrid
 from taxel.gap.errors import GapInputError
 from taxel.recording.grasp_format import BASELINE_FRAMES, SIM, Phase
 from taxel.types import FloatArray
 
 Progress = Callable[[int, int], None]
+"""Called with the number of finished grasps and the total number of grasps."""
 
-LEAST_BASELINE = 10
-"""Frames; with fewer the baseline's own noise would be the gap."""
+MIN_BASELINE_FRAMES = 10
+"""Smallest number of baseline frames of a board (chosen). With fewer frames, the noise of the baseline mean would
+appear as a gap."""
 
-EDGE_S = 1e-6
-"""Seconds by which a frame at the edge of two nodes belongs to the later one: rounding of times of different origin
-must not divide the frames of equal recordings differently."""
+EDGE_TOLERANCE_S = 1e-6
+"""Tolerance in seconds at the edge of two nodes: a frame that is earlier than the edge by at most this time belongs to
+the later node. Otherwise rounding of times with different origins would divide the frames of equal recordings
+differently."""
 
-ONSET_LEAST_COUNTS = 300.0
-"""Sum of a board's drops in hold under which it was not touched."""
+MIN_ONSET_COUNTS = 300.0
+"""Smallest sum of the signals of a board in hold, in counts, for which an onset is computed (chosen). A board with a
+smaller sum is treated as untouched."""
 
-ONSET_NOISES = 8.0
-"""Standard deviations of that sum at rest under which nobody can say when it rises."""
+MIN_ONSET_NOISE_RATIO = 8.0
+"""Smallest ratio of the sum of the signals of a board in hold to the standard deviation of this sum in the baseline
+(chosen). Below this ratio, the time of the rise is not measurable in the noise, and the board has no onset."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """R grasps, K nodes, n taxels, s sensors. Drops are counts below the baseline; NaN where no frame arrived.
+    """The reduced data of R grasps at K time nodes, on n taxels of s boards (sensors).
+
+    Contact lowers the raw count; the signal is the baseline minus the raw count. Values without a valid frame are NaN.
 
     Attributes:
-        cell: [R], index of the grasp's (object, approach) in the pair's list. session, iteration: i64[R].
-        nodes: f32[R, K, n], mean drop. hold: f64[R, n], mean drop over all of hold.
-        noise: f32[R, 2, n], standard deviation in baseline and in hold, of what changes from frame to frame.
-        common: f64[R, 3], counts^2, mean covariance of such changes between taxels on one TX line, on one RX line, and
-            on the same board but on neither.
-        missing: f64[R, s], share of frames that did not arrive. onset: f64[R, s], seconds after closing began at which
-            a board's drops reached half their hold level; NaN for an untouched one.
+        condition: [R], index of the condition (object, approach) of the grasp in `Pair.conditions`.
+        session, iteration: i64[R].
+        node_signal_counts: f32[R, K, n], mean signal in each node, counts.
+        hold_signal_counts: f64[R, n], mean signal over all frames of hold, counts.
+        noise: f32[R, 2, n], standard deviation of the frame-to-frame noise in baseline and in hold, counts.
+        common_covariance: f64[R, 3], counts^2, mean covariance of the frame-to-frame noise in the baseline between
+            taxels on the same TX line, on the same RX line, and on the same board but on no common line.
+        missing_share: f64[R, s], share of frames that did not arrive.
+        onset_s: f64[R, s], seconds from the beginning of closing to half of the board's summed signal in hold; NaN
+            for a board without an onset, for example an untouched board.
         baseline: f64[R, n], counts.
-        force, separation: f32[R, K, n], newtons and metres; None without them.
-        frames: [R], baseline frames that were used.
+        force, separation: f32[R, K, n], newtons and metres; None if the dataset lacks them.
+        baseline_frames: [R], number of baseline frames that were used.
     """
 
     condition: NDArray[np.intp]
     session: NDArray[np.int64]
     iteration: NDArray[np.int64]
-    nodes: NDArray[np.float32]
-    hold: FloatArray
+    node_signal_counts: NDArray[np.float32]
+    hold_signal_counts: FloatArray
     noise: NDArray[np.float32]
-    common: FloatArray
-    missing: FloatArray
-    onset: FloatArray
+    common_covariance: FloatArray
+    missing_share: FloatArray
+    onset_s: FloatArray
     baseline: FloatArray
     force: NDArray[np.float32] | None
     separation: NDArray[np.float32] | None
-    frames: NDArray[np.intp]
+    baseline_frames: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.condition)
 
-    def without_nodes(self, unknown: NDArray[np.bool_]) -> Recording:
-        """With the drops of some nodes of each cell unknown, bool[C, K]."""
-        return replace(self, nodes=np.where(unknown[self.condition][:, :, None], np.float32(np.nan), self.nodes))
+    def mask_nodes(self, is_unknown: NDArray[np.bool_]) -> Recording:
+        """Return a copy with NaN as the signal of the given nodes. is_unknown: bool[C, K], for each condition."""
+        signal_counts = self.node_signal_counts
+        masked = np.where(is_unknown[self.condition][:, :, None], np.float32(np.nan), signal_counts)
+        return replace(self, node_signal_counts=masked)
 
 
 @dataclass(frozen=True, eq=False)
-class Groups:
-    """Which taxels belong together. sensor: [n], column of `valid`. tx, rx: [n], number of the line in all boards."""
+class TaxelGroups:
+    """Board and electrode lines of each taxel.
+
+    sensor: [n], index of the board, which is the column of `valid`. tx, rx: [n], numbers of the TX and RX line; lines
+    of different boards have different numbers.
+    """
 
     sensor: NDArray[np.intp]
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
 
     @cached_property
-    def sums(self) -> tuple[csr_array, csr_array, csr_array]:
-        """Sums over TX lines, RX lines and boards: [groups, n] of ones."""
+    def sum_matrices(self) -> tuple[csr_array, csr_array, csr_array]:
+        """Matrices of zeros and ones, [groups, n], that sum over TX lines, over RX lines and over boards."""
         n = len(self.sensor)
         ones = np.ones(n)
-        made = [csr_array((ones, (group, np.arange(n)))) for group in (self.tx, self.rx, self.sensor)]
-        return made[0], made[1], made[2]
+        matrices = [csr_array((ones, (group, np.arange(n)))) for group in (self.tx, self.rx, self.sensor)]
+        return matrices[0], matrices[1], matrices[2]
 
 
 def read_recording(
     data: ReadableDataset,
     grasps: list[ReadableGrasp],
     conditions: dict[tuple[str, str], int],
-    clock: Clock,
-    groups: Groups,
+    time_grid: TimeGrid,
+    groups: TaxelGroups,
     columns: NDArray[np.intp],
     progress: Progress,
 ) -> Recording:
-    """Reduce `grasps`, which empties the list: a grasp holds what was read of it as long as it lives.
+    """Return the reduced data of the grasps. Raises GapInputError for a grasp without a sufficient baseline.
 
-    columns: [s], this dataset's sensor columns in the pair's order.
+    The list `grasps` is empty afterwards: a grasp keeps its arrays in memory until it is deleted.
+
+    conditions: index of each condition (object, approach). columns: [s], the sensor columns of this dataset in the
+    order of the pair. progress: called after each grasp.
     """
     rows, total = [], len(grasps)
     condition, session, iteration = [], [], []
     grasps.reverse()
     while grasps:
         grasp = grasps.pop()
-        rows.append(_reduce(data, grasp, clock, groups, columns))
+        rows.append(_reduce_grasp(data, grasp, time_grid, groups, columns))
         condition.append(conditions[grasp.object, grasp.approach])
         session.append(grasp.session)
         iteration.append(grasp.iteration)
         progress(len(rows), total)
-    fields: dict[str, Any] = {key: _stacked([row[key] for row in rows]) for key in rows[0]}
+    fields: dict[str, Any] = {key: _stack_values([row[key] for row in rows]) for key in rows[0]}
     fields["condition"] = np.array(condition, np.intp)
     fields["session"] = np.array(session, np.int64)
     fields["iteration"] = np.array(iteration, np.int64)
     return Recording(**fields)
 
 
-def _stacked(values: list[Any]) -> Any:
+def _stack_values(values: list[Any]) -> Any:
+    """Return the stacked arrays, or None if a grasp lacks the value."""
     return None if any(value is None for value in values) else np.stack(values)
 
 
-def _reduce(
-    data: ReadableDataset, grasp: ReadableGrasp, clock: Clock, groups: Groups, columns: NDArray[np.intp]
+def _reduce_grasp(
+    data: ReadableDataset, grasp: ReadableGrasp, time_grid: TimeGrid, groups: TaxelGroups, columns: NDArray[np.intp]
 ) -> dict[str, Any]:
+    """Return the fields of `Recording` of one grasp, without its condition, session and iteration."""
     phase, valid = grasp.phase, grasp.valid[:, columns]
-    since = since_phase_began(grasp.timestamp, phase)
-    frames, poor = baseline_frames(data, grasp, valid)
-    rest = valid & (phase == Phase.BASELINE)[:, None] & ~poor
+    phase_time_s = compute_phase_time(grasp.timestamp, phase)
+    frames, lacks_baseline = count_baseline_frames(data, grasp, valid)
+    rest = valid & (phase == Phase.BASELINE)[:, None] & ~lacks_baseline
     rest &= np.cumsum(rest, axis=0) <= frames
     raw = grasp.raw_counts.astype(np.float64)
-    baseline = _masked_mean(raw, rest, groups.sensor)
+    baseline = _compute_masked_mean(raw, rest, groups.sensor)
     signal_counts = baseline - raw
     with np.errstate(invalid="ignore"):
-        own = since + EDGE_S
-        in_sample = (phase == clock.phase[:, None]) & (own >= clock.begin[:, None]) & (own < clock.end[:, None])
-    nodes = _node_means(signal_counts, in_sample, valid, groups.sensor)
-    hold = _masked_mean(signal_counts, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
-    still, held = _changes(raw, rest, groups), _changes(raw, valid & (phase == Phase.HOLD)[:, None], groups)
-    simulated = data.source == SIM and grasp.contact_force is not None and grasp.separation is not None
-    everything = np.ones_like(valid)
+        time_s = phase_time_s + EDGE_TOLERANCE_S
+        begin, end = time_grid.begin[:, None], time_grid.end[:, None]
+        in_node = (phase == time_grid.phase[:, None]) & (time_s >= begin) & (time_s < end)
+    nodes = _compute_node_means(signal_counts, in_node, valid, groups.sensor)
+    hold = _compute_masked_mean(signal_counts, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
+    rest_noise, common_covariance = _estimate_noise(raw, rest, groups)
+    hold_noise, _ = _estimate_noise(raw, valid & (phase == Phase.HOLD)[:, None], groups)
+    has_contact = data.source == SIM and grasp.contact_force is not None and grasp.separation is not None
+    every_frame = np.ones_like(valid)
     return {
-        "nodes": nodes.astype(np.float32),
-        "hold": hold,
-        "noise": np.stack([still[0], held[0]]).astype(np.float32),
-        "common": still[1],
-        "missing": 1.0 - valid.mean(axis=0),
-        "onset": _onsets(signal_counts, hold, since, phase, valid, groups.sensor),
+        "node_signal_counts": nodes.astype(np.float32),
+        "hold_signal_counts": hold,
+        "noise": np.stack([rest_noise, hold_noise]).astype(np.float32),
+        "common_covariance": common_covariance,
+        "missing_share": 1.0 - valid.mean(axis=0),
+        "onset_s": _find_onsets(signal_counts, hold, phase_time_s, phase, valid, groups.sensor),
         "baseline": baseline,
-        "force": _node_means(grasp.contact_force, in_sample, everything, groups.sensor).astype(np.float32)
-        if simulated and grasp.contact_force is not None
+        "force": _compute_node_means(grasp.contact_force, in_node, every_frame, groups.sensor).astype(np.float32)
+        if has_contact and grasp.contact_force is not None
         else None,
-        "separation": _node_means(grasp.separation, in_sample, everything, groups.sensor).astype(np.float32)
-        if simulated and grasp.separation is not None
+        "separation": _compute_node_means(grasp.separation, in_node, every_frame, groups.sensor).astype(np.float32)
+        if has_contact and grasp.separation is not None
         else None,
-        "frames": frames,
+        "baseline_frames": frames,
     }
 
 
-def since_phase_began(time_s: FloatArray, phase: NDArray[np.uint8]) -> FloatArray:
-    """Seconds since the first frame of each frame's phase, f64[T]."""
-    since = np.zeros(len(time_s))
+def compute_phase_time(time_s: FloatArray, phase: NDArray[np.uint8]) -> FloatArray:
+    """Return the seconds from the first frame of its phase to each frame, f64[T].
+
+    time_s: f64[T]. phase: u8[T].
+    """
+    phase_time_s = np.zeros(len(time_s))
     for value in np.unique(phase):
         own = phase == value
-        since[own] = time_s[own] - time_s[own][0]
-    return since
+        phase_time_s[own] = time_s[own] - time_s[own][0]
+    return phase_time_s
 
 
-class Phases(Protocol):
-    """A grasp, as far as the hand was told what to do."""
+class GraspPhases(Protocol):
+    """A grasp with its name and the phase of each frame."""
 
     @property
     def id(self) -> str:
-        """Its name in a file."""
+        """Name of the grasp in its file."""
         ...
 
     @property
     def phase(self) -> NDArray[np.uint8]:
-        """u8[T]."""
+        """Phase of each frame, u8[T]."""
         ...
 
 
-def require_hold(grasp: Phases, path: str) -> None:
-    """Raises GapInputError for a grasp without frames of hold: nothing of it could be compared."""
+def require_hold(grasp: GraspPhases, path: str) -> None:
+    """Raise GapInputError if a grasp has no frames of hold: such a grasp cannot be compared. path: of its file."""
     if not (grasp.phase == Phase.HOLD).any():
         where = f"{path}: /grasps/{grasp.id}/phase"
         raise GapInputError(where, "frames in hold (phase 2)", "none", "remove this grasp")
 
 
-def baseline_frames(
+def count_baseline_frames(
     data: ReadableDataset, grasp: ReadableGrasp, valid: NDArray[np.bool_]
 ) -> tuple[int, NDArray[np.bool_]]:
-    """How many baseline frames every sensor has that has enough of them, 100 at most; and the sensors that have not,
-    bool[s]: they lost frames, and their drops in this grasp are unknown.
+    """Return the number of baseline frames to use, and the boards with too few baseline frames, bool[s].
 
-    Raises GapInputError if none has 10.
+    The number is the smallest number of the boards with at least `MIN_BASELINE_FRAMES` frames, at most 100; 0 if no
+    frame of the grasp is valid. The other boards lost frames, and their signal in this grasp is unknown.
+
+    valid: bool[T, s]. Raises GapInputError if every board with a valid frame has fewer than `MIN_BASELINE_FRAMES`.
     """
     counts = (valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
     present = valid.any(axis=0)
-    poor = counts < LEAST_BASELINE
-    if present.any() and poor[present].all():
+    lacks_baseline = counts < MIN_BASELINE_FRAMES
+    if present.any() and lacks_baseline[present].all():
         where = f"{data.path}: /grasps/{grasp.id}/phase"
         remedy = "record the open hand longer before closing, or remove this grasp"
         found = str(int(counts[present].max()))
-        raise GapInputError(where, f"at least {LEAST_BASELINE} valid baseline frames (phase 0)", found, remedy)
-    return int(min(counts[~poor].min(initial=BASELINE_FRAMES), BASELINE_FRAMES)) if present.any() else 0, poor
+        raise GapInputError(where, f"at least {MIN_BASELINE_FRAMES} valid baseline frames (phase 0)", found, remedy)
+    smallest = counts[~lacks_baseline].min(initial=BASELINE_FRAMES)
+    return int(min(smallest, BASELINE_FRAMES)) if present.any() else 0, lacks_baseline
 
 
-def _masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> FloatArray:
-    """Mean over the frames of each taxel's sensor, f64[n]; NaN without one."""
+def _compute_masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> FloatArray:
+    """Return the mean over the selected frames, f64[n]; NaN for a taxel whose board has none of these frames.
+
+    values: f64[T, n]. frames: bool[T, s], the selected frames of each board. sensor: [n], board of each taxel.
+    """
     weight = frames[:, sensor]
     count = frames.sum(axis=0)[sensor]
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.einsum("tn,tn->n", values, weight.astype(np.float64)) / np.where(count, count, np.nan))
 
 
-def _node_means(
-    values: FloatArray, in_sample: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
+def _compute_node_means(
+    values: FloatArray, in_node: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
 ) -> FloatArray:
-    """Mean in each node, f64[K, n]; NaN where no frame of the taxel's sensor lies in it."""
-    chosen = in_sample.astype(np.float64)
+    """Return the mean in each node, f64[K, n]; NaN if no valid frame of the taxel's board lies in the node.
+
+    values: f64[T, n]. in_node: bool[K, T]. valid: bool[T, s]. sensor: [n], board of each taxel.
+    """
+    chosen = in_node.astype(np.float64)
     if valid.all():
         count = chosen.sum(axis=1)[:, None]
         return np.asarray(chosen @ np.nan_to_num(values) / np.where(count, count, np.nan))
@@ -230,8 +265,13 @@ def _node_means(
     return np.asarray(chosen @ np.where(good, values, 0.0) / np.where(count, count, np.nan))
 
 
-def _changes(raw: FloatArray, frames: NDArray[np.bool_], groups: Groups) -> tuple[FloatArray, FloatArray]:
-    """Noise from differences of successive frames (von Neumann et al. 1941): f64[n], and covariances f64[3]."""
+def _estimate_noise(raw: FloatArray, frames: NDArray[np.bool_], groups: TaxelGroups) -> tuple[FloatArray, FloatArray]:
+    """Return the noise in counts, f64[n], and the mean covariances of `_estimate_covariances` in counts^2, f64[3].
+
+    The estimates use differences of successive frames (von Neumann et al. 1941); NaN with fewer than three frames.
+
+    raw: f64[T, n]. frames: bool[T, s], the frames of each board that are used.
+    """
     rows = np.flatnonzero(frames.any(axis=1))
     if len(rows) < 3:
         return np.full(raw.shape[1], np.nan), np.full(3, np.nan)
@@ -243,61 +283,73 @@ def _changes(raw: FloatArray, frames: NDArray[np.bool_], groups: Groups) -> tupl
     known: NDArray[np.bool_] = np.any(both, axis=0)
     deviation = np.where(known[groups.sensor], np.sqrt(variance), np.nan)
     steps -= steps.mean(axis=0)
-    return deviation, _covariances(steps, groups)
+    return deviation, _estimate_covariances(steps, groups)
 
 
-def _covariances(steps: FloatArray, groups: Groups) -> FloatArray:
-    """Mean covariance of pairs on a TX line, on an RX line, and on the board's others, counts^2, f64[3]."""
+def _estimate_covariances(steps: FloatArray, groups: TaxelGroups) -> FloatArray:
+    """Return the mean covariance of pairs of taxels, counts^2, f64[3], from differences of successive frames [T, n].
+
+    The three values refer to pairs on a common TX line, on a common RX line, and on a common board without a common
+    line.
+    """
     sums, pairs = [], []
     square = float(np.sum(steps**2))
-    for belongs in groups.sums:
-        size = np.asarray(belongs.sum(axis=1)).ravel()
-        sums.append(float(np.sum((belongs @ steps.T) ** 2)) - square)
+    for matrix in groups.sum_matrices:
+        size = np.asarray(matrix.sum(axis=1)).ravel()
+        sums.append(float(np.sum((matrix @ steps.T) ** 2)) - square)
         pairs.append(float(np.sum(size * (size - 1.0))))
-    sums[2] -= sums[0] + sums[1]  # one line of each axis holds a pair at most once
+    sums[2] -= sums[0] + sums[1]  # a pair of taxels has at most one common line
     pairs[2] -= pairs[0] + pairs[1]
     scale = 2.0 * len(steps)
     return np.array([value / (scale * count) if count > 0 else 0.0 for value, count in zip(sums, pairs, strict=True)])
 
 
-def _onsets(
+def _find_onsets(
     signal_counts: FloatArray,
     hold: FloatArray,
-    since: FloatArray,
+    phase_time_s: FloatArray,
     phase: NDArray[np.uint8],
     valid: NDArray[np.bool_],
     sensor: NDArray[np.intp],
 ) -> FloatArray:
-    """When each board's summed drop first passes half its hold level, seconds after closing began, f64[s]."""
+    """Return the seconds from the beginning of closing to half of the board's summed signal in hold, f64[s].
+
+    The sum includes the taxels with a positive signal in hold. NaN: no closing, a sum below `MIN_ONSET_COUNTS` or below
+    `MIN_ONSET_NOISE_RATIO` standard deviations, or no crossing (`_find_crossing`).
+
+    signal_counts: f64[T, n]. hold: f64[n], counts. phase_time_s: f64[T]. phase: u8[T]. valid: bool[T, s].
+    """
     sensors = valid.shape[1]
     onset = np.full(sensors, np.nan)
-    part = np.flatnonzero((phase == Phase.CLOSING) | (phase == Phase.HOLD))
-    if not (phase[part] == Phase.CLOSING).any():
+    frames = np.flatnonzero((phase == Phase.CLOSING) | (phase == Phase.HOLD))
+    if not (phase[frames] == Phase.CLOSING).any():
         return onset
-    closing = phase[part] == Phase.CLOSING
-    lasted = since[part][closing].max(initial=0.0)
-    time = np.where(closing, since[part], since[part] + lasted)
-    touched = np.where(np.nan_to_num(hold) > 0, 1.0, 0.0)
-    level = np.bincount(sensor, np.nan_to_num(hold) * touched, sensors)
-    still = np.flatnonzero(phase == Phase.BASELINE)
-    for board in np.flatnonzero(level > ONSET_LEAST_COUNTS):
-        own, rows = np.flatnonzero((sensor == board) & (touched > 0)), part[np.asarray(valid[part, board])]
-        rest: FloatArray = signal_counts[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
-        if level[board] < ONSET_NOISES * float(np.std(rest)):
+    is_closing = phase[frames] == Phase.CLOSING
+    closing_s = phase_time_s[frames][is_closing].max(initial=0.0)
+    time = np.where(is_closing, phase_time_s[frames], phase_time_s[frames] + closing_s)
+    is_loaded = np.where(np.nan_to_num(hold) > 0, 1.0, 0.0)
+    level = np.bincount(sensor, np.nan_to_num(hold) * is_loaded, sensors)
+    baseline = np.flatnonzero(phase == Phase.BASELINE)
+    for board in np.flatnonzero(level > MIN_ONSET_COUNTS):
+        own, rows = np.flatnonzero((sensor == board) & (is_loaded > 0)), frames[np.asarray(valid[frames, board])]
+        rest: FloatArray = signal_counts[np.ix_(baseline[np.asarray(valid[baseline, board])], own)].sum(axis=1)
+        if level[board] < MIN_ONSET_NOISE_RATIO * float(np.std(rest)):
             continue
         sums: FloatArray = signal_counts[np.ix_(rows, own)].sum(axis=1)
-        onset[board] = _crossing(time[np.asarray(valid[part, board])], sums, 0.5 * float(level[board]))
+        onset[board] = _find_crossing(time[np.asarray(valid[frames, board])], sums, 0.5 * float(level[board]))
     return onset
 
 
-def _crossing(time: FloatArray, values: FloatArray, level: float) -> float:
-    """When values f64[T] rise over a level: halfway between the first time and the last, since noise makes the one
-    early and the other late. NaN if they begin above it or never pass it.
+def _find_crossing(time: FloatArray, values: FloatArray, level: float) -> float:
+    """Return the time at which values f64[T] rise through a level: the mean of the first and the last upward crossing.
+
+    The mean is used because noise makes the first crossing early and the last crossing late. NaN if the values begin
+    at or above the level, or never reach the level.
     """
-    above = values >= level
-    ups = np.flatnonzero(above[1:] & ~above[:-1])
-    if above[0] or not len(ups):
+    is_above = values >= level
+    crossings = np.flatnonzero(is_above[1:] & ~is_above[:-1])
+    if is_above[0] or not len(crossings):
         return np.nan
-    share = (level - values[ups]) / (values[ups + 1] - values[ups])
-    times = time[ups] + share * (time[ups + 1] - time[ups])
+    share = (level - values[crossings]) / (values[crossings + 1] - values[crossings])
+    times = time[crossings] + share * (time[crossings + 1] - time[crossings])
     return 0.5 * float(times[0] + times[-1])

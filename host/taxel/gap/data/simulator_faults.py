@@ -1,4 +1,4 @@
-"""Faulty grasps of a simulated dataset: they are found before the comparison, left out, and reported."""
+"""Faulty grasps of a simulated dataset, which are excluded from the comparison and reported."""
 
 from __future__ import annotations
 
@@ -14,28 +14,35 @@ from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_invariants import InvariantChecker
 
 MAX_FAULTY_SHARE: Final = 0.2
-"""Largest share of grasps that are left out. More faults than that are a property of the simulator, not accidents."""
+"""Largest share of faulty grasps that are excluded. A larger share is a property of the simulator: all grasps are then
+kept, and the faults are only reported."""
 
-CONTACT_LEFT_SHARE: Final = 0.1
-"""Share of the force of the hold above which the recovery, which the format defines to be free of contact, has contact.
-"""
+MAX_RECOVERY_FORCE_SHARE: Final = 0.1
+"""Ratio of the median force in recovery to the median force in hold above which a grasp is faulty. The format defines
+the recovery as free of contact."""
 
-LEFT_OUT, KEPT = "left out", "kept, because most grasps are affected"
+HANDLING_EXCLUDED, HANDLING_KEPT = "left out", "kept, because most grasps are affected"
+"""Texts of the report on the treatment of a faulty grasp."""
 
-Key = tuple[str, str]
+ConditionKey = tuple[str, str]
+"""Object and approach of a condition."""
 
 
 @dataclass(frozen=True)
 class SimulatorFault:
-    """A fault of one simulated grasp. frames: first and last one. problem: words. handled: what was done."""
+    """A fault of one simulated grasp.
+
+    grasp: name of the grasp. frames: first and last faulty frame. problem: description for the report. handled:
+    treatment of the grasp, `HANDLING_EXCLUDED` or `HANDLING_KEPT`.
+    """
 
     grasp: str
     frames: tuple[int, int]
     problem: str
-    handled: str = LEFT_OUT
+    handled: str = HANDLING_EXCLUDED
 
     def to_json(self) -> dict[str, Any]:
-        """For the report."""
+        """Return the entry of the report."""
         return {
             "file": "sim",
             "grasp": self.grasp,
@@ -46,14 +53,15 @@ class SimulatorFault:
 
 
 def find_faults(data: GraspDataset) -> list[SimulatorFault]:
-    """Find the simulated grasps that violate physics (`taxel.recording.grasp_invariants`), stop, or lack the object.
+    """Return one fault for each faulty grasp of a simulated dataset; none for a dataset without contact forces.
 
-    Returns one fault for each grasp. A dataset without contact forces has none. A grasp without any force in the hold
-    lacks the object if other grasps of the condition have force, or if every other condition has force.
+    A grasp is faulty if the grasp violates physics (`taxel.recording.grasp_invariants`), if contact remains in the
+    recovery, or if the object is missing. The object of a grasp without force in the hold is missing if other grasps
+    of the condition have force, or if every other condition has force.
     """
     checker = InvariantChecker(data)
-    found: dict[str, SimulatorFault] = {}
-    holds: dict[Key, dict[str, float]] = {}
+    faults: dict[str, SimulatorFault] = {}
+    holds: dict[ConditionKey, dict[str, float]] = {}
     last_frame: dict[str, int] = {}
     for grasp in data:  # one grasp at a time is in memory
         if grasp.contact_force is None:
@@ -61,39 +69,42 @@ def find_faults(data: GraspDataset) -> list[SimulatorFault]:
         total = grasp.contact_force.sum(axis=1)
         last_frame[grasp.id] = len(total) - 1
         hold = grasp.phase == Phase.HOLD
-        held = float(np.median(total[hold])) if hold.any() else 0.0
-        holds.setdefault((grasp.object, grasp.approach), {})[grasp.id] = held
+        hold_force = float(np.median(total[hold])) if hold.any() else 0.0
+        holds.setdefault((grasp.object, grasp.approach), {})[grasp.id] = hold_force
         violations = [one for one in checker.check_grasp(grasp) if one.kind != "not at rest"]
         after = np.flatnonzero(grasp.phase == Phase.RECOVERY)
         if violations:
             frames = [one.frame for one in violations]
             problem = f"{violations[0].kind}: {violations[0].text}"
-            found[grasp.id] = SimulatorFault(grasp.id, (min(frames), max(frames)), problem)
-        elif len(after) and held > 0.0 and float(np.median(total[after])) > CONTACT_LEFT_SHARE * held:
+            faults[grasp.id] = SimulatorFault(grasp.id, (min(frames), max(frames)), problem)
+        elif len(after) and hold_force > 0.0 and float(np.median(total[after])) > MAX_RECOVERY_FORCE_SHARE * hold_force:
             problem = "contact in the recovery, after the release"
-            found[grasp.id] = SimulatorFault(grasp.id, (int(after[0]), int(after[-1])), problem)
+            faults[grasp.id] = SimulatorFault(grasp.id, (int(after[0]), int(after[-1])), problem)
     missing = "no contact in the hold: the object is missing"
-    for name in _list_empty(holds):
-        found.setdefault(name, SimulatorFault(name, (0, last_frame[name]), missing))
-    if len(found) > MAX_FAULTY_SHARE * len(last_frame):
-        return [SimulatorFault(one.grasp, one.frames, one.problem, KEPT) for one in found.values()]
-    return list(found.values())
+    for name in _list_missing_objects(holds):
+        faults.setdefault(name, SimulatorFault(name, (0, last_frame[name]), missing))
+    if len(faults) > MAX_FAULTY_SHARE * len(last_frame):
+        return [SimulatorFault(one.grasp, one.frames, one.problem, HANDLING_KEPT) for one in faults.values()]
+    return list(faults.values())
 
 
-def _list_empty(holds: Mapping[Key, Mapping[str, float]]) -> list[str]:
-    """Grasps without force in the hold, where force is expected."""
-    with_force = {key for key, own in holds.items() if any(held > 0.0 for held in own.values())}
-    every = len(with_force) >= len(holds) - 1
+def _list_missing_objects(holds: Mapping[ConditionKey, Mapping[str, float]]) -> list[str]:
+    """Return the grasps without force in the hold in which force is expected.
+
+    holds: for each condition, the median total force in hold of each grasp, newtons.
+    """
+    with_force = {key for key, own in holds.items() if any(force > 0.0 for force in own.values())}
+    has_every_other_force = len(with_force) >= len(holds) - 1
     return [
         name
         for key, own in holds.items()
-        if key in with_force or (every and with_force)
-        for name, held in own.items()
-        if held <= 0.0
+        if key in with_force or (has_every_other_force and with_force)
+        for name, force in own.items()
+        if force <= 0.0
     ]
 
 
-def without_faults(grasps: Sequence[ReadableGrasp], faults: Sequence[SimulatorFault]) -> list[ReadableGrasp]:
-    """The grasps that are not left out."""
-    out = {one.grasp for one in faults if one.handled == LEFT_OUT}
-    return [grasp for grasp in grasps if grasp.id not in out]
+def exclude_faulty_grasps(grasps: Sequence[ReadableGrasp], faults: Sequence[SimulatorFault]) -> list[ReadableGrasp]:
+    """Return the grasps without those that are excluded because of a fault."""
+    excluded = {one.grasp for one in faults if one.handled == HANDLING_EXCLUDED}
+    return [grasp for grasp in grasps if grasp.id not in excluded]

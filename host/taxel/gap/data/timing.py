@@ -1,4 +1,4 @@
-"""When two recordings are looked at: as long as their presses last, as finely as the slower one was recorded."""
+"""Time nodes of a pair of recordings, from the durations of the phases and the frame rate of the slower recording."""
 
 from __future__ import annotations
 
@@ -10,75 +10,95 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.clock import Clock, usual_duration
-from taxel.gap.data.losses import lost_phases
+from taxel.gap.data.losses import list_lost_phases
 from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
 from taxel.gap.data.reading import require_hold
+from taxel.gap.data.time_grid import TimeGrid, choose_duration
 from taxel.gap.errors import GapInputError
 from taxel.recording.grasp_format import Phase
 
 SHARED_PHASES: Final = (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
+"""Phases that are compared."""
 
-LEAST_TIMES: Final = 0.25
-"""Share of frames with a time of their own, below which nobody knows when anything happened."""
+MIN_DISTINCT_TIME_SHARE: Final = 0.25
+"""Smallest share of the frames of a grasp whose time differs from the time of the frame before (chosen). A file with a
+smaller share in a grasp is refused, because its times do not resolve the contact."""
 
-FEW_FRAMES: Final = 20
-"""Fewer say nothing of a clock."""
+MIN_CHECKED_FRAMES: Final = 20
+"""Smallest number of frame intervals of a grasp for which the share of distinct times is checked (chosen).
+Fewer intervals do not show the resolution of the clock."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """clock: nodes of time. frame_s: frame period of the slower recording. lost: phases that some grasps lack, in
-    words. lasts: seconds of each phase that all grasps of a cell have, f64[C].
+    """Time nodes and durations of a pair of recordings.
+
+    Attributes:
+        time_grid: the time nodes.
+        frame_s: frame period of the slower recording, seconds.
+        lost_phases: sentences for the report on phases that some grasps lack.
+        durations: for each phase, the shortest duration among the grasps of each condition, f64[C], seconds; 0 if a
+            grasp lacks the phase.
     """
 
-    clock: Clock
+    time_grid: TimeGrid
     frame_s: float
-    lost: list[str]
-    lasts: dict[Phase, NDArray[np.float64]]
+    lost_phases: list[str]
+    durations: dict[Phase, NDArray[np.float64]]
 
 
-def timing_of(
+def measure_timing(
     sides: Sequence[tuple[ReadableDataset, Sequence[ReadableGrasp]]], conditions: Sequence[tuple[str, str]]
 ) -> Timing:
-    """Of both recordings' grasps. Raises GapInputError where a file's times say nothing, or a grasp has no hold."""
-    durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
+    """Return the time nodes and durations of two recordings.
+
+    sides: dataset and grasps of the hand, then of the simulator. Raises GapInputError for a grasp without hold, for
+    constant time in hold, and for a file in which most frames share their time with other frames.
+    """
+    durations: dict[Phase, list[list[float]]] = {shared: [[] for _ in sides] for shared in SHARED_PHASES}
     rate = np.inf
     for side, (data, grasps) in enumerate(sides):
         for grasp in grasps:
             require_hold(grasp, str(data.path))
             time, phase = grasp.timestamp, grasp.phase
-            step = _frame_s(grasp, str(data.path))
+            step = _compute_frame_period(grasp, str(data.path))
             if step > 0:
                 rate = min(rate, 1.0 / step)
-            for wanted in SHARED_PHASES:
-                own = time[phase == wanted]
-                durations[wanted][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
+            for shared in SHARED_PHASES:
+                own = time[phase == shared]
+                durations[shared][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
             if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
                 raise GapInputError(where, "increasing time in hold", "constant time", "correct the file")
     number = {key: index for index, key in enumerate(conditions)}
     condition = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
-    lasts = {
-        wanted: _least(len(conditions), condition, [*chain.from_iterable(both)]) for wanted, both in durations.items()
+    shortest = {
+        shared: _compute_shortest(len(conditions), condition, [*chain.from_iterable(both)])
+        for shared, both in durations.items()
     }
-    usable = {wanted: usual_duration(own) for wanted, own in lasts.items() if own.min() > 0}
+    evaluated = {shared: choose_duration(own) for shared, own in shortest.items() if own.min() > 0}
     rate = rate if np.isfinite(rate) else 1.0
     names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
-    return Timing(Clock.of(usable, rate), 1.0 / rate, lost_phases(names, durations), lasts)
+    return Timing(TimeGrid.from_durations(evaluated, rate), 1.0 / rate, list_lost_phases(names, durations), shortest)
 
 
-def _least(conditions: int, condition: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
-    """The shortest of each cell's, f64[C]."""
-    found = np.full(conditions, np.inf)
-    np.minimum.at(found, np.asarray(condition, np.intp), seconds)
-    return found
+def _compute_shortest(conditions: int, condition: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
+    """Return the shortest duration of each of C conditions, f64[C]. condition: index of the condition of each grasp.
+
+    seconds: duration of each grasp.
+    """
+    shortest = np.full(conditions, np.inf)
+    np.minimum.at(shortest, np.asarray(condition, np.intp), seconds)
+    return shortest
 
 
-def _frame_s(grasp: ReadableGrasp, path: str) -> float:
-    """Median frame period, seconds. Raises GapInputError where most frames share their time with others."""
+def _compute_frame_period(grasp: ReadableGrasp, path: str) -> float:
+    """Return the median frame period of a grasp, seconds; 0 for a single frame.
+
+    Raises GapInputError if most frames share their time with the frame before.
+    """
     steps = np.diff(grasp.timestamp)
-    if len(steps) >= FEW_FRAMES and np.count_nonzero(steps) < LEAST_TIMES * len(steps):
+    if len(steps) >= MIN_CHECKED_FRAMES and np.count_nonzero(steps) < MIN_DISTINCT_TIME_SHARE * len(steps):
         where = f"{path}: /grasps/{grasp.id}/timestamp"
         found = f"{np.count_nonzero(steps) + 1} times for {len(steps) + 1} frames"
         raise GapInputError(where, "a different time for each frame", found, "record with a finer clock")

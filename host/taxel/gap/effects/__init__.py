@@ -1,1 +1,1 @@
-"""The catalogue: cheap models of what a simulator may lack. One effect a file."""
+"""The catalogue of effects: fast models of what a simulator may lack, one effect in each file."""

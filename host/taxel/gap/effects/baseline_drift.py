@@ -1,4 +1,4 @@
-"""The no-contact count wanders with time or temperature, so that a baseline is old when the hand has closed."""
+"""Drift of the raw count without contact, with time or temperature, between baseline and contact."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from taxel.types import FloatArray
 
 
 class BaselineDrift(Effect):
-    """Adds `slope` counts over a grasp to every drop, and `scatter` counts that differ from grasp to grasp."""
+    """A common drift of `slope` counts over a grasp, and a random drift with the standard deviation `scatter` counts.
+
+    The common drift increases linearly with the time since the baseline and is added to the signal. The random drift
+    differs from grasp to grasp and increases only the drift residual of unloaded taxels.
+    """
 
     name = "baseline_drift"
     order = 80
@@ -19,7 +23,7 @@ class BaselineDrift(Effect):
         self.scope = scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Drift over a grasp: its mean, and its standard deviation from grasp to grasp."""
+        """Return the mean drift over a grasp, and its standard deviation from grasp to grasp."""
         return (
             Parameter("slope", "counts", -500.0, 500.0, 0.0, 1.0),
             Parameter("scatter", "counts", 0.0, 500.0, 0.0, 1.0),
@@ -30,19 +34,19 @@ class BaselineDrift(Effect):
         if not values[0].any():
             return signal
         slope, _ = self.spread_out(state, values)
-        # The baseline is as old as the middle of its frames.
+        # The drift begins in the middle of the baseline frames, `baseline_age_s` before closing.
         age = state.pair.baseline_age_s
-        share = ((state.since + age) / (state.since[-1] + age))[None, :, None]
-        return signal.with_signal_counts(state.to_signal_counts(signal) + slope * share)
+        elapsed_share = ((state.node_times_s + age) / (state.node_times_s[-1] + age))[None, :, None]
+        return signal.with_signal_counts(state.to_signal_counts(signal) + slope * elapsed_share)
 
-    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
+    def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
         if not values.any():
             return features
-        added = (values**2).sum(axis=0)[self.blocks(state)]
+        added_square = (values**2).sum(axis=0)[self.find_blocks(state)]
         result = features.copy()
-        drift_residual = state.layout.drift_residual
-        result[:, drift_residual] = np.where(
-            state.untouched, np.sqrt(features[:, drift_residual] ** 2 + added), features[:, drift_residual]
+        column = state.layout.drift_residual
+        result[:, column] = np.where(
+            state.is_unloaded, np.sqrt(features[:, column] ** 2 + added_square), features[:, column]
         )
         return result

@@ -1,4 +1,4 @@
-"""The effects that are tried, by the names of the report page, each in its forms and scopes."""
+"""The catalogue: all effects by name, each with its forms and scopes."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from taxel.plugins import EFFECTS, PluginError, list_plugin_names, load_plugin
 
 DROPOUT = "dropout"
 
-FIXED = (DROPOUT,)
-"""Effects that are found by inspection; their values are not fitted."""
+INSPECTED_EFFECTS = (DROPOUT,)
+"""Names of the effects that are found by inspection; their values are not fitted."""
 
 Forms = Mapping[str, Sequence[Effect]]
-"""Forms of each effect by its name."""
+"""Forms of each effect, by name of the effect."""
 
 OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
@@ -54,60 +54,62 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
         "saturation": (Saturation("clip"), Saturation("soft")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
-        DROPOUT: (),  # found by looking, see `taxel.gap.effects.dropped`
+        DROPOUT: (),  # found by inspection, see `taxel.gap.effects.dropout_inspection`
         "pose_error": (PoseError(OBJECT), PoseError(BOARD)),
         "latency": (Latency(BOARD), Latency(BOARD, "lag")),
     }
 )
-"""Variants of each effect of the project."""
+"""Forms of each effect of the project, by name of the effect."""
 
-LIKE: Mapping[str, tuple[Effect, ...]] = MappingProxyType({"stiffness": (Stiffness(TAXEL),)})
-"""Further forms that are not searched, since no press of a usual campaign tells them from one that is: a taxel's
-stiffness from its gain. Whether these presses would is asked when something was found."""
+UNSEARCHED_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType({"stiffness": (Stiffness(TAXEL),)})
+"""Further forms, by name of the effect, that the search does not contain.
+
+The stiffness of single taxels is usually not identifiable from their gains. The similarity of effects includes these
+forms, so that the report states whether the given contacts separate them.
+"""
 
 
 _ADDED: dict[str, tuple[Effect, ...]] = {}
 
 
 def add_effects(effects: Mapping[str, tuple[Effect, ...]]) -> None:
-    """Add effects to the catalogue of this process; an added effect with the same name is replaced."""
+    """Add effects to the catalogue of this process; an added effect replaces an earlier added effect with its name."""
     _ADDED.update(effects)
 
 
 def all_effects() -> Mapping[str, tuple[Effect, ...]]:
-    """Variants of each effect: the project's own, those that other packages add by entry points, and those of
-    `add_effects`.
+    """Return the forms of all effects by name: of the project, of entry points of other packages, of `add_effects`.
 
-    An entry point of the group `taxel.effects` names a sequence of `Effect` objects whose `name` is the entry point's
-    name. Raises `PluginError` for an entry point that cannot be loaded or names something else.
+    An entry point of the group `taxel.effects` refers to a sequence of `Effect` objects whose `name` is the name of the
+    entry point. Raises `PluginError` for an entry point that cannot be loaded or refers to something else.
     """
     added = list_plugin_names(EFFECTS, dict.fromkeys(OWN_EFFECTS, ""))[len(OWN_EFFECTS) :]
-    return MappingProxyType({**OWN_EFFECTS, **{name: _plugin_effect(name) for name in added}, **_ADDED})
+    return MappingProxyType({**OWN_EFFECTS, **{name: _load_plugin_effect(name) for name in added}, **_ADDED})
 
 
 @cache
-def _plugin_effect(name: str) -> tuple[Effect, ...]:
+def _load_plugin_effect(name: str) -> tuple[Effect, ...]:
     variants = load_plugin(EFFECTS, name)
-    if not isinstance(variants, Sequence) or not variants or not all(isinstance(one, Effect) for one in variants):
+    if not isinstance(variants, Sequence) or not variants or not all(isinstance(item, Effect) for item in variants):
         raise PluginError(
             f"entry point '{name}' of group '{EFFECTS}': expected a sequence of taxel.gap.effects.effect.Effect, "
             f"found {type(variants).__name__}; correct the package that adds it"
         )
-    if any(one.name != name for one in variants):
+    if any(variant.name != name for variant in variants):
         raise PluginError(
             f"entry point '{name}' of group '{EFFECTS}': expected effects with name '{name}', found "
-            f"'{next(one.name for one in variants if one.name != name)}'; use one name in both places"
+            f"'{next(variant.name for variant in variants if variant.name != name)}'; use one name in both places"
         )
     return tuple(variants)
 
 
-def chosen(
+def choose_effects(
     without: Collection[str] = (), priors: Mapping[str, Mapping[str, Prior]] = MappingProxyType({})
 ) -> dict[str, tuple[Effect, ...]]:
-    """The effects to be tried: all effects without the excluded ones.
+    """Return the forms of all effects except the excluded effects, by name of the effect.
 
     without: names of excluded effects. priors: priors of parameters, by effect and parameter name. Raises
-    `GapInputError` for the name of an effect that does not exist.
+    `GapInputError` for an excluded name that no effect has.
     """
     effects = all_effects()
     for name in without:
@@ -121,9 +123,9 @@ def chosen(
 
 
 def find_unavailable_reason(state: State, forms: Sequence[Effect]) -> str:
-    """Reason for which no form of an effect can be tried on a pair; empty if one can, or if it is found by inspection.
+    """Return the reason for which no form of an effect can be fitted to a pair, that of the first form.
 
-    Of several reasons, that of the first form.
+    The reason is empty if a form can be fitted, or if the effect has no forms because it is found by inspection.
     """
-    reasons = [form.unavailable(state) for form in forms]
+    reasons = [form.find_unavailable_reason(state) for form in forms]
     return "" if not reasons or not all(reasons) else reasons[0]

@@ -1,4 +1,4 @@
-"""Pressure spreads sideways through the elastic dielectric before it is measured."""
+"""Lateral spread of pressure in the elastic dielectric before the measurement."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ from typing import ClassVar, Final
 import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Effect, Parameter
-from taxel.gap.effects.geometry import geometry_of
-from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
+from taxel.gap.effects.geometry import compute_geometry
+from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-EVEN: Final = " even"
+EVEN_SUFFIX: Final = " even"
+"""End of the name of a variant that assumes an even load on each taxel."""
 
 
 class ContactPropagation(Effect):
-    """A share `strength` of each taxel's force goes to its surroundings with the kernel exp(-r / spread), from where on
-    the taxel the object's mesh presses it: what bears on an edge goes to the next taxel sooner.
+    """A share `strength` of the force of each taxel spreads to its surroundings with the kernel exp(-r / spread).
 
-    variant "kept": the board's net force stays. "added": the surroundings gain what the taxel does not lose, as where
-    the patch of contact grows. "kept even", "added even": the same from all over the taxel.
+    The force spreads from the place on the taxel that the mesh of the object loads: a load at an edge spreads more to
+    the neighbouring taxel on this side.
+
+    variant "kept": the net force of the board is kept. "added": the surroundings gain force and the taxel loses none,
+    as if the contact area grew. "kept even", "added even": the same with an even load on the taxel.
     """
 
     name = "contact_propagation"
@@ -31,7 +34,7 @@ class ContactPropagation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Spread and strength."""
+        """Return spread and strength."""
         return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -42,19 +45,25 @@ class ContactPropagation(Effect):
         for number, board in enumerate(state.pair.boards):
             block = number if self.scope == BOARD else 0
             spread_m, strength = 1e-3 * float(values[0, block]), float(values[1, block])
-            own = signal.force[:, :, board.columns]
-            if strength != 0.0 and own.any():
-                force[:, :, board.columns] = self.spread(state, number, own, spread_m, strength)
+            board_force = signal.force[:, :, board.columns]
+            if strength != 0.0 and board_force.any():
+                force[:, :, board.columns] = self._spread_force(state, number, board_force, spread_m, strength)
         return signal.with_force(force)
 
-    def spread(self, state: State, number: int, force: FloatArray, spread_m: float, strength: float) -> FloatArray:
-        """What becomes of the forces f64[Q, K, m] on board `number`."""
-        kernel = sheet_kernel(state.pair.boards[number], spread_m)
+    def _spread_force(
+        self, state: State, number: int, force: FloatArray, spread_m: float, strength: float
+    ) -> FloatArray:
+        """Return the forces of the m taxels of board `number` after the spread, f64[Q, K, m], newtons.
+
+        force: the same before the spread.
+        """
+        kernel = compute_sheet_kernel(state.pair.boards[number], spread_m)
         result = force if self.variant.startswith("added") else (1.0 - strength) * force
-        if self.variant.endswith(EVEN):
-            return np.asarray(result + strength * (force @ taxel_kernel(kernel, None)))
-        shares, result = geometry_of(state).shares, result.copy()
+        if self.variant.endswith(EVEN_SUFFIX):
+            return np.asarray(result + strength * (force @ compute_taxel_kernel(kernel, None)))
+        piece_shares, result = compute_geometry(state).piece_shares, result.copy()
         for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
-            own = state.condition == condition
-            result[own] += strength * (force[own] @ taxel_kernel(kernel, shares.get((condition, number))))
+            contacts = state.condition == condition
+            share = piece_shares.get((condition, number))
+            result[contacts] += strength * (force[contacts] @ compute_taxel_kernel(kernel, share))
         return np.asarray(result)

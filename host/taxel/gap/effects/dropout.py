@@ -1,4 +1,4 @@
-"""Dead or stuck taxels, broken lines, boards that go silent."""
+"""Dead or stuck taxels, open lines, shorted lines, and boards with missing frames."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class Short:
-    """Two lines of a board that touch: `index` and the next, of "tx" or "rx". Either shows `share` of the sum. pairs:
-    of their taxels on a common crossing line, those that should differ.
+    """A short between line `index` and line `index + 1` of a board.
+
+    address: address of the board. axis: "tx" or "rx". share: each of the two lines shows this share of the sum of both
+    expected signals. pairs: number of common crossing lines on which the expected signals of the two lines differ.
     """
 
     address: int
@@ -28,83 +30,89 @@ class Short:
 
 
 @dataclass(frozen=True, eq=False)
-class Dropped:
-    """What was found. taxels: bool[n], that answer to nothing, on no found line. lines: (sensor column, axis, index).
-    missing: share of each board's frames, f64[s]. dead: bool[n], all of these. stuck: bool[n], without even noise.
-    shorts: lines that carry the same. evident: a line or a patch shows nothing at all between others that answer, or
-    two lines show the same on several crossings.
+class Defects:
+    """Defects of the real skin, found by inspection of s boards with n taxels.
+
+    single_taxels: bool[n], dead taxels outside `lines`. lines: dead lines as (board column, axis, line index), with the
+    axis "tx" or "rx". missing: f64[s], share of the frames of each board that are missing. dead: bool[n], all dead
+    taxels, on lines or not. stuck: bool[n], taxels without noise. shorts: pairs of shorted lines. is_evident: whether a
+    line or patch without any signal lies between responding taxels, or two lines show equal signals on several
+    crossings.
     """
 
-    taxels: NDArray[np.bool_]
+    single_taxels: NDArray[np.bool_]
     lines: tuple[tuple[int, str, int], ...]
     missing: FloatArray
     dead: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     stuck: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     shorts: tuple[Short, ...] = ()
-    evident: bool = False
+    is_evident: bool = False
 
     @property
-    def certain(self) -> bool:
-        """More than a single taxel whose drops are small: that may be chance."""
-        several = self.taxels.sum() > 1 or self.stuck.any()
-        return bool(several or self.lines or self.missing.any() or self.shorts)
+    def is_certain(self) -> bool:
+        """Whether the defects are more than one dead taxel, which can lack a response by chance if weakly loaded."""
+        has_several_taxels = self.single_taxels.sum() > 1 or self.stuck.any()
+        return bool(has_several_taxels or self.lines or self.missing.any() or self.shorts)
 
     @property
-    def found(self) -> bool:
-        """Whether anything was."""
-        return bool(self.taxels.any() or self.lines or self.missing.any() or self.shorts)
+    def has_any(self) -> bool:
+        """Whether there is at least one defect."""
+        return bool(self.single_taxels.any() or self.lines or self.missing.any() or self.shorts)
 
 
 class Dropout(Effect):
-    """Dead taxels show a share `left` of their drop; frames of silent boards are missing."""
+    """Dead taxels show the share `left` of their signal, shorted lines share their signals, and frames are missing."""
 
     name = "dropout"
     order = 85
 
-    def __init__(self, dropped: Dropped) -> None:
-        self.dropped = dropped
+    def __init__(self, defects: Defects) -> None:
+        self.defects = defects
         self.scope = TAXEL
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """What is left of the drop: 1 where the taxel lives."""
+        """Return the share of the signal that remains; 1 for a taxel without a defect."""
         return (Parameter("left", "1", 0.0, 1.0, 1.0, 1.0),)
 
-    def found_values(self, state: State) -> FloatArray:
-        """Values f64[1, n] for what was found."""
-        values = self.neutral(state)
-        values[0, self.dropped.dead] = 0.0
+    def make_detected_values(self, state: State) -> FloatArray:
+        """Return the values for the defects, f64[1, n]: 0 for dead taxels, otherwise 1."""
+        values = self.make_neutral_values(state)
+        values[0, self.defects.dead] = 0.0
         return values
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
-        if (values == 1.0).all() and not self.dropped.shorts:
+        if (values == 1.0).all() and not self.defects.shorts:
             return signal
-        (left,) = self.spread_out(state, values)
+        (remaining_share,) = self.spread_out(state, values)
         signal_counts = state.to_signal_counts(signal)
-        result = signal_counts * left
-        for short in self.dropped.shorts:
-            first, second = crossings(state.pair, short.address, short.axis, short.index)
+        result = signal_counts * remaining_share
+        for short in self.defects.shorts:
+            first, second = find_crossing_pairs(state.pair, short.address, short.axis, short.index)
             result[:, :, first] = result[:, :, second] = short.share * (
                 signal_counts[:, :, first] + signal_counts[:, :, second]
             )
         return signal.with_signal_counts(result)
 
-    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
+    def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
-        if (values == 1.0).all() and not self.dropped.missing.any():
+        if (values == 1.0).all() and not self.defects.missing.any():
             return features
         result = features.copy()
-        missing = state.layout.missing
-        result[:, missing] += COUNTS_MISSING * self.dropped.missing[state.pair.groups.sensor]
-        result[:, state.layout.noise, self.dropped.stuck] = 0.0
+        column = state.layout.missing
+        result[:, column] += COUNTS_MISSING * self.defects.missing[state.pair.groups.sensor]
+        result[:, state.layout.noise, self.defects.stuck] = 0.0
         return result
 
 
-def crossings(pair: Pair, address: int, axis: str, index: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Taxels of a line, and those of the next one on the same crossing lines: [m] each."""
+def find_crossing_pairs(pair: Pair, address: int, axis: str, index: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the taxels of line `index` and of line `index + 1` of a board on their m common crossing lines, [m] each.
+
+    address: address of the board. axis: "tx" or "rx".
+    """
     along, across = (pair.taxels.tx, pair.taxels.rx) if axis == "tx" else (pair.taxels.rx, pair.taxels.tx)
-    own = pair.taxels.sensor == address
-    lines = [np.flatnonzero(own & (along == number)) for number in (index, index + 1)]
-    both = np.intersect1d(across[lines[0]], across[lines[1]])
-    first, second = (line[np.isin(across[line], both)] for line in lines)
+    is_on_board = pair.taxels.sensor == address
+    lines = [np.flatnonzero(is_on_board & (along == number)) for number in (index, index + 1)]
+    common = np.intersect1d(across[lines[0]], across[lines[1]])
+    first, second = (line[np.isin(across[line], common)] for line in lines)
     return first[np.argsort(across[first])], second[np.argsort(across[second])]

@@ -1,4 +1,7 @@
-"""What an effect is: parameters with units and bounds, and what it does to a signal. Neutral values change nothing."""
+"""The interface of an effect: parameters with units and bounds, and a change of a signal or of features.
+
+Neutral parameter values change nothing.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.lacking import FORCES, REASONS
+from taxel.gap.data.missing_inputs import FORCES, REASONS
 from taxel.gap.data.pair import Pair
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
@@ -25,9 +28,10 @@ OBJECT: Final = "object"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: unit, bounds, neutral value, where a search starts, and how much it is expected to be.
+    """One parameter of an effect: unit, bounds, neutral value, start value of a search, and normal prior.
 
-    prior: standard deviation about `centre` (None: the neutral value); inf: anything within the bounds is as likely.
+    prior: standard deviation of the prior, in the unit of the parameter; inf: uniform within the bounds. centre: mean
+    of the prior; None: the neutral value.
     """
 
     name: str
@@ -40,31 +44,35 @@ class Parameter:
     centre: float | None = None
 
     @property
-    def middle(self) -> float:
-        """What it is expected to be."""
+    def prior_mean(self) -> float:
+        """Mean of the prior, in the unit of the parameter."""
         return self.neutral if self.centre is None else self.centre
 
-    def expected(self, value: float, std: float) -> Parameter:
-        """The same as somebody knows it: a search starts there."""
+    def with_prior(self, value: float, std: float) -> Parameter:
+        """Return a copy with the prior mean `value` and prior standard deviation `std`; a search starts at `value`."""
         return replace(self, start=value, prior=std, centre=value)
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a parameter beforehand: value and standard deviation, in its unit."""
+    """Prior of a parameter: mean and standard deviation, both in the unit of the parameter."""
 
     value: float
     std: float
 
 
 class Effect(ABC):
-    """A candidate.
+    """One form of an effect.
 
-    name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
-    from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
-    needs: what the datasets must have, by the keys of `taxel.gap.data.lacking.REASONS`.
-    memory: whether what comes out at a time depends on other times. is_load_independent: whether the values of blocks
-    are properties of the skin, which do not depend on the load. priors: what is known of its parameters.
+    An effect has P parameters. Its values are f64[P, G]: the scope divides the hand into G blocks, and each block has
+    its own values.
+
+    name: name in the report. variant: name of this form; "" if the effect has one form. order: position between contact
+    (0) and raw count (100); a composite model applies its effects in this order. scope: `HAND` (one block), or one
+    block for each `BOARD`, `OBJECT` or `TAXEL`. needs: inputs that the datasets must contain, as keys of
+    `taxel.gap.data.missing_inputs.REASONS`. needs_force: whether the simulation must contain contact forces. memory:
+    whether the result at one time depends on other times. is_load_independent: whether the values of the blocks are
+    properties of the skin, which do not depend on the load. priors: priors by parameter name.
     """
 
     name: ClassVar[str]
@@ -79,44 +87,53 @@ class Effect(ABC):
 
     @abstractmethod
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The P parameters of one block."""
+        """Return the P parameters of one block, without the priors of `priors`."""
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The same with what is known of them."""
-        known = self.priors
+        """Return the P parameters of one block with the priors of `priors`.
+
+        A prior whose mean is outside the bounds of the parameter is ignored.
+        """
+        priors = self.priors
         return tuple(
-            one.expected(known[one.name].value, known[one.name].std)
-            if one.name in known and one.low <= known[one.name].value <= one.high
-            else one
-            for one in self.own_parameters()
+            parameter.with_prior(priors[parameter.name].value, priors[parameter.name].std)
+            if parameter.name in priors and parameter.low <= priors[parameter.name].value <= parameter.high
+            else parameter
+            for parameter in self.own_parameters()
         )
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Effect:
-        """The same effect, of which something is known; what a form cannot be says nothing of it."""
-        known = copy(self)
-        known.priors = dict(priors)  # no proxy: an effect is sent to other processes
-        return known
+        """Return a copy of the effect with other priors. priors: by parameter name."""
+        effect = copy(self)
+        effect.priors = dict(priors)  # a mapping proxy cannot be pickled, and effects are sent to other processes
+        return effect
 
     @abstractmethod
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """The signal with the effect. values: f64[P, G], G blocks as `blocks` numbers them."""
+        """Return the signal with the effect; with neutral values `signal` itself.
 
-    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """What the effect does to features that are no drops; f64[C, F, n] to the same."""
+        values: f64[P, G], with the blocks in the numbering of `find_blocks`.
+        """
+
+    def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
+        """Return features f64[C, F, n] with the effect on features that do not follow from the signal, such as noise.
+
+        features: f64[C, F, n]; with neutral values they are returned themselves. values: f64[P, G].
+        """
         return features
 
-    def unavailable(self, state: State) -> str:
-        """Why it cannot be tried on this pair; empty if it can."""
+    def find_unavailable_reason(self, state: State) -> str:
+        """Return the reason for which this form cannot be fitted to this pair; empty if it can be fitted."""
         if self.needs_force and not state.has_force:
             return REASONS[FORCES]
-        return next((REASONS[name] for name in sorted(self.needs & state.pair.lacking)), "")
+        return next((REASONS[name] for name in sorted(self.needs & state.pair.missing_inputs)), "")
 
-    def blocks(self, state: State) -> NDArray[np.intp]:
-        """Which block acts on a taxel in a cell, [C, n]."""
-        return self.blocks_of(state.pair)
+    def find_blocks(self, state: State) -> NDArray[np.intp]:
+        """Return the index of the block that acts on each taxel in each condition, [C, n]."""
+        return self.find_blocks_of_pair(state.pair)
 
-    def blocks_of(self, pair: Pair) -> NDArray[np.intp]:
-        """The same for a pair."""
+    def find_blocks_of_pair(self, pair: Pair) -> NDArray[np.intp]:
+        """Return the index of the block that acts on each taxel in each condition of a pair, [C, n]."""
         conditions, n = len(pair.conditions), pair.n
         if self.scope == BOARD:
             return np.broadcast_to(pair.groups.sensor, (conditions, n))
@@ -124,27 +141,30 @@ class Effect(ABC):
             return np.broadcast_to(np.arange(n), (conditions, n))
         if self.scope == OBJECT:
             names = pair.object_names
-            own = np.array([names.index(item) for item, _ in pair.conditions], dtype=np.intp)
-            return np.broadcast_to(own[:, None], (conditions, n))
+            objects = np.array([names.index(item) for item, _ in pair.conditions], dtype=np.intp)
+            return np.broadcast_to(objects[:, None], (conditions, n))
         return np.zeros((conditions, n), np.intp)
 
-    def neutral(self, state: State) -> FloatArray:
-        """Values that change nothing, f64[P, G]."""
-        count = int(self.blocks(state).max()) + 1
+    def make_neutral_values(self, state: State) -> FloatArray:
+        """Return values that change nothing, f64[P, G]."""
+        count = int(self.find_blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
-    def starts(self, state: State) -> FloatArray:
-        """Values where a search starts, f64[P, G]."""
-        values = self.neutral(state)
+    def make_start_values(self, state: State) -> FloatArray:
+        """Return values at which a search starts, f64[P, G]."""
+        values = self.make_neutral_values(state)
         for row, parameter in enumerate(self.parameters()):
             values[row] = parameter.start
         return values
 
-    def typical(self, state: State) -> FloatArray:
-        """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects; for every
-        other block only, so that blocks differ.
+    def make_typical_values(self, state: State) -> FloatArray:
+        """Return values of a typical case of the effect, f64[P, G].
+
+        They are the start values. A parameter with a neutral start value is increased by 0.3 prior standard deviations,
+        but by at most 0.3 times the distance from its neutral value to its upper bound. Every second block has neutral
+        values, so that the blocks differ.
         """
-        values, neutral = self.starts(state), self.neutral(state)
+        values, neutral = self.make_start_values(state), self.make_neutral_values(state)
         for row, parameter in enumerate(self.parameters()):
             if (values[row] == parameter.neutral).all():
                 values[row] += min(0.3 * parameter.prior, 0.3 * (parameter.high - parameter.neutral))
@@ -152,10 +172,10 @@ class Effect(ABC):
         return values
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Whether these values say nothing that is an effect, though they are not neutral."""
+        """Return whether values f64[P, G] that are not neutral do not describe this effect; a search rejects them."""
         return False
 
     def spread_out(self, state: State, values: FloatArray) -> list[FloatArray]:
-        """Each parameter for every press and taxel, P arrays f64[Q, 1, n]."""
-        blocks = self.blocks(state)[state.condition]
+        """Return the value of each parameter for every contact and taxel, P arrays f64[Q, 1, n]. values: f64[P, G]."""
+        blocks = self.find_blocks(state)[state.condition]
         return [row[blocks][:, None, :] for row in values]

@@ -1,4 +1,4 @@
-"""Taxels that share a TX or RX electrode disturb each other."""
+"""Crosstalk between taxels that share a TX or RX line, or lie on neighbouring lines."""
 
 from __future__ import annotations
 
@@ -9,25 +9,29 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.boards import columns_of, groups_of
-from taxel.gap.data.lacking import LINES
+from taxel.gap.data.boards import list_group_members, make_column_index
+from taxel.gap.data.missing_inputs import LINES
 from taxel.gap.data.pair import Pair
-from taxel.gap.data.reading import Groups
+from taxel.gap.data.reading import TaxelGroups
 from taxel.gap.effects.effect import BOARD, HAND, Effect, Parameter
 from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray
 
-OWN_PRIOR = 1.0
-"""Expected size of what a taxel's own drop loses, over the fractions that it passes on."""
+OWN_RATIO_PRIOR = 1.0
+"""Standard deviation of the prior of `own_ratio`, a ratio without unit.
+
+Chosen: the change of the own signal is as large as the sum of the fractions.
+"""
 
 
 class ElectrodeCrosstalk(Effect):
-    """Each taxel's drop gains a fraction of the mean drop of the other taxels on its TX line, and on its RX line.
+    """Each taxel gains a fraction of the mean signal of the other taxels on its TX line, and on its RX line.
 
-    variant "network": besides, fractions of the drops at the same place of the neighbouring TX and RX lines, as where
-    traces run side by side, and the taxel's own drop, which lines with resistance weaken:
-    by `own_ratio` times the sum of those fractions' sizes, so that nothing happens to a taxel without crosstalk.
+    variant "network": in addition, each taxel gains fractions of the signals at the same place of the neighbouring TX
+    and RX lines, because traces are routed side by side. The form for the hand also changes the taxel's own signal by
+    `own_ratio` times the sum of the absolute fractions, because the resistance of the lines attenuates the own signal.
+    Without crosstalk the own signal does not change.
     """
 
     name = "electrode_crosstalk"
@@ -38,17 +42,20 @@ class ElectrodeCrosstalk(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Fractions of either axis."""
+        """Return the fractions for both axes, and the ratio of the own loss if the form has it."""
         names = ["tx_fraction", "rx_fraction"]
         if self.variant == "network":
             names += ["tx_neighbour_fraction", "rx_neighbour_fraction"]
         fractions = [Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names]
-        own = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_PRIOR)] if self._loses else []
+        own = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_RATIO_PRIOR)] if self._has_own_loss else []
         return (*fractions, *own)
 
     @property
-    def _loses(self) -> bool:
-        """With a value for each board it could not be told from the boards' gains."""
+    def _has_own_loss(self) -> bool:
+        """Whether the form changes the taxel's own signal.
+
+        With a value for each board this change is not identifiable from the gains of the boards.
+        """
         return self.variant == "network" and self.scope == HAND
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -57,46 +64,49 @@ class ElectrodeCrosstalk(Effect):
             return signal
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy()
-        for number, board in enumerate(lines_of(state.pair)):
-            own = values[:, number if self.scope == BOARD else 0]
-            mix = np.tensordot(own[: len(board.passed)], board.passed[: len(own)], axes=1)
-            if self._loses:
-                mix[np.diag_indices_from(mix)] += own[4] * np.abs(own[:4]).sum()
-            result[:, :, board.columns] += signal_counts[:, :, board.columns] @ mix
+        for number, board in enumerate(find_board_lines(state.pair)):
+            block_values = values[:, number if self.scope == BOARD else 0]
+            mixing = np.tensordot(block_values[: len(board.coupling)], board.coupling[: len(block_values)], axes=1)
+            if self._has_own_loss:
+                mixing[np.diag_indices_from(mixing)] += block_values[4] * np.abs(block_values[:4]).sum()
+            result[:, :, board.columns] += signal_counts[:, :, board.columns] @ mixing
         return signal.with_signal_counts(result)
 
 
 @dataclass(frozen=True, eq=False)
 class BoardLines:
-    """One board's taxels, [m], and what each (row) passes to the others (column) by a fraction of 1, f64[4, m, m]: mean
-    of the others on a taxel's TX line, on its RX line, sum of those on the TX lines beside, and on the RX lines beside.
+    """Coupling of the m taxels of one board by its lines.
+
+    taxels: [m], indices in the recording. coupling: f64[4, m, m], share of the signal of a taxel (row) that another
+    taxel (column) gains at a fraction of 1. The four matrices are: mean of the other taxels on the TX line, mean of the
+    other taxels on the RX line, sum over the neighbouring TX lines, sum over the neighbouring RX lines.
     """
 
     taxels: NDArray[np.intp]
-    passed: FloatArray
+    coupling: FloatArray
 
     @cached_property
     def columns(self) -> NDArray[np.intp] | slice:
-        """Its taxels, see `columns_of`."""
-        return columns_of(self.taxels)
+        """Index of the taxels in the recording, see `make_column_index`."""
+        return make_column_index(self.taxels)
 
 
-def lines_of(pair: Pair) -> tuple[BoardLines, ...]:
-    """Of every board."""
-    return _lines_of(pair.groups, pair.taxels)
+def find_board_lines(pair: Pair) -> tuple[BoardLines, ...]:
+    """Return the coupling of each board of a pair, in the order of the boards."""
+    return _find_board_lines(pair.groups, pair.taxels)
 
 
 @lru_cache(maxsize=8)
-def _lines_of(groups: Groups, table: TaxelTable) -> tuple[BoardLines, ...]:
-    made = []
-    for taxels in groups_of(groups.sensor):
+def _find_board_lines(groups: TaxelGroups, table: TaxelTable) -> tuple[BoardLines, ...]:
+    boards = []
+    for taxels in list_group_members(groups.sensor):
         tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (table.tx, table.rx))
-        apart = [np.abs(line[:, None] - line) for line in (tx, rx)]
-        same = [gap == 0 for gap in apart]
+        distances = [np.abs(line[:, None] - line) for line in (tx, rx)]
+        is_same_line = [distance == 0 for distance in distances]
         means = []
-        for line in same:
-            others = (line & ~np.eye(len(taxels), dtype=bool)).astype(np.float64)
+        for is_same in is_same_line:
+            others = (is_same & ~np.eye(len(taxels), dtype=bool)).astype(np.float64)
             means.append(others / np.maximum(others.sum(axis=0), 1.0))
-        beside = [(apart[axis] == 1) & same[1 - axis] for axis in (0, 1)]
-        made.append(BoardLines(taxels, np.stack([*means, *beside]).astype(np.float64)))
-    return tuple(made)
+        neighbours = [(distances[axis] == 1) & is_same_line[1 - axis] for axis in (0, 1)]
+        boards.append(BoardLines(taxels, np.stack([*means, *neighbours]).astype(np.float64)))
+    return tuple(boards)

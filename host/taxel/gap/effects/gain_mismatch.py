@@ -1,4 +1,4 @@
-"""Taxels or whole boards more or less sensitive than modelled."""
+"""Taxels or whole boards that are more or less sensitive than in the simulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from taxel.types import FloatArray
 
 
 class GainMismatch(Effect):
-    """Drops times exp(log_gain), of each board or of each taxel."""
+    """The signal counts are multiplied by exp(log_gain), for each board or for each taxel.
+
+    prior: standard deviation of the prior of `log_gain`.
+    """
 
     name = "gain_mismatch"
     order = 50
@@ -23,7 +26,10 @@ class GainMismatch(Effect):
         self.variant = "boards" if scope == BOARD else "taxels"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Natural logarithm of the gain; what is three times less sensitive is broken."""
+        """Return the natural logarithm of the gain.
+
+        The lower bound is a gain of 0.3, because a smaller gain is a defect and not a tolerance.
+        """
         return (Parameter("log_gain", "1", -1.2, 1.0, 0.0, 0.0, self.prior),)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:

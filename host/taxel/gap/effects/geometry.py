@@ -1,5 +1,8 @@
-"""Presses that are worked out anew: where an object or a bracket is displaced, or the layer is softer. Depths come from
-rays along the taxels' normals onto the objects' meshes, forces from the layer's law at the net force of each board.
+"""Contacts that are computed again for a displaced object, a displaced bracket, or a softer layer.
+
+Depths follow from rays along the normals of the taxels to the meshes of the objects. Forces follow from the law of the
+layer at the net force of each board. Each taxel is divided into 9 pieces (`PIECES_PER_SIDE` squared). The pressure on a
+piece is stated in newtons: the force of a taxel whose whole area has the pressure of the piece.
 """
 
 from __future__ import annotations
@@ -13,34 +16,40 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.boards import PIECES
-from taxel.gap.effects.held_object import LEAST_SHARE, Push, pushes_together, shifted_load
-from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_together
-from taxel.gap.effects.ray_mesh import Mesh
+from taxel.gap.data.boards import PIECES_PER_SIDE
+from taxel.gap.effects.held_object import MIN_FORCE_SHARE, Push, compute_load_shifts, find_coupled_pushes
+from taxel.gap.effects.layer_law import ForceDepthLaw, estimate_taxel_law, fit_piece_law, solve_board_pressures
+from taxel.gap.effects.ray_mesh import RayMesh
 from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
 LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
-"""Shares of a board's net force in hold at which a press is worked out anew."""
+"""L levels at which a contact is computed again, as shares of the net force of the board in hold.
 
-AS_IS: Final[Mapping[int, float]] = MappingProxyType({})
-"""Every contact bears as much as it does."""
+Chosen; the changes between two levels are interpolated linearly.
+"""
 
-FREELY: Final[Mapping[int, float]] = MappingProxyType({})
-"""Nothing holds an object aside."""
+NO_SCALING: Final[Mapping[int, float]] = MappingProxyType({})
+"""No contact has a changed stiffness."""
 
-STILL: Final = np.eye(4)
-"""A board that does not move."""
+NO_HOLDING: Final[Mapping[int, float]] = MappingProxyType({})
+"""No object has a mount that opposes a displacement."""
 
-REMEMBERED: Final = 100_000_000
-"""Bytes of forces of displacements that are kept."""
+NO_MOTION: Final = np.eye(4)
+"""Motion of a board that is not displaced."""
+
+MAX_CACHE_BYTES: Final = 100_000_000
+"""Size of the cache of computed changes in `ContactGeometry`, bytes. Chosen; a full cache is cleared."""
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
-    """One board in one cell during hold. taxels: [m]. force: f64[m], newtons. points: f64[m, 9, 3], of
-    their pieces; normals: f64[m, 3]; bracket frame. object_from_board: f64[4, 4].
+class BoardContact:
+    """Contact of one board in one condition during hold.
+
+    condition: index of the condition. board: index of the board. taxels: [m], indices of the taxels of the board.
+    force: f64[m], newtons. points: f64[m, 9, 3], centres of the pieces, metres, bracket frame. normals: f64[m, 3],
+    bracket frame. object_from_board: f64[4, 4], pose of the board in the object frame.
     """
 
     condition: int
@@ -53,216 +62,252 @@ class Contact:
 
     @cached_property
     def board_from_object(self) -> FloatArray:
-        """The other way."""
+        """Pose of the object in the bracket frame, f64[4, 4]."""
         return np.asarray(np.linalg.inv(self.object_from_board))
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
-    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name.
-    law: of whole taxels. piece_law: of their pieces. depths, rest: depths [m] and pressures, f64[m, 9], of each
-    contact's pieces where nothing is displaced.
+class ContactGeometry:
+    """Contacts of a state, with all data from which displaced contacts are computed.
+
+    contacts: of every loaded board in each condition. meshes: by object name. law: force over depth of whole taxels.
+    piece_law: pressure over depth of pieces. depths: depths of the pieces of each contact without displacement,
+    f64[m, 9], metres. undisplaced_pressures: pressures on these pieces, f64[m, 9], newtons.
     """
 
-    contacts: tuple[Contact, ...]
-    meshes: dict[str, Mesh]
-    law: Law
-    piece_law: Law
+    contacts: tuple[BoardContact, ...]
+    meshes: dict[str, RayMesh]
+    law: ForceDepthLaw
+    piece_law: ForceDepthLaw
     depths: tuple[FloatArray, ...]
-    rest: tuple[FloatArray, ...]
-    _known: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
-    _rests: dict[int, FloatArray] = field(default_factory=dict)
+    undisplaced_pressures: tuple[FloatArray, ...]
+    _cache: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
+    _undisplaced_forces: dict[int, FloatArray] = field(default_factory=dict)
 
     @cached_property
-    def shares(self) -> dict[tuple[int, int], FloatArray]:
-        """Which share of a taxel's force each of its pieces bears, f64[m, 9], by cell and board; all the same where by
-        the meshes none is pressed.
+    def piece_shares(self) -> dict[tuple[int, int], FloatArray]:
+        """Share of the force of each taxel on each of its pieces, f64[m, 9], by condition and board.
+
+        The shares of a taxel are equal if the meshes load none of its pieces.
         """
-        found = {}
-        for contact, pressure in zip(self.contacts, self.rest, strict=True):
-            whole = pressure.sum(axis=1, keepdims=True)
-            even = np.full_like(pressure, 1.0 / PIECES**2)
-            found[contact.condition, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
-        return found
+        shares = {}
+        for contact, pressure in zip(self.contacts, self.undisplaced_pressures, strict=True):
+            total = pressure.sum(axis=1, keepdims=True)
+            even = np.full_like(pressure, 1.0 / PIECES_PER_SIDE**2)
+            shares[contact.condition, contact.board] = np.divide(pressure, total, out=even, where=total > 0.0)
+        return shares
 
     @cached_property
-    def together(self) -> list[list[Push]]:
-        """Boards that bear an object together."""
+    def coupled_pushes(self) -> list[list[Push]]:
+        """Pushes of the boards that carry an object together, see `find_coupled_pushes`."""
         conditions: dict[int, list[Push]] = {}
-        for number, one in enumerate(self.contacts):
-            turn, force = one.object_from_board[:3, :3], float(one.force.sum())
-            way, middle = one.force @ one.normals, one.force @ one.points.mean(axis=1) / force
-            place = turn @ middle + one.object_from_board[:3, 3]
-            conditions.setdefault(one.condition, []).append(
-                Push(number, force, turn @ way / np.linalg.norm(way), place)
+        for number, contact in enumerate(self.contacts):
+            rotation, force = contact.object_from_board[:3, :3], float(contact.force.sum())
+            direction = contact.force @ contact.normals
+            centre = contact.force @ contact.points.mean(axis=1) / force
+            place = rotation @ centre + contact.object_from_board[:3, 3]
+            conditions.setdefault(contact.condition, []).append(
+                Push(number, force, rotation @ direction / np.linalg.norm(direction), place)
             )
-        return pushes_together(conditions)
+        return find_coupled_pushes(conditions)
 
-    def displaced(
-        self, state: State, motions: Mapping[int, FloatArray], held: Mapping[int, float] = FREELY
+    def compute_displacement_changes(
+        self, state: State, motions: Mapping[int, FloatArray], holding_stiffness: Mapping[int, float] = NO_HOLDING
     ) -> dict[int, FloatArray]:
-        """What becomes of the forces on contacts' taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
-        when their boards move by f64[4, 4] in their objects' views. motions: by number of the contact, as the result.
-        held: newtons a metre with which their objects are held aside.
+        """Return the changes of the forces of displaced contacts, f64[2, L, m] as in `apply_change`.
 
-        Each board's approach is solved anew so that its net force stays, or is what `held_object.py` says. A fit moves
-        one block after another, and other effects beside: what it has asked before is remembered.
+        motions: f64[4, 4], of the boards in the object frames, by index of the contact; the result has the same keys.
+        holding_stiffness: stiffness of the mounts of the objects, newtons per metre, by index of the contact.
+
+        The approach of each board is solved again. Its net force is kept, or changes as `held_object.py` describes.
+        Results are cached, because a fit changes one block or another effect at a time.
         """
-        more: dict[int, float] = {}
-        for own in self.together:
-            told = [held.get(one.number, 0.0) for one in own]
-            if any(told):
-                more |= shifted_load(own, [motions.get(one.number, STILL) for one in own], told)
+        extra_forces: dict[int, float] = {}
+        for pushes in self.coupled_pushes:
+            stiffness = [holding_stiffness.get(push.number, 0.0) for push in pushes]
+            if any(stiffness):
+                extra_forces |= compute_load_shifts(
+                    pushes, [motions.get(push.number, NO_MOTION) for push in pushes], stiffness
+                )
 
-        def depths(numbers: Sequence[int]) -> list[FloatArray]:
+        def compute_depths(numbers: Sequence[int]) -> list[FloatArray]:
             contacts = [self.contacts[number] for number in numbers]
             poses = [motions[number] @ self.contacts[number].object_from_board for number in numbers]
-            return piece_depths(state, self.meshes, contacts, poses)
+            return compute_piece_depths(state, self.meshes, contacts, poses)
 
         keys = {
-            number: motion.tobytes() + np.float64(more.get(number, 0.0)).tobytes() for number, motion in motions.items()
+            number: motion.tobytes() + np.float64(extra_forces.get(number, 0.0)).tobytes()
+            for number, motion in motions.items()
         }
-        return self._changed(keys, depths, more=more)
+        return self._find_changes(keys, compute_depths, extra_forces=extra_forces)
 
-    def sunk(self, scales: Mapping[int, float]) -> dict[int, FloatArray]:
-        """The same where every piece bears so many times as much at the same depth: a softer layer is pressed deeper
-        until the net force is what it was, and more of it bears.
+    def compute_stiffness_changes(self, scales: Mapping[int, float]) -> dict[int, FloatArray]:
+        """Return the changes of the forces of contacts with another stiffness, f64[2, L, m] as in `apply_change`.
+
+        scales: factor on the pressure at the same depth, by index of the contact; the result has the same keys. The net
+        force of each board is kept: the object sinks deeper into a softer layer and loads more pieces.
         """
         keys = {number: np.float64(scale).tobytes() for number, scale in scales.items()}
-        return self._changed(keys, lambda numbers: [self.depths[number] for number in numbers], scales)
+        return self._find_changes(keys, lambda numbers: [self.depths[number] for number in numbers], scales)
 
-    def _changed(
+    def _find_changes(
         self,
         keys: Mapping[int, bytes],
-        depths: Callable[[Sequence[int]], list[FloatArray]],
-        scales: Mapping[int, float] = AS_IS,
-        more: Mapping[int, float] = FREELY,
+        compute_depths: Callable[[Sequence[int]], list[FloatArray]],
+        scales: Mapping[int, float] = NO_SCALING,
+        extra_forces: Mapping[int, float] = NO_HOLDING,
     ) -> dict[int, FloatArray]:
-        """What is remembered by contact and key; the rest is worked out anew from these depths."""
-        result = {number: self._known[number, key] for number, key in keys.items() if (number, key) in self._known}
+        """Return the changes of contacts from the cache; compute those that the cache does not contain.
+
+        keys: of the cache, by index of the contact. compute_depths: returns the depths of the pieces, f64[m, 9] each,
+        for indices of contacts.
+        """
+        result = {number: self._cache[number, key] for number, key in keys.items() if (number, key) in self._cache}
         new = [number for number in keys if number not in result]
         if new:
-            self._rest_at_levels(new)
-            pressed = self._at_levels(new, depths(new), scales, more)
-            for number, force in zip(new, pressed, strict=True):
-                result[number] = self._remember((number, keys[number]), _change(self._rests[number], force))
+            self._add_undisplaced_forces(new)
+            forces = self._solve_forces(new, compute_depths(new), scales, extra_forces)
+            for number, force in zip(new, forces, strict=True):
+                change = _compute_change(self._undisplaced_forces[number], force)
+                result[number] = self._add_to_cache((number, keys[number]), change)
         return result
 
-    def _rest_at_levels(self, numbers: Sequence[int]) -> None:
-        """Work out those that were never asked for."""
-        new = [number for number in numbers if number not in self._rests]
+    def _add_undisplaced_forces(self, numbers: Sequence[int]) -> None:
+        """Compute the forces without displacement of those contacts for which they are not yet known."""
+        new = [number for number in numbers if number not in self._undisplaced_forces]
         if new:
-            self._rests.update(zip(new, self._at_levels(new, [self.depths[number] for number in new]), strict=True))
+            forces = self._solve_forces(new, [self.depths[number] for number in new])
+            self._undisplaced_forces.update(zip(new, forces, strict=True))
 
-    def _at_levels(
+    def _solve_forces(
         self,
         numbers: Sequence[int],
         depths: Sequence[FloatArray],
-        scales: Mapping[int, float] = AS_IS,
-        more: Mapping[int, float] = FREELY,
+        scales: Mapping[int, float] = NO_SCALING,
+        extra_forces: Mapping[int, float] = NO_HOLDING,
     ) -> list[FloatArray]:
-        """Forces f64[L, m] of contacts whose pieces are pressed in like this. more: newtons that they bear besides."""
+        """Return the forces of the taxels of contacts at all levels, f64[L, m] each, newtons.
+
+        numbers: indices of the contacts. depths: of their pieces, f64[m, 9] each, metres. scales: factors on the
+        stiffness. extra_forces: increases of the net forces, newtons.
+        """
         scale = np.array([scales.get(number, 1.0) for number in numbers])
-        whole = np.array([self.contacts[number].force.sum() for number in numbers])
-        besides = np.array([more.get(number, 0.0) for number in numbers])
-        # What is held aside is so from the touch on, when a board hardly bears anything.
-        net = np.maximum(LEVELS * whole[:, None] + besides[:, None], LEAST_SHARE * LEVELS * whole[:, None])
-        pressed = pressed_together(self.piece_law, depths, net / scale[:, None])
-        return [own * pressure.mean(axis=2) for own, pressure in zip(scale, pressed, strict=True)]
+        hold_force = np.array([self.contacts[number].force.sum() for number in numbers])
+        extra = np.array([extra_forces.get(number, 0.0) for number in numbers])
+        # A displaced object is held aside from the first touch on, at which a board carries hardly any force: the full
+        # extra force applies at every level, and a lower limit keeps the net force positive.
+        net = np.maximum(LEVELS * hold_force[:, None] + extra[:, None], MIN_FORCE_SHARE * LEVELS * hold_force[:, None])
+        pressures = solve_board_pressures(self.piece_law, depths, net / scale[:, None])
+        return [factor * pressure.mean(axis=2) for factor, pressure in zip(scale, pressures, strict=True)]
 
-    def _remember(self, key: tuple[int, bytes], force: FloatArray) -> FloatArray:
-        if (len(self._known) + 1) * force.nbytes > REMEMBERED:  # boards are about as large as each other
-            self._known.clear()
-        self._known[key] = force
-        return force
-
-
-def _change(rest: FloatArray, now: FloatArray) -> FloatArray:
-    """Of forces at rest and now, each f64[L, m]: the share that is kept, and what is gained, f64[2, L, m]."""
-    kept = np.divide(now, rest, out=np.ones_like(rest), where=rest > now)
-    return np.stack([kept, np.maximum(now - rest, 0.0)])
+    def _add_to_cache(self, key: tuple[int, bytes], change: FloatArray) -> FloatArray:
+        if (len(self._cache) + 1) * change.nbytes > MAX_CACHE_BYTES:  # boards have similar numbers of taxels
+            self._cache.clear()
+        self._cache[key] = change
+        return change
 
 
-def unchanged(state: State) -> FloatArray:
-    """For `with_change`."""
+def _compute_change(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the kept share and the gained force, f64[2, L, m].
+
+    before, after: forces before and after the change, f64[L, m] each, newtons.
+    """
+    kept = np.divide(after, before, out=np.ones_like(before), where=before > after)
+    return np.stack([kept, np.maximum(after - before, 0.0)])
+
+
+def make_neutral_change(state: State) -> FloatArray:
+    """Return a change f64[C, 2, L, n] for `apply_change` that changes no force."""
     change = np.zeros((len(state.pair.conditions), 2, len(LEVELS), state.pair.n))
     change[:, 0] = 1.0
     return change
 
 
-def changed(state: State, parts: Mapping[int, FloatArray]) -> FloatArray:
-    """For `with_change`: what `Geometry` tells of some contacts, by their numbers."""
-    change = unchanged(state)
-    for number, part in parts.items():
-        contact = geometry_of(state).contacts[number]
-        change[contact.condition][..., contact.taxels] = part
+def assemble_change(state: State, contact_changes: Mapping[int, FloatArray]) -> FloatArray:
+    """Return the change f64[C, 2, L, n] for `apply_change` from the changes of single contacts.
+
+    contact_changes: f64[2, L, m] by index of the contact; the other contacts do not change.
+    """
+    change = make_neutral_change(state)
+    for number, contact_change in contact_changes.items():
+        contact = compute_geometry(state).contacts[number]
+        change[contact.condition][..., contact.taxels] = contact_change
     return change
 
 
-def with_change(state: State, signal: Signal, change: FloatArray) -> Signal:
-    """A signal whose forces are changed by f64[C, 2, L, n], the share that is kept and newtons that are gained, where a
-    board's net force is one of `LEVELS`, f64[L], of what it is in hold; between them by what lies between.
+def apply_change(state: State, signal: Signal, change: FloatArray) -> Signal:
+    """Return a signal with changed forces.
 
-    By what geometry says is lost a force falls in proportion, for the simulator's own force is never quite what
-    geometry says: what is no longer pressed shows nothing.
+    change: f64[C, 2, L, n], the share of the force that each taxel keeps and the force that it gains, newtons, at the
+    net forces `LEVELS` of its board. Between two levels the change is interpolated linearly.
+
+    A decrease is a share and not a difference, because the simulated force deviates from the force by geometry: a taxel
+    without contact then has no force.
     """
     assert signal.force is not None
-    lies, gains = _between_levels(state, signal)
+    kept_weights, gained_weights = _compute_level_weights(state, signal)
     force = signal.force.copy()
     for board, layout in enumerate(state.pair.boards):
         kept, gained = change[:, 0][..., layout.columns], change[:, 1][..., layout.columns]
-        where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.condition]
-        condition, pressed = state.condition[where], signal.force[..., layout.columns][where]
-        pressed *= lies[where, :, board] @ kept[condition]
-        pressed += gains[where, :, board] @ gained[condition]
-        force[np.ix_(where, np.arange(force.shape[1]), layout.taxels)] = pressed
+        is_changed = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.condition]
+        condition, board_force = state.condition[is_changed], signal.force[..., layout.columns][is_changed]
+        board_force *= kept_weights[is_changed, :, board] @ kept[condition]
+        board_force += gained_weights[is_changed, :, board] @ gained[condition]
+        force[np.ix_(is_changed, np.arange(force.shape[1]), layout.taxels)] = board_force
     return signal.with_force(force)
 
 
 @lru_cache(maxsize=4)
-def _between_levels(state: State, signal: Signal) -> tuple[FloatArray, FloatArray]:
-    """How much each of `LEVELS` counts for a board at a node: of what is kept, and of what is gained, f64[Q, K, s, L]
-    each. A fit changes one signal again and again: worked out once for it.
+def _compute_level_weights(state: State, signal: Signal) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of `LEVELS` for each board and node, f64[Q, K, s, L]: of kept shares and of gained forces.
+
+    s is the number of boards. Cached, because a fit applies many changes to one signal.
     """
     assert signal.force is not None
-    hold, board = state.clock.phase == Phase.HOLD, state.pair.groups.sums[2]
+    hold, board = state.time_grid.phase == Phase.HOLD, state.pair.groups.sum_matrices[2]
     net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
     level = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
     right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
     share = np.clip((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]), 0.0, 1.0)[..., None]
     number = np.arange(len(LEVELS))
-    lies = np.where(right[..., None] == number, share, 0.0) + np.where(right[..., None] == number + 1, 1.0 - share, 0.0)
-    # Below the least level a press gains in proportion.
-    return lies, lies * np.minimum(level / LEVELS[0], 1.0)[..., None]
+    kept_weights = np.where(right[..., None] == number, share, 0.0) + np.where(
+        right[..., None] == number + 1, 1.0 - share, 0.0
+    )
+    # Below the lowest level the gained force is proportional to the net force: a board without force gains no force.
+    return kept_weights, kept_weights * np.minimum(level / LEVELS[0], 1.0)[..., None]
 
 
-def piece_depths(
-    state: State, meshes: Mapping[str, Mesh], contacts: Sequence[Contact], poses: Sequence[FloatArray]
+def compute_piece_depths(
+    state: State, meshes: Mapping[str, RayMesh], contacts: Sequence[BoardContact], poses: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """How far each contact's pieces are pressed in, f64[m, 9] each, metres; very negative where a ray misses. meshes:
-    by object name. poses: of the boards as the objects see them, f64[4, 4] each.
+    """Return the depths of the pieces of contacts in their objects, f64[m, 9] each, metres.
+
+    meshes: by object name. poses: f64[4, 4] each, of the boards in the object frames. A depth is negative outside the
+    object, and -1 if the ray along the normal misses the object.
     """
-    points = [one.points @ pose[:3, :3].T + pose[:3, 3] for one, pose in zip(contacts, poses, strict=True)]
-    rays = [one.normals @ pose[:3, :3].T for one, pose in zip(contacts, poses, strict=True)]
-    names = [state.pair.conditions[one.condition][0] for one in contacts]
+    points = [contact.points @ pose[:3, :3].T + pose[:3, 3] for contact, pose in zip(contacts, poses, strict=True)]
+    rays = [contact.normals @ pose[:3, :3].T for contact, pose in zip(contacts, poses, strict=True)]
+    names = [state.pair.conditions[contact.condition][0] for contact in contacts]
     result: dict[int, FloatArray] = {}
     for name in dict.fromkeys(names):
-        own = [number for number, other in enumerate(names) if other == name]
-        apart = meshes[name].separation(*(np.concatenate([part[number] for number in own]) for part in (points, rays)))
-        depth = np.where(np.isfinite(apart), -apart, -1.0)
-        ends = np.cumsum([len(rays[number]) for number in own])[:-1]
-        result.update(zip(own, np.split(depth, ends), strict=True))
+        numbers = [number for number, other in enumerate(names) if other == name]
+        separation = meshes[name].compute_separation(
+            *(np.concatenate([vectors[number] for number in numbers]) for vectors in (points, rays))
+        )
+        depth = np.where(np.isfinite(separation), -separation, -1.0)
+        ends = np.cumsum([len(rays[number]) for number in numbers])[:-1]
+        result.update(zip(numbers, np.split(depth, ends), strict=True))
     return [result[number] for number in range(len(contacts))]
 
 
 @lru_cache(maxsize=8)
-def geometry_of(state: State) -> Geometry:
-    """Work out, once for a state, where boards bear."""
+def compute_geometry(state: State) -> ContactGeometry:
+    """Return the contacts of a state with contact forces, and the laws of its layer. Cached."""
     pair = state.pair
     assert state.base.force is not None
-    law = law_of(state)
-    meshes = {name: Mesh(pair.objects[name]) for name in pair.object_names}
-    hold = state.clock.phase == Phase.HOLD
+    law = estimate_taxel_law(state)
+    meshes = {name: RayMesh(pair.objects[name]) for name in pair.object_names}
+    hold = state.time_grid.phase == Phase.HOLD
     contacts = []
     for condition in range(len(pair.conditions)):
         force = state.base.force[state.condition == condition][:, hold].mean(axis=(0, 1))
@@ -272,9 +317,10 @@ def geometry_of(state: State) -> Geometry:
                 continue
             pose = np.linalg.inv(pair.object_poses[condition]) @ pair.sensor_poses[condition, board]
             normals = pair.taxels.normal[taxels]
-            contacts.append(Contact(condition, board, taxels, force[taxels], layout.pieces, normals, pose))
-    depths = piece_depths(state, meshes, contacts, [one.object_from_board for one in contacts])
-    piece_law = law_of_pieces(law, [(depth, one.force) for depth, one in zip(depths, contacts, strict=True)])
-    whole = np.array([[one.force.sum()] for one in contacts])
-    rest = tuple(pressed[0] for pressed in pressed_together(piece_law, depths, whole))
-    return Geometry(tuple(contacts), meshes, law, piece_law, tuple(depths), rest)
+            contacts.append(BoardContact(condition, board, taxels, force[taxels], layout.piece_centres, normals, pose))
+    depths = compute_piece_depths(state, meshes, contacts, [contact.object_from_board for contact in contacts])
+    forces = [contact.force for contact in contacts]
+    piece_law = fit_piece_law(law, list(zip(depths, forces, strict=True)))
+    net_forces = np.array([[force.sum()] for force in forces])
+    pressures = tuple(pressure[0] for pressure in solve_board_pressures(piece_law, depths, net_forces))
+    return ContactGeometry(tuple(contacts), meshes, law, piece_law, tuple(depths), pressures)

@@ -1,9 +1,9 @@
-"""How boards share the force of an object that touches several of them and stands elsewhere.
+"""Distribution of a force over several boards that carry a displaced object together.
 
-What holds the object (a mount, a wrist, the other fingers) gives way a little across the push. An object that is held a
-millimetre aside is pushed aside by boards that stand at an angle, until what holds it pushes back: one board bears
-more than the simulator says, and another less. Each board's own force is no longer what it was, but their sum along
-the push is.
+The mount of the object (a fixture, a wrist, or the other fingers) is compliant across the direction of the push. If the
+object is displaced laterally, boards at an angle push it aside until the mount balances them: one board carries more
+force than in the simulation, and another board carries less. The force of each board changes, but the sum of the forces
+along the direction of the push is constant.
 """
 
 from __future__ import annotations
@@ -16,17 +16,25 @@ import numpy as np
 
 from taxel.types import FloatArray
 
-ONE_WAY: Final = 0.5
-"""Net push over the sum of all boards' pushes: below it they hold the object between them, and it is no press."""
+MIN_NET_PUSH_RATIO: Final = 0.5
+"""Smallest ratio of the net push to the sum of the pushes of all boards that push an object in one direction.
 
-LEAST_SHARE: Final = 0.02
-"""Of its force that a board bears at least: one that is left alone is another contact, which no small motion tells."""
+Chosen: below it the boards clamp the object between them.
+"""
+
+MIN_FORCE_SHARE: Final = 0.02
+"""Smallest share of its simulated force that a board keeps.
+
+Chosen: a board without force is a different contact, which a small displacement does not describe.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """What a board does to an object in a press. number: of the contact. force: newtons. direction, place: f64[3], its
-    mean and where, object frame.
+    """Force of one board on an object.
+
+    number: index of the contact. force: newtons. direction: f64[3], unit vector of the mean push, object frame. place:
+    f64[3], centre of the force, metres, object frame.
     """
 
     number: int
@@ -35,29 +43,42 @@ class Push:
     place: FloatArray
 
 
-def pushes_together(conditions: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
-    """Of the cells those in which several boards push an object one way."""
-    found = []
-    for own in conditions.values():
-        net = np.sum([one.force * one.direction for one in own], axis=0)
-        if len(own) > 1 and np.linalg.norm(net) > ONE_WAY * sum(one.force for one in own):
-            found.append(list(own))
-    return found
+def find_coupled_pushes(conditions: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
+    """Return the pushes of each condition in which several boards push an object in one direction.
 
-
-def shifted_load(pushes: Sequence[Push], motions: Sequence[FloatArray], held: Sequence[float]) -> dict[int, float]:
-    """Newtons that each board bears more, by number of the contact. motions: of the boards as the object sees them,
-    f64[4, 4] each. held: newtons a metre with which the object is held across the push, as each board is told.
-
-    The object follows the boards along their pushes, as far as those say where it is; the rest of it is held back.
+    conditions: all pushes by index of the condition.
     """
-    directions = np.array([one.direction for one in pushes])
-    net = np.array([one.force for one in pushes]) @ directions
-    way = net / np.linalg.norm(net)
+    coupled = []
+    for pushes in conditions.values():
+        net = np.sum([push.force * push.direction for push in pushes], axis=0)
+        if len(pushes) > 1 and np.linalg.norm(net) > MIN_NET_PUSH_RATIO * sum(push.force for push in pushes):
+            coupled.append(list(pushes))
+    return coupled
+
+
+def compute_load_shifts(
+    pushes: Sequence[Push], motions: Sequence[FloatArray], holding_stiffness: Sequence[float]
+) -> dict[int, float]:
+    """Return the increase of the force of each board, newtons, by index of the contact.
+
+    pushes: of the boards that carry one object. motions: f64[4, 4] each, of the boards in the object frame.
+    holding_stiffness: stiffness of the mount across the push, newtons per metre, one value for each board.
+
+    Each board moves the object along its direction by the motion of the centre of its force. The mount opposes this
+    motion with a force that is the least-squares solution over all directions. Its part across the net push is
+    distributed over the boards with the smallest sum of squares of the changes. No board falls below `MIN_FORCE_SHARE`
+    of its force.
+    """
+    directions = np.array([push.direction for push in pushes])
+    net = np.array([push.force for push in pushes]) @ directions
+    net_direction = net / np.linalg.norm(net)
     moved = np.array(
-        [motion[:3, :3] @ one.place + motion[:3, 3] - one.place for one, motion in zip(pushes, motions, strict=True)]
+        [motion[:3, :3] @ push.place + motion[:3, 3] - push.place for push, motion in zip(pushes, motions, strict=True)]
     )
-    back = np.linalg.pinv(directions) @ (np.asarray(held) * (directions * moved).sum(axis=1))
-    back -= way * (way @ back)
-    more = np.linalg.pinv(directions.T) @ back
-    return {one.number: max(float(add), (LEAST_SHARE - 1.0) * one.force) for one, add in zip(pushes, more, strict=True)}
+    mount_force = np.linalg.pinv(directions) @ (np.asarray(holding_stiffness) * (directions * moved).sum(axis=1))
+    mount_force -= net_direction * (net_direction @ mount_force)
+    changes = np.linalg.pinv(directions.T) @ mount_force
+    return {
+        push.number: max(float(change), (MIN_FORCE_SHARE - 1.0) * push.force)
+        for push, change in zip(pushes, changes, strict=True)
+    }

@@ -1,27 +1,28 @@
-"""Unloading does not retrace loading: the layer creeps under force and recovers late."""
+"""Hysteresis: the signal differs between loading and unloading, because a part of it follows with a time constant."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.effects.geometry import geometry_of
-from taxel.gap.effects.lag import low_pass
-from taxel.gap.effects.plate import closed_by, compute_signal_counts
+from taxel.gap.effects.geometry import compute_geometry
+from taxel.gap.effects.lag import apply_low_pass
+from taxel.gap.effects.plate import compute_closed_share, compute_signal_counts
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-MOST_TIMES = 3.0
-"""The recorded time, in which a time constant shows: of what comes so late not a third has come by the end."""
+MAX_TIME_CONSTANT_RATIO = 3.0
+"""Largest time constant, as a multiple of the recorded time. With a larger one, less than a third of the late share
+arrives before the end of the record, so that the effect is not distinguishable from another force law."""
 
 
 class Hysteresis(Effect):
-    """A share `fraction` acts late, with a time constant `seconds` (a standard linear solid).
+    """Hysteresis of a standard linear solid: a share `fraction` of a quantity follows with the time constant `seconds`.
 
-    variant "force": of the force. "drop": of the drop. "depth": of the depth to which the force presses the layer, by
-    the simulator's own law. "gap": of the share x by which the gap between plates is closed, where the drop is as
-    x / (1 - x), that of a plate capacitor: counts grow faster than what creeps. "more": of the force, and on top of it,
-    as where a press goes on to give way.
+    variant: the quantity. `force`: the force. `drop`: the signal. `depth`: the depth of the layer at this force, by the
+    law of the simulator's layer. `gap`: the closed share x of the gap of a plate capacitor, whose signal is
+    proportional to x / (1 - x); counts then increase faster than the closed share. `more`: an addition to the force,
+    as in a layer that yields further under load.
     """
 
     name = "hysteresis"
@@ -32,17 +33,17 @@ class Hysteresis(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Late share and time constant."""
+        """Return the parameters: late share and time constant in seconds."""
         return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
 
-    def unavailable(self, state: State) -> str:
+    def find_unavailable_reason(self, state: State) -> str:
         """See `Effect`."""
-        on_drop = self.variant in ("drop", "gap")
-        return "" if on_drop or state.has_force else "the simulation has no contact force"
+        acts_on_signal = self.variant in ("drop", "gap")
+        return "" if acts_on_signal or state.has_force else "the simulation has no contact force"
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Whether it goes on so slowly that hardly anything is seen to come late: that is another law of counts."""
-        return bool((values[1] > MOST_TIMES * state.since[-1]).all())
+        """Return whether all time constants exceed `MAX_TIME_CONSTANT_RATIO` times the recorded time."""
+        return bool((values[1] > MAX_TIME_CONSTANT_RATIO * state.node_times_s[-1]).all())
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
@@ -50,17 +51,21 @@ class Hysteresis(Effect):
             return signal
         fraction, seconds = self.spread_out(state, values)
 
-        def late(what: FloatArray) -> FloatArray:
-            return what + fraction * (low_pass(what, state.since, seconds[:, 0]) - what)
+        def delay_share(quantity: FloatArray) -> FloatArray:
+            return quantity + fraction * (apply_low_pass(quantity, state.node_times_s, seconds[:, 0]) - quantity)
 
         if self.variant == "gap":
-            return signal.with_signal_counts(compute_signal_counts(state, late(closed_by(state, signal))))
+            return signal.with_signal_counts(
+                compute_signal_counts(state, delay_share(compute_closed_share(state, signal)))
+            )
         if self.variant == "drop":
-            return signal.with_signal_counts(late(state.to_signal_counts(signal)))
+            return signal.with_signal_counts(delay_share(state.to_signal_counts(signal)))
         assert signal.force is not None
         if self.variant == "depth":
-            law = geometry_of(state).law
-            return signal.with_force(law.force(late(law.depth(signal.force))))
+            law = compute_geometry(state).law
+            return signal.with_force(law.compute_force(delay_share(law.compute_depth(signal.force))))
         if self.variant == "more":
-            return signal.with_force(signal.force + fraction * low_pass(signal.force, state.since, seconds[:, 0]))
-        return signal.with_force(late(signal.force))
+            return signal.with_force(
+                signal.force + fraction * apply_low_pass(signal.force, state.node_times_s, seconds[:, 0])
+            )
+        return signal.with_force(delay_share(signal.force))

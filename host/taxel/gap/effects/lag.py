@@ -1,4 +1,4 @@
-"""What follows late: a first-order low pass of values at nodes of time."""
+"""First-order low-pass filter of values at nodes of time."""
 
 from __future__ import annotations
 
@@ -6,25 +6,26 @@ import numpy as np
 
 from taxel.types import FloatArray
 
-LEAST_S = 1e-6
+MIN_TIME_CONSTANT_S = 1e-6
+"""Smallest time constant, seconds. Chosen: far below a frame period; it avoids a division by zero."""
 
 
-def low_pass(values: FloatArray, time_s: FloatArray, seconds: FloatArray) -> FloatArray:
-    """Of values f64[Q, K, n] that are linear between nodes time_s f64[K], from rest; seconds: f64[Q, n], its time
-    constants.
+def apply_low_pass(values: FloatArray, time_s: FloatArray, seconds: FloatArray) -> FloatArray:
+    """Return values f64[Q, K, n] after a first-order low-pass filter that starts at rest (0).
 
-    Over a step h of values from a to b a lag goes from y to b - (b - a) (1 - e^-x) / x + (y - a) e^-x, x = h / seconds
-    (the solution of seconds dy/dt = value - y).
+    values: f64[Q, K, n], linear between the nodes. time_s: f64[K], times of the nodes. seconds: f64[Q, n], time
+    constants, or f64[1, 1]. While the input changes linearly from a to b within the time h, the output changes from y
+    to b - (b - a) (1 - e^-x) / x + (y - a) e^-x with x = h / seconds, the solution of seconds dy/dt = input - y.
     """
     result = np.empty_like(values)
-    constants = np.maximum(seconds, LEAST_S)
+    constants = np.maximum(seconds, MIN_TIME_CONSTANT_S)
     if (constants == constants.flat[0]).all():
-        constants = constants[:1, :1]  # as a rule it holds for the whole hand: one exponential a node
-    before = behind = np.zeros_like(values[:, 0])
+        constants = constants[:1, :1]  # the usual case, one value for the hand: one exponential for each node
+    last_input = output = np.zeros_like(values[:, 0])
     steps = np.diff(time_s, prepend=2 * time_s[0] - time_s[1] if len(time_s) > 1 else -1.0)
     for node, step in enumerate(steps):
         x = step / constants
-        now = values[:, node]
-        behind = now + (now - before) * np.expm1(-x) / x + (behind - before) * np.exp(-x)
-        result[:, node], before = behind, now
+        node_input = values[:, node]
+        output = node_input + (node_input - last_input) * np.expm1(-x) / x + (output - last_input) * np.exp(-x)
+        result[:, node], last_input = output, node_input
     return result

@@ -1,4 +1,4 @@
-"""A board's frames lag the hand."""
+"""Latency: the frames of a board are late."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Effect, Parameter
-from taxel.gap.effects.lag import low_pass
-from taxel.gap.fitting.state import Signal, State, delayed
+from taxel.gap.effects.lag import apply_low_pass
+from taxel.gap.fitting.state import Signal, State, delay_values
 from taxel.types import FloatArray
 
 
 class Latency(Effect):
-    """variant "delay": each board's drops are those of `seconds` ago. "lag": they follow with a time constant
-    `seconds`, as behind a filter.
+    """Latency of each board.
+
+    variant `delay`: the signals of a board are delayed by `seconds`. `lag`: they pass a first-order low-pass filter
+    with the time constant `seconds`.
     """
 
     name = "latency"
@@ -25,16 +27,18 @@ class Latency(Effect):
         self.scope, self.variant = scope, variant
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The delay, or the time constant: no filter answers before it is asked."""
-        least = 0.0 if self.variant == "lag" else -0.3
-        return (Parameter("seconds", "s", least, 1.5, 0.0, 0.0, 0.5),)
+        """Return the parameter: delay or time constant in seconds. Only a delay can be negative."""
+        low = 0.0 if self.variant == "lag" else -0.3
+        return (Parameter("seconds", "s", low, 1.5, 0.0, 0.0, 0.5),)
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Delays that differ by less than a frame are how two solvers touch the boards; one that all touched boards
-        share, within a frame and a half, is how the frames fell.
+        """Return whether the delays of the loaded boards are within the resolution of the frames.
+
+        Differences below one frame period arise from different contact solvers. A delay of up to 1.5 frame periods of
+        all boards arises from the times at which the frames were recorded.
         """
-        touched = state.touched_boards
-        delays = values[0, touched]
+        loaded = state.loaded_boards
+        delays = values[0, loaded]
         frame = state.pair.frame_s
         return len(delays) > 0 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
@@ -45,10 +49,10 @@ class Latency(Effect):
         signal_counts = state.to_signal_counts(signal)
         (delay,) = self.spread_out(state, values)
         if self.variant == "lag":
-            return signal.with_signal_counts(low_pass(signal_counts, state.since, delay[:, 0]))
-        return signal.with_signal_counts(delayed(signal_counts, state.since, delay[:, 0]))
+            return signal.with_signal_counts(apply_low_pass(signal_counts, state.node_times_s, delay[:, 0]))
+        return signal.with_signal_counts(delay_values(signal_counts, state.node_times_s, delay[:, 0]))
 
 
 def is_delay(effect: Effect) -> bool:
-    """Whether an effect's seconds are a plain delay, which counts from where the clocks were aligned."""
+    """Return whether an effect is a latency of the form "delay", whose seconds refer to the aligned times."""
     return effect.name == Latency.name and effect.variant == "delay"

@@ -1,4 +1,8 @@
-"""Force over depth of a taxel's layer: what the simulator's own data tell of it, and presses by that law."""
+"""Force over depth of a taxel's layer, estimated from the simulated data, and pressures that follow from this law.
+
+Each taxel is divided into 9 pieces (`PIECES_PER_SIDE` squared). The pressure on a piece is stated in newtons: the force
+of a taxel whose whole area has the pressure of the piece. The force of a taxel is the mean pressure of its pieces.
+"""
 
 from __future__ import annotations
 
@@ -14,182 +18,201 @@ from scipy.optimize import nnls
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-NEAR_M: Final = 0.006
-"""A piece that is farther from contact than this stays out of it."""
+CONTACT_RANGE_M: Final = 0.006
+"""Shift beyond the largest depth of a law up to which a board can approach, metres. Pieces that remain out of contact
+at the largest shift are omitted, which saves time."""
 
-FAR_M: Final = 1.0
-"""Beyond the deepest press that a simulator has made: no layer is so thick."""
+EXTRAPOLATION_M: Final = 1.0
+"""Length of the extrapolation beyond the last point of a law, metres. Chosen: no layer is so thick."""
 
-COARSE: Final = 16
-MOST_STEPS: Final = 40
-CLOSE: Final = 1e-11
-"""Relative error of a board's net force."""
+COARSE_SHIFTS: Final = 16
+"""Number of shifts on the grid that brackets the solution."""
 
-TOGETHER: Final = 32
-"""Boards that are pressed in one go: what they need stays in a core's cache."""
+MAX_ITERATIONS: Final = 40
+"""Largest number of iterations of the root search."""
 
-LEAST_STEP_N: Final = 1e-4
-"""From one point of a law to the next: it rises."""
+FORCE_TOLERANCE: Final = 1e-11
+"""Relative error of a board's net force at which the root search ends."""
 
-KNOTS: Final = 12
-"""Depths at which a law of pieces bends."""
+BOARDS_PER_BATCH: Final = 32
+"""Number of boards that are solved together. Chosen: the arrays of a batch fit into the cache of a core."""
 
-REFINED: Final = 4
-"""Rounds of presses and fits, after which a law of pieces changes little."""
+MIN_FORCE_STEP_N: Final = 1e-4
+"""Smallest increase of force between successive points of a law, newtons. It makes the law invertible."""
 
-HELD: Final = 0.1
-"""Weight of the law that single taxels tell, beside what all of them say in the middle: it settles depths at which no
-piece is pressed."""
+PIECE_LAW_KNOTS: Final = 12
+"""Number of knots of the piecewise linear law of the pieces."""
+
+REFINEMENTS: Final = 4
+"""Number of alternations between pressures and fit of the law of the pieces. Chosen: the law changes little
+afterwards."""
+
+PRIOR_WEIGHT: Final = 0.1
+"""Weight of the present slopes of the law, relative to the root mean square column of the design matrix. It determines
+the slopes at depths at which no piece is loaded. Selected on the simulated datasets of five worlds of the blind
+check, which contain no hidden cause."""
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
-    """Force over depth of a taxel's layer, as the simulator's own data tell: both f64[k], rising from 0."""
+class ForceDepthLaw:
+    """Force over depth of a taxel's layer, both f64[k], increasing from 0. depth_m: metres. force_n: newtons."""
 
     depth_m: FloatArray
     force_n: FloatArray
 
     @cached_property
-    def _longer(self) -> tuple[FloatArray, FloatArray]:
-        """Depth and force with one more point, far along the last tangent."""
+    def _extrapolated(self) -> tuple[FloatArray, FloatArray]:
+        """Depth and force with an additional point on the tangent at the last point."""
         slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
-        return np.append(self.depth_m, self.depth_m[-1] + FAR_M), np.append(
-            self.force_n, self.force_n[-1] + slope * FAR_M
+        return np.append(self.depth_m, self.depth_m[-1] + EXTRAPOLATION_M), np.append(
+            self.force_n, self.force_n[-1] + slope * EXTRAPOLATION_M
         )
 
-    def force(self, depth: FloatArray) -> FloatArray:
-        """Newtons; none where nothing is pressed, beyond the last point along its tangent."""
-        return np.asarray(np.interp(depth, *self._longer))
+    def compute_force(self, depth: FloatArray) -> FloatArray:
+        """Return the force, newtons, at depths in metres: 0 below depth 0, extrapolated linearly beyond the last
+        point.
+        """
+        return np.asarray(np.interp(depth, *self._extrapolated))
 
-    def depth(self, force: FloatArray) -> FloatArray:
-        """Metres; the same read the other way."""
-        return np.asarray(np.interp(force, *self._longer[::-1]))
+    def compute_depth(self, force: FloatArray) -> FloatArray:
+        """Return the depth, metres, at forces in newtons: the inverse of `compute_force`."""
+        return np.asarray(np.interp(force, *self._extrapolated[::-1]))
 
 
-def law_of(state: State) -> Law:
-    """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed, or
-    hardly, as by a rigid contact.
+def estimate_taxel_law(state: State) -> ForceDepthLaw:
+    """Estimate the law of whole taxels: medians of force and depth in bins of depth, made increasing.
+
+    With fewer than 200 loaded values, or without bins of different depth (rigid contact), the law is a straight line
+    with the contact stiffness of the simulator's sensor model, else with the median ratio of force and depth, else with
+    1000 N/m. The state must contain force and separation.
     """
     force, separation = state.base.force, state.base.separation
     assert force is not None
     assert separation is not None
-    pressed = (separation < 0) & (force > 0.02)
-    depth, newtons = -separation[pressed], force[pressed]
-    stated = state.model.contact_stiffness_n_per_m
+    loaded = (separation < 0) & (force > 0.02)
+    depth, newtons = -separation[loaded], force[loaded]
+    stated = state.sensor_model.contact_stiffness_n_per_m
     stiffness = stated or (float(np.median(newtons / depth)) if len(depth) else 1000.0)
-    line = Law(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
+    line = ForceDepthLaw(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
     if len(depth) < 200:
         return line
     edges = np.quantile(depth, np.linspace(0.0, 0.995, 25))
-    middle, level = [0.0], [0.0]
+    depths, forces = [0.0], [0.0]
     for low, high in pairwise(edges.tolist()):
-        own = (depth >= low) & (depth <= high)
-        if own.sum() >= 5 and np.median(depth[own]) > middle[-1] + 1e-6:
-            middle.append(float(np.median(depth[own])))
-            level.append(max(float(np.median(newtons[own])), level[-1] + LEAST_STEP_N))
-    return Law(np.array(middle), np.array(level)) if len(middle) > 1 else line
+        in_bin = (depth >= low) & (depth <= high)
+        if in_bin.sum() >= 5 and np.median(depth[in_bin]) > depths[-1] + 1e-6:
+            depths.append(float(np.median(depth[in_bin])))
+            forces.append(max(float(np.median(newtons[in_bin])), forces[-1] + MIN_FORCE_STEP_N))
+    return ForceDepthLaw(np.array(depths), np.array(forces)) if len(depths) > 1 else line
 
 
-def law_of_pieces(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> Law:
-    """The law by which pieces have to bear for the taxels' forces to be what the simulator says; `law`, of whole
-    taxels, where none does better. presses: depths f64[m, 9] and forces f64[m] of each board's taxels.
+def fit_piece_law(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> ForceDepthLaw:
+    """Fit the law of the pieces to the forces of the taxels in the simulation. Return `law` if no fitted law has a
+    smaller error.
 
-    A taxel whose middle is pressed in by so much bears more at a ridge and less at a rim than one that is pressed all
-    over. Presses by a law tell how deep each piece is; slopes of a piecewise linear law, none negative, are then fitted
-    to the forces (least squares), in turn.
+    law: of whole taxels. contacts: depths f64[m, 9], metres, and forces f64[m], newtons, of the taxels of each loaded
+    board. A taxel that is loaded unevenly, for example by a ridge or at a rim, has another force at the depth of its
+    centre than an evenly loaded taxel. Two steps alternate: the present law determines the depths of the pieces at the
+    net force of each board; then the slopes of a piecewise linear law are fitted to the forces (non-negative least
+    squares).
     """
     if not contacts:
         return law
-    best, least = law, _error(law, contacts)
-    wanted = np.concatenate([force for _, force in contacts])
-    for _ in range(REFINED):
-        depths = [law.depth(pressure) for pressure in _as_pressed(law, contacts)]
-        knots = np.linspace(0.0, max(float(depth.max()) for depth in depths), KNOTS)
+    best, min_error = law, _compute_error(law, contacts)
+    target = np.concatenate([force for _, force in contacts])
+    for _ in range(REFINEMENTS):
+        depths = [law.compute_depth(pressure) for pressure in _solve_own_pressures(law, contacts)]
+        knots = np.linspace(0.0, max(float(depth.max()) for depth in depths), PIECE_LAW_KNOTS)
         if knots[-1] <= 0.0:
             return best
         width = np.diff(knots)
         rows = np.concatenate([np.clip(depth[..., None] - knots[:-1], 0.0, width).mean(axis=1) for depth in depths])
-        known = np.diff(law.force(knots)) / width
-        weight = HELD * np.sqrt((rows**2).sum(axis=0).mean())
-        slope = nnls(np.vstack([rows, weight * np.eye(len(width))]), np.append(wanted, weight * known))[0]
-        steps = np.maximum(slope * width, LEAST_STEP_N)
-        law = Law(knots, np.concatenate([[0.0], np.cumsum(steps)]))
-        error = _error(law, contacts)
-        if error < least:
-            best, least = law, error
+        prior_slope = np.diff(law.compute_force(knots)) / width
+        weight = PRIOR_WEIGHT * np.sqrt((rows**2).sum(axis=0).mean())
+        slope = nnls(np.vstack([rows, weight * np.eye(len(width))]), np.append(target, weight * prior_slope))[0]
+        steps = np.maximum(slope * width, MIN_FORCE_STEP_N)
+        law = ForceDepthLaw(knots, np.concatenate([[0.0], np.cumsum(steps)]))
+        error = _compute_error(law, contacts)
+        if error < min_error:
+            best, min_error = law, error
     return best
 
 
-def _error(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> float:
-    """Sum of squares [N^2] of what a law says otherwise than the simulator."""
-    pressed = _as_pressed(law, contacts)
-    off = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressed, contacts, strict=True)]
-    return float((np.concatenate(off) ** 2).sum())
+def _compute_error(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> float:
+    """Return the sum of squared differences [N^2] between the taxel forces of a law and of the simulation."""
+    pressures = _solve_own_pressures(law, contacts)
+    errors = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressures, contacts, strict=True)]
+    return float((np.concatenate(errors) ** 2).sum())
 
 
-def _as_pressed(law: Law, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """Pressures f64[m, 9] of each press at its own net force."""
+def _solve_own_pressures(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
+    """Return the pressures f64[m, 9] on the pieces of each contact at the net force of the contact."""
     nets = np.array([[force.sum()] for _, force in contacts])
-    return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in contacts], nets)]
+    return [pressure[0] for pressure in solve_board_pressures(law, [depth for depth, _ in contacts], nets)]
 
 
-def pressed_together(law: Law, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
-    """Pressures f64[L, m, 9] of the pieces of N boards, as the force of a taxel that is pressed so all over, when each
-    board approaches until they bear its net forces. depths: N times f64[m, 9], how far each piece is pressed in.
-    net_forces: f64[N, L], newtons.
+def solve_board_pressures(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
+    """Return the pressures on the pieces of N boards, N times f64[L, m, 9], newtons, at L net forces of each board.
+
+    Each board is shifted towards the object until the sum of its forces equals the net force. law: of the pieces.
+    depths: N times f64[m, 9], metres, depth of each piece before the shift; negative outside the object. net_forces:
+    f64[N, L], newtons.
     """
-    groups = [slice(first, first + TOGETHER) for first in range(0, len(depths), TOGETHER)]
-    return [pressed for own in groups for pressed in _pressed(law, depths[own], net_forces[own])]
+    batches = [slice(first, first + BOARDS_PER_BATCH) for first in range(0, len(depths), BOARDS_PER_BATCH)]
+    return [pressure for batch in batches for pressure in _solve_batch(law, depths[batch], net_forces[batch])]
 
 
-def _pressed(law: Law, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
+def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
+    """Return the result of `solve_board_pressures` for boards of one batch."""
     deepest = np.array([depth.max() for depth in depths])
-    most = -deepest + float(law.depth_m[-1]) + NEAR_M
-    is_near = [depth + shift > 0.0 for depth, shift in zip(depths, most, strict=True)]
-    near = np.concatenate([depth[own] for depth, own in zip(depths, is_near, strict=True)])
-    count = np.array([np.count_nonzero(own) for own in is_near])
+    max_shift = -deepest + float(law.depth_m[-1]) + CONTACT_RANGE_M
+    is_near = [depth + shift > 0.0 for depth, shift in zip(depths, max_shift, strict=True)]
+    near_depth = np.concatenate([depth[near] for depth, near in zip(depths, is_near, strict=True)])
+    count = np.array([np.count_nonzero(near) for near in is_near])
     first, board = np.cumsum(count) - count, np.repeat(np.arange(len(depths)), count)
-    wanted = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
+    target = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
 
-    def force(shift: FloatArray) -> FloatArray:
-        return law.force(near[:, None] + shift[board])
+    def compute_pressure(shift: FloatArray) -> FloatArray:
+        return law.compute_force(near_depth[:, None] + shift[board])
 
-    shift = _shifts(lambda shift: np.add.reduceat(force(shift), first, axis=0), -deepest, most, wanted)
+    shift = _solve_shifts(
+        lambda shift: np.add.reduceat(compute_pressure(shift), first, axis=0), -deepest, max_shift, target
+    )
     result = []
-    for depth, own, pressed in zip(depths, is_near, np.split(force(shift), first[1:]), strict=True):
-        every = np.zeros((wanted.shape[1], *depth.shape))
-        every[:, own] = pressed.T
-        result.append(every)
+    for depth, near, pressure in zip(depths, is_near, np.split(compute_pressure(shift), first[1:]), strict=True):
+        all_pieces = np.zeros((target.shape[1], *depth.shape))
+        all_pieces[:, near] = pressure.T
+        result.append(all_pieces)
     return result
 
 
-def _shifts(
-    bears: Callable[[FloatArray], FloatArray], least: FloatArray, most: FloatArray, wanted: FloatArray
+def _solve_shifts(
+    compute_sum: Callable[[FloatArray], FloatArray], min_shift: FloatArray, max_shift: FloatArray, target: FloatArray
 ) -> FloatArray:
-    """Of N boards those between `least` and `most`, f64[N], at which they bear what is wanted, f64[N, L]. bears: what
-    they do at shifts f64[N, k], in the same shape.
+    """Return the shifts f64[N, L], metres, of N boards at which their sums of pressures equal `target`, f64[N, L].
 
-    The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
-    which stays (the Illinois rule).
+    compute_sum: sums of pressures, f64[N, k], at shifts f64[N, k]; they increase with the shift. min_shift, max_shift:
+    f64[N]. If the target exceeds the sum at the largest shift, the largest shift is returned. A coarse grid brackets
+    each solution; the Illinois variant of the method of false position (Dowell and Jarratt 1971) refines it.
     """
-    coarse = np.linspace(least, most, COARSE, axis=1)
-    known = bears(coarse)
-    right = np.clip((known[:, None] <= wanted[..., None]).sum(axis=2), 1, COARSE - 1)
-    row = np.arange(len(wanted))[:, None]
+    coarse = np.linspace(min_shift, max_shift, COARSE_SHIFTS, axis=1)
+    coarse_sum = compute_sum(coarse)
+    right = np.clip((coarse_sum[:, None] <= target[..., None]).sum(axis=2), 1, COARSE_SHIFTS - 1)
+    row = np.arange(len(target))[:, None]
     low, high = coarse[row, right - 1], coarse[row, right]
-    below, above = known[row, right - 1] - wanted, known[row, right] - wanted
-    # What would bear more than at the deepest shift stays there.
-    middle, missed, stays = high, above > 0.0, np.zeros(wanted.shape, int)
-    for _ in range(MOST_STEPS if missed.any() else 0):
-        slope = np.where(missed, above - below, 1.0)
-        middle = np.where(missed, high - above * (high - low) / slope, middle)
-        value = bears(middle) - wanted
-        missed &= np.abs(value) > CLOSE * wanted
-        if not missed.any():
+    below, above = coarse_sum[row, right - 1] - target, coarse_sum[row, right] - target
+    # Without a sign change the target exceeds the sum at the largest shift.
+    shift, is_open, last_moved = high, above > 0.0, np.zeros(target.shape, int)
+    for _ in range(MAX_ITERATIONS if is_open.any() else 0):
+        slope = np.where(is_open, above - below, 1.0)
+        shift = np.where(is_open, high - above * (high - low) / slope, shift)
+        error = compute_sum(shift) - target
+        is_open &= np.abs(error) > FORCE_TOLERANCE * target
+        if not is_open.any():
             break
-        raised, lowered = missed & (value < 0.0), missed & (value > 0.0)
-        above = np.where(raised & (stays > 0), 0.5 * above, np.where(lowered, value, above))
-        below = np.where(lowered & (stays < 0), 0.5 * below, np.where(raised, value, below))
-        low, high = np.where(raised, middle, low), np.where(lowered, middle, high)
-        stays = np.where(raised, 1, np.where(lowered, -1, stays))
-    return np.asarray(middle)
+        moves_low, moves_high = is_open & (error < 0.0), is_open & (error > 0.0)
+        above = np.where(moves_low & (last_moved > 0), 0.5 * above, np.where(moves_high, error, above))
+        below = np.where(moves_high & (last_moved < 0), 0.5 * below, np.where(moves_low, error, below))
+        low, high = np.where(moves_low, shift, low), np.where(moves_high, shift, high)
+        last_moved = np.where(moves_low, 1, np.where(moves_high, -1, last_moved))
+    return np.asarray(shift)

@@ -1,4 +1,4 @@
-"""Read-out noise that the simulator lacks, white and common to a line."""
+"""Read-out noise that the simulator lacks: white noise, and noise that a line or board has in common."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from taxel.types import FloatArray
 
 
 class Noise(Effect):
-    """Adds variance to every taxel's counts: white, and common to lines or to the board. The mean of a few frames after
-    release has its part of it.
+    """Additional variance of the counts of each taxel: white noise, and noise common to a line or board.
+
+    The effect increases the noise features and the drift residual, which is a mean over few frames.
     """
 
     name = "noise"
@@ -21,33 +22,38 @@ class Noise(Effect):
         self.scope = scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Standard deviations."""
+        """Return the parameters: standard deviations of white and of common noise, counts."""
         return (
             Parameter("white_counts", "counts", 0.0, 3000.0, 0.0, 5.0),
             Parameter("common_counts", "counts", 0.0, 3000.0, 0.0, 2.0),
         )
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """Drops are means: noise leaves them."""
+        """Return the signal itself: noise does not change mean signals."""
         return signal
 
-    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
+    def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
         if not values.any():
             return features
-        added = (values**2).sum(axis=0)[self.blocks(state)]
+        added = (values**2).sum(axis=0)[self.find_blocks(state)]
         result = features.copy()
         noise = state.layout.noise
         result[:, noise] = np.sqrt(features[:, noise] ** 2 + added[:, None])
         drift_residual = state.layout.drift_residual
-        mean2 = added * _share_of_mean(state)
-        result[:, drift_residual] = np.where(state.untouched, np.sqrt(features[:, drift_residual] ** 2 + mean2), 0.0)
+        mean_variance = added * _compute_variance_ratio(state)
+        result[:, drift_residual] = np.where(
+            state.is_unloaded, np.sqrt(features[:, drift_residual] ** 2 + mean_variance), 0.0
+        )
         return result
 
 
-def _share_of_mean(state: State) -> float:
-    """Variance of the mean drop after release over that of a frame: of so many frames, and of the baseline's."""
-    clock, pair = state.clock, state.pair
-    last = clock.phase == clock.phase[-1]
-    after = float(np.sum((clock.end - clock.begin)[last])) / pair.frame_s
-    return 1.0 / max(after, 1.0) + 1.0 / max(float(pair.real.frames.mean()), 1.0)
+def _compute_variance_ratio(state: State) -> float:
+    """Return the variance of the mean signal in the last phase divided by the variance of one frame.
+
+    The signal is the baseline minus the raw count, so that the variance of the mean baseline is included.
+    """
+    time_grid, pair = state.time_grid, state.pair
+    last = time_grid.phase == time_grid.phase[-1]
+    frames_in_phase = float(np.sum((time_grid.end - time_grid.begin)[last])) / pair.frame_s
+    return 1.0 / max(frames_in_phase, 1.0) + 1.0 / max(float(pair.real.baseline_frames.mean()), 1.0)

@@ -1,4 +1,4 @@
-"""The signal depends on the load by another curve, for a simulation without contact forces."""
+"""Nonlinearity: another dependence of the signal on the load, for a simulation without contact forces."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 EXPONENT_STD: Final = 0.3
-"""Prior standard deviation of the exponent: sensors of one type have similar curves."""
+"""Prior standard deviation of the exponent. Chosen: sensors of one type have similar curves."""
 
 
 class Nonlinearity(Effect):
-    """A power law of the signal: x becomes r (|x| / r)^exponent with the sign of x, with the full scale r."""
+    """Power law of the signal: x becomes sign(x) r (|x| / r)^exponent, with the full scale r in counts."""
 
     name = "nonlinearity"
     order = 55
@@ -24,14 +24,14 @@ class Nonlinearity(Effect):
         self.scope = scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The exponent."""
+        """Return the parameter: the exponent."""
         return (Parameter("exponent", "1", 0.3, 3.0, 1.0, 1.0, EXPONENT_STD),)
 
-    def unavailable(self, state: State) -> str:
+    def find_unavailable_reason(self, state: State) -> str:
         """See `Effect`."""
         if state.has_force:
             return "the simulation has contact forces: the effect stiffness describes its curve"
-        return super().unavailable(state)
+        return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""

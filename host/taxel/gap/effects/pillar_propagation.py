@@ -1,4 +1,4 @@
-"""A press draws the layer down around it: a dielectric of pillars gives way beside a press, with a limited slope."""
+"""Contact propagation in a dielectric of pillars: around a loaded place the depth decreases with a fixed slope."""
 
 from __future__ import annotations
 
@@ -8,42 +8,44 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.boards import PIECES, BoardLayout
+from taxel.gap.data.boards import PIECES_PER_SIDE, BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import Parameter
-from taxel.gap.effects.geometry import geometry_of
-from taxel.gap.effects.sheet_kernel import MOST_PAIRS
+from taxel.gap.effects.geometry import compute_geometry
+from taxel.gap.effects.sheet_kernel import MAX_PIECE_PAIRS
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
-"""Shares of a press's greatest force at which what a board's surroundings gain is worked out: nothing at the first;
-between them linear."""
+FORCE_LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
+"""Net force of a board, as shares of its largest value, at which the gained forces are computed. Between the levels the
+gained force is interpolated linearly; it is 0 at the first level."""
 
-LEAST_SHARE: Final = 1e-4
-"""Of the greatest pressure: pieces that are pressed by less draw nothing down."""
+MIN_PRESSURE_SHARE: Final = 1e-4
+"""Smallest pressure of a piece that compresses its surroundings, as a share of the largest pressure. Chosen: it saves
+time."""
 
-MOST_DEPTH: Final = 0.97
-"""Share of the greatest depth, which no finite force reaches."""
+MAX_DEPTH_SHARE: Final = 0.97
+"""Largest depth, as a share of the greatest depth, which no finite force reaches. It limits the gained force."""
 
-
-FALLEN: Final = 1.0 - np.exp(-1.0)
-"""Share of a depth that is gone at the spread, by the report's definition."""
+DECREASE_AT_SPREAD: Final = 1.0 - np.exp(-1.0)
+"""Decrease of the depth at the distance `spread_mm`, as a share of the greatest depth: the depth there is 1/e of it, by
+the definition in the report."""
 
 
 class PillarPropagation(ContactPropagation):
-    """A piece's depth is at least what any other's leaves over the way between them; its own force stays.
+    """Contact propagation with a fixed slope: the depth of a piece is at least the depth of each other piece minus a
+    decrease that is proportional to their distance. The force on the piece itself is kept.
 
-    Depth is told as a share of the greatest, force / (force + half_depth_n): that of the sensor model's drop, were the
-    taxel a capacitor whose plate approaches. spread_mm: the way over which it falls from that to 1/e of it. strength:
-    share of what comes by this that the others gain.
+    The depth is force / (force + half_depth_n), as a share of the greatest depth: the closed share of the gap of a
+    plate capacitor. spread_mm: distance at which the greatest depth has decreased to 1/e. strength: factor on the force
+    that the other pieces gain.
     """
 
     def __init__(self, scope: str = "hand") -> None:
         super().__init__("pillars", scope)
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Spread and strength."""
+        """Return the parameters: spread in millimetres and strength."""
         return Parameter("spread_mm", "mm", 0.2, 25.0, 1.3, 3.8), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -51,63 +53,66 @@ class PillarPropagation(ContactPropagation):
         if not values[1].any() or signal.force is None:
             return signal
         _, strength = self.spread_out(state, values)
-        spreads = values[0, self.blocks(state)[0, [int(board.taxels[0]) for board in state.pair.boards]]]
-        return signal.with_force(signal.force + strength * _gained(state, signal, tuple(spreads.tolist())))
+        spreads = values[0, self.find_blocks(state)[0, [int(board.taxels[0]) for board in state.pair.boards]]]
+        return signal.with_force(signal.force + strength * _compute_unit_gain(state, signal, tuple(spreads.tolist())))
 
 
 @lru_cache(maxsize=4)
-def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> FloatArray:
-    """What the forces draw to other taxels at the strength 1, f64[Q, K, n]. A fit changes the strength beside the same
-    spreads: worked out once for these. spread_mm: of each board.
+def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> FloatArray:
+    """Return the gained force at the strength 1, newtons, f64[Q, K, n]. spread_mm: of each board.
+
+    The result is cached, because a fit varies the strength at the same spreads.
     """
     assert signal.force is not None
-    shares = geometry_of(state).shares
-    # Half the sensor model's force: of shares tried the best on worlds of this project's emulator, chosen there.
-    half_depth_n = 0.5 * float(np.mean(state.model.half_force_n))
+    shares = compute_geometry(state).piece_shares
+    # The factor 0.5 was selected from several values on worlds of the emulator.
+    half_depth_n = 0.5 * float(np.mean(state.sensor_model.half_force_n))
     result = np.zeros(signal.force.shape)
     for number, (board, spread) in enumerate(zip(state.pair.boards, spread_mm, strict=True)):
-        even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)
+        even = np.full((len(board.taxels), PIECES_PER_SIDE**2), 1.0 / PIECES_PER_SIDE**2)
         force = signal.force[:, :, board.columns]
         for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
             contacts = state.condition == condition
-            own = force[contacts]
-            most = np.maximum(own.max(axis=1).mean(axis=0), 0.0)
-            whole = float(most.sum())
-            if whole <= 0.0:
+            board_force = force[contacts]
+            max_force = np.maximum(board_force.max(axis=1).mean(axis=0), 0.0)
+            max_net = float(max_force.sum())
+            if max_net <= 0.0:
                 continue
-            pressure = PIECES**2 * most[:, None] * shares.get((condition, number), even)
-            gained = drawn(board, pressure, 1e-3 * spread / FALLEN, half_depth_n)
-            level = np.clip(own.sum(axis=2) / whole, 0.0, LEVELS[-1])
-            right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
-            share = ((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]))[..., None]
+            pressure = PIECES_PER_SIDE**2 * max_force[:, None] * shares.get((condition, number), even)
+            gained = compute_gained_force(board, pressure, 1e-3 * spread / DECREASE_AT_SPREAD, half_depth_n)
+            level = np.clip(board_force.sum(axis=2) / max_net, 0.0, FORCE_LEVELS[-1])
+            right = np.clip(np.searchsorted(FORCE_LEVELS, level), 1, len(FORCE_LEVELS) - 1)
+            share = ((level - FORCE_LEVELS[right - 1]) / (FORCE_LEVELS[right] - FORCE_LEVELS[right - 1]))[..., None]
             result[contacts, :, board.columns] = (1.0 - share) * gained[right - 1] + share * gained[right]
     return result
 
 
-def drawn(board: BoardLayout, pressure: FloatArray, reach_m: float, half_depth_n: float) -> FloatArray:
-    """Force that a board's taxels gain at each of `LEVELS`, newtons, f64[L, m]. pressure: f64[m, 9], of their pieces at
-    the level 1, as the force of a taxel that is pressed so all over. reach_m: the way over which the greatest depth
-    falls to none.
+def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: float, half_depth_n: float) -> FloatArray:
+    """Return the force that the taxels of a board gain at each of the L `FORCE_LEVELS`, newtons, f64[L, m].
+
+    pressure: f64[m, 9], newtons, of the pieces at the level 1: the force of a taxel whose whole area has this pressure.
+    reach_m: distance over which the greatest depth decreases to 0, metres. half_depth_n: force of half the greatest
+    depth, newtons. On a board with more than `MAX_PIECE_PAIRS` pairs of pieces, whole taxels take the place of pieces.
     """
-    in_pieces = pressure.size**2 <= MOST_PAIRS
-    pressed = (pressure if in_pieces else pressure.mean(axis=1, keepdims=True)).ravel()
-    sources = np.flatnonzero(pressed > LEAST_SHARE * pressed.max())
-    gained = np.zeros((len(LEVELS), len(pressed)))
-    # Single precision: pairs of pieces are many, and what is left of a depth need not be known better.
-    lost = _apart(board, in_pieces)[sources] * np.float32(1.0 / reach_m)
-    for level, result in zip(LEVELS[1:], gained[1:], strict=True):
-        own = level * pressed
-        depth = own / (own + half_depth_n)
-        left = (depth[sources, None].astype(np.float32) - lost).max(axis=0, initial=0.0)
-        deeper = np.clip(left, depth, MOST_DEPTH)
-        result[:] = np.maximum(half_depth_n * deeper / (1.0 - deeper) - own, 0.0)
-    return np.asarray(gained.reshape(len(LEVELS), len(pressure), -1).mean(axis=2))
+    uses_pieces = pressure.size**2 <= MAX_PIECE_PAIRS
+    source_pressure = (pressure if uses_pieces else pressure.mean(axis=1, keepdims=True)).ravel()
+    sources = np.flatnonzero(source_pressure > MIN_PRESSURE_SHARE * source_pressure.max())
+    gained = np.zeros((len(FORCE_LEVELS), len(source_pressure)))
+    # Single precision suffices for a depth, and the pairs of pieces are many.
+    decrease = _compute_distances(board, uses_pieces)[sources] * np.float32(1.0 / reach_m)
+    for level, result in zip(FORCE_LEVELS[1:], gained[1:], strict=True):
+        own_pressure = level * source_pressure
+        own_depth = own_pressure / (own_pressure + half_depth_n)
+        propagated = (own_depth[sources, None].astype(np.float32) - decrease).max(axis=0, initial=0.0)
+        depth = np.clip(propagated, own_depth, MAX_DEPTH_SHARE)
+        result[:] = np.maximum(half_depth_n * depth / (1.0 - depth) - own_pressure, 0.0)
+    return np.asarray(gained.reshape(len(FORCE_LEVELS), len(pressure), -1).mean(axis=2))
 
 
 @lru_cache(maxsize=64)
-def _apart(board: BoardLayout, in_pieces: bool) -> NDArray[np.float32]:
-    """Distances of a board's pieces, or of its taxels, f32[k, k], metres; none draws itself down."""
-    points = board.pieces.reshape(-1, 3)
-    apart = np.linalg.norm(points[:, None] - points, axis=2) if in_pieces else board.apart_m.copy()
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray(apart, dtype=np.float32)
+def _compute_distances(board: BoardLayout, uses_pieces: bool) -> NDArray[np.float32]:
+    """Return the distances of a board's pieces, or else of its taxels, metres, f32[k, k]; infinite on the diagonal."""
+    points = board.piece_centres.reshape(-1, 3)
+    distance = np.linalg.norm(points[:, None] - points, axis=2) if uses_pieces else board.distance_m.copy()
+    np.fill_diagonal(distance, np.inf)
+    return np.asarray(distance, dtype=np.float32)

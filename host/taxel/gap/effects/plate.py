@@ -1,4 +1,4 @@
-"""A plate capacitor whose gap closes: what counts say of the layer, where no force is told."""
+"""Plate capacitor whose gap closes: a model of the layer for simulations without contact forces."""
 
 from __future__ import annotations
 
@@ -9,22 +9,27 @@ import numpy as np
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-HALF_SHARE: Final = 0.25
-"""Of full scale: counts of a gap that is half closed. No parameter: with that free it could be any law of counts. A
-gap's share at full scale hangs on the layout; 0.25 lies within what free fits gave on worlds of this project's emulator
-(0.24 to 0.35), chosen there and on no hardware."""
+HALF_CLOSED_SHARE: Final = 0.25
+"""Signal at a half closed gap, as a share of the full scale. It is not a parameter, because the effect could then fit
+any law of counts. Selected on worlds of the emulator, where free fits gave 0.24 to 0.35; not verified on hardware."""
 
-MOST_CLOSED: Final = 0.98
-"""Of a gap: beyond that the counts of a plate capacitor say nothing of a sensor's."""
+MAX_CLOSED_SHARE: Final = 0.98
+"""Largest closed share of a gap. Chosen: beyond it the signal of the plate model diverges, unlike that of a sensor."""
 
 
-def closed_by(state: State, signal: Signal) -> FloatArray:
-    """Share x f64[Q, K, n] by which the gap is closed where the drop, as x / (1 - x), is the signal's."""
+def compute_closed_share(state: State, signal: Signal) -> FloatArray:
+    """Return the closed share x of the gap, f64[Q, K, n], at which the plate model has the given signal.
+
+    The signal is `HALF_CLOSED_SHARE` times the full scale times x / (1 - x). Negative signals count as 0.
+    """
     signal_counts = np.maximum(state.to_signal_counts(signal), 0.0)
-    return np.asarray(signal_counts / (HALF_SHARE * state.full_scale + signal_counts))
+    return np.asarray(signal_counts / (HALF_CLOSED_SHARE * state.full_scale + signal_counts))
 
 
 def compute_signal_counts(state: State, closed: FloatArray) -> FloatArray:
-    """Drops [counts] of gaps that are closed by shares f64[Q, K, n]: the inverse of `closed_by`."""
-    closed = np.minimum(closed, MOST_CLOSED)
-    return np.asarray(HALF_SHARE * state.full_scale * closed / (1.0 - closed))
+    """Return the signal in counts, f64[Q, K, n], of gaps with the closed shares `closed`, f64[Q, K, n].
+
+    This is the inverse of `compute_closed_share` up to `MAX_CLOSED_SHARE`.
+    """
+    closed = np.minimum(closed, MAX_CLOSED_SHARE)
+    return np.asarray(HALF_CLOSED_SHARE * state.full_scale * closed / (1.0 - closed))

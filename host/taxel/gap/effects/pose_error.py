@@ -1,4 +1,4 @@
-"""An object or a bracket is not where the model has it."""
+"""Pose error: an object or a bracket is displaced and rotated relative to the simulation."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Effect, Parameter
-from taxel.gap.effects.geometry import changed, geometry_of, with_change
+from taxel.gap.effects.geometry import apply_change, assemble_change, compute_geometry
 from taxel.gap.fitting.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
 from taxel.types import FloatArray
 
-PRIOR_MM, PRIOR_DEG = 3.0, 4.0
-"""How far off things are mounted, about; it settles what a press cannot tell, such as a slide along a face."""
+PRIOR_STD_MM, PRIOR_STD_DEG = 3.0, 4.0
+"""Prior standard deviation of each component of translation, millimetres, and of rotation, degrees. Chosen: a usual
+mounting error. The prior determines components that are not identifiable, such as a translation along a plane face."""
 
-HELD_N_PER_MM, HELD_MOST = 2.0, 20.0
-"""What holds an object gives way like this, to begin with, and at most."""
+MOUNT_N_PER_MM, MAX_MOUNT_N_PER_MM = 2.0, 20.0
+"""Start value (also the prior standard deviation) and upper bound of the stiffness of an object's mount, N/mm."""
 
-PLACE, TURN, HELD = slice(0, 3), slice(3, 6), 6
-"""Rows of the values."""
+TRANSLATION, ROTATION, MOUNT = slice(0, 3), slice(3, 6), 6
+"""Rows of the parameter values."""
 
 
 class PoseError(Effect):
-    """Each object (scope "object", its own frame) or bracket ("board") is moved and turned about its origin.
+    """Translation and rotation about the origin of each object (scope "object", in the frame of the object) or of each
+    bracket (scope "board", in the frame of the bracket).
 
-    The rays along the normals meet the mesh elsewhere; each board approaches until its net force is what it was. Where
-    boards bear an object together, one that stands elsewhere is held aside, and they share it differently
-    (`held_object.py`).
+    The depths follow from rays along the taxel normals to the displaced mesh. Each board is shifted until its net force
+    equals the force without displacement. If several boards carry an object, its mount holds back a displaced object,
+    and the boards share the load differently (`held_object.py`).
     """
 
     name = "pose_error"
@@ -39,50 +41,58 @@ class PoseError(Effect):
         self.variant = f"{scope}s" if scope == OBJECT else "brackets"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Translation and rotation vector; of an object also how stiffly it is held."""
-        move = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_MM) for axis in "xyz"]
-        turn = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_DEG) for axis in "xyz"]
+        """Return the parameters: translation, rotation vector, and for an object the stiffness of its mount."""
+        translation = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_STD_MM) for axis in "xyz"]
+        rotation = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_STD_DEG) for axis in "xyz"]
         if self.scope != OBJECT:
-            return (*move, *turn)
-        return (*move, *turn, Parameter("held_n_per_mm", "N/mm", 0.0, HELD_MOST, 0.0, HELD_N_PER_MM, HELD_N_PER_MM))
+            return (*translation, *rotation)
+        return (
+            *translation,
+            *rotation,
+            Parameter("held_n_per_mm", "N/mm", 0.0, MAX_MOUNT_N_PER_MM, 0.0, MOUNT_N_PER_MM, MOUNT_N_PER_MM),
+        )
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
-        if not values[: TURN.stop].any() or signal.force is None:
+        if not values[: ROTATION.stop].any() or signal.force is None:
             return signal
-        return with_change(state, signal, self._change(state, values))
+        return apply_change(state, signal, self._compute_change(state, values))
 
-    def _change(self, state: State, values: FloatArray) -> FloatArray:
-        """What the displacement does to the forces, f64[C, 2, L, n] as `with_change` takes it."""
-        geometry = geometry_of(state)
-        blocks, motions = self.blocks(state), self._motions(values)
-        displaced, held = {}, {}
+    def _compute_change(self, state: State, values: FloatArray) -> FloatArray:
+        """Return the change of the forces, f64[C, 2, L, n], as `geometry.apply_change` requires it."""
+        geometry = compute_geometry(state)
+        blocks, motions = self.find_blocks(state), self._compute_motions(values)
+        board_motions, mounts = {}, {}
         for number, contact in enumerate(geometry.contacts):
             block = blocks[contact.condition, contact.taxels[0]]
-            if values[: TURN.stop, block].any():
+            if values[: ROTATION.stop, block].any():
                 motion = motions[block]
                 if self.scope == OBJECT:
-                    held[number] = 1e3 * float(values[HELD, block])
+                    mounts[number] = 1e3 * float(values[MOUNT, block])
                 else:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
-                displaced[number] = motion
-        return changed(state, geometry.displaced(state, displaced, held))
+                board_motions[number] = motion
+        return assemble_change(state, geometry.compute_displacement_changes(state, board_motions, mounts))
 
-    def _motions(self, values: FloatArray) -> FloatArray:
-        """Of each block, f64[G, 4, 4]: of boards as an object that is moved sees them, or of brackets in their own
-        frames.
+    def _compute_motions(self, values: FloatArray) -> FloatArray:
+        """Return the motion of each of the G blocks, f64[G, 4, 4].
+
+        Scope "object": motion of the boards relative to the object, the inverse of the motion of the object. Scope
+        "board": motion of the bracket in its own frame.
         """
-        steps = from_rotation_vector(np.radians(values[TURN].T))
-        steps[:, :3, 3] = 1e-3 * self.told(values)[PLACE].T
+        steps = from_rotation_vector(np.radians(values[ROTATION].T))
+        steps[:, :3, 3] = 1e-3 * self.convert_to_reported(values)[TRANSLATION].T
         return inverse(steps) if self.scope == OBJECT else steps
 
-    def told(self, values: FloatArray) -> FloatArray:
-        """Values as people are told them: the translation of the origin, in the frame before the turn.
+    def convert_to_reported(self, values: FloatArray) -> FloatArray:
+        """Return the values as they are reported, f64[P, G]: with the translation of the origin in the frame before the
+        rotation.
 
-        A bracket's is fitted in the frame after it, in which no press tells a translation along a flat board's normal,
-        since the approach is solved anew: there it stays where the prior has it, instead of a little anywhere.
+        The translation of a bracket is fitted in the frame after the rotation. There, the translation along the normal
+        of a flat board is not identifiable, because the approach is solved again, and the prior alone determines it. In
+        the frame before the rotation all three components would depend on it.
         """
         if self.scope == OBJECT:
             return values
-        turn = from_rotation_vector(np.radians(values[TURN].T))[:, :3, :3]
-        return np.concatenate([np.einsum("gij,jg->ig", turn, values[PLACE]), values[TURN]])
+        rotation = from_rotation_vector(np.radians(values[ROTATION].T))[:, :3, :3]
+        return np.concatenate([np.einsum("gij,jg->ig", rotation, values[TRANSLATION]), values[ROTATION]])

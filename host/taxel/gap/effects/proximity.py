@@ -1,4 +1,4 @@
-"""The fringe field answers before contact."""
+"""Proximity: the fringe field produces a signal before contact."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from taxel.types import FloatArray
 
 
 class Proximity(Effect):
-    """An object at a distance x before the taxel adds `counts` exp(-x / range), and all of it in contact."""
+    """Additional signal of an object at the distance x from the taxel; `counts` in contact.
+
+    variant `exponential`: `counts` exp(-x / range). `linear`: `counts` max(1 - x / range, 0).
+    """
 
     name = "proximity"
     order = 45
@@ -22,7 +25,7 @@ class Proximity(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Range and size."""
+        """Return the parameters: range in millimetres and signal in contact, counts."""
         return Parameter("range_mm", "mm", 0.2, 20.0, 2.0, 2.0), Parameter(
             "counts", "counts", -800.0, 1500.0, 0.0, 30.0
         )
@@ -31,13 +34,17 @@ class Proximity(Effect):
         """See `Effect`."""
         if not values[1].any() or signal.separation is None:
             return signal
-        reach, counts = self.spread_out(state, values)
-        apart = np.maximum(signal.separation, 0.0) / (1e-3 * reach)
-        seen = np.exp(-apart) if self.variant == "exponential" else np.maximum(1.0 - apart, 0.0)
+        range_mm, counts = self.spread_out(state, values)
+        relative_distance = np.maximum(signal.separation, 0.0) / (1e-3 * range_mm)
+        if self.variant == "exponential":
+            share = np.exp(-relative_distance)
+        else:
+            share = np.maximum(1.0 - relative_distance, 0.0)
         return signal.with_signal_counts(
-            state.to_signal_counts(signal) + counts * np.where(signal.separation < MISSED_M, seen, 0.0)
+            state.to_signal_counts(signal) + counts * np.where(signal.separation < MISS_SEPARATION_M, share, 0.0)
         )
 
 
-MISSED_M = 0.0499
-"""Separations from here on say that the normal misses the object."""
+MISS_SEPARATION_M = 0.0499
+"""Separation from which on the normal of the taxel misses the object, metres. The simulator
+stores 0.05 m in this case."""

@@ -1,4 +1,4 @@
-"""An object's mesh, met by rays: as the solid between planes where it is convex, else triangle by triangle."""
+"""Intersections of rays with the mesh of an object: half-spaces for a convex object, else its triangles."""
 
 from __future__ import annotations
 
@@ -11,63 +11,70 @@ from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.types import FloatArray
 
-LEAST_DETERMINANT: Final = 1e-15
-"""Square metres; a triangle that a ray sees smaller is met edge-on."""
+MIN_DETERMINANT_M2: Final = 1e-15
+"""Smallest determinant of ray and triangle, square metres: twice the area of the triangle in the projection along the
+ray. A triangle with a smaller one is parallel to the ray and has no intersection."""
 
-MOST_AT_ONCE: Final = 200_000
-"""Rays times triangles: what stays in a core's cache."""
+MAX_RAY_TRIANGLE_PAIRS: Final = 200_000
+"""Largest number of rays times triangles that are computed together. Chosen: the arrays fit into a core's cache."""
 
-CONVEX: Final = 0.999
-"""Share of its hull that a solid fills if it counts as convex."""
+CONVEX_VOLUME_SHARE: Final = 0.999
+"""Smallest ratio of the volumes of an object and of its convex hull at which the object counts as convex."""
 
 
-class Mesh:
-    """An object's mesh as something that a ray can meet."""
+class RayMesh:
+    """Mesh of an object, prepared for intersections with rays."""
 
     def __init__(self, mesh: ObjectMesh) -> None:
         self._triangles = mesh.vertices[mesh.faces]
-        self._shape = _convex(mesh)
+        self._shape = _make_convex_polytope(mesh)
 
-    def separation(self, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Signed distances from points f64[m, e, 3] along their ray f64[m, 3] to where it enters, f64[m, e]; inf where
-        it misses.
+    def compute_separation(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return the signed distances from points along rays to the surface at which the ray enters the object, metres,
+        f64[m, e]; infinite where the ray misses the object.
+
+        points: f64[m, e, 3], metres. directions: f64[m, 3], unit vectors, one for the e points of a row.
         """
         if self._shape is not None:
             return self._shape.ray_separation(points, directions[:, None])
         rays = np.repeat(directions, points.shape[1], axis=0)
-        return _through_triangles(self._triangles, points.reshape(-1, 3), rays).reshape(points.shape[:2])
+        return _compute_triangle_separation(self._triangles, points.reshape(-1, 3), rays).reshape(points.shape[:2])
 
 
-def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:
+def _make_convex_polytope(mesh: ObjectMesh) -> ConvexPolytope | None:
+    """Return the convex polytope of a mesh, or None if the mesh is not convex or has no valid hull."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0
     try:
-        if volume < CONVEX * ConvexHull(mesh.vertices).volume:
+        if volume < CONVEX_VOLUME_SHARE * ConvexHull(mesh.vertices).volume:
             return None
         return ConvexPolytope.from_mesh(mesh.vertices)
     except (QhullError, ShapeError):
         return None
 
 
-def _through_triangles(triangles: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Moller and Trumbore 1997, their triple products written so that what hangs on rays and on triangles are factors
-    of matrices; the entry that lies nearest to the point counts.
+def _compute_triangle_separation(triangles: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
+    """Return the signed distance from each point along its ray to the nearest entry into the triangles, f64[m].
+
+    points, directions: f64[m, 3]. triangles: f64[t, 3, 3]. Intersection by Moller and Trumbore (1997), with the triple
+    products as matrix products of a factor of the rays and a factor of the triangles.
     """
     corner = triangles[:, 0]
     first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
-    normal, about_second, about_first = np.cross(first, second), np.cross(second, corner), np.cross(corner, first)
+    normal, second_moment, first_moment = np.cross(first, second), np.cross(second, corner), np.cross(corner, first)
     level = np.einsum("ti,ti->t", corner, normal)
     nearest = np.full(len(points), np.inf)
-    for rows in np.array_split(np.arange(len(points)), -(-len(points) * len(triangles) // MOST_AT_ONCE) or 1):
+    for rows in np.array_split(np.arange(len(points)), -(-len(points) * len(triangles) // MAX_RAY_TRIANGLE_PAIRS) or 1):
         ray, moment = directions[rows], np.cross(points[rows], directions[rows])
         determinant = -(ray @ normal.T)
-        u = moment @ second.T - ray @ about_second.T
-        v = -(moment @ first.T) - ray @ about_first.T
-        # A positive determinant: the ray comes from outside.
-        hit = (determinant > LEAST_DETERMINANT) & (u >= 0) & (v >= 0) & (u + v <= determinant)
-        ray_at, triangle = np.nonzero(hit)
-        at = (points[rows][ray_at] * normal[triangle]).sum(axis=1) - level[triangle]
-        at /= determinant[ray_at, triangle]
-        order = np.argsort(np.abs(at), kind="stable")[::-1]
-        nearest[rows[ray_at[order]]] = at[order]  # the last one stays: the nearest
+        u = moment @ second.T - ray @ second_moment.T
+        v = -(moment @ first.T) - ray @ first_moment.T
+        # The determinant is positive if the ray enters the object.
+        is_hit = (determinant > MIN_DETERMINANT_M2) & (u >= 0) & (v >= 0) & (u + v <= determinant)
+        ray_index, triangle = np.nonzero(is_hit)
+        distance = (points[rows][ray_index] * normal[triangle]).sum(axis=1) - level[triangle]
+        distance /= determinant[ray_index, triangle]
+        order = np.argsort(np.abs(distance), kind="stable")[::-1]
+        # Of several values for a ray the last one remains, which is the nearest.
+        nearest[rows[ray_index[order]]] = distance[order]
     return nearest

@@ -1,4 +1,4 @@
-"""The count stops falling at high force."""
+"""Saturation: the count stops decreasing at high force."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-START: Final = 0.7
-"""Of the largest drop: a search must start where something is cut off, or nothing tells it the way."""
+START_SHARE: Final = 0.7
+"""Start value of the limit, as a share of the largest simulated signal. Chosen below 1: without a limited signal the
+derivative is 0 and the fit cannot start."""
 
 
 class Saturation(Effect):
-    """The size of a signal ends at `counts`: sharply (variant "clip"), or as x counts / (x + counts) ("soft")."""
+    """Limit of the size of a signal at c = `counts`: variant `clip` sharply, `soft` as x c / (x + c)."""
 
     name = "saturation"
     order = 60
@@ -24,25 +25,25 @@ class Saturation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Where it ends; the upper bound is out of reach of 16 bit. Its start is of a hand that nobody has measured."""
+        """Return the parameter: the limit in counts. The neutral value 1e6 exceeds every 16-bit count."""
         return (Parameter("counts", "counts", 50.0, 1e6, 1e6, 1000.0),)
 
-    def starts(self, state: State) -> FloatArray:
+    def make_start_values(self, state: State) -> FloatArray:
         """See `Effect`."""
-        values = super().starts(state)
+        values = super().make_start_values(state)
         if "counts" not in self.priors:
             (counts,) = self.parameters()
             largest = float(np.nan_to_num(state.mean[:, : state.layout.bins]).max(initial=0.0))
-            values[:] = np.clip(START * largest, counts.low, counts.high)
+            values[:] = np.clip(START_SHARE * largest, counts.low, counts.high)
         return values
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values >= 1e6).all():
             return signal
-        (most,) = self.spread_out(state, values)
+        (limit,) = self.spread_out(state, values)
         signal_counts = state.to_signal_counts(signal)
         if self.variant == "clip":
-            return signal.with_signal_counts(np.clip(signal_counts, -most, most))
+            return signal.with_signal_counts(np.clip(signal_counts, -limit, limit))
         size = np.abs(signal_counts)
-        return signal.with_signal_counts(np.where(most >= 1e6, signal_counts, signal_counts * most / (size + most)))
+        return signal.with_signal_counts(np.where(limit >= 1e6, signal_counts, signal_counts * limit / (size + limit)))

@@ -1,4 +1,4 @@
-"""How a sheet carries the force on a piece of a taxel to other taxels: exp(-r / spread) over all pairs of pieces."""
+"""Spread of force in a cover sheet: kernel exp(-r / spread) over all pairs of pieces of a board."""
 
 from __future__ import annotations
 
@@ -11,88 +11,103 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.boards import PIECES, BoardLayout
+from taxel.gap.data.boards import PIECES_PER_SIDE, BoardLayout
 from taxel.types import FloatArray
 
-FAR_M: Final = 0.04
-"""Pieces farther apart do not reach each other."""
+MAX_DISTANCE_M: Final = 0.04
+"""Distance of pieces beyond which the kernel is 0, metres."""
 
-STEP_M: Final = 2e-4
-"""Between the distances at which a kernel is worked out."""
+DISTANCE_STEP_M: Final = 2e-4
+"""Step of the distances at which a kernel is tabulated, metres. Values between are interpolated linearly."""
 
-SUB: Final = 5
-"""Points along a piece's side over which the kernel is averaged."""
+POINTS_PER_SIDE: Final = 5
+"""Number of points along the side of a piece over which the kernel is averaged."""
 
-MOST_PAIRS: Final = 10_000_000
-"""Of pieces of one board; beyond, a kernel goes from taxel to taxel."""
+MAX_PIECE_PAIRS: Final = 10_000_000
+"""Largest number of pairs of pieces of a board. On a larger board the kernel is computed between whole taxels, which
+limits memory."""
 
-EQUAL_M: Final = 1e-6
-"""Distances that differ by less are worked out once."""
+DISTANCE_RESOLUTION_M: Final = 1e-6
+"""Resolution to which distances are rounded, metres, so that the kernel is computed once for equal distances."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Distances:
-    """Distances of pieces that occur, f64[d], and which one it is to each of a taxel's pieces (first axis) from every
-    piece (second) of every taxel, [9, 9, m, m]: from taxels, to taxels.
+class _PieceDistances:
+    """Distances between the pieces of a board with m taxels.
+
+    distance_m: f64[d], distinct distances, metres. index: intp[9, 9, m, m], index into `distance_m`; the axes are
+    target piece, source piece, source taxel, target taxel.
     """
 
-    apart_m: FloatArray
-    which: NDArray[np.intp]
+    distance_m: FloatArray
+    index: NDArray[np.intp]
 
 
-_known: WeakValueDictionary[bytes, _Distances] = WeakValueDictionary()
+_shared_distances: WeakValueDictionary[bytes, _PieceDistances] = WeakValueDictionary()
 
 
-def sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
-    """Share of the force on each piece that reaches a taxel (last axis) of its board, f64[9, m, m]; they add to 1."""
-    if (PIECES**2 * len(board.taxels)) ** 2 > MOST_PAIRS:
-        kernel = _shares(board.apart_m, spread_m, board.pitch_m)
-        return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES**2, *kernel.shape))
-    return _kernel(_distances(board), spread_m, board.pitch_m / PIECES)
+def compute_sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
+    """Return the share of the force on each piece that reaches each taxel of the board, f64[9, m, m].
+
+    The axes are source piece, source taxel, target taxel; the shares of a piece add up to 1. spread_m: decay length of
+    the kernel, metres.
+    """
+    if (PIECES_PER_SIDE**2 * len(board.taxels)) ** 2 > MAX_PIECE_PAIRS:
+        kernel = _interpolate_kernel(board.distance_m, spread_m, board.pitch_m)
+        return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES_PER_SIDE**2, *kernel.shape))
+    return _average_kernel(_compute_distances(board), spread_m, board.pitch_m / PIECES_PER_SIDE)
 
 
 @lru_cache(maxsize=16)
-def _kernel(distances: _Distances, spread_m: float, side_m: float) -> FloatArray:
-    """See `sheet_kernel`; fingers that are built alike share it."""
-    kernel = _shares(distances.apart_m, spread_m, side_m)[distances.which].mean(axis=0)
+def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) -> FloatArray:
+    """Return the kernel of `compute_sheet_kernel` from pieces to taxels; cached for boards with equal distances."""
+    kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m)[distances.index].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
     kernel.setflags(write=False)
     return np.asarray(kernel)
 
 
-def _shares(apart_m: FloatArray, spread_m: float, side_m: float) -> FloatArray:
-    """What reaches a square of another, over the distance of their centres."""
-    share = np.interp(apart_m, *_square_kernel(round(spread_m, 7), round(side_m, 6)))
-    return np.asarray(np.where(apart_m < FAR_M, share, 0.0))
+def _interpolate_kernel(distance_m: FloatArray, spread_m: float, side_m: float) -> FloatArray:
+    """Return the mean kernel between two squares with the side `side_m`, by the distance of their centres (metres)."""
+    share = np.interp(distance_m, *_tabulate_square_kernel(round(spread_m, 7), round(side_m, 6)))
+    return np.asarray(np.where(distance_m < MAX_DISTANCE_M, share, 0.0))
 
 
-def taxel_kernel(kernel: FloatArray, share: FloatArray | None) -> FloatArray:
-    """Share of a taxel's force (row) that reaches another (column), f64[m, m]. share: f64[m, 9], of a taxel's force on
-    its pieces; None: even.
+def compute_taxel_kernel(kernel: FloatArray, share: FloatArray | None) -> FloatArray:
+    """Return the share of the force on a taxel (row) that reaches another taxel (column), f64[m, m].
+
+    kernel: f64[9, m, m], of `compute_sheet_kernel`. share: f64[m, 9], share of a taxel's force on each of its pieces;
+    None: equal shares.
     """
     return np.asarray(kernel.mean(axis=0) if share is None else np.einsum("mp,pmn->mn", share, kernel))
 
 
 @lru_cache(maxsize=64)
-def _distances(board: BoardLayout) -> _Distances:
-    """Of a board's pieces; of boards that are built alike the same object, as long as it is in use."""
-    points = board.pieces
-    steps = np.empty((PIECES**2, PIECES**2, len(points), len(points)), np.int64)
-    for end, begin in np.ndindex(steps.shape[:2]):
-        apart = np.linalg.norm(points[:, begin, None] - points[:, end], axis=-1)
-        steps[end, begin] = np.rint(apart / EQUAL_M)
-    values, which = np.unique(steps, return_inverse=True)
-    found = _Distances(EQUAL_M * values.astype(np.float64), which.reshape(steps.shape))
-    return _known.setdefault(sha256(steps.tobytes()).digest(), found)
+def _compute_distances(board: BoardLayout) -> _PieceDistances:
+    """Return the distances of a board's pieces; boards with equal distances share one object, which saves memory."""
+    points = board.piece_centres
+    steps = np.empty((PIECES_PER_SIDE**2, PIECES_PER_SIDE**2, len(points), len(points)), np.int64)
+    for target, source in np.ndindex(steps.shape[:2]):
+        distance = np.linalg.norm(points[:, source, None] - points[:, target], axis=-1)
+        steps[target, source] = np.rint(distance / DISTANCE_RESOLUTION_M)
+    values, index = np.unique(steps, return_inverse=True)
+    distances = _PieceDistances(DISTANCE_RESOLUTION_M * values.astype(np.float64), index.reshape(steps.shape))
+    return _shared_distances.setdefault(sha256(steps.tobytes()).digest(), distances)
 
 
 @lru_cache(maxsize=256)
-def _square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray, FloatArray]:
-    """exp(-r / spread) averaged over two squares, over the distance of their centres, mean of two directions."""
-    steps, weight = np.arange(1 - SUB, SUB) * side_m / SUB, SUB - np.abs(np.arange(1 - SUB, SUB))
+def _tabulate_square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return distances, metres, and the mean of exp(-r / spread) over two squares whose centres have these distances.
+
+    The value is the mean of two directions: along a side of the squares, and diagonal.
+    """
+    steps, weight = (
+        np.arange(1 - POINTS_PER_SIDE, POINTS_PER_SIDE) * side_m / POINTS_PER_SIDE,
+        POINTS_PER_SIDE - np.abs(np.arange(1 - POINTS_PER_SIDE, POINTS_PER_SIDE)),
+    )
     x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    share = np.outer(weight, weight).ravel() / SUB**4
-    distance = np.arange(0.0, FAR_M + STEP_M, STEP_M)
+    share = np.outer(weight, weight).ravel() / POINTS_PER_SIDE**4
+    distance = np.arange(0.0, MAX_DISTANCE_M + DISTANCE_STEP_M, DISTANCE_STEP_M)
     along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m) @ share
     across = np.exp(-np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y) / spread_m)
     return distance, 0.5 * (along + across @ share)

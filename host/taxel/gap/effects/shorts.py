@@ -1,4 +1,4 @@
-"""Lines of a board that touch."""
+"""Detection of shorts between neighbouring lines of a board."""
 
 from __future__ import annotations
 
@@ -7,66 +7,78 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.dead_places import LOADED_COUNTS
-from taxel.gap.effects.dropout import Short, crossings
-from taxel.gap.features.features import SessionMeans, known_mean
+from taxel.gap.effects.dead_taxels import LOADED_COUNTS
+from taxel.gap.effects.dropout import Short, find_crossing_pairs
+from taxel.gap.features.features import SessionMeans, compute_known_mean
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-ALIKE: Final = 0.03
-"""Share of the expected squared difference of two lines below which they show the same."""
+MAX_DIFFERENCE_SHARE: Final = 0.03
+"""Largest squared difference of the signals of two shorted lines, as a share of the expected squared difference.
+Chosen: shorted lines have equal signals except for noise."""
 
-HALF: Final = 0.35
-"""Two lines in one show half of the sum of what they should; lines that are alike and show less have another cause."""
+MIN_SUM_SHARE: Final = 0.35
+"""Smallest signal of a shorted line, as a share of the sum of the expected signals of both lines. Chosen: below the
+ideal value 0.5. Equal lines with smaller signals have another cause."""
 
-GAINS: Final = tuple(np.geomspace(0.5, 3.0, 8).tolist())
-"""Sensitivities relative to the expected one that lines whose counts end may have."""
+CLIPPED_GAINS: Final = tuple(np.geomspace(0.5, 3.0, 8).tolist())
+"""Gains relative to the expected signal that are tried for lines whose signals end at a limit."""
 
 
 def find_shorts(state: State, real: SessionMeans, features: FloatArray) -> tuple[Short, ...]:
-    """Neighbouring lines whose crossings all show the same where they should differ."""
+    """Return the shorts: neighbouring lines with equal signals on all common crossings, where different signals are
+    expected.
+
+    real: signals of the sessions. features: predicted features, f64[C, F, n]. A pair of lines is not a short if a limit
+    of the signals explains the equality better.
+    """
     bins = state.layout.bins
     expected = features[:, :bins]
-    seen = np.nan_to_num(known_mean(real.value, 1)[:, :bins])
+    measured = np.nan_to_num(compute_known_mean(real.value, 1)[:, :bins])
     weight = state.layout.weight[:bins, None]
-    found = []
+    shorts = []
     sensor = state.pair.taxels.sensor
     for axis, number in (("tx", state.pair.taxels.tx), ("rx", state.pair.taxels.rx)):
         for address in state.pair.sensors.address.tolist():
             for index in np.unique(number[sensor == address])[:-1].tolist():
-                first, second = crossings(state.pair, address, axis, index)
+                first, second = find_crossing_pairs(state.pair, address, axis, index)
                 if len(first) < 2:
                     continue
-                apart, together = (
+                difference, total = (
                     expected[:, :, first] - expected[:, :, second],
                     expected[:, :, first] + expected[:, :, second],
                 )
-                pairs = int((np.abs(apart).max(axis=(0, 1)) > LOADED_COUNTS).sum())
+                pairs = int((np.abs(difference).max(axis=(0, 1)) > LOADED_COUNTS).sum())
                 if not pairs:
                     continue
-                differs = float(np.sum(weight * (seen[:, :, first] - seen[:, :, second]) ** 2))
-                if differs > ALIKE * float(np.sum(weight * apart**2)):
+                squared_difference = float(np.sum(weight * (measured[:, :, first] - measured[:, :, second]) ** 2))
+                if squared_difference > MAX_DIFFERENCE_SHARE * float(np.sum(weight * difference**2)):
                     continue
-                total = seen[:, :, first] + seen[:, :, second]
-                share = 0.5 * float(np.sum(weight * total * together) / np.sum(weight * together**2))
-                end = float(seen[:, :, sensor == address].max())
-                if share > HALF and not _only_ends(seen, expected, weight, (first, second), share, end):
-                    found.append(Short(address, axis, index, share, pairs))
-    return tuple(found)
+                measured_total = measured[:, :, first] + measured[:, :, second]
+                share = 0.5 * float(np.sum(weight * measured_total * total) / np.sum(weight * total**2))
+                limit = float(measured[:, :, sensor == address].max())
+                if share > MIN_SUM_SHARE and not _is_clipped(measured, expected, weight, (first, second), share, limit):
+                    shorts.append(Short(address, axis, index, share, pairs))
+    return tuple(shorts)
 
 
-def _only_ends(
-    seen: FloatArray,
+def _is_clipped(
+    measured: FloatArray,
     expected: FloatArray,
     weight: FloatArray,
     lines: tuple[NDArray[np.intp], NDArray[np.intp]],
     share: float,
-    end: float,
+    limit: float,
 ) -> bool:
-    """Whether two lines are alike since counts end at `end`, whatever presses: that tells what they show better than a
-    share of their sum does. seen, expected: f64[C, bins, n]. lines: their taxels, i64[k] each.
+    """Return whether a limit of the signals explains the equal signals of two lines better than a short does.
+
+    measured, expected: f64[C, B, n], counts. weight: f64[B, 1]. lines: taxels of the two lines, i64[k] each. share: of
+    the sum of the expected signals, if the lines were shorted. limit: largest measured signal of the board, counts.
     """
-    shown = np.stack([seen[:, :, own] for own in lines])
-    meant = np.stack([expected[:, :, own] for own in lines])
-    short = float(np.sum(weight * (shown - share * meant.sum(axis=0)) ** 2))
-    return any(float(np.sum(weight * (shown - np.minimum(gain * meant, end)) ** 2)) < short for gain in GAINS)
+    line_signals = np.stack([measured[:, :, own] for own in lines])
+    line_expected = np.stack([expected[:, :, own] for own in lines])
+    short_error = float(np.sum(weight * (line_signals - share * line_expected.sum(axis=0)) ** 2))
+    return any(
+        float(np.sum(weight * (line_signals - np.minimum(gain * line_expected, limit)) ** 2)) < short_error
+        for gain in CLIPPED_GAINS
+    )

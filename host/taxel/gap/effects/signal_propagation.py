@@ -1,12 +1,12 @@
-"""A signal spreads to neighbouring taxels, for a simulation without contact forces."""
+"""Contact propagation for a simulation without contact forces: a signal spreads to neighbouring taxels."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from taxel.gap.data.lacking import GEOMETRY
+from taxel.gap.data.missing_inputs import GEOMETRY
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
+from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -14,7 +14,7 @@ from taxel.types import FloatArray
 class SignalPropagation(Effect):
     """A share `strength` of each taxel's signal reaches its surroundings with the kernel exp(-r / spread).
 
-    variant "signal": the taxel loses this share. "signal added": the taxel loses nothing.
+    variant `signal`: the taxel loses this share. `signal added`: the taxel loses nothing.
     """
 
     name = "contact_propagation"
@@ -25,22 +25,22 @@ class SignalPropagation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Spread in units of millimetres, and strength."""
+        """Return the parameters: spread in millimetres and strength."""
         return Parameter("spread_mm", "mm", 0.3, 60.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.3)
 
-    def starts(self, state: State) -> FloatArray:
-        """See `Effect`; a spread of the median distance of neighbouring taxels."""
-        values = super().starts(state)
+    def make_start_values(self, state: State) -> FloatArray:
+        """See `Effect`. The start value of the spread is the median pitch of the boards."""
+        values = super().make_start_values(state)
         pitches = sorted(board.pitch_m for board in state.pair.boards)
         if "spread_mm" not in self.priors:
             values[0] = min(max(1e3 * pitches[len(pitches) // 2], 0.3), 60.0)
         return values
 
-    def unavailable(self, state: State) -> str:
+    def find_unavailable_reason(self, state: State) -> str:
         """See `Effect`."""
         if state.has_force:
             return "the simulation has contact forces, which spread instead of signals"
-        return super().unavailable(state)
+        return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
@@ -50,6 +50,6 @@ class SignalPropagation(Effect):
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy() if self.variant.endswith("added") else (1.0 - strength) * signal_counts
         for board in state.pair.boards:
-            kernel = taxel_kernel(sheet_kernel(board, spread_m), None)
+            kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m), None)
             result[:, :, board.columns] += strength * (signal_counts[:, :, board.columns] @ kernel)
         return signal.with_signal_counts(result)

@@ -1,4 +1,4 @@
-"""A layer that sticks: it is let go at another depth than that at which it was pressed, and it creeps for long."""
+"""Sticking, a form of hysteresis: the layer has a play between loading and unloading, and creeps logarithmically."""
 
 from __future__ import annotations
 
@@ -9,33 +9,38 @@ import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.hysteresis import Hysteresis
-from taxel.gap.effects.lag import low_pass
-from taxel.gap.effects.plate import closed_by, compute_signal_counts
+from taxel.gap.effects.lag import apply_low_pass
+from taxel.gap.effects.plate import compute_closed_share, compute_signal_counts
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-CREEP_PRIOR: Final = 0.3
-"""Expected creep a decade of time."""
+CREEP_PRIOR_STD: Final = 0.3
+"""Prior standard deviation, about 0, of the creep per decade of time as a share of the closing."""
 
-STUCK_SHARE: Final = 0.3
-"""Of the way, what friction holds back. No parameter: a wider play of a smaller share is almost the same. Chosen on
-opened worlds of this project's emulator, and on no hardware."""
+FRICTION_SHARE: Final = 0.3
+"""Share of the closing on which friction acts. It is not a parameter, because a wider play of a smaller share is almost
+equivalent. Selected on worlds of the emulator; not verified on hardware."""
 
 STEP_DECADES: Final = 0.5
-TIMES_S: Final = 10.0 ** np.arange(-1.5, 2.0, STEP_DECADES)
-"""Time constants of what creeps: from a frame to far beyond a grasp."""
+"""Ratio of successive time constants of the creep, decades."""
 
-AT_ONCE_S: Final = 0.1
-"""At that age of a load, creep changes nothing: about a frame, in which a simulator without memory has it all."""
+TIME_CONSTANTS_S: Final = 10.0 ** np.arange(-1.5, 2.0, STEP_DECADES)
+"""Time constants of the creep, seconds. Chosen: from one frame period to far beyond the duration of a grasp."""
 
-WORKED_OUT: Final = ("fraction", "seconds")
-"""Parameters of the other forms, told beside its own: see `as_late`."""
+CREEP_START_S: Final = 0.1
+"""Time after a load step at which the creep is 0, seconds. Chosen: about one frame period, after which a simulator
+without creep has the complete signal."""
+
+DERIVED_PARAMETERS: Final = ("fraction", "seconds")
+"""Parameters of the other forms of hysteresis, which are reported in addition: see `convert_to_lag_parameters`."""
 
 
 class Sticking(Effect):
-    """A form of `Hysteresis`, "sticks": the closed share of a plate capacitor's gap falls behind by up to `play` while
-    it grows and is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is
-    closed a share `creep` comes in every decade of time, as elastomers creep: with the logarithm of time.
+    """The form `sticks` of `Hysteresis`: play and logarithmic creep of the closed share of a plate capacitor's gap.
+
+    Play operator (Prandtl): while the load increases, the closed share lags by up to `play`; while the load decreases,
+    the closed share remains constant until the lag is used up. The result does not depend on the speed. Creep: with
+    each decade of time the closed share increases by the share `creep`, as in elastomers.
     """
 
     name = Hysteresis.name
@@ -44,8 +49,8 @@ class Sticking(Effect):
     variant = "sticks"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Width of the play, and creep a decade."""
-        creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)
+        """Return the parameters: width of the play, and creep per decade of time, as shares of the closing."""
+        creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR_STD)
         return Parameter("play", "1", 0.0, 1.0, 0.0, 0.05), creep
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -53,44 +58,49 @@ class Sticking(Effect):
         if not values.any():
             return signal
         play, creep = self.spread_out(state, values)
-        closed = closed_by(state, signal)
-        closed = closed + STUCK_SHARE * (stuck(closed, play[:, 0] / STUCK_SHARE) - closed)
-        return signal.with_signal_counts(compute_signal_counts(state, crept(closed, state.since, creep)))
+        closed = compute_closed_share(state, signal)
+        closed = closed + FRICTION_SHARE * (apply_play(closed, play[:, 0] / FRICTION_SHARE) - closed)
+        return signal.with_signal_counts(compute_signal_counts(state, apply_creep(closed, state.node_times_s, creep)))
 
 
-def as_late(values: FloatArray, frame_s: float, lasts_s: float) -> tuple[float, float]:
-    """In the words of the other forms: the share that comes between a frame and the end of the record, and the seconds
-    by which half of that has come. values: of the parameters, f64[2, 1].
+def convert_to_lag_parameters(values: FloatArray, frame_s: float, duration_s: float) -> tuple[float, float]:
+    """Return `fraction` and `seconds` as the other forms define them.
+
+    The fraction is the share of the creep between one frame and the end of the record, and half of it arrives within
+    `seconds`. values: play and creep, f64[2, 1]. frame_s: frame period. duration_s: duration of the record.
     """
-    return float(values[1, 0]) * float(np.log10(lasts_s / frame_s)), float(np.sqrt(frame_s * lasts_s))
+    return float(values[1, 0]) * float(np.log10(duration_s / frame_s)), float(np.sqrt(frame_s * duration_s))
 
 
-def stuck(values: FloatArray, width: FloatArray) -> FloatArray:
-    """What follows values f64[Q, K, n] >= 0 along K with a play: it lags by up to width f64[Q, n] while they grow, and
-    stays while they fall to it.
+def apply_play(values: FloatArray, width: FloatArray) -> FloatArray:
+    """Return the output of a play operator along the nodes, f64[Q, K, n].
+
+    values: f64[Q, K, n], at least 0. width: f64[Q, n]. The output lags increasing values by up to `width`, and remains
+    constant until decreasing values reach it.
     """
     result = np.empty_like(values)
-    held = np.zeros_like(values[:, 0])
+    output = np.zeros_like(values[:, 0])
     for node in range(values.shape[1]):
-        now = values[:, node]
-        held = np.clip(held, np.maximum(now - width, 0.0), now)
-        result[:, node] = held
+        node_values = values[:, node]
+        output = np.clip(output, np.maximum(node_values - width, 0.0), node_values)
+        result[:, node] = output
     return result
 
 
-def crept(values: FloatArray, time_s: FloatArray, creep: FloatArray) -> FloatArray:
-    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / AT_ONCE_S). creep: f64, of each value.
+def apply_creep(values: FloatArray, time_s: FloatArray, creep: FloatArray) -> FloatArray:
+    """Return values with logarithmic creep, f64[Q, K, n]; a step becomes 1 + creep log10(t / `CREEP_START_S`).
 
-    A sum of first-order lags is linear in the values: one matrix for all of them.
+    values: f64[Q, K, n]. time_s: f64[K]. creep: per decade, broadcast over values. The creep is a sum of first-order
+    lags, which is linear in the values and therefore one matrix.
     """
-    return np.asarray(values + creep * (_creep_a_decade(tuple(time_s.tolist())) @ values))
+    return np.asarray(values + creep * (_compute_creep_matrix(tuple(time_s.tolist())) @ values))
 
 
 @lru_cache(maxsize=8)
-def _creep_a_decade(time_s: tuple[float, ...]) -> FloatArray:
-    """Matrix f64[K, K]: what comes of values at nodes of time, with a creep of 1."""
-    times, one = np.array(time_s), np.eye(len(time_s))
-    late = np.expm1(-AT_ONCE_S / TIMES_S).sum() * one
-    for constant in TIMES_S:
-        late += low_pass(one[:, :, None], times, np.full((1, 1), constant))[:, :, 0].T
-    return np.asarray(STEP_DECADES * late)
+def _compute_creep_matrix(time_s: tuple[float, ...]) -> FloatArray:
+    """Return the matrix f64[K, K] from values at the nodes to their additional creep, for the creep 1 per decade."""
+    times, identity = np.array(time_s), np.eye(len(time_s))
+    creep = np.expm1(-CREEP_START_S / TIME_CONSTANTS_S).sum() * identity
+    for constant in TIME_CONSTANTS_S:
+        creep += apply_low_pass(identity[:, :, None], times, np.full((1, 1), constant))[:, :, 0].T
+    return np.asarray(STEP_DECADES * creep)

@@ -1,4 +1,4 @@
-"""The dielectric is softer or harder than modelled."""
+"""Stiffness: the dielectric is softer or harder than in the simulator."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import TAXEL, Effect, Parameter
-from taxel.gap.effects.geometry import changed, geometry_of, with_change
+from taxel.gap.effects.geometry import apply_change, assemble_change, compute_geometry
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-TAXEL_PRIOR = 0.35
-"""Expected scatter of single taxels about 1."""
+TAXEL_PRIOR_STD = 0.35
+"""Prior standard deviation of the scale of single taxels about 1. Chosen: the
+expected variation between the taxels of a sensor."""
 
 
 class Stiffness(Effect):
-    """The force of half the drop is `half_force_scale` times the modelled one; below 1: softer."""
+    """Scale of the force at which the signal is half the full scale; a scale below 1 is a softer layer."""
 
     name = "stiffness"
     order = 40
@@ -28,8 +29,8 @@ class Stiffness(Effect):
         self.scope = scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The scale."""
-        prior = TAXEL_PRIOR if self.scope == TAXEL else np.inf
+        """Return the parameter: the scale of the half force."""
+        prior = TAXEL_PRIOR_STD if self.scope == TAXEL else np.inf
         return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0, prior),)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -41,21 +42,24 @@ class Stiffness(Effect):
 
 
 class Sinking(Stiffness):
-    """The same, and boards are pressed anew: into a softer layer an object sinks deeper at the same net force, so that
-    more taxels bear.
+    """Stiffness with a new contact: an object sinks deeper into a softer layer at the same net force of each board, so
+    that more taxels are loaded.
     """
 
-    order = 12  # before what spreads the force, as a displacement is
+    order = 12  # before the propagation of force, like a displacement
     variant = "sinking"
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values == 1.0).all() or signal.force is None or signal.signal_counts is not None:
             return signal
-        geometry, blocks = geometry_of(state), self.blocks(state)
+        geometry, blocks = compute_geometry(state), self.find_blocks(state)
         scales = {
             number: float(values[0, blocks[contact.condition, contact.taxels[0]]])
             for number, contact in enumerate(geometry.contacts)
         }
-        change = changed(state, geometry.sunk({number: scale for number, scale in scales.items() if scale != 1.0}))
-        return super().apply(state, with_change(state, signal, change), values)
+        change = assemble_change(
+            state,
+            geometry.compute_stiffness_changes({number: scale for number, scale in scales.items() if scale != 1.0}),
+        )
+        return super().apply(state, apply_change(state, signal, change), values)

@@ -1,1 +1,1 @@
-"""What to press next: the presses that would tell most of what a diagnosis leaves open."""
+"""Ranking of further contacts by the information that each of them would add to a diagnosis."""

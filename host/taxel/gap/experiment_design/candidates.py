@@ -1,4 +1,4 @@
-"""Presses that could be made: those that were, once more or changed, and what the simulator would feel in each."""
+"""Candidate contacts: repetitions and variations of given contacts, with the simulated signal of each."""
 
 from __future__ import annotations
 
@@ -8,33 +8,44 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.data.clock import Clock
-from taxel.gap.effects.proximity import MISSED_M
+from taxel.gap.data.time_grid import TimeGrid
+from taxel.gap.effects.proximity import MISS_SEPARATION_M
 from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_format import Phase
 
-LADDER: Final = (0.25, 0.5, 2.0, 3.0)
-"""Factors on the force of a press."""
+FORCE_FACTORS: Final = (0.25, 0.5, 2.0, 3.0)
+"""Factors on the contact force. Chosen: a quarter to three times the force separates effects that depend on the load
+differently. The simulated contact area stays constant, which is less realistic at larger factors."""
 
-SLOWER: Final = 4.0
-QUICKER: Final = 3.0
-"""Of closing."""
+SLOW_CLOSING_FACTOR: Final = 4.0
+"""Factor on the duration of closing in a slow contact. Chosen; a larger factor excites slow effects more."""
 
-LONGER: Final = 4.0
-"""Of hold."""
+FAST_CLOSING_FACTOR: Final = 3.0
+"""Divisor of the duration of closing in a fast contact. Chosen; a larger divisor leaves fewer frames in closing."""
 
-LEAST_FRAMES: Final = 4
-"""A closing of fewer frames tells no time."""
+LONG_HOLD_FACTOR: Final = 4.0
+"""Factor on the duration of hold in a long contact. Chosen; a larger factor excites slow effects more."""
 
-APART_M: Final = 2e-3
-"""From the surface, of an object that is held off: near enough to be seen, far enough not to touch by chance."""
+MIN_CLOSING_FRAMES: Final = 4
+"""Smallest number of frames in a fast closing. Chosen: fewer frames do not resolve the time of the contact."""
+
+HELD_DISTANCE_M: Final = 2e-3
+"""Distance in metres between the object and the nearest taxel in a contact without touch.
+
+Chosen: small enough for a proximity signal, and large enough to avoid accidental touch.
+"""
 
 
 @dataclass(frozen=True)
 class PlannedContact:
-    """A press that could be made. The scales are of a recorded or simulated one of that object and approach.
+    """A candidate contact, described by its difference from the given contact of the same object and approach.
 
-    apart_mm: the object is held off so far, and nothing touches. recorded: whether the hand has made this approach.
+    Attributes:
+        object, approach: condition of the given contact, which was recorded or only simulated.
+        force_scale: factor on the force.
+        closing_scale, hold_scale: factors on the durations of closing and hold.
+        apart_mm: distance in mm at which the object is held without touch; None for a contact with touch.
+        is_recorded: whether the approach was recorded with the hand.
     """
 
     object: str
@@ -43,110 +54,135 @@ class PlannedContact:
     closing_scale: float = 1.0
     hold_scale: float = 1.0
     apart_mm: float | None = None
-    recorded: bool = True
+    is_recorded: bool = True
 
     @property
-    def words(self) -> str:
-        """For people."""
-        how = []
+    def description(self) -> str:
+        """Text for the user: object, approach, and the difference from the given contact."""
+        changes = []
         if self.apart_mm is not None:
-            how.append(f"held at a distance of {self.apart_mm:g} mm")
+            changes.append(f"held at a distance of {self.apart_mm:g} mm")
         if self.force_scale != 1.0:
-            how.append(f"with {self.force_scale:g} times the force")
+            changes.append(f"with {self.force_scale:g} times the force")
         if self.closing_scale > 1.0:
-            how.append(f"closed {self.closing_scale:g} times slower")
+            changes.append(f"closed {self.closing_scale:g} times slower")
         if self.closing_scale < 1.0:
-            how.append(f"closed {1.0 / self.closing_scale:g} times faster")
+            changes.append(f"closed {1.0 / self.closing_scale:g} times faster")
         if self.hold_scale != 1.0:
-            how.append(f"held {self.hold_scale:g} times as long")
-        if not self.recorded:
-            how.append("simulated but not yet recorded")
-        return f"{self.object} {self.approach}, {', '.join(how) or 'repeated'}"
+            changes.append(f"held {self.hold_scale:g} times as long")
+        if not self.is_recorded:
+            changes.append("simulated but not yet recorded")
+        return f"{self.object} {self.approach}, {', '.join(changes) or 'repeated'}"
 
     def to_json(self) -> dict[str, Any]:
-        """For the report."""
+        """Return the fields of an entry of `next_presses` in the report."""
         return {
-            "press": self.words,
+            "press": self.description,
             "object": self.object,
             "approach": self.approach,
             "force_scale": self.force_scale,
             "closing_scale": self.closing_scale,
             "hold_scale": self.hold_scale,
             "apart_mm": self.apart_mm,
-            "recorded": self.recorded,
+            "recorded": self.is_recorded,
         }
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
-    """Presses with the state that effects act on: press k is its cell k. again: they repeat what was recorded."""
+class ContactBatch:
+    """Candidate contacts with the same variation.
+
+    Attributes:
+        contacts: the contacts, one for each condition of `state`, in the same order.
+        state: simulated signals of these contacts without effects.
+        is_repeat: whether the contacts repeat recorded contacts without a variation.
+    """
 
     contacts: tuple[PlannedContact, ...]
     state: State
-    again: bool = False
+    is_repeat: bool = False
 
 
-def batches(state: State, recorded: bool, memory: bool, near: bool) -> Iterator[Batch]:
-    """Every press of a state as it is, and changed in one thing at a time.
+def generate_batches(
+    state: State, is_recorded: bool, is_time_dependent: bool, has_proximity: bool
+) -> Iterator[ContactBatch]:
+    """Yield the contacts of a state without a variation, and with one variation at a time.
 
-    recorded: whether the hand has made them. memory: whether something is asked that depends on time. near: whether
-    something is asked that is felt before contact.
+    is_recorded: whether the contacts were recorded with the hand. is_time_dependent: whether to vary the durations,
+    for effects that depend on time. has_proximity: whether to add contacts without touch, for a proximity effect.
     """
-    own = _one_each(state)
-    contacts = tuple(PlannedContact(*condition, recorded=recorded) for condition in own.pair.conditions)
+    single = _select_one_contact(state)
+    contacts = tuple(PlannedContact(*condition, is_recorded=is_recorded) for condition in single.pair.conditions)
 
-    def changed(state: State, **how: Any) -> Batch:
-        return Batch(tuple(replace(contact, **how) for contact in contacts), state)
+    def vary(state: State, **changes: Any) -> ContactBatch:
+        return ContactBatch(tuple(replace(contact, **changes) for contact in contacts), state)
 
-    yield Batch(contacts, own, again=recorded)
-    if own.base.force is not None:
-        for scale in LADDER:
-            yield changed(_harder(own, scale), force_scale=scale)
-    if memory:
-        closing = own.clock.phase == Phase.CLOSING
-        lasts = float(own.clock.end[closing].max(initial=0.0))
-        if lasts > 0.0:
-            yield changed(_slower(own, Phase.CLOSING, SLOWER), closing_scale=SLOWER)
-        if lasts / QUICKER >= LEAST_FRAMES * own.pair.frame_s:
-            yield changed(_slower(own, Phase.CLOSING, 1.0 / QUICKER), closing_scale=1.0 / QUICKER)
-        yield changed(_slower(own, Phase.HOLD, LONGER), hold_scale=LONGER)
-    if near and own.base.separation is not None:
-        yield changed(_held_off(own), apart_mm=1e3 * APART_M)
+    yield ContactBatch(contacts, single, is_repeat=is_recorded)
+    if single.base.force is not None:
+        for scale in FORCE_FACTORS:
+            yield vary(_scale_force(single, scale), force_scale=scale)
+    if is_time_dependent:
+        closing = single.time_grid.phase == Phase.CLOSING
+        duration_s = float(single.time_grid.end[closing].max(initial=0.0))
+        if duration_s > 0.0:
+            yield vary(_stretch_phase(single, Phase.CLOSING, SLOW_CLOSING_FACTOR), closing_scale=SLOW_CLOSING_FACTOR)
+        if duration_s / FAST_CLOSING_FACTOR >= MIN_CLOSING_FRAMES * single.pair.frame_s:
+            yield vary(
+                _stretch_phase(single, Phase.CLOSING, 1.0 / FAST_CLOSING_FACTOR),
+                closing_scale=1.0 / FAST_CLOSING_FACTOR,
+            )
+        yield vary(_stretch_phase(single, Phase.HOLD, LONG_HOLD_FACTOR), hold_scale=LONG_HOLD_FACTOR)
+    if has_proximity and single.base.separation is not None:
+        yield vary(_hold_at_distance(single), apart_mm=1e3 * HELD_DISTANCE_M)
 
 
-def _one_each(state: State) -> State:
-    """One press a cell."""
-    first = np.array(
+def _select_one_contact(state: State) -> State:
+    """Return the state with the first contact of each condition."""
+    first_contacts = np.array(
         [np.flatnonzero(state.condition == condition)[0] for condition in range(len(state.pair.conditions))]
     )
-    base = state.base.mapped(lambda values: values[first])
-    return State(state.pair, state.layout, state.clock, state.condition[first], base, state.mean, state.shift_s)
+    base = state.base.map_arrays(lambda values: values[first_contacts])
+    return State(
+        state.pair, state.layout, state.time_grid, state.condition[first_contacts], base, state.mean, state.shift_s
+    )
 
 
-def _with(state: State, base: Signal) -> State:
-    return State(state.pair, state.layout, state.clock, state.condition, base, state.predicted(base), state.shift_s)
+def _replace_signal(state: State, base: Signal) -> State:
+    """Return the state with another signal, and with the features that this signal predicts."""
+    return State(
+        state.pair, state.layout, state.time_grid, state.condition, base, state.predict_features(base), state.shift_s
+    )
 
 
-def _harder(state: State, scale: float) -> State:
-    """All forces scaled, and the depths with them; the patch of contact stays."""
+def _scale_force(state: State, scale: float) -> State:
+    """Return the state with all forces and penetration depths times `scale`, at a constant contact area."""
     force, separation = state.base.force, state.base.separation
     assert force is not None
     depth = None if separation is None else np.where(separation < 0.0, scale * separation, separation)
-    return _with(state, replace(state.base, force=scale * force, separation=depth))
+    return _replace_signal(state, replace(state.base, force=scale * force, separation=depth))
 
 
-def _held_off(state: State) -> State:
-    """No force, and in hold the nearest taxel `APART_M` from the object; the way there is as it was."""
+def _hold_at_distance(state: State) -> State:
+    """Return the state without force, with the nearest taxel in hold at `HELD_DISTANCE_M` from the object.
+
+    The motion of the object is the same, displaced by a constant distance.
+    """
     separation = state.base.separation
     assert separation is not None
-    hold = separation[:, state.clock.phase == Phase.HOLD]
-    apart = np.where(separation < MISSED_M, separation - hold.min(axis=(1, 2))[:, None, None] + APART_M, separation)
+    hold_separation = separation[:, state.time_grid.phase == Phase.HOLD]
+    distant_separation = np.where(
+        separation < MISS_SEPARATION_M,
+        separation - hold_separation.min(axis=(1, 2))[:, None, None] + HELD_DISTANCE_M,
+        separation,
+    )
     force = None if state.base.force is None else np.zeros_like(state.base.force)
-    return _with(state, replace(state.base, force=force, separation=apart))
+    return _replace_signal(state, replace(state.base, force=force, separation=distant_separation))
 
 
-def _slower(state: State, phase: Phase, factor: float) -> State:
-    """A phase that lasts `factor` times as long, with the same course in it."""
-    clock = state.clock
-    scale = np.where(clock.phase == phase, factor, 1.0)
-    return replace(state, clock=Clock(clock.phase, scale * clock.begin, scale * clock.end, clock.bins))
+def _stretch_phase(state: State, phase: Phase, factor: float) -> State:
+    """Return the state with a phase that lasts `factor` times as long, with the same signals at the stretched times."""
+    time_grid = state.time_grid
+    scale = np.where(time_grid.phase == phase, factor, 1.0)
+    return replace(
+        state, time_grid=TimeGrid(time_grid.phase, scale * time_grid.begin, scale * time_grid.end, time_grid.bins)
+    )

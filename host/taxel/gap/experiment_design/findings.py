@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open: effects that look alike, fitted in each other's place; how well values are known."""
+"""Open questions of a diagnosis: confounded effects, and the standard errors of the parameters of named effects."""
 
 from __future__ import annotations
 
@@ -11,141 +11,180 @@ from numpy.typing import NDArray
 
 from taxel.gap.comparison.compare import Comparison
 from taxel.gap.data.pair import Pair
-from taxel.gap.effects.catalogue import FIXED, Forms
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS, Forms
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect, Parameter
-from taxel.gap.features.metric import jackknife_error
+from taxel.gap.features.metric import compute_jackknife_error
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.cores import in_copies
-from taxel.gap.fitting.fit import Fit, fit, started
-from taxel.gap.fitting.judge import REFITS, Judge
+from taxel.gap.fitting.fit import Fit, fit, start_effect
+from taxel.gap.fitting.fit_data import REFIT_ITERATIONS, FitData
+from taxel.gap.fitting.parallel import map_in_processes
 from taxel.types import FloatArray
 
-MOST_RIVALS: Final = 6
-"""Pairs that presses are judged by."""
+MAX_PAIRS: Final = 6
+"""Largest number of confounded pairs in a ranking. Chosen to limit the run time: each pair needs at least one fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a diagnosis found.
+    """Results of a diagnosis that determine which contacts would add information.
 
-    chain: fitted. names: of the verdict. rivals: by found effect and the one that cannot be told from it, a chain with
-    the other in its place, fitted. links: the chain's, as fitted without each session in turn.
+    Attributes:
+        composite: the fitted composite model of the verdict, or of the most probable effect.
+        names: names of the effects of the verdict, or of the most probable effect.
+        rivals: for each pair of a named effect and an effect that is confounded with it, the fitted composite model
+            with the other effect in place of the named effect.
+        replicates: effects of `composite`, fitted without each session in turn; empty if there are no such fits.
     """
 
-    judge: Judge
+    fit_data: FitData
     composite: CompositeModel
     names: tuple[str, ...]
     rivals: Mapping[tuple[str, str], CompositeModel]
-    links: Sequence[Sequence[FittedEffect]]
+    replicates: Sequence[Sequence[FittedEffect]]
 
 
-def findings_of(
+def collect_findings(
     comparison: Comparison,
     composite: CompositeModel,
     forms: Forms,
     named: Sequence[str],
     confounded: Mapping[str, Sequence[str]],
-    links: Sequence[Sequence[FittedEffect]],
+    replicates: Sequence[Sequence[FittedEffect]],
 ) -> Findings:
-    """Of a comparison. chain: of the verdict, or of the most probable effect. forms: the catalogue. named: effects of
-    the verdict, or this effect. confounded, links: see `Findings`.
+    """Return the findings of a comparison.
+
+    composite, replicates: see `Findings`. forms: the catalogue. named: names of the effects of the verdict, or of the
+    most probable effect. confounded: for each named effect the names of the confounded effects, the rivals of
+    the comparison first.
     """
-    judge = comparison.judge
+    fit_data = comparison.fit_data
     names = tuple(name for name in named if name in composite.names)
     starts: dict[tuple[str, str], Sequence[FittedEffect]] = {}
-    for pair in pairs_of(names, confounded):
-        # The form of the fit alone, which a report also has, so that a report gives the same findings.
-        alone = comparison.get_alone(pair[1])
-        own = (alone.effect,) if alone is not None else forms.get(pair[1], ())
-        starts[pair] = _plain(judge, own)
-    return Findings(judge, composite, names, rivals_of(judge, composite, starts), links)
+    for pair in rank_pairs(names, confounded):
+        # The form of the fit of the single effect is also in the report, so that the report gives the same findings.
+        single = comparison.get_single_fit(pair[1])
+        effects = (single.effect,) if single is not None else forms.get(pair[1], ())
+        starts[pair] = _start_forms(fit_data, effects)
+    return Findings(fit_data, composite, names, fit_rivals(fit_data, composite, starts), replicates)
 
 
-def rivals_of(
-    judge: Judge, composite: CompositeModel, starts: Mapping[tuple[str, str], Sequence[FittedEffect]]
+def fit_rivals(
+    fit_data: FitData, composite: CompositeModel, starts: Mapping[tuple[str, str], Sequence[FittedEffect]]
 ) -> dict[tuple[str, str], CompositeModel]:
-    """For each pair the chain with the second effect in the first one's place, in the form that fits best."""
+    """Fit for each pair the composite model with the second effect in place of the first effect.
+
+    starts: for each pair the forms of the second effect, with start values. Only the first `MAX_PAIRS` pairs are
+    fitted. A pair whose second effect is already in the model is omitted. Of several forms, the form with the smallest
+    cost is kept.
+    """
     jobs = [
-        ((name, other), composite.without(name).with_link(link))
-        for (name, other), links in list(starts.items())[:MOST_RIVALS]
+        ((name, other), composite.without(name).with_effect(start))
+        for (name, other), forms in list(starts.items())[:MAX_PAIRS]
         if other not in composite.without(name).names
-        for link in links
+        for start in forms
     ]
-    fits = in_copies(judge.state, lambda job: fit(judge.problem(), job[1], FIXED, 2 * REFITS), jobs)
-    found: dict[tuple[str, str], Fit] = {}
-    for (pair, _), one in zip(jobs, fits, strict=True):
-        if pair not in found or one.cost < found[pair].cost:
-            found[pair] = one
-    return {pair: one.composite for pair, one in found.items()}
+    fits = map_in_processes(
+        fit_data.state, lambda job: fit(fit_data.build_problem(), job[1], INSPECTED_EFFECTS, 2 * REFIT_ITERATIONS), jobs
+    )
+    best: dict[tuple[str, str], Fit] = {}
+    for (pair, _), result in zip(jobs, fits, strict=True):
+        if pair not in best or result.cost < best[pair].cost:
+            best[pair] = result
+    return {pair: result.composite for pair, result in best.items()}
 
 
-def pairs_of(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
-    """Each pair once, and the nearest rival of every effect before the second one of any."""
-    ranked = sorted((place, name, other) for name in names for place, other in enumerate(confounded.get(name, ())))
+def rank_pairs(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    """Return each confounded pair once: all effects with their first rival, then all effects with their second rival.
+
+    names: named effects. confounded: for each named effect its rivals, in their order of rank.
+    """
+    ranked = sorted((rank, name, other) for name in names for rank, other in enumerate(confounded.get(name, ())))
     pairs: dict[frozenset[str], tuple[str, str]] = {}
     for _, name, other in ranked:
         pairs.setdefault(frozenset({name, other}), (name, other))
     return list(pairs.values())
 
 
-def _plain(judge: Judge, forms: Sequence[Effect]) -> list[FittedEffect]:
-    return [started(judge.state, form) for form in forms if not form.unavailable(judge.state)]
+def _start_forms(fit_data: FitData, forms: Sequence[Effect]) -> list[FittedEffect]:
+    """Return the available forms with start values."""
+    return [start_effect(fit_data.state, form) for form in forms if not form.find_unavailable_reason(fit_data.state)]
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
-    """V values of the named effects. place: [V], among the chain's free values. owner: [V], index of the effect in
-    `names`. error: f64[V], standard errors over sessions, NaN where these do not tell. size: f64[V], of the largest
-    value of the same parameter.
+class ParameterValues:
+    """The V parameter values of the named effects.
+
+    Attributes:
+        names: names of the effects.
+        labels: [V], text for the user.
+        index: [V], index among the free values of the composite model.
+        effect_index: [V], index of the effect in `names`.
+        standard_error: f64[V], jackknife standard error over the sessions; NaN below three sessions. Unit of the value.
+        scale: f64[V], largest absolute value of the same parameter; its start value, or 1, if all values are 0.
     """
 
     names: tuple[str, ...]
     labels: tuple[str, ...]
-    place: NDArray[np.intp]
-    owner: NDArray[np.intp]
-    error: FloatArray
-    size: FloatArray
+    index: NDArray[np.intp]
+    effect_index: NDArray[np.intp]
+    standard_error: FloatArray
+    scale: FloatArray
 
 
-def values_of(findings: Findings) -> Values:
-    """The values that presses could tell more of."""
-    pair, first = findings.judge.state.pair, 0
+def collect_parameter_values(findings: Findings) -> ParameterValues:
+    """Return the free parameter values of the named effects, which further contacts can determine better."""
+    pair, first = findings.fit_data.state.pair, 0
     names: list[str] = []
     labels: list[str] = []
-    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
-    for link in findings.composite.links:
-        effect = link.effect
-        if effect.name in FIXED:
+    columns: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    for fitted_effect in findings.composite.fitted_effects:
+        effect = fitted_effect.effect
+        if effect.name in INSPECTED_EFFECTS:
             continue
-        in_sample = [one.values for links in findings.links for one in links if one.effect.name == effect.name]
-        count = link.values.shape[1]
+        replicates = [
+            fitted.values for fits in findings.replicates for fitted in fits if fitted.effect.name == effect.name
+        ]
+        count = fitted_effect.values.shape[1]
         if effect.name in findings.names:
             names.append(effect.name)
         for row, parameter in enumerate(effect.parameters()):
             if effect.name in findings.names:
-                own = link.values[row]
-                size = float(np.abs(own).max()) or abs(parameter.start) or 1.0
-                places = np.arange(first, first + count)
-                parts.append(
-                    (places, np.full(count, len(names) - 1), _errors(in_sample, row, count), np.full(count, size))
+                own_values = fitted_effect.values[row]
+                scale = float(np.abs(own_values).max()) or abs(parameter.start) or 1.0
+                columns.append(
+                    (
+                        np.arange(first, first + count),
+                        np.full(count, len(names) - 1),
+                        _compute_standard_errors(replicates, row, count),
+                        np.full(count, scale),
+                    )
                 )
-                labels += [_label(pair, link, parameter, block) for block in range(count)]
+                labels += [_format_label(pair, fitted_effect, parameter, block) for block in range(count)]
             first += count
-    if not parts:
+    if not columns:
         empty = np.zeros(0)
-        return Values((), (), np.zeros(0, np.intp), np.zeros(0, np.intp), empty, empty)
-    place, owner, error, size_of = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Values(tuple(names), tuple(labels), place.astype(np.intp), owner.astype(np.intp), error, size_of)
+        return ParameterValues((), (), np.zeros(0, np.intp), np.zeros(0, np.intp), empty, empty)
+    index, effect_index, error, scales = (np.concatenate(column) for column in zip(*columns, strict=True))
+    return ParameterValues(
+        tuple(names), tuple(labels), index.astype(np.intp), effect_index.astype(np.intp), error, scales
+    )
 
 
-def _errors(in_sample: Sequence[FloatArray], row: int, count: int) -> FloatArray:
-    """Jackknife over sessions (Tukey 1958), f64[count]; NaN below three."""
-    return jackknife_error(np.array([one[row] for one in in_sample])) if len(in_sample) > 2 else np.full(count, np.nan)
+def _compute_standard_errors(replicates: Sequence[FloatArray], row: int, count: int) -> FloatArray:
+    """Return the jackknife standard errors over sessions (Tukey 1958), f64[count]; NaN below three sessions.
+
+    replicates: f64[P, G] for each session, the values of an effect fitted without this session. row: the parameter.
+    """
+    return (
+        compute_jackknife_error(np.array([values[row] for values in replicates]))
+        if len(replicates) > 2
+        else np.full(count, np.nan)
+    )
 
 
-def _label(pair: Pair, link: FittedEffect, parameter: Parameter, block: int) -> str:
-    """A parameter as text: without its unit, with its effect and its board or object."""
-    name, effect = parameter.name.removesuffix(f"_{parameter.unit}").replace("_", " "), link.effect
+def _format_label(pair: Pair, fitted_effect: FittedEffect, parameter: Parameter, block: int) -> str:
+    """Return a parameter as text for the user: without its unit, with its effect and its board or object."""
+    name, effect = parameter.name.removesuffix(f"_{parameter.unit}").replace("_", " "), fitted_effect.effect
     text = f"{name} of {effect.name.replace('_', ' ')}"
     if effect.scope == BOARD:
         return f"{text}, {pair.sensors.name[block].replace('_', ' ')}"

@@ -1,7 +1,8 @@
-"""What recorded presses tell of a chain's parameters, and what another press would add.
+"""Fisher information of the recorded contacts on the parameters of a composite model, and of a further contact.
 
-Linear in the parameters about their fit: J is the features' derivative, W what does not scatter (1 / counts^2). The
-information matrix is the prior's plus J'WJ (Fisher); a press adds its own J'WJ.
+The model is linearised in the parameters about the fit. J is the derivative of the features with respect to the
+parameters, W the diagonal matrix of the weights, 1 / counts^2. The information matrix is the precision of the prior
+plus J'WJ over the recorded contacts. A further contact adds its own J'WJ.
 """
 
 from __future__ import annotations
@@ -16,209 +17,261 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.effects.catalogue import FIXED
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
 from taxel.gap.effects.effect import OBJECT, Effect
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.equations import Column, Problem, gradient_of, system_of
-from taxel.gap.fitting.fit import start_of
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.equations import DerivativeColumn, FitProblem, build_normal_matrix, compute_gradient
+from taxel.gap.fitting.fit import linearise
+from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-LITTLE: Final = 1e-4
-"""Share of a value's variance that a press must take away at least to be reckoned with."""
+MIN_VARIANCE_SHARE: Final = 1e-4
+"""Information of a contact on a parameter value, times the variance of the value, below which the value is left out.
+
+Chosen: a product of 1e-4 reduces the variance by 0.01 %, which is negligible, and the matrices become smaller.
+"""
 
 
 @dataclass(frozen=True, eq=False)
-class Added:
-    """What one press adds to q of the values that are known, those that it tells of.
+class AddedInformation:
+    """Information of one further contact on the q parameter values that the contact excites.
 
-    index: [q], which. weight: f64[F, n], 1 / counts^2. columns: of the press alone, with these values' blocks.
+    Attributes:
+        information: information of the recorded contacts.
+        value_indices: [q], indices of these values among the p parameter values of `information`.
+        weight: f64[F, n], weights of the features of the contact, 1 / counts^2.
+        columns: derivatives of the features of the contact; the blocks are numbered within the q values.
     """
 
-    known: CompositeInformation
-    index: NDArray[np.intp]
+    information: CompositeInformation
+    value_indices: NDArray[np.intp]
     weight: FloatArray
-    columns: tuple[Column, ...]
+    columns: tuple[DerivativeColumn, ...]
 
     @cached_property
-    def inner(self) -> FloatArray:
-        """Covariance of the values so far, f64[q, q]."""
-        return self.known.covariance[np.ix_(self.index, self.index)]
+    def prior_covariance(self) -> FloatArray:
+        """Covariance of the q values after the recorded contacts, f64[q, q]."""
+        return self.information.covariance[np.ix_(self.value_indices, self.value_indices)]
 
     @cached_property
-    def system(self) -> FloatArray:
-        """N = J'WJ, f64[q, q]."""
+    def matrix(self) -> FloatArray:
+        """Information matrix N = J'WJ of the further contact, f64[q, q]."""
         if not self.columns:
             return np.zeros((0, 0))
-        return system_of(self._problem(np.zeros_like(self.weight)), self.columns)
+        return build_normal_matrix(self._build_problem(np.zeros_like(self.weight)), self.columns)
 
-    def pull(self, difference: FloatArray) -> FloatArray:
-        """J'Wd of a difference f64[F, n], f64[q]."""
-        return gradient_of(self._problem(difference), self.columns, np.zeros((1, *difference.shape)))
+    def compute_gradient(self, difference: FloatArray) -> FloatArray:
+        """Return J'Wd, f64[q], of a difference d of the features, f64[F, n], in counts."""
+        return compute_gradient(self._build_problem(difference), self.columns, np.zeros((1, *difference.shape)))
 
-    def _problem(self, target: FloatArray) -> Problem:
-        """Of the press alone, f64[F, n]."""
-        return Problem(self.known.judge.state, target[None], self.weight[None])
+    def _build_problem(self, target: FloatArray) -> FitProblem:
+        """Return the least-squares problem of the further contact alone. target: f64[F, n], counts."""
+        return FitProblem(self.information.fit_data.state, target[None], self.weight[None])
 
     @cached_property
     def _factors(self) -> tuple[FloatArray, NDArray[np.int32]]:
-        return lu_factor(np.eye(len(self.index)) + self.system @ self.inner, check_finite=False)
+        return lu_factor(np.eye(len(self.value_indices)) + self.matrix @ self.prior_covariance, check_finite=False)
 
-    def step(self, right: FloatArray) -> FloatArray:
-        """(N^-1 + C)^-1 times f64[q, ...], C being `inner`, without the inverse of N: Woodbury's identity."""
-        if not len(self.index):
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return (N^-1 + C)^-1 times `right`, f64[q, ...], with the prior covariance C.
+
+        The Woodbury identity avoids the inverse of N, which can be singular.
+        """
+        if not len(self.value_indices):
             return np.zeros_like(right)
-        return np.asarray(lu_solve(self._factors, self.system @ right, check_finite=False))
+        return np.asarray(lu_solve(self._factors, self.matrix @ right, check_finite=False))
 
 
 @dataclass(frozen=True, eq=False)
 class CompositeInformation:
-    """What the recorded presses tell of a chain's free values.
+    """Information of the recorded contacts on the p free parameter values of a composite model.
 
-    features: f64[C, F, n]. columns: of each parameter. covariance: f64[p, p], of all blocks of all parameters.
+    Attributes:
+        composite: the model with fitted values. The values of effects that are found by inspection are not free.
+        features: f64[C, F, n], predicted features, counts.
+        columns: derivatives of the features, one column for each parameter; the precision includes prior and bounds.
+        covariance: f64[p, p], covariance of the values, over all blocks of all parameters in the order of `columns`.
     """
 
-    judge: Judge
+    fit_data: FitData
     composite: CompositeModel
     features: FloatArray
-    columns: tuple[Column, ...]
+    columns: tuple[DerivativeColumn, ...]
     covariance: FloatArray
 
     @classmethod
-    def of(cls, judge: Judge, composite: CompositeModel) -> CompositeInformation:
-        """chain: with fitted values; those of `FIXED` effects are not free."""
-        start = start_of(judge.state, composite, FIXED)
-        columns = tuple(_bounded(start.columns, composite))
+    def compute(cls, fit_data: FitData, composite: CompositeModel) -> CompositeInformation:
+        """Linearise a composite model with fitted values, and invert its information matrix."""
+        start = linearise(fit_data.state, composite, INSPECTED_EFFECTS)
+        columns = tuple(_add_bound_precision(start.columns, composite))
         if not columns:
-            return cls(judge, composite, start.features, (), np.zeros((0, 0)))
-        problem = Problem(judge.state, start.features, judge.weight)
-        return cls(judge, composite, start.features, columns, _inverse(system_of(problem, columns)))
+            return cls(fit_data, composite, start.features, (), np.zeros((0, 0)))
+        problem = FitProblem(fit_data.state, start.features, fit_data.weight)
+        return cls(fit_data, composite, start.features, columns, _invert(build_normal_matrix(problem, columns)))
 
-    def left(self, difference: FloatArray) -> Left:
-        """What these values cannot do of a difference f64[C, F, n] on the recorded presses."""
-        weight = self.judge.weight
-        length2 = float(np.sum(weight * difference**2))
+    def compute_remaining(self, difference: FloatArray) -> RemainingDifference:
+        """Return the part of a difference of features, f64[C, F, n], that remains after these values have adapted.
+
+        The difference refers to the recorded contacts.
+        """
+        weight = self.fit_data.weight
+        squared_length = float(np.sum(weight * difference**2))
         if not self.columns:
-            return Left(self, np.zeros(0), length2)
-        problem = Problem(self.judge.state, difference, weight)
-        return Left(self, gradient_of(problem, self.columns, np.zeros_like(difference)), length2)
+            return RemainingDifference(self, np.zeros(0), squared_length)
+        problem = FitProblem(self.fit_data.state, difference, weight)
+        return RemainingDifference(
+            self, compute_gradient(problem, self.columns, np.zeros_like(difference)), squared_length
+        )
 
-    def variance_after(self, added: Added) -> FloatArray:
-        """Variances of all values once a press is added, f64[p]."""
-        own = self.covariance[added.index]
-        return np.asarray(np.diag(self.covariance) - np.sum(own * added.step(own), axis=0))
+    def compute_variance_after(self, added: AddedInformation) -> FloatArray:
+        """Return the variances of all values after a further contact, f64[p]."""
+        own = self.covariance[added.value_indices]
+        return np.asarray(np.diag(self.covariance) - np.sum(own * added.solve(own), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
-    """A difference between two models, as far as the values of one of them are known. pull: f64[p], J'Wd. length2:
-    d'Wd on the recorded presses.
+class RemainingDifference:
+    """Difference d of the features of two models, reduced by the adaptation of the values of one of these models.
+
+    Attributes:
+        information: information of the recorded contacts on the values that adapt.
+        gradient: f64[p], J'Wd on the recorded contacts.
+        unadapted_squared_length: d'Wd on the recorded contacts, before the adaptation.
     """
 
-    known: CompositeInformation
-    pull: FloatArray
-    length2: float
+    information: CompositeInformation
+    gradient: FloatArray
+    unadapted_squared_length: float
 
     @cached_property
-    def _moved(self) -> FloatArray:
-        return np.asarray(self.known.covariance @ self.pull)
+    def _adaptation(self) -> FloatArray:
+        return np.asarray(self.information.covariance @ self.gradient)
 
     @property
-    def value(self) -> float:
-        """Squared length of what stays when the values give way, in units of what scatters."""
-        return max(self.length2 - float(self.pull @ self._moved), 0.0)
+    def squared_length(self) -> float:
+        """Squared length of the remaining difference on the recorded contacts, in units of the variance."""
+        return max(self.unadapted_squared_length - float(self.gradient @ self._adaptation), 0.0)
 
-    def after(self, added: Added, difference: FloatArray) -> float:
-        """The same with one more press, where the two differ by f64[F, n] (the criterion T of Atkinson and Fedorov
-        1975, linear about the fit).
+    def compute_squared_length_after(self, added: AddedInformation, difference: FloatArray) -> float:
+        """Return the squared length of the remaining difference with one further contact, in units of the variance.
+
+        difference: f64[F, n], difference of the features of the two models in the further contact, counts. This is the
+        criterion T of Atkinson and Fedorov (1975), linearised about the fit.
         """
-        index, pull = added.index, added.pull(difference)
-        moved = self._moved[index] + added.inner @ pull
-        whole = float(self.pull @ self._moved + pull @ (self._moved[index] + moved))
-        length2 = self.length2 + float(np.sum(added.weight * difference**2))
-        return max(length2 - whole + float(moved @ added.step(moved)), 0.0)
+        index, added_gradient = added.value_indices, added.compute_gradient(difference)
+        adaptation = self._adaptation[index] + added.prior_covariance @ added_gradient
+        explained = float(self.gradient @ self._adaptation + added_gradient @ (self._adaptation[index] + adaptation))
+        squared_length = self.unadapted_squared_length + float(np.sum(added.weight * difference**2))
+        return max(squared_length - explained + float(adaptation @ added.solve(adaptation)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Felt:
-    """A chain on presses that could be made. features: f64[C, F, n]. numbers: of each column, which of the p values
-    each block is; -1 for none.
+class CandidatePrediction:
+    """Prediction of a composite model for candidate contacts.
+
+    Attributes:
+        information: information of the recorded contacts on the p values of the model.
+        features: f64[C, F, n], predicted features of the candidate contacts, counts.
+        columns: derivatives of these features, one column for each parameter.
+        value_indices: for each column, [blocks], index of each block among the p values; -1 for a block without a
+            recorded contact.
     """
 
-    known: CompositeInformation
+    information: CompositeInformation
     features: FloatArray
-    columns: tuple[Column, ...]
-    numbers: tuple[NDArray[np.intp], ...]
+    columns: tuple[DerivativeColumn, ...]
+    value_indices: tuple[NDArray[np.intp], ...]
 
     @classmethod
-    def of(cls, known: CompositeInformation, state: State) -> Felt:
-        """state: of the same hand; objects that the recorded presses lack have neutral values."""
-        old = known.judge.state.pair
-        composite = carried(known.composite, old, state)
-        start = start_of(state, composite, FIXED)
-        numbers, first = [], 0
-        effects = [link.effect for link in composite.links if link.effect.name not in FIXED]
+    def compute(cls, information: CompositeInformation, state: State) -> CandidatePrediction:
+        """Predict the contacts of a state of the same hand. Objects without a recorded contact get neutral values."""
+        old_pair = information.fit_data.state.pair
+        composite = transfer_values(information.composite, old_pair, state)
+        start = linearise(state, composite, INSPECTED_EFFECTS)
+        value_indices, first = [], 0
+        effects = [fitted.effect for fitted in composite.fitted_effects if fitted.effect.name not in INSPECTED_EFFECTS]
         owners = [effect for effect in effects for _ in effect.parameters()]
-        for effect, column in zip(owners, known.columns, strict=True):
-            block = block_numbers(effect, old, state.pair)
-            numbers.append(np.where(block >= 0, first + block, -1))
+        for effect, column in zip(owners, information.columns, strict=True):
+            block = map_blocks(effect, old_pair, state.pair)
+            value_indices.append(np.where(block >= 0, first + block, -1))
             first += column.count
-        return cls(known, start.features, start.columns, tuple(numbers))
+        return cls(information, start.features, start.columns, tuple(value_indices))
 
-    def added(self, contact: int, weight: FloatArray) -> Added:
-        """What press `press` adds. weight: f64[C, F, n]."""
-        w, variance = weight[contact], np.diag(self.known.covariance)
-        index: list[NDArray[np.intp]] = []
+    def compute_added(self, contact: int, weight: FloatArray) -> AddedInformation:
+        """Return the information that candidate `contact` adds.
+
+        weight: f64[C, F, n], weights of all candidates, 1 / counts^2.
+        """
+        own_weight, variance = weight[contact], np.diag(self.information.covariance)
+        indices: list[NDArray[np.intp]] = []
         columns = []
-        for column, number in zip(self.columns, self.numbers, strict=True):
+        for column, number in zip(self.columns, self.value_indices, strict=True):
             blocks = column.blocks[contact]
-            told = np.bincount(blocks, np.sum(w * column.change[contact] ** 2, axis=0), column.count)
-            active = np.flatnonzero((number >= 0) & (told * variance[np.maximum(number, 0)] > LITTLE))
+            excited = np.bincount(blocks, np.sum(own_weight * column.change[contact] ** 2, axis=0), column.count)
+            active = np.flatnonzero((number >= 0) & (excited * variance[np.maximum(number, 0)] > MIN_VARIANCE_SHARE))
             if not len(active):
                 continue
-            place = np.full(column.count, -1)
-            place[active] = np.arange(len(active))
-            own = place[blocks]
-            change = np.where(own >= 0, column.change[contact], 0.0)[None]
-            columns.append(Column(change, np.maximum(own, 0)[None], len(active), np.zeros(len(active))))
-            index.append(number[active])
-        numbers = np.concatenate(index) if index else np.zeros(0, np.intp)
-        return Added(self.known, numbers, w, tuple(columns))
+            new_number = np.full(column.count, -1)
+            new_number[active] = np.arange(len(active))
+            new_blocks = new_number[blocks]
+            change = np.where(new_blocks >= 0, column.change[contact], 0.0)[None]
+            columns.append(
+                DerivativeColumn(change, np.maximum(new_blocks, 0)[None], len(active), np.zeros(len(active)))
+            )
+            indices.append(number[active])
+        value_indices = np.concatenate(indices) if indices else np.zeros(0, np.intp)
+        return AddedInformation(self.information, value_indices, own_weight, tuple(columns))
 
 
-def carried(composite: CompositeModel, old: Pair, state: State) -> CompositeModel:
-    """A chain with its values in the blocks of another state's presses."""
+def transfer_values(composite: CompositeModel, old_pair: Pair, state: State) -> CompositeModel:
+    """Return the composite model with its values assigned to the blocks of another state.
+
+    old_pair: pair to whose blocks the values of the model belong. Blocks that this pair lacks get neutral values.
+    """
     values = []
-    for link in composite.links:
-        new = link.values
-        if link.effect.scope == OBJECT:
-            number = block_numbers(link.effect, old, state.pair)
-            new = link.effect.neutral(state)
-            new[:, number >= 0] = link.values[:, number[number >= 0]]
-        values.append(new)
+    for fitted in composite.fitted_effects:
+        new_values = fitted.values
+        if fitted.effect.scope == OBJECT:
+            index = map_blocks(fitted.effect, old_pair, state.pair)
+            new_values = fitted.effect.make_neutral_values(state)
+            new_values[:, index >= 0] = fitted.values[:, index[index >= 0]]
+        values.append(new_values)
     return composite.with_values(values)
 
 
-def block_numbers(effect: Effect, old: Pair, new: Pair) -> NDArray[np.intp]:
-    """Of each block on a pair's presses its number on another's, -1 for an object that it lacks."""
+def map_blocks(effect: Effect, old_pair: Pair, new_pair: Pair) -> NDArray[np.intp]:
+    """Return the index among the blocks of one pair of each block of another pair, [blocks].
+
+    The index is -1 for an object that `old_pair` lacks.
+    """
     if effect.scope != OBJECT:
-        return np.arange(int(effect.blocks_of(new).max()) + 1)
-    names = [pair.object_names for pair in (old, new)]
-    return np.array([names[0].index(name) if name in names[0] else -1 for name in names[1]], dtype=np.intp)
+        return np.arange(int(effect.find_blocks_of_pair(new_pair).max()) + 1)
+    object_names = [pair.object_names for pair in (old_pair, new_pair)]
+    return np.array(
+        [object_names[0].index(name) if name in object_names[0] else -1 for name in object_names[1]], dtype=np.intp
+    )
 
 
-def _bounded(columns: Sequence[Column], composite: CompositeModel) -> list[Column]:
-    """With what the bounds tell of each value: it is anywhere between them."""
-    free = [link for link in composite.links if link.effect.name not in FIXED]
-    parameters = [parameter for link in free for parameter in link.effect.parameters()]
+def _add_bound_precision(columns: Sequence[DerivativeColumn], composite: CompositeModel) -> list[DerivativeColumn]:
+    """Return the columns with the precision of a uniform distribution between the bounds added to the prior precision.
+
+    The variance of a uniform distribution is the squared width divided by 12.
+    """
+    free = [fitted for fitted in composite.fitted_effects if fitted.effect.name not in INSPECTED_EFFECTS]
+    parameters = [parameter for fitted in free for parameter in fitted.effect.parameters()]
     return [
         replace(column, precision=column.precision + 12.0 / (parameter.high - parameter.low) ** 2)
         for column, parameter in zip(columns, parameters, strict=True)
     ]
 
 
-def _inverse(system: FloatArray) -> FloatArray:
+def _invert(system: FloatArray) -> FloatArray:
+    """Return the inverse of a positive definite matrix, f64[p, p].
+
+    The matrix is scaled to a unit diagonal, because the parameters have different units; a ridge of 1e-9 keeps the
+    factorisation defined if two parameters have the same derivatives.
+    """
     scale = 1.0 / np.sqrt(np.diag(system))
     scaled = system * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-9

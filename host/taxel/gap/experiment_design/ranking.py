@@ -1,9 +1,11 @@
-"""What to press next: presses ranked by the information that they would add.
+"""Ranking of candidate contacts by the information that each of them would add, in bits (Lindley 1956).
 
-Two things are asked. Of a found effect and another that cannot be told from it: how far a press sets them apart,
-whichever is there and however the other's values give way. Of a found effect's values: how much narrower their
-intervals become. Both are told in bits, half the binary logarithm of a ratio of variances (Lindley 1956; for a pair, of
-how much of either effect there is), and added.
+The gain of a contact is the sum of two parts:
+
+- Confounded pairs: for a named effect and an effect that is confounded with it, 1/2 log2((1 + L') / (1 + L)). L and L'
+  are the squared distances of the predictions of the two effects without and with the contact, in units of the
+  variance, after the parameters of either effect have adapted; the smaller of the two distances counts.
+- Parameters of the named effects: 1/2 log2 of the ratio of the variances without and with the contact.
 """
 
 from __future__ import annotations
@@ -15,172 +17,221 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.gap.effects.proximity import Proximity
-from taxel.gap.experiment_design.candidates import Batch, PlannedContact, batches
+from taxel.gap.experiment_design.candidates import ContactBatch, PlannedContact, generate_batches
 from taxel.gap.experiment_design.contact_variance import ContactVariance
-from taxel.gap.experiment_design.findings import Findings, values_of
-from taxel.gap.experiment_design.information import Added, CompositeInformation, Felt, Left
-from taxel.gap.fitting.cores import in_copies
+from taxel.gap.experiment_design.findings import Findings, collect_parameter_values
+from taxel.gap.experiment_design.information import (
+    AddedInformation,
+    CandidatePrediction,
+    CompositeInformation,
+    RemainingDifference,
+)
+from taxel.gap.fitting.parallel import map_in_processes
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-MOST_CONTACTS: Final = 10
-"""Of a report."""
+MAX_CONTACTS: Final = 10
+"""Largest number of recommended contacts in a report. Chosen: a list of ten is short enough to read."""
 
-WELL_KNOWN: Final = 0.05
-"""Standard error of a value, over the largest of its kind, below which no more of it is asked for."""
+SUFFICIENT_RELATIVE_ERROR: Final = 0.05
+"""Relative standard error of a parameter value that is sufficient: 5 % of the largest value of the parameter.
 
-LEAST_BITS: Final = 0.01
-"""A press that adds less tells nothing."""
+Chosen. A smaller limit gives more weight to contacts that improve parameters which are already well determined.
+"""
 
-LEAST_DECREASE: Final = 0.01
-"""Relative decrease of a standard error below which a press is no reason to record: the smallest that is shown."""
+MIN_GAIN_BITS: Final = 0.01
+"""Gain in bits at or below which a contact is not listed. Chosen: 0.01 bits reduce a standard error by 0.7 %."""
+
+MIN_ERROR_DECREASE: Final = 0.01
+"""Relative decrease of a standard error below which a contact is not recommended: 1 %, the resolution of the text."""
 
 
 @dataclass(frozen=True)
-class Advice:
-    """A press. gain: bits. separates: names of effects that it tells apart, or of a value that it tells. why: words."""
+class RankedContact:
+    """A recommended contact.
+
+    Attributes:
+        contact: the contact.
+        gain: information gain, bits.
+        separates: names of the two effects that the contact separates, or label of the parameter that it improves.
+        reason: the recommendation's reason as text for the user.
+    """
 
     contact: PlannedContact
     gain: float
     separates: tuple[str, ...]
-    why: str
+    reason: str
 
     def to_json(self) -> dict[str, Any]:
-        """For the report."""
-        return {**self.contact.to_json(), "separates": list(self.separates), "gain": self.gain, "why": self.why}
+        """Return the entry of the field `next_presses` of the report."""
+        return {**self.contact.to_json(), "separates": list(self.separates), "gain": self.gain, "why": self.reason}
 
 
 @dataclass(frozen=True)
-class NextContacts:
-    """line: what they are ranked by. presses: the most telling first."""
+class ContactRanking:
+    """Recommended contacts, largest gain first. criterion: text that states the criterion of the ranking."""
 
-    line: str
-    contacts: tuple[Advice, ...]
+    criterion: str
+    contacts: tuple[RankedContact, ...]
 
     def to_json(self) -> list[dict[str, Any]]:
-        """For the report."""
-        return [one.to_json() for one in self.contacts]
+        """Return the field `next_presses` of the report."""
+        return [ranked.to_json() for ranked in self.contacts]
 
 
-def rank_next_contacts(findings: Findings, more: Sequence[State] = (), most: int = MOST_CONTACTS) -> NextContacts:
-    """Rank the recorded presses, once more or changed, and those that only the simulator made (`more`)."""
+def rank_next_contacts(
+    findings: Findings, unrecorded: Sequence[State] = (), limit: int = MAX_CONTACTS
+) -> ContactRanking:
+    """Rank repetitions and variations of the recorded contacts, and approaches that were only simulated.
+
+    findings: open questions of a diagnosis. unrecorded: states of simulated approaches without a recording. limit:
+    largest number of contacts in the result.
+    """
     if not findings.names:
-        return NextContacts("The verdict has no effect whose parameters a further grasp could determine.", ())
-    questions = _Questions(findings)
-    answers = in_copies(findings.judge.state, questions.answers, _every(findings, more))
-    found = sorted((one for own in answers for one in own if one.gain > LEAST_BITS), key=lambda one: -one.gain)
-    return NextContacts(questions.line, tuple(found[:most]))
+        return ContactRanking("The verdict has no effect whose parameters a further grasp could determine.", ())
+    ranker = _ContactRanker(findings)
+    batches = _generate_all_batches(findings, unrecorded)
+    ranked_batches = map_in_processes(findings.fit_data.state, ranker.rank_batch, batches)
+    gainful = (ranked for batch in ranked_batches for ranked in batch if ranked.gain > MIN_GAIN_BITS)
+    ranked = sorted(gainful, key=lambda ranked: -ranked.gain)
+    return ContactRanking(ranker.criterion, tuple(ranked[:limit]))
 
 
-def _every(findings: Findings, more: Sequence[State]) -> Iterator[Batch]:
+def _generate_all_batches(findings: Findings, unrecorded: Sequence[State]) -> Iterator[ContactBatch]:
+    """Yield all candidate contacts, with the variations that matter for the effects of the findings."""
     composites = [findings.composite, *findings.rivals.values()]
-    effects = [link.effect for composite in composites for link in composite.links]
-    memory, near = any(one.memory for one in effects), any(isinstance(one, Proximity) for one in effects)
-    for number, state in enumerate((findings.judge.state, *more)):
-        yield from batches(state, recorded=number == 0, memory=memory, near=near)
+    effects = [fitted.effect for composite in composites for fitted in composite.fitted_effects]
+    is_time_dependent = any(effect.memory for effect in effects)
+    has_proximity = any(isinstance(effect, Proximity) for effect in effects)
+    for number, state in enumerate((findings.fit_data.state, *unrecorded)):
+        yield from generate_batches(
+            state, is_recorded=number == 0, is_time_dependent=is_time_dependent, has_proximity=has_proximity
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
-    """A found effect and one that looks like it. left: what either's values leave of the difference of the two."""
+class _ConfoundedPair:
+    """A named effect and an effect that is confounded with it.
+
+    Attributes:
+        names: the named effect and the other effect.
+        other: information on the composite model with the other effect in place of the named effect.
+        remaining: difference of the two models after the values of the named model, and of the other, have adapted.
+    """
 
     names: tuple[str, str]
     other: CompositeInformation
-    left: tuple[Left, Left]
+    remaining: tuple[RemainingDifference, RemainingDifference]
 
     @property
-    def apart2(self) -> float:
-        """Squared distance so far, in units of what scatters."""
-        return min(left.value for left in self.left)
+    def squared_distance(self) -> float:
+        """Squared distance of the two models on the recorded contacts, in units of the variance."""
+        return min(difference.squared_length for difference in self.remaining)
 
 
-class _Questions:
-    """What is open after a diagnosis."""
+class _ContactRanker:
+    """Information gain of candidate contacts on the open questions of a diagnosis."""
 
     def __init__(self, findings: Findings) -> None:
-        self._judge, self._scatter = findings.judge, ContactVariance.of(findings.judge)
-        self._found = CompositeInformation.of(findings.judge, findings.composite)
-        self._values = values = values_of(findings)
-        expected = np.sqrt(np.diag(self._found.covariance)[values.place])
-        self._error2 = np.where(np.isnan(values.error), expected, values.error) ** 2
-        enough2 = (WELL_KNOWN * values.size) ** 2
-        self._all_known = bool((self._error2 <= enough2).all())
+        fit_data = findings.fit_data
+        self._fit_data, self._variance = fit_data, ContactVariance.estimate(fit_data)
+        self._named = CompositeInformation.compute(fit_data, findings.composite)
+        self._values = values = collect_parameter_values(findings)
+        predicted_error = np.sqrt(np.diag(self._named.covariance)[values.index])
+        self._error2 = np.where(np.isnan(values.standard_error), predicted_error, values.standard_error) ** 2
+        sufficient2 = (SUFFICIENT_RELATIVE_ERROR * values.scale) ** 2
+        self._are_errors_sufficient = bool((self._error2 <= sufficient2).all())
         self._pairs = []
         for names, composite in findings.rivals.items():
-            other = CompositeInformation.of(findings.judge, composite)
-            difference = np.nan_to_num(other.features - self._found.features)
-            self._pairs.append(_Pair(names, other, (self._found.left(difference), other.left(difference))))
-        # Where nothing else is open, what is known well may be known better.
-        self._enough2 = np.zeros_like(enough2) if self._all_known and not self._pairs else enough2
+            other = CompositeInformation.compute(fit_data, composite)
+            difference = np.nan_to_num(other.features - self._named.features)
+            remaining = self._named.compute_remaining(difference), other.compute_remaining(difference)
+            self._pairs.append(_ConfoundedPair(names, other, remaining))
+        # If nothing else is open, the ranking improves parameters that are already well determined.
+        self._sufficient2 = (
+            np.zeros_like(sufficient2) if self._are_errors_sufficient and not self._pairs else sufficient2
+        )
 
     @property
-    def line(self) -> str:
-        """What presses are ranked by."""
+    def criterion(self) -> str:
+        """Text that states the criterion of the ranking."""
         if self._pairs:
-            told = "; ".join(" and ".join(_words(name) for name in pair.names) for pair in self._pairs)
-            return f"Confounded effects: {told}."
-        if not len(self._values.place):
+            pairs = "; ".join(" and ".join(_format_name(name) for name in pair.names) for pair in self._pairs)
+            return f"Confounded effects: {pairs}."
+        if not len(self._values.index):
             return "No effects are confounded, and the effects have no parameters that a further grasp could determine."
-        if self._all_known:
-            known = f"all parameters have a relative standard error of at most {100 * WELL_KNOWN:.0f} %"
-            return f"No effects are confounded, and {known}; the grasps are ranked by the reduction of these errors."
+        if self._are_errors_sufficient:
+            limit = 100 * SUFFICIENT_RELATIVE_ERROR
+            errors = f"all parameters have a relative standard error of at most {limit:.0f} %"
+            return f"No effects are confounded, and {errors}; the grasps are ranked by the reduction of these errors."
         return "No effects are confounded; the grasps are ranked by the reduction of the parameters' intervals."
 
-    def answers(self, batch: Batch) -> list[Advice]:
-        """What each press of a batch would add."""
-        found = Felt.of(self._found, batch.state)
-        if batch.again:
-            weight = self._scatter.weight_again(self._judge, found.features)
+    def rank_batch(self, batch: ContactBatch) -> list[RankedContact]:
+        """Return for each contact of a batch its gain and the reason."""
+        named = CandidatePrediction.compute(self._named, batch.state)
+        if batch.is_repeat:
+            weight = self._variance.compute_repeat_weight(self._fit_data, named.features)
         else:
-            weight = self._scatter.weight(batch.state.mean, found.features)
-        others = [Felt.of(pair.other, batch.state) for pair in self._pairs]
-        apart = [np.nan_to_num(other.features - found.features) for other in others]
-        advice = []
+            weight = self._variance.compute_weight(batch.state.mean, named.features)
+        others = [CandidatePrediction.compute(pair.other, batch.state) for pair in self._pairs]
+        differences = [np.nan_to_num(other.features - named.features) for other in others]
+        ranked = []
         for number, contact in enumerate(batch.contacts):
-            told = found.added(number, weight)
-            after = [
+            added = named.compute_added(number, weight)
+            squared_after = [
                 min(
-                    pair.left[0].after(told, difference[number]),
-                    pair.left[1].after(other.added(number, weight), difference[number]),
+                    pair.remaining[0].compute_squared_length_after(added, difference[number]),
+                    pair.remaining[1].compute_squared_length_after(
+                        other.compute_added(number, weight), difference[number]
+                    ),
                 )
-                for pair, other, difference in zip(self._pairs, others, apart, strict=True)
+                for pair, other, difference in zip(self._pairs, others, differences, strict=True)
             ]
-            advice.append(self._advice(contact, np.array(after), told))
-        return advice
+            ranked.append(self._rank_contact(contact, np.array(squared_after), added))
+        return ranked
 
-    def _advice(self, contact: PlannedContact, after: FloatArray, added: Added) -> Advice:
-        """after: squared distance of each pair with the press, f64[pairs]."""
-        before = np.array([pair.apart2 for pair in self._pairs])
-        apart = np.maximum(0.5 * np.log2((1.0 + after) / (1.0 + before)), 0.0)
-        told, label, share = self._told(added)
-        gain = float(apart.sum() + told)
-        if len(apart) and apart.max() > max(told, LEAST_BITS):
-            best = int(apart.argmax())
+    def _rank_contact(
+        self, contact: PlannedContact, squared_after: FloatArray, added: AddedInformation
+    ) -> RankedContact:
+        """Return a contact with its gain and the reason; a gain of 0 if the contact is not worth a recommendation.
+
+        squared_after: f64[pairs], squared distance of each confounded pair with the contact, in units of the variance.
+        """
+        squared_before = np.array([pair.squared_distance for pair in self._pairs])
+        pair_gains = np.maximum(0.5 * np.log2((1.0 + squared_after) / (1.0 + squared_before)), 0.0)
+        parameter_gain, label, decrease = self._compute_parameter_gain(added)
+        gain = float(pair_gains.sum() + parameter_gain)
+        if len(pair_gains) and pair_gains.max() > max(parameter_gain, MIN_GAIN_BITS):
+            best = int(pair_gains.argmax())
             names = self._pairs[best].names
-            deviations = f"{np.sqrt(after[best]):.1f} standard deviations instead of {np.sqrt(before[best]):.1f}"
-            return Advice(
-                contact, gain, names, f"{_words(names[0])} and {_words(names[1])} would differ by {deviations}"
-            )
-        if not label or share < LEAST_DECREASE:
-            return Advice(contact, 0.0, (), "")
-        why = f"the standard error of {label} decreases by {100 * share:.0f} %"
-        return Advice(contact, gain, (label,), why)
+            before, after = np.sqrt(squared_before[best]), np.sqrt(squared_after[best])
+            deviations = f"{after:.1f} standard deviations instead of {before:.1f}"
+            reason = f"{_format_name(names[0])} and {_format_name(names[1])} would differ by {deviations}"
+            return RankedContact(contact, gain, names, reason)
+        if not label or decrease < MIN_ERROR_DECREASE:
+            return RankedContact(contact, 0.0, (), "")
+        reason = f"the standard error of {label} decreases by {100 * decrease:.0f} %"
+        return RankedContact(contact, gain, (label,), reason)
 
-    def _told(self, added: Added) -> tuple[float, str, float]:
-        """Bits of the effects' values, of each effect the mean; which of them gains most, and the share by which its
-        error falls.
+    def _compute_parameter_gain(self, added: AddedInformation) -> tuple[float, str, float]:
+        """Return the gain on the parameters, and the parameter with the largest gain.
+
+        The gain in bits is averaged over the values of each effect, and summed over the effects. The other results are
+        the label of the value with the largest gain, and the relative decrease of its standard error.
         """
         values = self._values
-        if not len(values.place):
+        if not len(values.index):
             return 0.0, "", 0.0
-        before, after = np.diag(self._found.covariance), self._found.variance_after(added)
-        left = np.clip(after[values.place] / before[values.place], 0.0, 1.0)
-        kept = (left * self._error2 + self._enough2) / np.maximum(self._error2 + self._enough2, 1e-300)
-        bits = -0.5 * np.log2(np.maximum(kept, 1e-12))
-        means = np.bincount(values.owner, bits) / np.bincount(values.owner)
+        before, after = np.diag(self._named.covariance), self._named.compute_variance_after(added)
+        variance_ratio = np.clip(after[values.index] / before[values.index], 0.0, 1.0)
+        total2 = np.maximum(self._error2 + self._sufficient2, 1e-300)
+        limited_ratio = (variance_ratio * self._error2 + self._sufficient2) / total2
+        bits = -0.5 * np.log2(np.maximum(limited_ratio, 1e-12))
+        means = np.bincount(values.effect_index, bits) / np.bincount(values.effect_index)
         best = int(bits.argmax())
-        return float(means.sum()), values.labels[best], 1.0 - float(np.sqrt(left[best]))
+        return float(means.sum()), values.labels[best], 1.0 - float(np.sqrt(variance_ratio[best]))
 
 
-def _words(name: str) -> str:
+def _format_name(name: str) -> str:
+    """Return the name of an effect as text for the user."""
     return name.replace("_", " ")

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.apply.frames import FrameStates
-from taxel.gap.apply.same_hand import check_hand
-from taxel.gap.data.boards import BoardLayout, layouts_of
+from taxel.gap.apply.hand_check import check_hand
+from taxel.gap.data.boards import BoardLayout, make_board_layouts
 from taxel.gap.effects.effect import BOARD, TAXEL
-from taxel.gap.effects.layer_law import Law, law_of
+from taxel.gap.effects.layer_law import ForceDepthLaw, estimate_taxel_law
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report, read_report_values
 from taxel.gap.report.report_values import ReportValue
 from taxel.hand.errors import format_path
@@ -26,19 +26,21 @@ from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray, IndexArray
 
-LEAST_LOAD_N: Final = 0.02
-"""Force above which a taxel counts as loaded when the grasp with most loaded frames is chosen for the layer's law."""
+MIN_LOAD_N: Final = 0.02
+"""Force in newtons above which a taxel counts as loaded in the choice of the grasp for the force law of the layer."""
 
-MOST_GRASPS: Final = 8
-"""Number of grasps of the simulation among which this grasp is chosen."""
+MAX_GRASPS: Final = 8
+"""Number of simulated grasps, the first of the dataset, among which the grasp with most loaded frames is chosen.
+
+Chosen: limits the time for reading."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExportSource:
-    """Effects of a report with everything that their export needs.
+    """Effects of a report with all inputs of an export.
 
-    report: see `read_report`. sim: the simulated dataset, or None. missing: reason for which it is None, one line, or
-    empty. model: its sensor model. table: its taxels.
+    report: see `read_report`. sim: path of the simulated dataset, or None. missing: reason for a missing dataset, one
+    line; empty if there is a dataset. model: sensor model of the dataset. table: taxels of the dataset.
     """
 
     report: ReportedGap
@@ -62,18 +64,18 @@ class ExportSource:
         """Position of each taxel's board in `boards`, [n]."""
         return np.searchsorted(np.array(self.boards), self.report.sensor).astype(np.intp)
 
-    def taxels_of_boards(self) -> Iterator[tuple[int, IndexArray]]:
-        """Address and taxels [m] of every board."""
+    def iterate_boards(self) -> Iterator[tuple[int, IndexArray]]:
+        """Iterate over the boards: address, and indices of the m taxels, [m]."""
         for number, address in enumerate(self.boards):
             yield address, np.flatnonzero(self.board == number)
 
     @cached_property
     def layouts(self) -> tuple[BoardLayout, ...]:
-        """Positions of the taxels of every board; none without a dataset."""
-        return () if self.table is None else layouts_of(self.board, self.table)
+        """Positions of the taxels of every board; empty without a dataset."""
+        return () if self.table is None else make_board_layouts(self.board, self.table)
 
-    def blocks_of(self, effect: ReportedEffect) -> IndexArray:
-        """Column of `effect.values` that acts on each taxel, [n]; -1 where the report has no value."""
+    def map_blocks(self, effect: ReportedEffect) -> IndexArray:
+        """Return the column of `effect.values` for each taxel, [n]; -1 for a taxel without a value in the report."""
         if effect.effect.scope == TAXEL:
             return np.arange(self.n)
         if effect.effect.scope == BOARD:
@@ -81,26 +83,29 @@ class ExportSource:
             return np.array([column.get(int(address), -1) for address in self.report.sensor], dtype=np.intp)
         return np.zeros(self.n, np.intp)
 
-    def values_of(self, effect: ReportedEffect, name: str) -> FloatArray:
-        """A parameter for each taxel, f64[n]; the neutral value where the report has none."""
-        block = self.blocks_of(effect)
+    def expand_values(self, effect: ReportedEffect, name: str) -> FloatArray:
+        """Return the value of a parameter for each taxel, f64[n]; the neutral value if the report has no value.
+
+        name: of the parameter.
+        """
+        block = self.map_blocks(effect)
         row = effect.values[effect.parameters.index(name)]
         neutral = {one.name: one.neutral for one in effect.effect.parameters()}.get(name, 0.0)
         return np.where(block >= 0, row[np.maximum(block, 0)], neutral)
 
     @cached_property
-    def law(self) -> Law | None:
-        """Force over depth of a taxel's layer from the simulated grasp with most loaded frames; None without dataset.
+    def law(self) -> ForceDepthLaw | None:
+        """Force of the layer of a taxel as a function of depth, from the simulated grasp with most loaded frames.
 
-        Raises GapInputError for a grasp without hold.
+        None without a dataset. Raises GapInputError for a grasp without hold.
         """
         if self.sim is None or self.model is None:
             return None
         with GraspDataset(self.sim) as data:
             states = FrameStates(data)
-            found = [states.of(data[name]) for name in data.ids[:MOST_GRASPS]]
-            loads = [int((one.base.force > LEAST_LOAD_N).sum()) for one in found if one.base.force is not None]
-            return law_of(found[int(np.argmax(loads))]) if loads else None
+            grasps = [states.build_state(data[name]) for name in data.ids[:MAX_GRASPS]]
+            loads = [int((one.base.force > MIN_LOAD_N).sum()) for one in grasps if one.base.force is not None]
+            return estimate_taxel_law(grasps[int(np.argmax(loads))]) if loads else None
 
 
 def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = None) -> ExportSource:
@@ -110,25 +115,25 @@ def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = N
     GapInputError and DatasetError of one line for a wrong report, and for a dataset that is of another hand or not of a
     simulation.
     """
-    found = read_report(report)
+    reported = read_report(report)
     if sim is None:
         inputs = ReportValue(read_report_values(report)).field("inputs")
         path = Path(inputs.field("sim").optional_text("path"))
-        missing = _reason_against(path, found)
+        missing = _find_reason_against(path, reported)
         if missing:
-            return ExportSource(found, None, missing, None, None)
+            return ExportSource(reported, None, missing, None, None)
     else:
         path = Path(sim)
     with GraspDataset(path) as data:
-        check_hand(found, data, format_path(path))
-        return ExportSource(found, path, "", data.sensor_model, data.taxels)
+        check_hand(reported, data, format_path(path))
+        return ExportSource(reported, path, "", data.sensor_model, data.taxels)
 
 
-def _reason_against(path: Path, found: ReportedGap) -> str:
-    """The reason for which the dataset of a report cannot be used, or an empty text."""
+def _find_reason_against(path: Path, reported: ReportedGap) -> str:
+    """Return the reason for which the dataset of a report cannot be used, or an empty text."""
     if not is_regular_file(path):
         return f"the simulated dataset {format_path(path)} was not found; give --sim"
     with open_regular_file(path) as file:
-        if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
+        if hashlib.file_digest(file, "sha256").hexdigest() != reported.sim_sha256:
             return f"the simulated dataset {format_path(path)} has changed since the diagnosis; give --sim"
     return ""

@@ -1,4 +1,4 @@
-"""The effects of a report, written for a simulator."""
+"""Export of the effects of a report to the format of a simulator."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from taxel.hand.errors import format_path, format_value
 from taxel.output import write_whole
 
 FORMATS: Final = ("mujoco", "genesis", "isaac", "python")
-"""Simulators for which effects are written."""
+"""Names of the formats: simulators, and a Python module."""
 
 
 @dataclass(frozen=True)
-class Exported:
+class ExportResult:
     """Result of an export. files: written files. effects: names of the expressed effects, in the order in which they
     act. approximated, not_expressed: reason by name. notes: remarks for the user.
     """
@@ -44,7 +44,7 @@ def export_report(
     sim: str | PathLike[str] | None = None,
     step_s: float | None = None,
     overwrite: bool = False,
-) -> Exported:
+) -> ExportResult:
     """Write the effects of a report for a simulator.
 
     to: one of FORMATS. out: file to write; for MuJoCo, the Python module with the same name and the suffix .py is
@@ -55,24 +55,24 @@ def export_report(
     if to not in FORMATS:
         raise GapInputError("--to", f"one of {', '.join(FORMATS)}", format_value(to), "correct the name")
     source = read_source(report, sim)
-    found = source.report
-    if not found.effects:
-        reason = "there is no gap" if found.status == "no_gap" else "the cause of the gap is unknown"
-        return Exported(notes=(f"{reason}: no effect to export, no file was written",))
-    texts, translation = _written(source, to, Path(out), step_s)
-    _check_targets(texts, (Path(report), source.sim, found.real), overwrite)
+    reported = source.report
+    if not reported.effects:
+        reason = "there is no gap" if reported.status == "no_gap" else "the cause of the gap is unknown"
+        return ExportResult(notes=(f"{reason}: no effect to export, no file was written",))
+    texts, translation = _build_texts(source, to, Path(out), step_s)
+    _check_targets(texts, (Path(report), source.sim, reported.real), overwrite)
     for path, text in texts.items():
-        _replace(path, text)
-    notes = ["a part of the gap has an unknown cause, which was not exported"] if found.remainder else []
+        _write_file(path, text)
+    notes = ["a part of the gap has an unknown cause, which was not exported"] if reported.has_unknown_cause else []
     if source.missing:
         notes.append(source.missing)
-    return Exported(
+    return ExportResult(
         tuple(texts), translation.expressed, translation.approximated, translation.not_expressed, tuple(notes)
     )
 
 
-def _written(source: ExportSource, to: str, out: Path, step_s: float | None) -> tuple[dict[Path, str], Translation]:
-    """Texts of the files by path, and the translation with its limits in this format."""
+def _build_texts(source: ExportSource, to: str, out: Path, step_s: float | None) -> tuple[dict[Path, str], Translation]:
+    """Build the texts of the files by path, and the translation with its limits in this format."""
     translation = translate(source)
     names = ", ".join(one.name for one in source.report.effects)
     note = f"Effects of the report {source.report.sha256[:12]}: {names}. Written by taxel {version('taxel')}."
@@ -103,8 +103,8 @@ def _check_targets(texts: Mapping[Path, str], inputs: tuple[Path | None, ...], o
             raise GapInputError(where, "a new file", "an existing one", "choose another --out, or give --overwrite")
 
 
-def _replace(path: Path, text: str) -> None:
-    """Write a file completely before it takes its name. Raises GapInputError if the folder is not writable."""
+def _write_file(path: Path, text: str) -> None:
+    """Write a file completely and then rename it to its name. Raises GapInputError if the folder is not writable."""
     try:
         write_whole(path, text)
     except OSError as error:

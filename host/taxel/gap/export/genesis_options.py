@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.gap.export.common import ExportSource
-from taxel.gap.export.mixing import grid_kernel
+from taxel.gap.export.mixing import compute_grid_kernel
 from taxel.gap.export.python_module import format_tables, list_limits, round_number
 from taxel.gap.export.translation import Translation
 from taxel.types import FloatArray, IndexArray
@@ -17,10 +17,10 @@ VERSION: Final = "1.4.5"
 """Version of the package genesis-world whose options are used (`genesis/options/sensors/tactile.py`, `options.py`)."""
 
 OPTIONS: Final = ("probe_gain", "noise", "bias", "delay", "jitter", "crosstalk_kernel")
-"""Options that an export writes."""
+"""Names of the options that an export writes."""
 
 DEAD_GAIN: Final = 1e-9
-"""Gain of a dead taxel: Genesis requires gains above 0, and its option dead_taxel_probability kills random taxels."""
+"""Gain of a dead taxel. Genesis requires gains above 0, and its option dead_taxel_probability selects random taxels."""
 
 SMALL_SIGNALS: Final = "Genesis measures forces: exact as long as the signal is proportional to the force"
 EDGES: Final = "one kernel for all taxels of a board: the mean of the mixing matrix over pairs with the same distance"
@@ -61,16 +61,19 @@ NORMAL_EXPONENT = 1.0  # the option normal_exponent of the sensor: a gain of the
 
 
 def write_genesis(source: ExportSource, translation: Translation, note: str) -> tuple[str, Translation]:
-    """The text of a Python file with Genesis options, and the translation with its limits in this format."""
-    limited = _limited(source, translation)
+    """Build the text of a Python file with Genesis options, and the translation with its limits in this format.
+
+    note: origin of the file.
+    """
+    limited = _restrict_to_genesis(source, translation)
     report, taxels, options = source.report, [], []
     sides: tuple[int, int] = (0, 0)
-    for address, own in source.taxels_of_boards():
+    for address, own in source.iterate_boards():
         order = own[np.lexsort((report.rx[own], report.tx[own]))]
         sides = int(np.ptp(report.tx[own])) + 1, int(np.ptp(report.rx[own])) + 1
         lines = list(zip(report.tx[order].tolist(), report.rx[order].tolist(), strict=True))
         taxels.append(f"    {address}: {lines},")
-        entries = _options(source, limited, order, sides)
+        entries = _build_options(source, limited, order, sides)
         options.append(
             f"    {address}: {{\n" + "".join(f'        "{key}": {text},\n' for key, text in entries) + "    },"
         )
@@ -86,8 +89,8 @@ def write_genesis(source: ExportSource, translation: Translation, note: str) -> 
     return f"{head}{format_tables(tables)}\n", limited
 
 
-def _limited(source: ExportSource, translation: Translation) -> Translation:
-    """The translation without the steps that Genesis lacks, with the reasons."""
+def _restrict_to_genesis(source: ExportSource, translation: Translation) -> Translation:
+    """Remove the steps that Genesis lacks from a translation, and add the reasons."""
     refused, approximated, steps = dict(translation.not_expressed), dict(translation.approximated), []
     for step in translation.steps:
         kind, name = step["kind"], step["effect"]
@@ -116,13 +119,16 @@ def _limited(source: ExportSource, translation: Translation) -> Translation:
         approximated["dropout: constant taxels"] = STUCK
     if (translation.delay_s < 0.0).any():
         approximated["latency"] = NEGATIVE_DELAY
-    return translation.restricted(steps, approximated, refused)
+    return translation.restrict(steps, approximated, refused)
 
 
-def _options(
+def _build_options(
     source: ExportSource, translation: Translation, order: IndexArray, sides: tuple[int, int]
 ) -> list[tuple[str, str]]:
-    """Names and source texts of the options of one board. order: its taxels, row by row."""
+    """Build names and source texts of the options of one board.
+
+    order: indices of the taxels of the board, row by row. sides: numbers of TX and RX lines.
+    """
     gain, kernel, matrix = np.ones(len(order)), None, np.eye(len(order))
     for step in translation.steps:
         if step["kind"] == "scale":
@@ -130,13 +136,13 @@ def _options(
         elif step["kind"] == "half_force":
             gain = gain / step["factor"][order]
         elif step["kind"] in ("mix_force", "mix_signal"):
-            matrix = matrix @ _in_order(step, order)
-            kernel = grid_kernel(source.report.tx[order], source.report.rx[order], matrix)
+            matrix = matrix @ _reorder_matrix(step, order)
+            kernel = compute_grid_kernel(source.report.tx[order], source.report.rx[order], matrix)
     entries = []
     if (gain != 1.0).any():
         values = [round_number(float(one)) for one in np.maximum(gain, DEAD_GAIN)]
         entries.append(("probe_gain", f"[gain ** (1.0 / NORMAL_EXPONENT) for gain in {values}]"))
-    slope = _counts_per_newton(source, order)
+    slope = _compute_counts_per_newton(source, order)
     if slope is not None:
         deviation = np.sqrt((translation.noise[:, order] ** 2).sum(axis=0)) / slope
         if deviation.any():
@@ -154,16 +160,16 @@ def _options(
     return entries
 
 
-def _in_order(step: dict[str, Any], order: IndexArray) -> FloatArray:
-    """The mixing matrix of a board for its taxels in another order."""
+def _reorder_matrix(step: dict[str, Any], order: IndexArray) -> FloatArray:
+    """Return the mixing matrix of a board for its taxels in another order, f64[m, m]."""
     board = next(one for one in step["boards"] if np.isin(order[0], one["taxels"]))
-    place = {int(taxel): number for number, taxel in enumerate(board["taxels"])}
-    rows = [place[int(taxel)] for taxel in order]
+    position = {int(taxel): number for number, taxel in enumerate(board["taxels"])}
+    rows = [position[int(taxel)] for taxel in order]
     return np.asarray(board["matrix"][np.ix_(rows, rows)])
 
 
-def _counts_per_newton(source: ExportSource, order: IndexArray) -> FloatArray | None:
-    """Slope of the signal of each taxel without load; None without sensor model."""
+def _compute_counts_per_newton(source: ExportSource, order: IndexArray) -> FloatArray | None:
+    """Compute the slope of the signal at zero force, counts per newton, f64[m]; None without sensor model."""
     if source.model is None:
         return None
     half_n = source.model.half_force_n * np.ones(source.n)

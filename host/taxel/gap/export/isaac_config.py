@@ -79,22 +79,24 @@ def open_gap(data, half_counts):
 
 
 def write_isaac(source: ExportSource, translation: Translation, step_s: float, note: str) -> tuple[str, Translation]:
-    """The text of a Python file with Isaac Lab configurations, and the translation with its limits in this format.
+    """Build the text of a Python file with Isaac Lab configurations, and the translation with its limits.
 
     step_s: time between two observations, seconds. note: origin of the file.
     """
-    limited = _limited(translation)
+    limited = _restrict_to_isaac(translation)
     report = source.report
     taxels, filters, noises = [], [], []
-    for address, own in source.taxels_of_boards():
+    for address, own in source.iterate_boards():
         lines = list(zip(report.tx[own].tolist(), report.rx[own].tolist(), strict=True))
         taxels.append(f"    {address}: {lines},  # (TX line, RX line)")
-        steps = [text for step in limited.steps for text in _modifiers(step, own, step_s)]
+        steps = [text for step in limited.steps for text in _write_modifiers(step, own, step_s)]
         delay_s = float(max(limited.delay_s[own[0]], 0.0))
         if delay_s:
-            steps.append(_filter([0.0], _delay_taps(delay_s, step_s), f"delay of {round_number(delay_s)} s"))
+            steps.append(
+                _write_filter([0.0], _compute_delay_taps(delay_s, step_s), f"delay of {round_number(delay_s)} s")
+            )
         filters.append(f"    {address}: [\n" + "".join(f"        {text}\n" for text in steps) + "    ],")
-        noise = _noise(limited, own)
+        noise = _write_noise(limited, own)
         if noise:
             noises.append(f"    {address}: {noise},")
     head = HEAD.format(
@@ -108,12 +110,12 @@ def write_isaac(source: ExportSource, translation: Translation, step_s: float, n
     return f"{head}{format_tables(tables)}\n", limited
 
 
-def _limited(translation: Translation) -> Translation:
-    """The translation without the steps that Isaac Lab lacks, with the reasons."""
+def _restrict_to_isaac(translation: Translation) -> Translation:
+    """Remove the steps that Isaac Lab lacks from a translation, and add the reasons."""
     refused, approximated = dict(translation.not_expressed), dict(translation.approximated)
     steps = []
     for step in translation.steps:
-        reason = _reason_against(step)
+        reason = _find_reason_against(step)
         if reason:
             refused[step["effect"]] = reason
         else:
@@ -128,82 +130,90 @@ def _limited(translation: Translation) -> Translation:
         approximated["noise"] = COMMON_NOISE
     if (translation.delay_s < 0.0).any():
         approximated["latency"] = NEGATIVE_DELAY
-    return translation.restricted(steps, approximated, refused)
+    return translation.restrict(steps, approximated, refused)
 
 
-def _reason_against(step: Step) -> str:
-    """The reason for which a step has no modifier, or an empty text."""
+def _find_reason_against(step: Step) -> str:
+    """Return the reason for which a step has no modifier, or an empty text."""
     kind = step["kind"]
     if kind in ("mix_force", "pillars", "half_force", "late_force", "late_more", "late_depth"):
         return FORCES
     return {"proximity": SEPARATION, "sticks": STICKING}.get(kind, "")
 
 
-def _modifiers(step: Step, own: IndexArray, step_s: float) -> list[str]:
-    """Source text of the modifiers of a step for the taxels of a board."""
+def _write_modifiers(step: Step, own: IndexArray, step_s: float) -> list[str]:
+    """Write the source text of the modifiers of a step for the taxels of a board. own: indices of these taxels."""
     kind, name = step["kind"], step["effect"]
     if kind == "scale":
-        return [_function("modifiers.scale", {"multiplier": step["factor"][own]}, name)]
+        return [_write_function("modifiers.scale", {"multiplier": step["factor"][own]}, name)]
     if kind == "clip":
-        return [_function("modifiers.clip", {"bounds": (None, float(step["counts"][own[0]]))}, name)]
+        return [_write_function("modifiers.clip", {"bounds": (None, float(step["counts"][own[0]]))}, name)]
     if kind == "soft":
-        return [_function("saturate", {"counts": step["counts"][own]}, name)]
+        return [_write_function("saturate", {"counts": step["counts"][own]}, name)]
     if kind == "power":
-        return [_function("raise_to_power", {"exponent": step["exponent"][own], "scale": step["scale_counts"]}, name)]
+        return [
+            _write_function("raise_to_power", {"exponent": step["exponent"][own], "scale": step["scale_counts"]}, name)
+        ]
     if kind == "mix_signal":
         matrix = next(board["matrix"] for board in step["boards"] if board["taxels"][0] == own[0])
-        return [_function("mix", {"matrix": matrix}, name)]
+        return [_write_function("mix", {"matrix": matrix}, name)]
     if kind == "lag":
-        return [_lag_filter(1.0, float(step["seconds"][own[0]]), step_s, name)]
+        return [_write_lag_filter(1.0, float(step["seconds"][own[0]]), step_s, name)]
     if kind in ("late_signal", "late_gap"):
-        late = _lag_filter(float(step["fraction"][own[0]]), float(step["seconds"][own[0]]), step_s, name)
+        late = _write_lag_filter(float(step["fraction"][own[0]]), float(step["seconds"][own[0]]), step_s, name)
         if kind == "late_signal":
             return [late]
         share = {"half_counts": step["half_counts"]}
-        return [_function("close_gap", share, name), late, _function("open_gap", share, name)]
+        return [_write_function("close_gap", share, name), late, _write_function("open_gap", share, name)]
     return []
 
 
-def _lag_filter(fraction: float, seconds: float, step_s: float, name: str) -> str:
-    """A filter whose share `fraction` arrives late, with the time constant `seconds`; signals linear between steps."""
+def _write_lag_filter(fraction: float, seconds: float, step_s: float, name: str) -> str:
+    """Write a filter that delays the share `fraction` by a first-order lag with the time constant `seconds`.
+
+    The coefficients are exact for signals that are linear between two observations.
+    """
     x = step_s / max(seconds, 1e-6)
     kept, ramp = float(np.exp(-x)), float(np.expm1(-x) / x)
     taps = [(1.0 - fraction) + fraction * (1.0 + ramp), -(1.0 - fraction) * kept - fraction * (ramp + kept)]
-    return _filter([-kept], taps, f"{name}: fraction {round_number(fraction)}, {round_number(seconds)} s")
+    return _write_filter([-kept], taps, f"{name}: fraction {round_number(fraction)}, {round_number(seconds)} s")
 
 
-def _delay_taps(delay_s: float, step_s: float) -> list[float]:
+def _compute_delay_taps(delay_s: float, step_s: float) -> list[float]:
+    """Compute the coefficients of a delay, with linear interpolation between two observations."""
     whole, share = divmod(delay_s / step_s, 1.0)
     return [0.0] * int(whole) + [1.0 - share, share]
 
 
-def _filter(past: list[float], taps: list[float], comment: str) -> str:
-    return f"modifiers.DigitalFilterCfg(A={_text(past)}, B={_text(taps)}),  # {comment}"
+def _write_filter(past: list[float], taps: list[float], comment: str) -> str:
+    """Write a filter. past: coefficients of previous outputs. taps: of the inputs, newest first."""
+    return f"modifiers.DigitalFilterCfg(A={_write_value(past)}, B={_write_value(taps)}),  # {comment}"
 
 
-def _function(function: str, parameters: dict[str, Any], comment: str) -> str:
-    text = ", ".join(f'"{name}": {_text(value)}' for name, value in parameters.items())
+def _write_function(function: str, parameters: dict[str, Any], comment: str) -> str:
+    """Write a modifier that calls a function. parameters: arguments by name."""
+    text = ", ".join(f'"{name}": {_write_value(value)}' for name, value in parameters.items())
     return f"modifiers.ModifierCfg(func={function}, params={{{text}}}),  # {comment}"
 
 
-def _noise(translation: Translation, own: IndexArray) -> str:
-    """Source text of the noise model of a board, or an empty text."""
+def _write_noise(translation: Translation, own: IndexArray) -> str:
+    """Write the source text of the noise model of a board; an empty text without noise and drift."""
     deviation: FloatArray = np.sqrt((translation.noise[:, own] ** 2).sum(axis=0))
     drift = next((step for step in translation.steps if step["kind"] == "drift"), None)
-    white = f"GaussianNoiseCfg(mean=0.0, std={_text(deviation if np.ptp(deviation) else float(deviation[0]))})"
+    white = f"GaussianNoiseCfg(mean=0.0, std={_write_value(deviation if np.ptp(deviation) else float(deviation[0]))})"
     if drift is None:
         return white if deviation.any() else ""
     mean, std = 0.5 * float(drift["slope"][own[0]]), float(drift["deviation"][own[0]])
-    # With the operation "add", the bias of an episode would be added to that of the episode before.
-    bias = f'GaussianNoiseCfg(mean={_text(mean)}, std={_text(std)}, operation="abs")'
+    # With the operation "add", the bias of an episode would be added to the bias of the previous episode.
+    bias = f'GaussianNoiseCfg(mean={_write_value(mean)}, std={_write_value(std)}, operation="abs")'
     return f"NoiseModelWithAdditiveBiasCfg(noise_cfg={white}, bias_noise_cfg={bias}, sample_bias_per_component=False)"
 
 
-def _text(value: Any) -> str:
-    """Source text of numbers, with tensors for arrays."""
+def _write_value(value: Any) -> str:
+    """Write the source text of numbers, with tensors for arrays."""
     if isinstance(value, np.ndarray):
-        return f"tensor({_text(value.tolist())})"
+        return f"tensor({_write_value(value.tolist())})"
     if isinstance(value, list | tuple):
-        texts = ", ".join(_text(one) for one in value)
+        texts = ", ".join(_write_value(one) for one in value)
         return f"[{texts}]" if isinstance(value, list) else f"({texts})"
     return repr(round_number(value)) if isinstance(value, float) else repr(value)

@@ -1,4 +1,4 @@
-"""Mixing matrices of the boards: the share of each taxel (row) that each taxel (column) of the same board gains."""
+"""Mixing matrices of the boards: entry (i, j) is the share of the signal of taxel i that taxel j of the board gains."""
 
 from __future__ import annotations
 
@@ -7,47 +7,49 @@ import numpy as np
 from taxel.types import FloatArray, IndexArray
 
 
-def mix_lines(tx: IndexArray, rx: IndexArray, fractions: FloatArray, own_ratio: float = 0.0) -> FloatArray:
-    """The matrix f64[m, m] of crosstalk over the electrodes of one board with m taxels, with the signal itself.
+def build_crosstalk_matrix(tx: IndexArray, rx: IndexArray, fractions: FloatArray, own_ratio: float = 0.0) -> FloatArray:
+    """Build the matrix f64[m, m] of crosstalk over the electrodes of one board with m taxels.
 
-    tx, rx: lines of the taxels. fractions: of the mean of the other taxels on the TX line and on the RX line; if four,
-    also of the same place on the neighbouring TX lines and RX lines. own_ratio: change of the taxel's own signal over
-    the sum of the absolute fractions.
+    The matrix contains the signal of the taxel itself. tx, rx: lines of the taxels. fractions: two or four numbers,
+    fractions of the mean of the other taxels on the TX line and on the RX line, and of the taxels at the same position
+    on the neighbouring TX lines and RX lines. own_ratio: change of the own signal of a taxel over the sum of the
+    absolute fractions.
     """
-    apart = [np.abs(line[:, None] - line) for line in (tx, rx)]
+    distances = [np.abs(line[:, None] - line) for line in (tx, rx)]
     other = ~np.eye(len(tx), dtype=bool)
     matrix = np.eye(len(tx)) * (1.0 + own_ratio * float(np.abs(fractions).sum()))
-    for gap, fraction in zip(apart, fractions[:2], strict=True):
-        passed = ((gap == 0) & other).astype(np.float64)
-        matrix += fraction * passed / np.maximum(passed.sum(axis=0), 1.0)
+    for distance, fraction in zip(distances, fractions[:2], strict=True):
+        on_line = ((distance == 0) & other).astype(np.float64)
+        matrix += fraction * on_line / np.maximum(on_line.sum(axis=0), 1.0)
     for axis, fraction in enumerate(fractions[2:]):
-        matrix += fraction * ((apart[axis] == 1) & (apart[1 - axis] == 0))
+        matrix += fraction * ((distances[axis] == 1) & (distances[1 - axis] == 0))
     return matrix
 
 
-def mix_shorts(
+def build_shorts_matrix(
     tx: IndexArray, rx: IndexArray, remaining: FloatArray, shorts: list[tuple[str, int, float]]
 ) -> FloatArray:
-    """The matrix f64[m, m] of dead taxels and of lines that are connected to each other.
+    """Build the matrix f64[m, m] of dead taxels and of lines that are connected to each other.
 
-    remaining: f64[m], share of the signal that a taxel shows. shorts: axis "tx" or "rx", the first of the two lines,
-    and the share of the sum of both signals that each of their taxels shows.
+    remaining: f64[m], remaining share of the signal of each taxel. shorts: axis "tx" or "rx", the first of the two
+    lines, and the share of the sum of both signals that each taxel of these lines measures.
     """
     matrix = np.diag(remaining)
     for axis, index, share in shorts:
         along, across = (tx, rx) if axis == "tx" else (rx, tx)
-        for place in np.intersect1d(across[along == index], across[along == index + 1]).tolist():
-            pair = [int(np.flatnonzero((along == line) & (across == place))[0]) for line in (index, index + 1)]
+        for crossing in np.intersect1d(across[along == index], across[along == index + 1]).tolist():
+            pair = [int(np.flatnonzero((along == line) & (across == crossing))[0]) for line in (index, index + 1)]
             matrix[:, pair] = 0.0
             matrix[np.ix_(pair, pair)] = share
     return matrix
 
 
-def grid_kernel(tx: IndexArray, rx: IndexArray, matrix: FloatArray) -> FloatArray:
-    """The kernel f64[2 R - 1, 2 C - 1] that approximates a matrix on a grid of R TX lines and C RX lines.
+def compute_grid_kernel(tx: IndexArray, rx: IndexArray, matrix: FloatArray) -> FloatArray:
+    """Compute the kernel f64[2 R - 1, 2 C - 1] that approximates a matrix on a grid of R TX lines and C RX lines.
 
     Each entry is the mean of the matrix over all pairs of taxels with the same distance in lines. The kernel is that of
-    a cross-correlation: entry (R - 1 + i, C - 1 + j) is the share that a taxel gains from the taxel i and j lines away.
+    a cross-correlation: entry (R - 1 + i, C - 1 + j) is the share that a taxel gains from the taxel whose
+    TX line is larger by i and whose RX line is larger by j.
     """
     rows, columns = int(np.ptp(tx)) + 1, int(np.ptp(rx)) + 1
     i, j = tx[:, None] - tx + rows - 1, rx[:, None] - rx + columns - 1

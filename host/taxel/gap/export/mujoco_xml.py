@@ -27,14 +27,15 @@ NOISE_IS_STORED: Final = (
 
 
 def write_mjcf(source: ExportSource, translation: Translation, timestep_s: float, note: str) -> tuple[str, Translation]:
-    """The text of an MJCF file, and the translation of the effects that remain for the Python module.
+    """Build the text of an MJCF file, and the translation of the effects that remain for the Python module.
 
-    timestep_s: of the model; it determines the number of samples that a delay needs. note: origin of the file. The
-    sensors measure the normal force of sites with the names taxel_BOARD_TX_RX (address in decimal), newtons.
+    timestep_s: time step of the model, seconds, from which the number of samples of a delay follows. note: origin of
+    the file. The sensors measure the normal force of sites with the names taxel_BOARD_TX_RX (address in decimal), in
+    newtons.
     """
     delay_s = np.maximum(translation.delay_s, 0.0)
-    cutoff_n, remaining = _cutoff(source, translation)
-    noise_n = _noise_n(source, translation)
+    cutoff_n, remaining = _split_cutoff(source, translation)
+    noise_n = _compute_noise_n(source, translation)
     report = source.report
     lines = []
     for taxel, (board, tx, rx) in enumerate(zip(report.sensor, report.tx, report.rx, strict=True)):
@@ -54,24 +55,31 @@ def write_mjcf(source: ExportSource, translation: Translation, timestep_s: float
     comments += list_limits(translation)
     head = "\n".join(f"  {escape(line).replace('--', '- -')}" for line in comments)
     text = f"<mujoco>\n  <!--\n{head}\n  -->\n  <sensor>\n" + "\n".join(lines) + "\n  </sensor>\n</mujoco>\n"
-    return text, remaining.changed(delay_s=np.zeros(source.n))
+    return text, remaining.with_fields(delay_s=np.zeros(source.n))
 
 
-def _noise_n(source: ExportSource, translation: Translation) -> FloatArray:
-    """Standard deviation of the noise of each taxel as a force without load, newtons; 0 without sensor model."""
+def _compute_noise_n(source: ExportSource, translation: Translation) -> FloatArray:
+    """Compute the standard deviation of the noise of each taxel as a force at zero load, newtons, f64[n].
+
+    0 without sensor model.
+    """
     if source.model is None:
         return np.zeros(source.n)
     slope = source.model.full_scale_drop_counts / (source.model.half_force_n * np.ones(source.n))
     return np.asarray(np.sqrt((translation.noise**2).sum(axis=0)) / slope)
 
 
-def _cutoff(source: ExportSource, translation: Translation) -> tuple[FloatArray, Translation]:
-    """Force at which the signal ends, newtons, 0 without limit; and the translation without the step of this limit."""
+def _split_cutoff(source: ExportSource, translation: Translation) -> tuple[FloatArray, Translation]:
+    """Convert a saturation into a cutoff of the force, newtons, f64[n]; return it with the remaining translation.
+
+    The cutoff is 0 without a saturation, or for a saturation that follows a step outside `BEFORE_CUTOFF`; the
+    translation is then unchanged.
+    """
     limits = np.zeros(source.n)
-    place = next((k for k, step in enumerate(translation.steps) if step["kind"] == "clip"), None)
-    if place is None or source.model is None:
+    clip_index = next((k for k, step in enumerate(translation.steps) if step["kind"] == "clip"), None)
+    if clip_index is None or source.model is None:
         return limits, translation
-    before = translation.steps[:place]
+    before = translation.steps[:clip_index]
     if any(step["kind"] not in BEFORE_CUTOFF for step in before):
         return limits, translation
     gain, half_n = np.ones(source.n), source.model.half_force_n * np.ones(source.n)
@@ -81,8 +89,8 @@ def _cutoff(source: ExportSource, translation: Translation) -> tuple[FloatArray,
         else:
             half_n = half_n * step["factor"]
     full = source.model.full_scale_drop_counts
-    signal = translation.steps[place]["counts"] / np.maximum(gain, 1e-9)
+    signal = translation.steps[clip_index]["counts"] / np.maximum(gain, 1e-9)
     limits = np.where(signal < full, half_n * signal / np.maximum(full - signal, 1e-9), 0.0)
     if (gain <= 0.0).any():
         return np.zeros(source.n), translation
-    return limits, translation.changed(steps=before + translation.steps[place + 1 :])
+    return limits, translation.with_fields(steps=before + translation.steps[clip_index + 1 :])

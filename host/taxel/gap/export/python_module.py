@@ -14,25 +14,26 @@ from taxel.gap.export.common import ExportSource
 from taxel.gap.export.translation import Translation
 
 PLACEHOLDER: Final = 'json.loads("{}")  # PARAMETERS'
-"""Text of `skin_effects.py` that the parameters replace."""
+"""Text in `skin_effects.py` that is replaced by the parameters."""
 
 STEPS_IMPORT: Final = re.compile(r"^from taxel\.gap\.export\.skin_steps import \(.*?^\)\n", re.MULTILINE | re.DOTALL)
+"""Import in `skin_effects.py` that is replaced by the source text of `skin_steps.py`."""
 
 DIGITS: Final = 9
-"""Significant digits of an exported number: more than a count of 16 bits needs."""
+"""Significant digits of an exported number. Chosen: more than a count of 16 bits needs (5 digits)."""
 
 
 def write_python(source: ExportSource, translation: Translation, note: str) -> str:
-    """The text of a Python file with the class `SkinEffects`. note: origin of the file, one line."""
+    """Build the text of a Python file with the class `SkinEffects`. note: origin of the file, one line."""
     code = join_sources()
     comment = "\n".join(f"# {line}" for line in (note, *list_limits(translation)))
-    parameters = _parameters(source, translation)
-    lines = ",\n".join(f"{json.dumps(name)}: {_text(value)}" for name, value in parameters.items())
-    return f"{comment}\n{code.replace(PLACEHOLDER, _quoted(lines))}"
+    parameters = _collect_parameters(source, translation)
+    lines = ",\n".join(f"{json.dumps(name)}: {_write_json(value)}" for name, value in parameters.items())
+    return f"{comment}\n{code.replace(PLACEHOLDER, _quote_parameters(lines))}"
 
 
 def join_sources() -> str:
-    """The source text of `skin_effects.py` with that of `skin_steps.py` in the place of the import, one module."""
+    """Join the source texts of `skin_effects.py` and `skin_steps.py` to a module without imports of this package."""
     folder = files("taxel.gap.export")
     steps, effects = (
         folder.joinpath(name).read_text(encoding="utf-8") for name in ("skin_steps.py", "skin_effects.py")
@@ -41,30 +42,33 @@ def join_sources() -> str:
     return STEPS_IMPORT.sub(lambda _: f"{body}\n", effects, count=1)
 
 
-def _quoted(lines: str) -> str:
+def _quote_parameters(lines: str) -> str:
+    """Write the JSON text of the parameters as a raw string literal."""
     return 'json.loads(r"""{' + lines.replace('"""', '""\\u0022') + '}""")'
 
 
 def list_limits(translation: Translation) -> list[str]:
-    """Lines that state what an export approximates and what it cannot express."""
+    """List the approximated effects and the effects that are not expressed, one line each with the reason."""
     lines = [f"approximated: {name}: {reason}" for name, reason in translation.approximated.items()]
     return lines + [f"not expressed: {name}: {reason}" for name, reason in translation.not_expressed.items()]
 
 
 def format_tables(tables: Mapping[str, Sequence[str]]) -> str:
-    """Source text of dictionaries, by name; lines of the entries of each."""
+    """Write the source text of dictionaries. tables: lines of the entries by name of the dictionary."""
     return "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
 
 
 def round_number(value: float) -> float:
-    """The value with `DIGITS` significant digits."""
+    """Round a value to `DIGITS` significant digits."""
     return float(f"{value:.{DIGITS}g}")
 
 
-def _parameters(source: ExportSource, translation: Translation) -> dict[str, Any]:
+def _collect_parameters(source: ExportSource, translation: Translation) -> dict[str, Any]:
+    """Collect the values of `PARAMETERS` of the exported module, by name."""
     report, model = source.report, source.model
     groups = [
-        _line_groups(source, line) for line in (np.arange(source.n), report.tx, report.rx, np.zeros(source.n, int))
+        _number_line_groups(source, line)
+        for line in (np.arange(source.n), report.tx, report.rx, np.zeros(source.n, int))
     ]
     return {
         "taxels": {"board": source.board, "tx": report.tx, "rx": report.rx},
@@ -88,23 +92,24 @@ def _parameters(source: ExportSource, translation: Translation) -> dict[str, Any
     }
 
 
-def _line_groups(source: ExportSource, line: Any) -> list[int]:
-    """Number of the group of each taxel: of its line on its board."""
+def _number_line_groups(source: ExportSource, line: Any) -> list[int]:
+    """Number the groups of taxels with the same line on the same board; return the group of each taxel, [n]."""
     return [
         int(one) for one in np.unique(np.column_stack([source.board, line]), axis=0, return_inverse=True)[1].ravel()
     ]
 
 
-def _text(value: Any) -> str:
-    return json.dumps(_plain(value), separators=(",", ":"), allow_nan=False)
+def _write_json(value: Any) -> str:
+    """Write a value as compact JSON."""
+    return json.dumps(_convert_to_json(value), separators=(",", ":"), allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
-    """JSON values with rounded numbers."""
+def _convert_to_json(value: Any) -> Any:
+    """Convert arrays and tuples to JSON values, and round the numbers."""
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return _convert_to_json(value.tolist())
     if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
+        return {name: _convert_to_json(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_convert_to_json(one) for one in value]
     return round_number(value) if isinstance(value, float) else value

@@ -34,15 +34,22 @@ TAXELS = PARAMETERS.get("taxels", {})
 """Columns `board` (position in SkinEffects.boards), `tx` and `rx` of the n taxels, in the order of the counts."""
 
 LARGEST_COUNT = 65_535
-MOST_OF_SCALE = 0.98
+"""Largest raw count: 16 bits."""
+MAX_SCALE_SHARE = 0.98
 """Largest share of the full scale that is converted into a force; larger signals give the force of this share."""
 BASELINE_FRAMES = 100
 """Largest number of frames before the start that the baseline is averaged over."""
 
 
 class SkinEffects:
-    """Effects with their state. Attributes: n, boards (addresses), valid (bool[boards], of the last frame),
-    valid_frames (bool[T, boards], of the last recording), not_expressed (reason by effect).
+    """Effects with their state over the frames of a stream.
+
+    Attributes:
+        n: number of taxels.
+        boards: addresses.
+        valid: bool[boards], whether the last frame of each board arrived.
+        valid_frames: bool[T, boards], the same for the frames of the last recording.
+        not_expressed: reason by name of an effect that the module lacks.
     """
 
     def __init__(self, parameters: Values | None = None) -> None:
@@ -62,7 +69,7 @@ class SkinEffects:
         self.reset()
 
     def reset(self, seed: int = 0, start_s: float | None = None, baseline: npt.ArrayLike | None = None) -> None:
-        """Forget all previous frames.
+        """Discard the state of all previous frames.
 
         seed: of noise, drift and lost frames. start_s: time from which the effects of contact act; None: the first
         frame. baseline: raw counts f64[n] without contact; None: that of the sensor model, or the mean of the frames
@@ -75,7 +82,7 @@ class SkinEffects:
         self._history: list[tuple[float, Array]] = []
         self._first_s: float | None = None
         self._last_s: float | None = None
-        self._held: Array = np.zeros(self.n)
+        self._last_counts: Array = np.zeros(self.n)
         self._state: list[dict[Any, Any]] = [{} for _ in self._steps]
         drift = np.random.default_rng([seed, 2])
         for (step, values), state in zip(self._steps, self._state, strict=True):
@@ -83,11 +90,14 @@ class SkinEffects:
                 state["deviate"] = drift.normal(size=int(values["block"].max()) + 1)[values["block"].astype(int)]
         self.valid = np.ones(len(self.boards), bool)
 
-    def counts_of(self, force: npt.ArrayLike) -> Array:
-        """Raw counts without effects and without noise for forces f64[..., n], newtons; needs a sensor model."""
+    def compute_counts(self, force: npt.ArrayLike) -> Array:
+        """Convert forces f64[..., n], newtons, into raw counts without effects and noise.
+
+        Raises ValueError if the exported file has no sensor model.
+        """
         if self._model is None:
             raise ValueError("sensor model: expected one in the exported file, found none; export again with --sim")
-        return self._model["baseline_counts"] - self._signal_of(np.asarray(force, float))
+        return self._model["baseline_counts"] - self._convert_force(np.asarray(force, float))
 
     def apply(
         self,
@@ -96,13 +106,13 @@ class SkinEffects:
         force: npt.ArrayLike | None = None,
         separation: npt.ArrayLike | None = None,
     ) -> Array:
-        """The raw counts f64[n] of one frame with the effects.
+        """Compute the raw counts f64[n] of one frame with the effects.
 
         time_s: increasing from frame to frame. values: raw counts f64[n] of the simulator. force: f64[n], newtons;
         None: computed from the values by the sensor model where an effect needs it. separation: f64[n], metres, needed
         by the effect proximity. A negative delay is 0 here. Raises ValueError for a wrong shape or a missing input.
         """
-        values, base, signal = self._shape(float(time_s), values, force, separation)
+        values, base, signal = self._apply_steps(float(time_s), values, force, separation)
         if signal is None:
             return self._finish(values, np.zeros(self.n))
         delay_s = np.maximum(self._delay_s, 0.0)
@@ -124,7 +134,7 @@ class SkinEffects:
         start_s: float | None = None,
         baseline: npt.ArrayLike | None = None,
     ) -> Array:
-        """The raw counts f64[T, n] of a recording with the effects; negative delays are applied as well.
+        """Compute the raw counts f64[T, n] of a recording with the effects; negative delays are applied as well.
 
         time_s: f64[T]. values: raw counts f64[T, n]. force, separation: f64[T, n] or None. seed, start_s, baseline: see
         `reset`, which is called first. Raises ValueError for a wrong shape or a missing input.
@@ -134,7 +144,7 @@ class SkinEffects:
         if time_s.ndim != 1 or values.shape != (len(time_s), self.n):
             raise ValueError(f"values: expected the shape ({time_s.size}, {self.n}), found {values.shape}")
         rows = [
-            self._shape(
+            self._apply_steps(
                 time, values[k], None if force is None else force[k], None if separation is None else separation[k]
             )
             for k, time in enumerate(time_s.tolist())
@@ -153,11 +163,14 @@ class SkinEffects:
         self.valid_frames = np.array(valid, bool).reshape(len(values), len(self.boards))
         return result
 
-    def _shape(
+    def _apply_steps(
         self, time_s: float, values: npt.ArrayLike, force: npt.ArrayLike | None, separation: npt.ArrayLike | None
     ) -> tuple[Array, Array, Array | None]:
-        """Values, signal without effects and signal with all effects before the delay; None before the start."""
-        values = self._checked("values", values)
+        """Return the values, the signal without effects, and the signal with all effects except the delay.
+
+        Before the start the last item is None. Raises ValueError for a decreasing time.
+        """
+        values = self._check_shape("values", values)
         if self._first_s is None:
             self._first_s = time_s
         step_s = 0.0 if self._last_s is None else time_s - self._last_s
@@ -169,21 +182,21 @@ class SkinEffects:
             if len(self._before) < BASELINE_FRAMES:
                 self._before.append(values)
             return values, values, None
-        rest = self._baseline(values)
+        rest = self._get_baseline(values)
         signal = rest - values
         newtons: Array | None = None
         if self._model is None or not (self.has_force_steps or force is not None):
             pass
         elif force is None:
-            share = np.clip(signal / self._model["full_scale_counts"], 0.0, MOST_OF_SCALE)
+            share = np.clip(signal / self._model["full_scale_counts"], 0.0, MAX_SCALE_SHARE)
             newtons = self._model["half_force_n"] * share / (1.0 - share)
         else:
-            newtons = self._checked("force", force)
-        base = signal if newtons is None else self._signal_of(newtons)
-        # The baseline is as old as the middle of its frames.
+            newtons = self._check_shape("force", force)
+        base = signal if newtons is None else self._convert_force(newtons)
+        # The mean age of the frames of the baseline is half their duration.
         age_s = 0.5 * step_s * len(self._before)
         frame = Frame(step_s, time_s - start_s + 0.5 * step_s, age_s, self._model)
-        frame.separation = None if separation is None else self._checked("separation", separation)
+        frame.separation = None if separation is None else self._check_shape("separation", separation)
         if newtons is None:
             frame.signal = signal
         else:
@@ -192,7 +205,8 @@ class SkinEffects:
             step(frame, parameters, state)
         return values, base, get_signal(frame)
 
-    def _baseline(self, values: Array) -> Array:
+    def _get_baseline(self, values: Array) -> Array:
+        """Return the baseline, raw counts f64[n]: as given, of the sensor model, or the mean of early frames."""
         if self._given_baseline is None:
             if self._model is not None:
                 self._given_baseline = self._model["baseline_counts"]
@@ -200,26 +214,28 @@ class SkinEffects:
                 self._given_baseline = np.mean(self._before, axis=0) if self._before else values
         return np.asarray(self._given_baseline, float)
 
-    def _signal_of(self, force: Array) -> Array:
+    def _convert_force(self, force: Array) -> Array:
+        """Convert forces f64[..., n], newtons, into signals, counts, by the sensor model."""
         assert self._model is not None
         return np.asarray(self._model["full_scale_counts"] * force / (force + self._model["half_force_n"]))
 
-    def _checked(self, name: str, values: npt.ArrayLike) -> Array:
+    def _check_shape(self, name: str, values: npt.ArrayLike) -> Array:
+        """Convert values to f64[n]. Raises ValueError for another shape."""
         values = np.asarray(values, float)
         if values.shape != (self.n,):
             raise ValueError(f"{name}: expected {self.n} numbers, found an array of shape {values.shape}")
         return values
 
     def _finish(self, values: Array, change: Array) -> Array:
-        """Counts with the change of the signal, noise, constant taxels and lost frames."""
+        """Compute the raw counts from the change of the signal, noise, constant taxels and lost frames."""
         result = values - change
         for deviation, member in zip(self.parameters["noise"], self.parameters["noise_groups"], strict=True):
             if any(deviation):
                 result = result + np.array(deviation) * self._noise.normal(size=max(member) + 1)[np.array(member)]
         result = np.clip(np.rint(result), 0, LARGEST_COUNT)
         if len(self._stuck):
-            rest = np.broadcast_to(self._baseline(values), (self.n,))
+            rest = np.broadcast_to(self._get_baseline(values), (self.n,))
             result[self._stuck] = np.rint(rest[self._stuck])
         self.valid = self._loss.random(len(self.boards)) >= self._lost
-        self._held = np.where(self.valid[self._board], result, self._held)
-        return self._held.copy()
+        self._last_counts = np.where(self.valid[self._board], result, self._last_counts)
+        return self._last_counts.copy()

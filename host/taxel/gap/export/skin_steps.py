@@ -10,17 +10,19 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Values = dict[str, Any]
 
-MOST_CLOSED = 0.98
-"""Largest closed share of a plate capacitor's gap."""
-MISSED_M = 0.0499
-"""Separation, metres, from which on the normal of a taxel misses the object."""
+MAX_CLOSED_SHARE = 0.98
+"""Largest closed share of the gap of a plate capacitor, beyond which the model of the signal is not valid."""
+MISSED_SEPARATION_M = 0.0499
+"""Separation in metres from which on the normal of a taxel does not meet the object."""
 PLAY_SHARE = 0.3
-"""Share of the closed gap that the play of a sticking layer holds back."""
-CREEP_TIMES_S = 10.0 ** np.arange(-1.5, 2.0, 0.5)
+"""Share of the closed gap that follows the load with the play of a sticking layer."""
+CREEP_TIME_CONSTANTS_S = 10.0 ** np.arange(-1.5, 2.0, 0.5)
+"""Time constants of the first-order lags that approximate creep, from the duration of a frame to far beyond a grasp."""
 CREEP_STEP_DECADES = 0.5
+"""Distance of two successive time constants, decades."""
 CREEP_START_S = 0.1
 """Age of a load, seconds, at which creep changes nothing."""
-END_SHARE = 0.9
+DRIFT_END_SHARE = 0.9
 """Share of the duration of a grasp at which the variation of a drift between grasps was measured."""
 
 
@@ -37,7 +39,7 @@ class Frame:
 
 
 def to_arrays(step: Values) -> Values:
-    """A step of PARAMETERS with arrays instead of lists."""
+    """Convert the lists of a step of PARAMETERS to arrays."""
     values: Values = {
         name: np.asarray(value, float)
         for name, value in step.items()
@@ -51,7 +53,7 @@ def to_arrays(step: Values) -> Values:
 
 
 def get_signal(frame: Frame) -> Array:
-    """The signal of a frame, counts; forces are converted by the sensor model."""
+    """Return the signal of a frame, counts f64[n]; forces are converted by the sensor model."""
     if frame.signal is not None:
         return frame.signal
     half_n = frame.model["half_force_n"] * frame.force_scale
@@ -59,44 +61,50 @@ def get_signal(frame: Frame) -> Array:
 
 
 def delay_signals(times: Array, signals: Array, delay_s: Array, at: Array) -> Array:
-    """Signals f64[K, n] at the times at - delay_s, linear between frames; before the first frame its signal."""
+    """Interpolate signals f64[K, n] linearly at the times `at` - `delay_s`, seconds.
+
+    Before the first frame the result is the signal of the first frame. Returns f64[len(at), n].
+    """
     result = np.empty((len(at), signals.shape[1]))
     for delay in np.unique(delay_s):
         taxels = np.flatnonzero(delay_s == delay)
         moment = at - delay
         right = np.clip(np.searchsorted(times, moment), 0, len(times) - 1)
-        left = np.maximum(right - 1, 0)
-        gap = times[right] - times[left]
-        share = np.where(gap > 0.0, (moment - times[left]) / np.where(gap > 0.0, gap, 1.0), 1.0).clip(0.0, 1.0)[:, None]
+        before = np.maximum(right - 1, 0)
+        gap = times[right] - times[before]
+        share = np.where(gap > 0.0, (moment - times[before]) / np.where(gap > 0.0, gap, 1.0), 1.0).clip(0.0, 1.0)[
+            :, None
+        ]
         part = signals[:, taxels]
-        result[:, taxels] = part[left] + share * (part[right] - part[left])
+        result[:, taxels] = part[before] + share * (part[right] - part[before])
     return result
 
 
 def _low_pass(values: Array, step_s: float, seconds: Any, state: dict[Any, Any], key: Any = "") -> Array:
-    """First-order low pass of values that are linear between frames, from rest."""
-    before, behind = state.get(key, (np.zeros_like(values), np.zeros_like(values)))
+    """Apply a first-order low pass to values that are linear between frames; the state before the first frame is 0."""
+    before, filtered = state.get(key, (np.zeros_like(values), np.zeros_like(values)))
     x = np.maximum(step_s / np.maximum(seconds, 1e-6), 1e-12)
-    behind = values + (values - before) * np.expm1(-x) / x + (behind - before) * np.exp(-x)
-    state[key] = values, behind
-    return np.asarray(behind)
+    filtered = values + (values - before) * np.expm1(-x) / x + (filtered - before) * np.exp(-x)
+    state[key] = values, filtered
+    return np.asarray(filtered)
 
 
-def _late(values: Array, frame: Frame, parameters: Values, state: dict[Any, Any]) -> Array:
-    """A share `fraction` of the values arrives late, with the time constant `seconds`."""
+def _delay_share(values: Array, frame: Frame, parameters: Values, state: dict[Any, Any]) -> Array:
+    """Apply a first-order lag with the time constant `seconds` to a share `fraction` of the values."""
     return np.asarray(
         values + parameters["fraction"] * (_low_pass(values, frame.step_s, parameters["seconds"], state) - values)
     )
 
 
-def _closed(frame: Frame, half_counts: Array) -> Array:
-    """Closed share of the gap of a plate capacitor with the signal half_counts * x / (1 - x)."""
+def _close_gap(frame: Frame, half_counts: Array) -> Array:
+    """Compute the closed share x of the gap of a plate capacitor with the signal half_counts * x / (1 - x)."""
     signal = np.maximum(get_signal(frame), 0.0)
     return np.asarray(signal / (half_counts + signal))
 
 
-def _of_closed(closed: Array, half_counts: Array) -> Array:
-    closed = np.minimum(closed, MOST_CLOSED)
+def _open_gap(closed: Array, half_counts: Array) -> Array:
+    """Compute the signal of a closed share of the gap, counts: the inverse of `_close_gap`."""
+    closed = np.minimum(closed, MAX_CLOSED_SHARE)
     return np.asarray(half_counts * closed / (1.0 - closed))
 
 
@@ -112,9 +120,9 @@ def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     for number, board in enumerate(parameters["boards"]):
         if number not in state:
             points = board["pieces"].reshape(-1, 3)
-            apart = np.linalg.norm(points[:, None] - points, axis=2)
-            np.fill_diagonal(apart, np.inf)
-            state[number] = apart / float(board["reach_m"])
+            distances = np.linalg.norm(points[:, None] - points, axis=2)
+            np.fill_diagonal(distances, np.inf)
+            state[number] = distances / float(board["reach_m"])
         pieces = board["pieces"].shape[1]
         own = np.repeat(np.maximum(frame.force[board["taxels"]], 0.0), pieces)
         sources = np.flatnonzero(own > 1e-4 * own.max())
@@ -134,7 +142,7 @@ def _half_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
 
 
 def _late_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    frame.force = _late(frame.force, frame, parameters, state)
+    frame.force = _delay_share(frame.force, frame, parameters, state)
 
 
 def _late_more(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
@@ -144,30 +152,30 @@ def _late_more(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 def _late_depth(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     depth_m, force_n = parameters["depth_m"], parameters["force_n"]
-    depth = _late(np.interp(frame.force, force_n, depth_m), frame, parameters, state)
+    depth = _delay_share(np.interp(frame.force, force_n, depth_m), frame, parameters, state)
     frame.force = np.interp(depth, depth_m, force_n)
 
 
 def _late_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    frame.signal = _late(get_signal(frame), frame, parameters, state)
+    frame.signal = _delay_share(get_signal(frame), frame, parameters, state)
 
 
 def _late_gap(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    closed = _closed(frame, parameters["half_counts"])
-    frame.signal = _of_closed(_late(closed, frame, parameters, state), parameters["half_counts"])
+    closed = _close_gap(frame, parameters["half_counts"])
+    frame.signal = _open_gap(_delay_share(closed, frame, parameters, state), parameters["half_counts"])
 
 
 def _sticks(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    closed = _closed(frame, parameters["half_counts"])
-    held = np.clip(
-        state.get("held", np.zeros_like(closed)), np.maximum(closed - parameters["play"] / PLAY_SHARE, 0.0), closed
+    closed = _close_gap(frame, parameters["half_counts"])
+    lagging = np.clip(
+        state.get("lagging", np.zeros_like(closed)), np.maximum(closed - parameters["play"] / PLAY_SHARE, 0.0), closed
     )
-    state["held"] = held
-    closed = closed + PLAY_SHARE * (held - closed)
-    crept = np.expm1(-CREEP_START_S / CREEP_TIMES_S).sum() * closed
-    for constant in CREEP_TIMES_S:
+    state["lagging"] = lagging
+    closed = closed + PLAY_SHARE * (lagging - closed)
+    crept = np.expm1(-CREEP_START_S / CREEP_TIME_CONSTANTS_S).sum() * closed
+    for constant in CREEP_TIME_CONSTANTS_S:
         crept = crept + _low_pass(closed, frame.step_s, constant, state, constant)
-    frame.signal = _of_closed(closed + parameters["creep"] * CREEP_STEP_DECADES * crept, parameters["half_counts"])
+    frame.signal = _open_gap(closed + parameters["creep"] * CREEP_STEP_DECADES * crept, parameters["half_counts"])
 
 
 def _proximity(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
@@ -175,9 +183,11 @@ def _proximity(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
         raise ValueError(
             "separation: expected the distances f64[n] in metres, found None; the effect proximity needs them"
         )
-    apart = np.maximum(frame.separation, 0.0) / parameters["range_m"]
-    near = np.exp(-apart) if parameters["is_exponential"] else np.maximum(1.0 - apart, 0.0)
-    frame.signal = get_signal(frame) + parameters["counts"] * np.where(frame.separation < MISSED_M, near, 0.0)
+    distance = np.maximum(frame.separation, 0.0) / parameters["range_m"]
+    near = np.exp(-distance) if parameters["is_exponential"] else np.maximum(1.0 - distance, 0.0)
+    frame.signal = get_signal(frame) + parameters["counts"] * np.where(
+        frame.separation < MISSED_SEPARATION_M, near, 0.0
+    )
 
 
 def _scale(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
@@ -209,7 +219,7 @@ def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
 
 def add_drift(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Add the drift since the start. state: `deviate`, the random number of each taxel's block."""
-    slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / END_SHARE
+    slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / DRIFT_END_SHARE
     share = (frame.since_s + frame.age_s) / (parameters["until_s"] + frame.age_s)
     frame.signal = get_signal(frame) + slope * share
 
@@ -242,4 +252,4 @@ STEPS = {
     "drift": add_drift,
     "lag": _lag,
 }
-"""Functions of all steps by their kind; each changes a frame."""
+"""Functions of all steps by kind; each changes a frame."""

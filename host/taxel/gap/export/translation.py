@@ -11,11 +11,11 @@ import numpy as np
 
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD
-from taxel.gap.effects.pillar_propagation import FALLEN
-from taxel.gap.effects.plate import HALF_SHARE
-from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
+from taxel.gap.effects.pillar_propagation import DECREASE_AT_SPREAD
+from taxel.gap.effects.plate import HALF_CLOSED_SHARE
+from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
 from taxel.gap.export.common import ExportSource
-from taxel.gap.export.mixing import mix_lines, mix_shorts
+from taxel.gap.export.mixing import build_crosstalk_matrix, build_shorts_matrix
 from taxel.gap.report.reading import ReportedEffect
 from taxel.types import FloatArray
 
@@ -32,10 +32,10 @@ NEGATIVE_DELAY: Final = "a board that precedes the simulator: apply() uses a del
 class Translation:
     """Effects as numbers for each taxel or board.
 
-    steps: in the order in which they act; `kind` is a key of `skin_steps.STEPS`, `effect` the name in the report.
-    delay_s: of each taxel, f64[n]. noise: standard deviations f64[4, n], see `NOISE_PARTS`. lost: share of the frames
-    of each board, f64[boards]. stuck: taxels with a constant count. expressed: names of the translated effects.
-    approximated, not_expressed: reason by name.
+    steps: in the order of action; `kind` is a key of `skin_steps.STEPS`, `effect` the name in the report.
+    delay_s: of each taxel, f64[n]. noise: standard deviations f64[4, n], see `NOISE_COMPONENTS`. lost: share of lost
+    frames of each board, f64[boards]. stuck: indices of taxels with a constant count. expressed: names of translated
+    effects. approximated, not_expressed: reason by name.
     """
 
     steps: tuple[Step, ...] = ()
@@ -47,18 +47,18 @@ class Translation:
     approximated: Mapping[str, str] = field(default_factory=dict)
     not_expressed: Mapping[str, str] = field(default_factory=dict)
 
-    def changed(self, **changes: Any) -> Translation:
-        """The same translation with other values of some fields."""
+    def with_fields(self, **changes: Any) -> Translation:
+        """Return a copy with other values of some fields."""
         return replace(self, **changes)
 
-    def restricted(
+    def restrict(
         self, steps: Sequence[Step], approximated: Mapping[str, str], refused: Mapping[str, str]
     ) -> Translation:
-        """The translation with the steps that a format has.
+        """Return a copy with the steps that a format supports.
 
         approximated, refused: reasons, by effect. A refused effect is neither approximated nor expressed.
         """
-        return self.changed(
+        return self.with_fields(
             steps=tuple(steps),
             approximated={name: reason for name, reason in approximated.items() if name not in refused},
             not_expressed=dict(refused),
@@ -71,71 +71,88 @@ class UntranslatableError(Exception):
 
 
 def translate(source: ExportSource) -> Translation:
-    """Translate the effects of a report. Effects without translation are listed with the reason."""
+    """Translate the effects of a report into steps.
+
+    An effect without translation is listed with the reason in `not_expressed`. Raises GapInputError for a simulated
+    grasp without hold.
+    """
     steps: list[Step] = []
     approximated: dict[str, str] = {}
     refused: dict[str, str] = {}
     result = Translation(delay_s=np.zeros(source.n), noise=np.zeros((4, source.n)), lost=np.zeros(len(source.boards)))
-    for one in source.report.effects:
-        form = str(one.content["form"])
+    for reported_effect in source.report.effects:
+        form = str(reported_effect.content["form"])
         try:
-            if one.name == "noise":
-                result = result.changed(noise=np.stack([source.values_of(one, name) for name in one.parameters]))
-            elif one.name == "latency" and form == "delay":
-                delay_s = source.values_of(one, "seconds")
-                delay_s = delay_s + one.shift_s if delay_s.any() else delay_s
-                result = result.changed(delay_s=delay_s)
+            if reported_effect.name == "noise":
+                result = result.with_fields(
+                    noise=np.stack([source.expand_values(reported_effect, name) for name in reported_effect.parameters])
+                )
+            elif reported_effect.name == "latency" and form == "delay":
+                delay_s = source.expand_values(reported_effect, "seconds")
+                delay_s = delay_s + reported_effect.shift_s if delay_s.any() else delay_s
+                result = result.with_fields(delay_s=delay_s)
                 if (delay_s < 0.0).any():
-                    approximated[one.name] = NEGATIVE_DELAY
+                    approximated[reported_effect.name] = NEGATIVE_DELAY
             else:
-                steps += [{"effect": one.name, **step} for step in _translated(source, one, form)]
+                steps += [
+                    {"effect": reported_effect.name, **step}
+                    for step in _translate_effect(source, reported_effect, form)
+                ]
         except UntranslatableError as reason:
-            refused[one.name] = str(reason)
+            refused[reported_effect.name] = str(reason)
             continue
-        if one.name == "dropout":
-            lost = np.array([one.missing.get(address, 0.0) for address in source.boards])
-            result = result.changed(lost=lost, stuck=one.stuck)
-        if one.name == "contact_propagation" and form in ("kept", "added", "pillars"):
-            approximated[one.name] = EVEN_LOAD
-    names = tuple(one.name for one in source.report.effects if one.name not in refused)
-    return result.changed(steps=tuple(steps), expressed=names, approximated=approximated, not_expressed=refused)
+        if reported_effect.name == "dropout":
+            lost = np.array([reported_effect.missing.get(address, 0.0) for address in source.boards])
+            result = result.with_fields(lost=lost, stuck=reported_effect.stuck)
+        if reported_effect.name == "contact_propagation" and form in ("kept", "added", "pillars"):
+            approximated[reported_effect.name] = EVEN_LOAD
+    names = tuple(
+        reported_effect.name for reported_effect in source.report.effects if reported_effect.name not in refused
+    )
+    return result.with_fields(steps=tuple(steps), expressed=names, approximated=approximated, not_expressed=refused)
 
 
-def _translated(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    make = _MAKERS.get(one.name)
-    if make is None:
+def _translate_effect(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the steps of an effect. Raises UntranslatableError."""
+    translator = _TRANSLATORS.get(reported_effect.name)
+    if translator is None:
         raise UntranslatableError(CUSTOM)
-    return make(source, one, form)
+    return translator(source, reported_effect, form)
 
 
 def _require_model(source: ExportSource) -> None:
+    """Raise UntranslatableError without a sensor model."""
     if source.model is None:
         reason = source.missing or "the simulated dataset has no sensor model"
         raise UntranslatableError(f"the sensor model of the simulation is needed: {reason}")
 
 
-def _full_scale(source: ExportSource) -> float:
+def _get_full_scale(source: ExportSource) -> float:
+    """Return the full scale of the sensor model, counts. Raises UntranslatableError without a sensor model."""
     _require_model(source)
     assert source.model is not None
     return float(source.model.full_scale_drop_counts)
 
 
-def _propagation(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
+def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     if not source.layouts:
         raise UntranslatableError(f"the positions of the taxels are needed: {source.missing}")
     if not form.startswith("signal"):
         _require_model(source)
-    spread, strength = source.values_of(one, "spread_mm"), source.values_of(one, "strength")
+    spread, strength = (
+        source.expand_values(reported_effect, "spread_mm"),
+        source.expand_values(reported_effect, "strength"),
+    )
     boards = []
     for layout in source.layouts:
         first = int(layout.taxels[0])
         spread_m, share = 1e-3 * float(spread[first]), float(strength[first])
         if form == "pillars":
-            pieces = layout.pieces.tolist()
-            boards.append({"pieces": pieces, "reach_m": spread_m / float(FALLEN), "strength": share})
+            pieces = layout.piece_centres.tolist()
+            boards.append({"pieces": pieces, "reach_m": spread_m / float(DECREASE_AT_SPREAD), "strength": share})
         else:
             own = 1.0 if "added" in form else 1.0 - share
-            kernel = taxel_kernel(sheet_kernel(layout, spread_m), None)
+            kernel = compute_taxel_kernel(compute_sheet_kernel(layout, spread_m), None)
             boards.append({"matrix": own * np.eye(len(layout.taxels)) + share * kernel})
         boards[-1]["taxels"] = layout.taxels
     if form == "pillars":
@@ -145,20 +162,20 @@ def _propagation(source: ExportSource, one: ReportedEffect, form: str) -> list[S
     return [{"kind": "mix_signal" if form.startswith("signal") else "mix_force", "boards": boards}]
 
 
-def _stiffness(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
+def _translate_stiffness(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     if form == "sinking":
         raise UntranslatableError(SINKING)
     _require_model(source)
-    return [{"kind": "half_force", "factor": source.values_of(one, "half_force_scale")}]
+    return [{"kind": "half_force", "factor": source.expand_values(reported_effect, "half_force_scale")}]
 
 
-def _hysteresis(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    step: Step = {name: source.values_of(one, name) for name in one.parameters}
+def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    step: Step = {name: source.expand_values(reported_effect, name) for name in reported_effect.parameters}
     kinds = {"drop": "late_signal", "gap": "late_gap", "force": "late_force", "more": "late_more"}
     if form == "drop":
         return [{"kind": kinds[form], **step}]
     if form in ("gap", "sticks"):
-        step["half_counts"] = HALF_SHARE * _full_scale(source)
+        step["half_counts"] = HALF_CLOSED_SHARE * _get_full_scale(source)
         return [{"kind": kinds.get(form, "sticks"), **step}]
     _require_model(source)
     if form == "depth":
@@ -178,75 +195,94 @@ def _hysteresis(source: ExportSource, one: ReportedEffect, form: str) -> list[St
     return [{"kind": kinds[form], **step}]
 
 
-def _proximity(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    values = {"range_m": 1e-3 * source.values_of(one, "range_mm"), "counts": source.values_of(one, "counts")}
+def _translate_proximity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    values = {
+        "range_m": 1e-3 * source.expand_values(reported_effect, "range_mm"),
+        "counts": source.expand_values(reported_effect, "counts"),
+    }
     return [{"kind": "proximity", **values, "is_exponential": float(form == "exponential")}]
 
 
-def _gain(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    return [{"kind": "scale", "factor": np.exp(source.values_of(one, "log_gain"))}]
+def _translate_gain(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    return [{"kind": "scale", "factor": np.exp(source.expand_values(reported_effect, "log_gain"))}]
 
 
-def _nonlinearity(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    return [{"kind": "power", "exponent": source.values_of(one, "exponent"), "scale_counts": _full_scale(source)}]
+def _translate_nonlinearity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    return [
+        {
+            "kind": "power",
+            "exponent": source.expand_values(reported_effect, "exponent"),
+            "scale_counts": _get_full_scale(source),
+        }
+    ]
 
 
-def _saturation(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    return [{"kind": form, "counts": source.values_of(one, "counts")}]
+def _translate_saturation(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    return [{"kind": form, "counts": source.expand_values(reported_effect, "counts")}]
 
 
-def _crosstalk(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    names = [name for name in one.parameters if name != "own_ratio"]
+def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    names = [name for name in reported_effect.parameters if name != "own_ratio"]
     boards = []
-    for _, taxels in source.taxels_of_boards():
+    for _, taxels in source.iterate_boards():
         first = int(taxels[0])
-        fractions = np.array([source.values_of(one, name)[first] for name in names])
-        own = float(source.values_of(one, "own_ratio")[first]) if "own_ratio" in one.parameters else 0.0
+        fractions = np.array([source.expand_values(reported_effect, name)[first] for name in names])
+        own = (
+            float(source.expand_values(reported_effect, "own_ratio")[first])
+            if "own_ratio" in reported_effect.parameters
+            else 0.0
+        )
         tx, rx = source.report.tx[taxels], source.report.rx[taxels]
-        boards.append({"taxels": taxels, "matrix": mix_lines(tx, rx, fractions, own)})
+        boards.append({"taxels": taxels, "matrix": build_crosstalk_matrix(tx, rx, fractions, own)})
     return [{"kind": "mix_signal", "boards": boards}]
 
 
-def _drift(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    block = np.maximum(source.blocks_of(one), 0) if one.effect.scope == BOARD else np.zeros(source.n, int)
-    slope, deviation = source.values_of(one, "slope"), source.values_of(one, "scatter")
-    return [{"kind": "drift", "slope": slope, "deviation": deviation, "block": block, "until_s": one.until_s}]
+def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    block = (
+        np.maximum(source.map_blocks(reported_effect), 0)
+        if reported_effect.effect.scope == BOARD
+        else np.zeros(source.n, int)
+    )
+    slope, deviation = source.expand_values(reported_effect, "slope"), source.expand_values(reported_effect, "scatter")
+    return [
+        {"kind": "drift", "slope": slope, "deviation": deviation, "block": block, "until_s": reported_effect.until_s}
+    ]
 
 
-def _dropout(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    remaining = source.values_of(one, one.parameters[0])
-    shorts = one.effect.dropped.shorts if isinstance(one.effect, Dropout) else ()
+def _translate_dropout(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    remaining = source.expand_values(reported_effect, reported_effect.parameters[0])
+    shorts = reported_effect.effect.defects.shorts if isinstance(reported_effect.effect, Dropout) else ()
     if not shorts:
         return [{"kind": "scale", "factor": remaining}] if (remaining != 1.0).any() else []
     boards = []
-    for address, taxels in source.taxels_of_boards():
+    for address, taxels in source.iterate_boards():
         own = [(short.axis, short.index, short.share) for short in shorts if short.address == address]
-        matrix = mix_shorts(source.report.tx[taxels], source.report.rx[taxels], remaining[taxels], own)
+        matrix = build_shorts_matrix(source.report.tx[taxels], source.report.rx[taxels], remaining[taxels], own)
         boards.append({"taxels": taxels, "matrix": matrix})
     return [{"kind": "mix_signal", "boards": boards}]
 
 
-def _lag(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
-    return [{"kind": "lag", "seconds": source.values_of(one, "seconds")}]
+def _translate_lag(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    return [{"kind": "lag", "seconds": source.expand_values(reported_effect, "seconds")}]
 
 
-def _pose_error(source: ExportSource, one: ReportedEffect, form: str) -> list[Step]:
+def _translate_pose_error(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     raise UntranslatableError(POSE)
 
 
-_MAKERS: Final[Mapping[str, Callable[[ExportSource, ReportedEffect, str], list[Step]]]] = MappingProxyType(
+_TRANSLATORS: Final[Mapping[str, Callable[[ExportSource, ReportedEffect, str], list[Step]]]] = MappingProxyType(
     {
-        "contact_propagation": _propagation,
-        "stiffness": _stiffness,
-        "hysteresis": _hysteresis,
-        "proximity": _proximity,
-        "gain_mismatch": _gain,
-        "nonlinearity": _nonlinearity,
-        "saturation": _saturation,
-        "electrode_crosstalk": _crosstalk,
-        "baseline_drift": _drift,
-        "dropout": _dropout,
-        "latency": _lag,
-        "pose_error": _pose_error,
+        "contact_propagation": _translate_propagation,
+        "stiffness": _translate_stiffness,
+        "hysteresis": _translate_hysteresis,
+        "proximity": _translate_proximity,
+        "gain_mismatch": _translate_gain,
+        "nonlinearity": _translate_nonlinearity,
+        "saturation": _translate_saturation,
+        "electrode_crosstalk": _translate_crosstalk,
+        "baseline_drift": _translate_drift,
+        "dropout": _translate_dropout,
+        "latency": _translate_lag,
+        "pose_error": _translate_pose_error,
     }
 )

@@ -1,8 +1,9 @@
-"""The gap in millimetres: how far the active taxels of hand and simulator lie apart in the world.
+"""Gap in millimetres: distance between the active taxels of hand and simulator in world coordinates.
 
-Symmetric Chamfer distance between clouds whose points are there with a probability: a taxel near the threshold is
-active in some repeats and not in others. No registration. The placebo is the simulator's cloud with as many further
-taxels, drawn at random from the touched boards, as the hand has more: a denser cloud alone brings distances down.
+The distance is the symmetric Chamfer distance between two clouds whose points are present with a probability, because a
+taxel near the threshold is active in some repeats only. There is no registration. The placebo is the distance of the
+simulated cloud with as many additional random taxels of the loaded boards as the cloud of the hand has more, because a
+denser cloud alone reduces distances.
 """
 
 from __future__ import annotations
@@ -15,90 +16,122 @@ from scipy.spatial.distance import cdist
 from scipy.special import ndtr
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.features import SessionMeans, known_mean
-from taxel.gap.features.metric import jackknife
+from taxel.gap.features.features import SessionMeans, compute_known_mean
+from taxel.gap.features.metric import compute_jackknife_interval
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.types import FloatArray
 
-SOFT_COUNTS: Final = 20.0
-"""Width of the threshold: a repeat whose drop lies this far above it is active in five of six cases."""
+THRESHOLD_WIDTH_COUNTS: Final = 20.0
+"""Width of the threshold of an active taxel, counts. The probability of an active taxel is the normal distribution
+function of (signal - threshold) / width: 5/6 at one width above the threshold."""
 
-FARTHEST_MM: Final = 100.0
-"""Distance to a cloud without points."""
+EMPTY_CLOUD_MM: Final = 100.0
+"""Distance of a point to a cloud without points, millimetres."""
 
-PLACEBO_DRAWS: Final = 5
-NO_CLOUDS: Final = {"value": None, "ci95": None, "floor": None, "placebo": None}
+PLACEBO_SAMPLES: Final = 5
+"""Number of random clouds for each condition, over which the placebo is averaged."""
+
+NO_CLOUD_GAP: Final = {"value": None, "ci95": None, "floor": None, "placebo": None}
 """The field `gap.mm` of a report on datasets without positions or poses."""
 
-LIKELY: Final = 0.02
-"""Taxels that are active in fewer repeats are left out of a cloud."""
+MIN_PROBABILITY: Final = 0.02
+"""Smallest probability of a point of a cloud; taxels with a smaller one are omitted."""
 
 
-def cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> dict[str, Any]:
-    """The report's `gap.mm`; a floor that nobody knows is 0, as in counts. model: of the simulator, f64[C, F, n]."""
-    hold = int(pair.clock.bins_of(Phase.HOLD)[0])
+def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> dict[str, Any]:
+    """Return the field `gap.mm` of the report, millimetres: value, 95 % interval, floor and placebo.
+
+    model: features of the simulator, f64[C, F, n], counts. seed: of the random taxels of the placebo. The floor
+    compares each session with the others; it is 0 if no condition has two sessions.
+    """
+    hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
     sessions = real.value.shape[1]
     rng = np.random.default_rng(seed)
     distance, floor, placebo = [], [], []
     for condition in range(len(pair.conditions)):
-        places = _world(pair, condition)
-        drops = real.value[condition, :, hold]
-        made: NDArray[np.bool_] = np.any(np.isfinite(drops), axis=1)
-        active = np.where(np.isfinite(drops), ndtr((drops - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS), 0.0)
-        simulated = ndtr((model[condition, hold] - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS)
-        row = [chamfer_mm(places, one, simulated) if there else np.nan for one, there in zip(active, made, strict=True)]
+        places = _compute_world_positions(pair, condition)
+        signal_counts = real.value[condition, :, hold]
+        has_data: NDArray[np.bool_] = np.any(np.isfinite(signal_counts), axis=1)
+        active = np.where(
+            np.isfinite(signal_counts), ndtr((signal_counts - ACTIVE_SIGNAL_COUNTS) / THRESHOLD_WIDTH_COUNTS), 0.0
+        )
+        simulated = ndtr((model[condition, hold] - ACTIVE_SIGNAL_COUNTS) / THRESHOLD_WIDTH_COUNTS)
+        row = [
+            compute_chamfer_mm(places, one, simulated) if present else np.nan
+            for one, present in zip(active, has_data, strict=True)
+        ]
         distance.append(row)
-        if not made.any():
+        if not has_data.any():
             continue
-        mean = active[made].mean(axis=0)
-        if made.sum() > 1:
-            others = [(active[made].sum(axis=0) - one) / (made.sum() - 1) for one in active[made]]
-            floor.append([chamfer_mm(places, one, other) for one, other in zip(active[made], others, strict=True)])
-        for _ in range(PLACEBO_DRAWS):
-            placebo.append(chamfer_mm(places, mean, _denser(simulated, mean, pair.groups.sensor, rng)))
-    per_session = known_mean(np.array(distance), 0)
+        mean = active[has_data].mean(axis=0)
+        if has_data.sum() > 1:
+            others = [(active[has_data].sum(axis=0) - one) / (has_data.sum() - 1) for one in active[has_data]]
+            floor.append(
+                [compute_chamfer_mm(places, one, other) for one, other in zip(active[has_data], others, strict=True)]
+            )
+        for _ in range(PLACEBO_SAMPLES):
+            placebo.append(
+                compute_chamfer_mm(places, mean, _add_random_taxels(simulated, mean, pair.groups.sensor, rng))
+            )
+    per_session = compute_known_mean(np.array(distance), 0)
     whole = float(np.nanmean(per_session))
-    left = np.array([np.nanmean(np.delete(per_session, s)) for s in range(sessions)]) if sessions > 2 else np.zeros(0)
+    replicates = (
+        np.array([np.nanmean(np.delete(per_session, s)) for s in range(sessions)]) if sessions > 2 else np.zeros(0)
+    )
     return {
         "value": whole,
-        "ci95": jackknife(left, whole).positive.ci95,
+        "ci95": compute_jackknife_interval(replicates, whole).non_negative.ci95,
         "floor": float(np.mean([value for row in floor for value in row])) if floor else 0.0,
         "placebo": float(np.mean(placebo)),
     }
 
 
-def chamfer_mm(places: FloatArray, first: FloatArray, second: FloatArray) -> float:
-    """Mean of both directions' mean distance, millimetres. places: f64[n, 3]; first, second: f64[n], probabilities."""
-    a, b = np.flatnonzero(first > LIKELY), np.flatnonzero(second > LIKELY)
+def compute_chamfer_mm(places: FloatArray, first: FloatArray, second: FloatArray) -> float:
+    """Return the symmetric Chamfer distance of two clouds, millimetres: the mean of both directed mean distances.
+
+    places: f64[n, 3], metres, positions of the taxels. first, second: f64[n], probabilities of the points. The distance
+    is 0 if both clouds have no points, and `EMPTY_CLOUD_MM` if one has none.
+    """
+    a, b = np.flatnonzero(first > MIN_PROBABILITY), np.flatnonzero(second > MIN_PROBABILITY)
     if not len(a) and not len(b):
         return 0.0
     if not len(a) or not len(b):
-        return FARTHEST_MM
-    apart = 1e3 * cdist(places[a], places[b])
-    there = _nearest(apart, second[b])
-    back = _nearest(apart.T, first[a])
-    return 0.5 * float(np.average(there, weights=first[a]) + np.average(back, weights=second[b]))
+        return EMPTY_CLOUD_MM
+    distance = 1e3 * cdist(places[a], places[b])
+    first_to_second = _compute_nearest_distance(distance, second[b])
+    second_to_first = _compute_nearest_distance(distance.T, first[a])
+    return 0.5 * float(np.average(first_to_second, weights=first[a]) + np.average(second_to_first, weights=second[b]))
 
 
-def _nearest(apart: FloatArray, probability: FloatArray) -> FloatArray:
-    """Expected distance to the nearest point that is there, f64[rows]."""
-    order = np.argsort(apart, axis=1)
-    ordered, chance = np.take_along_axis(apart, order, axis=1), probability[order]
-    none_before = np.cumprod(np.column_stack([np.ones(len(apart)), 1.0 - chance]), axis=1)
-    return np.asarray((ordered * chance * none_before[:, :-1]).sum(axis=1) + FARTHEST_MM * none_before[:, -1])
+def _compute_nearest_distance(distance: FloatArray, probability: FloatArray) -> FloatArray:
+    """Return the expected distance to the nearest present point, millimetres, f64[rows].
+
+    distance: f64[rows, columns], millimetres. probability: f64[columns], of each point. Without a present point the
+    distance is `EMPTY_CLOUD_MM`.
+    """
+    order = np.argsort(distance, axis=1)
+    ordered, present = np.take_along_axis(distance, order, axis=1), probability[order]
+    none_before = np.cumprod(np.column_stack([np.ones(len(distance)), 1.0 - present]), axis=1)
+    return np.asarray((ordered * present * none_before[:, :-1]).sum(axis=1) + EMPTY_CLOUD_MM * none_before[:, -1])
 
 
-def _denser(simulated: FloatArray, real: FloatArray, sensor: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-    """The simulator's cloud with taxels at random until it has as many as the hand's."""
+def _add_random_taxels(
+    simulated: FloatArray, real: FloatArray, sensor: NDArray[np.intp], rng: np.random.Generator
+) -> FloatArray:
+    """Return the simulated cloud with random additional taxels of loaded boards, f64[n], probabilities.
+
+    Taxels are added until the expected number of points equals that of the real cloud, if enough inactive taxels exist.
+    """
     missing = round(float(real.sum() - simulated.sum()))
-    touched = np.isin(sensor, np.unique(sensor[(simulated > 0.5) | (real > 0.5)]))
-    free = np.flatnonzero(touched & (simulated < 0.5))
+    is_loaded = np.isin(sensor, np.unique(sensor[(simulated > 0.5) | (real > 0.5)]))
+    free = np.flatnonzero(is_loaded & (simulated < 0.5))
     result = simulated.copy()
     if missing > 0 and len(free):
         result[rng.choice(free, min(missing, len(free)), replace=False)] = 1.0
     return result
 
 
-def _world(pair: Pair, condition: int) -> FloatArray:
+def _compute_world_positions(pair: Pair, condition: int) -> FloatArray:
+    """Return the positions of the taxels in world coordinates in a condition, metres, f64[n, 3]."""
     pose = pair.sensor_poses[condition][pair.groups.sensor]
     return np.asarray(np.einsum("nij,nj->ni", pose[:, :3, :3], pair.taxels.position) + pose[:, :3, 3])

@@ -1,4 +1,4 @@
-"""What is compared: features of every grasp and taxel, all in counts, with weights fixed by the method."""
+"""Features of every grasp and taxel, all in counts, with the weights of the method (docs/gap-diagnosis.md)."""
 
 from __future__ import annotations
 
@@ -9,29 +9,34 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.clock import Clock
 from taxel.gap.data.pair import Pair
 from taxel.gap.data.reading import Recording
+from taxel.gap.data.time_grid import TimeGrid
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
 COUNTS_PER_SECOND: Final = 300.0
-"""An onset a tenth of a second late is as wrong as 30 counts on every taxel of the board."""
+"""Factor from an onset in seconds to counts. Chosen: an onset that is 0.1 s late counts as an error of 30 counts on
+each taxel of the board."""
 
 COUNTS_MISSING: Final = 1000.0
-"""A board that is never heard is as wrong as one whose pressed taxels are 1000 counts off."""
+"""Factor from the share of missing frames to counts. Chosen: a board without any frame counts as an error of 1000
+counts on its loaded taxels."""
 
-UNTOUCHED_COUNTS: Final = 20.0
-"""A taxel that the simulator never lets drop by more is untouched in that cell."""
+UNLOADED_COUNTS: Final = 20.0
+"""Largest simulated signal of an unloaded taxel, counts, without the noise (see `find_unloaded_taxels`)."""
 
 WEIGHTS: Final = {"hold": 0.35, "closing": 0.2, "release": 0.1, "recovery": 0.1, "noise": 0.1, "missing": 0.05}
-"""Share of each family in the squared gap. With onset 0.05 and wander 0.05 they add to 1."""
+"""Weight of each family of features in the squared gap. Together with onset and drift residual the sum is 1."""
 
 POOLED_SHARE: Final = 0.5
-"""Share of the mean over cells in the variance of a feature."""
+"""Share of the mean over the conditions in the estimated variance of a feature. Chosen: half of the estimate."""
 
 ONSET_WEIGHT: Final = 0.05
+"""Weight of the onset in the squared gap."""
+
 DRIFT_RESIDUAL_WEIGHT: Final = 0.05
+"""Weight of the drift residual in the squared gap."""
 
 _PHASE_NAMES: Final = {
     Phase.CLOSING: "closing",
@@ -42,10 +47,11 @@ _PHASE_NAMES: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
-    """The F features: B bins of drop, noise in baseline and in hold, missing frames, onset, wander.
+class FeatureLayout:
+    """Positions and weights of the F features of a taxel.
 
-    phase: u8[F], the phase whose disagreement a feature tells. weight: f64[F], they add to 1. bins: B.
+    The order is: signal in B bins, noise in baseline and in hold, missing frames, onset, drift residual. phase: u8[F],
+    phase to which a feature belongs. weight: f64[F], weights in the squared gap, with the sum 1. bins: B.
     """
 
     phase: NDArray[np.uint8]
@@ -54,194 +60,227 @@ class Layout:
 
     @property
     def noise(self) -> slice:
-        """The two noise features."""
+        """Positions of the two noise features."""
         return slice(self.bins, self.bins + 2)
 
     @property
     def missing(self) -> int:
-        """Share of missing frames, times `COUNTS_MISSING`."""
+        """Position of the share of missing frames, times `COUNTS_MISSING`."""
         return self.bins + 2
 
     @property
     def onset(self) -> int:
-        """Onset of the taxel's board, times `COUNTS_PER_SECOND`."""
+        """Position of the onset of the board, times `COUNTS_PER_SECOND`."""
         return self.bins + 3
 
     @property
     def drift_residual(self) -> int:
-        """RMS of an untouched taxel's drop after release."""
+        """Position of the drift residual: RMS of the signal after release, of unloaded taxels only."""
         return self.bins + 4
 
     @property
     def count(self) -> int:
-        """F."""
+        """Number of features, F."""
         return self.bins + 5
 
     @property
     def families(self) -> tuple[slice, ...]:
-        """Drops, noise, missing frames, onset, wander: what different effects disturb."""
+        """Positions of each family: signal, noise, missing frames, onset, drift residual."""
         single = (self.missing, self.onset, self.drift_residual)
         return (slice(0, self.bins), self.noise, *(slice(one, one + 1) for one in single))
 
-    def scale(self, conditions: int, taxels: int) -> FloatArray:
-        """What a squared difference in a cell, feature and taxel adds to the squared gap, f64[F, 1]."""
+    def compute_scale(self, conditions: int, taxels: int) -> FloatArray:
+        """Return the factor from a squared difference to its part of the squared gap, f64[F, 1].
+
+        The difference is that of one feature of one taxel in one condition.
+        """
         return self.weight[:, None] / (conditions * taxels)
 
     @classmethod
-    def of(cls, clock: Clock) -> Layout:
-        """For a pair's clock. What a missing phase would weigh goes to the others."""
-        phases = [int(phase) for phase, _ in clock.bins]
-        weights = [WEIGHTS[_PHASE_NAMES[phase]] / len(clock.bins_of(phase)) for phase, _ in clock.bins]
+    def from_time_grid(cls, time_grid: TimeGrid) -> FeatureLayout:
+        """Return the layout for a time grid. The weight of an absent phase is distributed to all other features."""
+        phases = [int(phase) for phase, _ in time_grid.bins]
+        weights = [WEIGHTS[_PHASE_NAMES[phase]] / len(time_grid.find_bins(phase)) for phase, _ in time_grid.bins]
         phases += [Phase.BASELINE, Phase.HOLD, Phase.HOLD, Phase.CLOSING, phases[-1]]
         weights += [WEIGHTS["noise"] / 2, WEIGHTS["noise"] / 2, WEIGHTS["missing"], ONSET_WEIGHT, DRIFT_RESIDUAL_WEIGHT]
         weight = np.array(weights)
-        return cls(np.array(phases, np.uint8), weight / weight.sum(), len(clock.bins))
+        return cls(np.array(phases, np.uint8), weight / weight.sum(), len(time_grid.bins))
 
 
 @dataclass(frozen=True, eq=False)
 class SessionMeans:
-    """Means over the repeats of a cell in a session: C cells, S sessions, F features, n taxels.
+    """Mean features over the repeats of each condition in each session.
 
-    value: f64[C, S, F, n], counts; NaN where unknown, and where a session lacks the cell. count: i64[C, S], repeats.
-    spread: f64[C, F, n], variance of one grasp about its session's mean, pooled; NaN for cells without repeats.
+    value: f64[C, S, F, n], counts; NaN where unknown, and where a session lacks the condition. count: i64[C, S], number
+    of repeats. repeat_variance: f64[C, F, n], counts^2, pooled variance of one grasp about the mean of its session; NaN
+    for conditions without repeats.
     """
 
     value: FloatArray
     count: NDArray[np.int64]
-    spread: FloatArray
+    repeat_variance: FloatArray
 
     @cached_property
-    def known(self) -> NDArray[np.bool_]:
-        """bool[C, S, F, n]."""
+    def is_known(self) -> NDArray[np.bool_]:
+        """Which values are known, bool[C, S, F, n]."""
         return np.isfinite(self.value)
 
     @cached_property
     def mean(self) -> FloatArray:
-        """Over sessions, f64[C, F, n]; NaN where nothing is known."""
-        return known_mean(self.value, 1)
+        """Mean over the sessions, f64[C, F, n]; NaN where no session has a value."""
+        return compute_known_mean(self.value, 1)
 
     @cached_property
     def variance(self) -> FloatArray:
-        """Of one session, f64[C, F, n]; of a cell made once that of its repeats, or else that of other cells."""
-        count = self.known.sum(axis=1)
-        squares = np.where(self.known, (self.value - self.mean[:, None]) ** 2, 0.0).sum(axis=1)
+        """Variance of the value of one session, counts^2, f64[C, F, n].
+
+        If a condition has a value of only one session, the variance is that of its repeats divided by their number, or
+        else the mean variance of the other conditions.
+        """
+        count = self.is_known.sum(axis=1)
+        squares = np.where(self.is_known, (self.value - self.mean[:, None]) ** 2, 0.0).sum(axis=1)
         between = squares / np.where(count > 1, count - 1, np.nan)
-        within = self.spread / np.maximum(self.count.sum(axis=1), 1)[:, None, None]
+        within = self.repeat_variance / np.maximum(self.count.sum(axis=1), 1)[:, None, None]
         result = np.where(np.isfinite(between), between, within)
-        return np.where(np.isfinite(result), result, known_mean(result, 0))
+        return np.where(np.isfinite(result), result, compute_known_mean(result, 0))
 
     @cached_property
     def mean_variance(self) -> FloatArray:
-        """Variance of `mean`, counts^2, f64[C, F, n], half of it the mean over the cells; 0 where it is not known.
+        """Variance of `mean`, counts^2, f64[C, F, n]; 0 where unknown.
 
-        Few repeats estimate a variance poorly, and shrinkage towards the mean is the usual remedy (Smyth 2004).
+        One half of the variance is the mean over the conditions: few repeats estimate a variance poorly, and shrinkage
+        towards the mean is the usual remedy (Smyth 2004).
         """
-        own = np.nan_to_num(self.variance) / np.maximum(self.known.sum(axis=1), 1)
+        own = np.nan_to_num(self.variance) / np.maximum(self.is_known.sum(axis=1), 1)
         return np.asarray((1.0 - POOLED_SHARE) * own + POOLED_SHARE * own.mean(axis=0))
 
-    def residual(self, features: FloatArray) -> FloatArray:
-        """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""
-        return np.where(self.known, self.value - features[:, None], 0.0)
+    def compute_residual(self, features: FloatArray) -> FloatArray:
+        """Return the values minus features f64[C, F, n] as f64[C, S, F, n]; 0 where unknown."""
+        return np.where(self.is_known, self.value - features[:, None], 0.0)
 
     @cached_property
-    def pairing(self) -> FloatArray:
-        """All pairs of sessions over those of which both know it, f64[C, F, n]: products of sessions, weighted so, add
-        up as if every session knew everything. 0 where fewer than two do; 1 with one session.
+    def pair_weight(self) -> FloatArray:
+        """Number of all pairs of sessions divided by the number of pairs in which both have a value, f64[C, F, n].
+
+        With this weight the products of different sessions have the sum that is expected without unknown values. 0 if
+        fewer than two sessions have the value; 1 everywhere in a dataset of one session.
         """
-        sessions, count = self.known.shape[1], self.known.sum(axis=1)
+        sessions, count = self.is_known.shape[1], self.is_known.sum(axis=1)
         if sessions < 2:
             return np.ones(count.shape)
         return np.where(count > 1, sessions * (sessions - 1) / np.maximum(count * (count - 1), 1), 0.0)
 
-    def square(self, session: int, features: FloatArray, scale: FloatArray) -> float:
-        """Sum of a session's squared differences from features f64[C, F, n], times scale; of one that does not know
-        everything, as if the rest were like what it knows.
-        """
-        known, residual = self.known[:, session], self.residual(features)[:, session]
-        there, told = (float(np.sum(np.where(one, scale, 0.0))) for one in (self.known.any(axis=1), known))
-        return float(np.sum(scale * residual**2)) * (there / told if told > 0 else 0.0)
+    def compute_squared_difference(self, session: int, features: FloatArray, scale: FloatArray) -> float:
+        """Return the sum of the squared differences of a session from features f64[C, F, n], times `scale`, f64[F, 1].
 
-    def known_beside(self, other: SessionMeans) -> SessionMeans:
-        """What some session of another recording knows as well: a board that only one side touches has no onset there
-        that could be compared.
+        If the session lacks values that other sessions have, the sum is scaled by the ratio of the weights.
         """
-        there = np.any(other.known, axis=1, keepdims=True)
-        return SessionMeans(np.where(there, self.value, np.nan), self.count, self.spread)
+        known, residual = self.is_known[:, session], self.compute_residual(features)[:, session]
+        weight_of_all, weight_of_known = (
+            float(np.sum(np.where(mask, scale, 0.0))) for mask in (self.is_known.any(axis=1), known)
+        )
+        return float(np.sum(scale * residual**2)) * (weight_of_all / weight_of_known if weight_of_known > 0 else 0.0)
+
+    def restrict_to_known(self, other: SessionMeans) -> SessionMeans:
+        """Return the values of the features that at least one session of another recording has; the others are NaN.
+
+        For example, the onset of a board has no counterpart if the other recording does not load this board.
+        """
+        has_counterpart = np.any(other.is_known, axis=1, keepdims=True)
+        return SessionMeans(np.where(has_counterpart, self.value, np.nan), self.count, self.repeat_variance)
 
     def with_reference_variance(self, other: SessionMeans) -> SessionMeans:
-        """Add the variance between the sessions of a reference, whose mean takes the place of a simulation.
+        """Return these means with the variance between the sessions of a reference added.
 
-        Each session gets the deviation of a session of the reference from the reference's mean, scaled so that the
-        variance of the mean of this recording increases by that of the mean of the reference. The means do not change.
-        The same with a reference of one session, whose variance is not known.
+        The mean of the reference takes the place of a simulation. Each session gets the deviation of one session of the
+        reference from the mean of the reference, scaled so that the variance of the mean of this recording increases by
+        the variance of the mean of the reference. The means do not change. If either recording has only one session,
+        the result is this object itself.
         """
         count, own = other.value.shape[1], self.value.shape[1]
         if count < 2 or own < 2:
             return self
         deviation = (other.value - other.mean[:, None])[:, np.arange(own) % count]
-        deviation = np.nan_to_num(deviation - known_mean(deviation, 1)[:, None])
+        deviation = np.nan_to_num(deviation - compute_known_mean(deviation, 1)[:, None])
         sampled = (deviation**2).sum(axis=1) / (own - 1)
         wanted = np.nan_to_num(other.variance) * own / count
         factor = np.sqrt(np.divide(wanted, sampled, out=np.zeros_like(sampled), where=sampled > 0.0))
-        return SessionMeans(self.value - factor[:, None] * deviation, self.count, self.spread)
+        return SessionMeans(self.value - factor[:, None] * deviation, self.count, self.repeat_variance)
 
-    def where(self, part: NDArray[np.bool_]) -> SessionMeans:
-        """Only some taxels of some cells, bool[C, n]; the others are unknown."""
-        return SessionMeans(np.where(part[:, None, None], self.value, np.nan), self.count, self.spread)
+    def select_taxels(self, selection: NDArray[np.bool_]) -> SessionMeans:
+        """Return the values of the selected taxels and conditions, bool[C, n]; the others are NaN."""
+        return SessionMeans(np.where(selection[:, None, None], self.value, np.nan), self.count, self.repeat_variance)
 
-    def only(self, sessions: NDArray[np.bool_]) -> SessionMeans:
-        """Some of the sessions, bool[S]."""
-        return SessionMeans(self.value[:, sessions], self.count[:, sessions], self.spread)
+    def select_sessions(self, sessions: NDArray[np.bool_]) -> SessionMeans:
+        """Return the means of the selected sessions, bool[S]."""
+        return SessionMeans(self.value[:, sessions], self.count[:, sessions], self.repeat_variance)
 
 
-def mean_product(total: FloatArray, squares: FloatArray, count: NDArray[np.intp]) -> FloatArray:
-    """Of two different sessions, from sums over the sessions that know something and over their squares; 0 where fewer
-    than two do.
+def compute_mean_product(total: FloatArray, squares: FloatArray, count: NDArray[np.intp]) -> FloatArray:
+    """Return the mean product of the values of two different sessions; 0 where fewer than two sessions have a value.
+
+    total: sums over the sessions with a value. squares: sums of squares over the same sessions. count: number of these
+    sessions. All have the same shape.
     """
     return np.where(count > 1, (total**2 - squares) / np.maximum(count * (count - 1), 1), 0.0)
 
 
-def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Features of each grasp, f32[R, F, n]; the wander's column is the signed drop after release of untouched taxels.
+def compute_features(
+    pair: Pair, recording: Recording, layout: FeatureLayout, is_unloaded: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Return the features of each of the R grasps of a recording, f32[R, F, n], counts.
 
-    untouched: bool[C, n].
+    is_unloaded: bool[C, n]. The column of the drift residual contains the signed mean signal after release of unloaded
+    taxels, and 0 for all others.
     """
-    clock, sensor = pair.clock, pair.groups.sensor
+    time_grid, sensor = pair.time_grid, pair.groups.sensor
     values = np.zeros((len(recording), layout.count, pair.n), np.float32)
-    values[:, : layout.bins] = bin_means(clock, recording.nodes)
-    hold = clock.bins_of(Phase.HOLD)[0]
-    values[:, hold] = recording.hold
+    values[:, : layout.bins] = compute_bin_means(time_grid, recording.node_signal_counts)
+    hold = time_grid.find_bins(Phase.HOLD)[0]
+    values[:, hold] = recording.hold_signal_counts
     values[:, layout.noise] = recording.noise
-    values[:, layout.missing] = COUNTS_MISSING * recording.missing[:, sensor]
-    values[:, layout.onset] = COUNTS_PER_SECOND * recording.onset[:, sensor]
-    last = clock.bins[-1][0]
-    after = known_mean(values[:, clock.bins_of(last)].astype(np.float64), 1) if last != Phase.HOLD else values[:, hold]
-    values[:, layout.drift_residual] = np.where(untouched[recording.condition], after, 0.0)
+    values[:, layout.missing] = COUNTS_MISSING * recording.missing_share[:, sensor]
+    values[:, layout.onset] = COUNTS_PER_SECOND * recording.onset_s[:, sensor]
+    last = time_grid.bins[-1][0]
+    after = (
+        compute_known_mean(values[:, time_grid.find_bins(last)].astype(np.float64), 1)
+        if last != Phase.HOLD
+        else values[:, hold]
+    )
+    values[:, layout.drift_residual] = np.where(is_unloaded[recording.condition], after, 0.0)
     return values
 
 
-def known_mean(values: FloatArray, axis: int) -> FloatArray:
-    """Mean over what is known; NaN where nothing is."""
+def compute_known_mean(values: FloatArray, axis: int) -> FloatArray:
+    """Return the mean of the finite values along an axis; NaN where no value is finite."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)
     return np.asarray(np.where(known, values, 0.0).sum(axis=axis) / np.where(count, count, np.nan))
 
 
-def bin_means(clock: Clock, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means over the nodes of each bin, f32[R, B, n], of the nodes that are known."""
-    result = np.empty((nodes.shape[0], len(clock.bins), nodes.shape[2]), np.float32)
+def compute_bin_means(time_grid: TimeGrid, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean of the known nodes of each bin, f32[R, B, n]. nodes: f32[R, K, n], NaN where unknown."""
+    result = np.empty((nodes.shape[0], len(time_grid.bins), nodes.shape[2]), np.float32)
     known = np.isfinite(nodes)
-    for row, (_, own) in enumerate(clock.bins):
+    for row, (_, own) in enumerate(time_grid.bins):
         count = known[:, own].sum(axis=1)
         total = np.where(known[:, own], nodes[:, own], 0.0).sum(axis=1)
         result[:, row] = total / np.where(count, count, np.nan)
     return result
 
 
-def session_means(
-    features: NDArray[np.float32], recording: Recording, conditions: int, sessions: NDArray[np.int64], layout: Layout
+def compute_session_means(
+    features: NDArray[np.float32],
+    recording: Recording,
+    conditions: int,
+    sessions: NDArray[np.int64],
+    layout: FeatureLayout,
 ) -> SessionMeans:
-    """Means over repeats. The wander becomes the RMS of the drop after release over the repeats."""
+    """Return the means over the repeats of each condition and session.
+
+    features: f32[R, F, n], of `compute_features`. conditions: C. sessions: i64[S], numbers of the sessions. The drift
+    residual is the root mean square over the repeats, all other features are means.
+    """
     shape = (conditions, len(sessions), layout.count, features.shape[2])
     value, count = np.full(shape, np.nan), np.zeros(shape[:2], np.int64)
     spread = np.full((conditions, *shape[2:]), np.nan)
@@ -257,24 +296,30 @@ def session_means(
             mean = np.where(known, own, 0.0).sum(axis=0) / np.where(number, number, np.nan)
             squares += np.nan_to_num(np.where(known, (own - mean) ** 2, 0.0).sum(axis=0))
             degrees_of_freedom += len(own) - 1
-            mean[layout.drift_residual] = np.sqrt(known_mean(own[:, layout.drift_residual] ** 2, 0))
+            mean[layout.drift_residual] = np.sqrt(compute_known_mean(own[:, layout.drift_residual] ** 2, 0))
             value[condition, column] = mean
         if degrees_of_freedom > 0:
             spread[condition] = squares / degrees_of_freedom
     return SessionMeans(value, count, spread)
 
 
-def untouched_conditions(pair: Pair) -> NDArray[np.bool_]:
-    """bool[C, n]: the simulator never lets the taxel drop in that cell."""
-    largest = np.max(np.abs(pair.sim.nodes), axis=1, where=np.isfinite(pair.sim.nodes), initial=0.0)
+def find_unloaded_taxels(pair: Pair) -> NDArray[np.bool_]:
+    """Return which taxels are unloaded in which condition, bool[C, n].
+
+    The simulated signal of an unloaded taxel stays below `UNLOADED_COUNTS` plus 4 standard deviations of the
+    simulator's noise, in all nodes of all grasps of the condition.
+    """
+    largest = np.max(
+        np.abs(pair.sim.node_signal_counts), axis=1, where=np.isfinite(pair.sim.node_signal_counts), initial=0.0
+    )
     result = np.ones((len(pair.conditions), pair.n), bool)
     for condition in range(len(pair.conditions)):
-        result[condition] = (largest[pair.sim.condition == condition] < UNTOUCHED_COUNTS + 4 * _node_noise(pair)).all(
-            axis=0
-        )
+        result[condition] = (
+            largest[pair.sim.condition == condition] < UNLOADED_COUNTS + 4 * _estimate_noise(pair)
+        ).all(axis=0)
     return result
 
 
-def _node_noise(pair: Pair) -> float:
-    """Standard deviation of a node's mean of the simulator's noise, counts, about."""
+def _estimate_noise(pair: Pair) -> float:
+    """Return the standard deviation of the simulator's noise, counts: median over grasps, taxels, baseline and hold."""
     return float(np.nanmedian(pair.sim.noise))

@@ -1,8 +1,8 @@
-"""Gap, floor and excess in counts, with intervals from the sessions.
+"""Gap, floor and excess in counts, with intervals from the sessions (docs/gap-diagnosis.md).
 
-gap^2 is the weighted mean squared difference of the cells' means; floor^2 the variance of the real means that repeats
-and sessions alone cause; excess = gap^2 - floor^2. With D_s the difference in session s, the excess is the mean of
-D_s D_t over s != t: what two sessions have in common is no scatter.
+gap^2 is the weighted mean squared difference of the means of the conditions. floor^2 is the variance of the real means
+that repeats and sessions alone cause. excess = gap^2 - floor^2. With the difference D_s in session s, the excess equals
+the mean of D_s D_t over s != t: only the part of the difference that sessions have in common contributes.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.features.chances import compute_student_survival, student_quantile
-from taxel.gap.features.features import Layout, SessionMeans
+from taxel.gap.features.distributions import compute_student_quantile, compute_student_survival
+from taxel.gap.features.features import FeatureLayout, SessionMeans
 from taxel.types import FloatArray
 
 SIDES: Final = (0.025, 0.975)
-"""Quantiles between which 95 % lie."""
+"""Probabilities of the quantiles that limit a central interval of 95 %."""
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
-    """Where gap and floor come from, counts^2: f64[C, F, n], weighted; their sums over F, means over C and n, are gap^2
-    and floor^2.
+class GapTerms:
+    """Weighted parts of gap^2 and floor^2, counts^2, f64[C, F, n].
+
+    The sum over features of the mean over conditions and taxels is gap^2 or floor^2.
     """
 
     gap2: FloatArray
@@ -32,15 +33,13 @@ class Terms:
 
     @property
     def excess(self) -> FloatArray:
-        """f64[C, F, n]."""
+        """Weighted parts of the excess, counts^2, f64[C, F, n]."""
         return self.gap2 - self.floor2
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A value and what is known of it: 95 % interval (None below 3 sessions), standard error and its degrees of
-    freedom.
-    """
+    """A value with its 95 % interval (None below 3 sessions), standard error and degrees of freedom of the error."""
 
     value: float
     low: float | None
@@ -50,145 +49,183 @@ class Interval:
 
     @property
     def ci95(self) -> list[float] | None:
-        """For the report."""
+        """Lower and upper end of the interval for the report, or None."""
         return None if self.low is None or self.high is None else [self.low, self.high]
 
     @property
-    def positive(self) -> Interval:
-        """Of what cannot be below 0."""
+    def non_negative(self) -> Interval:
+        """The interval of a value that cannot be negative: the lower end is at least 0."""
         return replace(self, low=None if self.low is None else max(self.low, 0.0))
 
-    def at_least(self, draws: FloatArray) -> Interval:
-        """On each side as wide as what holds 95 % of draws f64[d] of the value: what scatters is in them as well, so
-        that they are no further error. No draws, or no interval: the same.
+    def widen_to_samples(self, samples: FloatArray) -> Interval:
+        """Return the interval, widened to contain the central 95 % of the samples f64[d] of the value.
+
+        The variance of the data is contained in the samples, too. Therefore the wider of both intervals is used, and
+        the variances are not added. Without samples, or without an interval, the result is this object itself.
         """
-        if self.low is None or self.high is None or not len(draws):
+        if self.low is None or self.high is None or not len(samples):
             return self
-        below, above = np.abs(np.quantile(draws, SIDES) - self.value)
+        below, above = np.abs(np.quantile(samples, SIDES) - self.value)
         return replace(self, low=min(self.low, self.value - below), high=max(self.high, self.value + above))
 
 
-def terms(real: SessionMeans, model: FloatArray, layout: Layout) -> Terms:
-    """Terms of gap and floor. model: f64[C, F, n], counts.
+def compute_terms(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> GapTerms:
+    """Return the parts of gap and floor. model: features of the simulator, f64[C, F, n], counts.
 
-    A feature that is unknown on either side tells nothing: its terms are 0.
+    The parts of a feature that is unknown on either side are 0.
     """
     weight = layout.weight[:, None]
-    number = np.maximum(real.known.sum(axis=1), 1)
+    number = np.maximum(real.is_known.sum(axis=1), 1)
     gap2 = np.nan_to_num(weight * (real.mean - model) ** 2)
     floor2 = np.where(np.isfinite(real.mean - model), np.nan_to_num(weight * real.variance / number), 0.0)
-    return Terms(gap2, floor2)
+    return GapTerms(gap2, floor2)
 
 
-def off_diagonal(gram: FloatArray) -> FloatArray:
-    """Mean over s != t of products f64[..., S, S]: the excess, f64[...]. With one session, the product itself."""
+def compute_off_diagonal_mean(gram: FloatArray) -> FloatArray:
+    """Return the mean over s != t of products of sessions f64[..., S, S], which is the excess, f64[...].
+
+    With one session, the result is the product of this session with itself.
+    """
     sessions = gram.shape[-1]
     if sessions < 2:
         return np.asarray(gram.sum(axis=(-1, -2)))
     return np.asarray((gram.sum(axis=(-1, -2)) - np.trace(gram, axis1=-2, axis2=-1)) / (sessions * (sessions - 1)))
 
 
-def leave_one_out(sessions: int) -> list[NDArray[np.bool_]]:
-    """Which sessions stay, each left out in turn, bool[S]."""
+def make_leave_one_out_masks(sessions: int) -> list[NDArray[np.bool_]]:
+    """Return one mask bool[S] for each session, which excludes this session."""
     return [np.arange(sessions) != s for s in range(sessions)]
 
 
-def total(term: FloatArray) -> float:
-    """Sum over features, mean over cells and taxels, counts^2."""
+def sum_terms(term: FloatArray) -> float:
+    """Return the sum over features of the mean over conditions and taxels, counts^2. term: f64[C, F, n]."""
     return float(term.sum(axis=1).mean())
 
 
-def gap_of_change(change: FloatArray, layout: Layout) -> float:
-    """Gap in counts that a change of the features f64[C, F, n] produces; 0 where a feature is unknown."""
-    return float(np.sqrt(total(layout.weight[:, None] * change**2)))
+def compute_gap_of_change(change: FloatArray, layout: FeatureLayout) -> float:
+    """Return the gap in counts that a change of the features produces.
+
+    change: f64[C, F, n], counts, with 0 for unknown features.
+    """
+    return float(np.sqrt(sum_terms(layout.weight[:, None] * change**2)))
 
 
-def jackknife_error(values: FloatArray) -> FloatArray:
-    """Standard error of what was worked out without one of its S parts each (Tukey 1958). values: f64[S, ...]."""
+def compute_jackknife_error(values: FloatArray) -> FloatArray:
+    """Return the jackknife standard error (Tukey 1958). values: f64[S, ...], replicates without one session each."""
     count = len(values)
     return np.asarray(np.sqrt((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
 
 
-def jackknife(values: FloatArray, whole: float) -> Interval:
-    """T interval on the jackknife over sessions (Tukey 1958). values: f64[S], each without one session."""
+def compute_jackknife_interval(values: FloatArray, whole: float) -> Interval:
+    """Return the t interval from the jackknife over sessions (Tukey 1958), with S - 1 degrees of freedom.
+
+    values: f64[S], replicates without one session each. whole: the value from all sessions. Below 3 replicates the
+    result has no interval.
+    """
     count = len(values)
     if count < 3:
         return Interval(whole, None, None, None)
-    error = float(jackknife_error(values))
-    half = student_quantile(0.975, count - 1) * error
+    error = float(compute_jackknife_error(values))
+    half = compute_student_quantile(0.975, count - 1) * error
     return Interval(whole, whole - half, whole + half, error, count - 1)
 
 
-def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval:
-    """The interval of a value whose error has independent parts, with the degrees of freedom of their sum (Welch 1947);
-    no interval where the first is not known. besides: standard error of a third, known for sure.
+def combine_errors(first: Interval, other: Interval, further_error: float = 0.0) -> Interval:
+    """Return the interval of the value of `first` with the sum of independent error variances.
+
+    The degrees of freedom are those of the sum (Welch 1947). other: interval whose error is added. further_error:
+    standard error with infinite degrees of freedom. If `first` has no error, the result is `first` itself.
     """
     if first.error is None:
         return first
-    errors2 = np.array([first.error, other.error or 0.0, besides]) ** 2
+    errors2 = np.array([first.error, other.error or 0.0, further_error]) ** 2
     total2 = float(errors2.sum())
     if total2 == 0.0:
         return Interval(first.value, first.value, first.value, 0.0)
     degrees_of_freedom = total2**2 / float(
         np.sum(errors2**2 / np.array([first.degrees_of_freedom, other.degrees_of_freedom, np.inf])) or 1e-300
     )
-    half = student_quantile(0.975, degrees_of_freedom) * float(np.sqrt(total2))
+    half = compute_student_quantile(0.975, degrees_of_freedom) * float(np.sqrt(total2))
     return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), degrees_of_freedom)
 
 
-def root(interval: Interval) -> Interval:
-    """The interval of a square as that of its root; what is below 0 becomes 0."""
+def compute_root_interval(interval: Interval) -> Interval:
+    """Return the interval of the root of a value, with negative values replaced by 0 and without a standard error."""
     low, high = (None if end is None else float(np.sqrt(max(end, 0.0))) for end in (interval.low, interval.high))
     return Interval(float(np.sqrt(max(interval.value, 0.0))), low, high, None)
 
 
-def upper_bound(interval: Interval, sessions: int) -> float:
-    """One-sided 95 % bound above; the value itself below 3 sessions."""
+def compute_upper_bound(interval: Interval, sessions: int) -> float:
+    """Return the one-sided upper 95 % bound of a value; the value itself below 3 sessions."""
     if interval.error is None:
         return interval.value
-    return interval.value + student_quantile(0.95, sessions - 1) * interval.error
+    return interval.value + compute_student_quantile(0.95, sessions - 1) * interval.error
 
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """gap, floor: counts. gap2, excess: counts^2 with intervals; most: upper bound of the excess. p_value: of an excess
-    this large without any.
+    """Size of the gap.
+
+    gap, floor: counts. excess: counts^2. excess_bound: one-sided upper 95 % bound of the excess, counts^2. p_value:
+    probability of an excess at least this large if the expected excess is 0. terms: parts of gap and floor.
     """
 
     gap: Interval
     floor: float
     excess: Interval
-    most: float
+    excess_bound: float
     p_value: float
-    terms: Terms
+    terms: GapTerms
 
 
-def measure(real: SessionMeans, model: FloatArray, layout: Layout) -> Gap:
-    """Gap, floor and excess of a model, f64[C, F, n], against the real sessions."""
-    whole = terms(real, model, layout)
+def measure_gap(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> Gap:
+    """Return gap, floor and excess of a model, f64[C, F, n], counts, relative to the real sessions."""
+    whole = compute_terms(real, model, layout)
     sessions = real.value.shape[1]
-    left = [terms(real.only(stay), model, layout) for stay in leave_one_out(sessions)] if sessions >= 3 else []
-    gap2 = jackknife(np.array([total(part.gap2) for part in left]), total(whole.gap2))
-    excess = jackknife(np.array([total(part.excess) for part in left]), total(whole.excess))
-    floor = float(np.sqrt(max(total(whole.floor2), 0.0)))
-    return Gap(root(gap2), floor, excess, upper_bound(excess, sessions), _p_value(excess, sessions), whole)
+    replicates = (
+        [compute_terms(real.select_sessions(stay), model, layout) for stay in make_leave_one_out_masks(sessions)]
+        if sessions >= 3
+        else []
+    )
+    gap2 = compute_jackknife_interval(np.array([sum_terms(part.gap2) for part in replicates]), sum_terms(whole.gap2))
+    excess = compute_jackknife_interval(
+        np.array([sum_terms(part.excess) for part in replicates]), sum_terms(whole.excess)
+    )
+    floor = float(np.sqrt(max(sum_terms(whole.floor2), 0.0)))
+    return Gap(
+        compute_root_interval(gap2),
+        floor,
+        excess,
+        compute_upper_bound(excess, sessions),
+        _compute_p_value(excess, sessions),
+        whole,
+    )
 
 
-def shrink(before2: float, after2: float) -> float:
-    """(before - after) / before of squared gaps."""
+def compute_shrink(before2: float, after2: float) -> float:
+    """Return the relative reduction of the gap, (before - after) / before, from squared gaps; 0 if there is no gap."""
     return float(1.0 - np.sqrt(after2 / before2)) if before2 > 0 else 0.0
 
 
-def shrink_by(real: SessionMeans, before: FloatArray, after: FloatArray, layout: Layout) -> Interval:
-    """Shrink of the gap from one model to another, f64[C, F, n] each, with its interval."""
+def compute_shrink_interval(
+    real: SessionMeans, before: FloatArray, after: FloatArray, layout: FeatureLayout
+) -> Interval:
+    """Return the shrink of the gap between two models, with its interval. before, after: f64[C, F, n], counts."""
 
-    def of(sessions: SessionMeans) -> float:
-        return shrink(*(total(terms(sessions, model, layout).gap2) for model in (before, after)))
+    def compute_value(sessions: SessionMeans) -> float:
+        return compute_shrink(*(sum_terms(compute_terms(sessions, model, layout).gap2) for model in (before, after)))
 
-    return jackknife(np.array([of(real.only(stay)) for stay in leave_one_out(real.value.shape[1])]), of(real))
+    return compute_jackknife_interval(
+        np.array([compute_value(real.select_sessions(stay)) for stay in make_leave_one_out_masks(real.value.shape[1])]),
+        compute_value(real),
+    )
 
 
-def _p_value(excess: Interval, sessions: int) -> float:
+def _compute_p_value(excess: Interval, sessions: int) -> float:
+    """Return the one-sided p-value of the excess against 0 (t test).
+
+    Without a standard error the p-value is 0.5 for a positive excess, otherwise 1.
+    """
     if excess.error is None:
         return 1.0 if excess.value <= 0 else 0.5
     if excess.error == 0:

@@ -1,1 +1,1 @@
-"""The simulated contact, sequences of effects, and least-squares estimates of their parameters."""
+"""Simulated contacts, composite models of effects, and least-squares estimates of their parameters."""

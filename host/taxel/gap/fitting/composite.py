@@ -1,4 +1,4 @@
-"""Several effects together: from contact to features, each in its place."""
+"""Composite model: a sequence of effects that act on the simulated contact in a fixed order, from contact to count."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class FittedEffect:
-    """An effect and its values, f64[P, G]."""
+    """An effect with values of its P parameters in G blocks, f64[P, G] (see `Effect.find_blocks`)."""
 
     effect: Effect
     values: FloatArray
@@ -22,73 +22,89 @@ class FittedEffect:
 
 @dataclass(frozen=True, eq=False)
 class CompositeModel:
-    """Effects in the order in which they act."""
+    """Effects in the order in which they act, with the values of their parameters."""
 
-    links: tuple[FittedEffect, ...] = ()
+    fitted_effects: tuple[FittedEffect, ...] = ()
 
     @classmethod
-    def of(cls, links: Sequence[FittedEffect]) -> CompositeModel:
-        """In order."""
-        return cls(tuple(sorted(links, key=lambda link: link.effect.order)))
+    def from_effects(cls, fitted_effects: Sequence[FittedEffect]) -> CompositeModel:
+        """Build a composite model from effects in any order; they are sorted by `Effect.order`."""
+        return cls(tuple(sorted(fitted_effects, key=lambda fitted_effect: fitted_effect.effect.order)))
 
-    def with_link(self, link: FittedEffect) -> CompositeModel:
-        """One more effect."""
-        return CompositeModel.of([*self.links, link])
+    def with_effect(self, fitted_effect: FittedEffect) -> CompositeModel:
+        """Return a composite model with one more effect, sorted by `Effect.order`."""
+        return CompositeModel.from_effects([*self.fitted_effects, fitted_effect])
 
     def without(self, name: str) -> CompositeModel:
-        """All but one."""
-        return CompositeModel(tuple(link for link in self.links if link.effect.name != name))
+        """Return a composite model without the effect with this name."""
+        return CompositeModel(
+            tuple(fitted_effect for fitted_effect in self.fitted_effects if fitted_effect.effect.name != name)
+        )
 
     def get(self, name: str) -> FittedEffect:
-        """The effect with this name. Raises KeyError."""
-        for link in self.links:
-            if link.effect.name == name:
-                return link
+        """Return the effect with this name. Raises KeyError if the model does not contain the effect."""
+        for fitted_effect in self.fitted_effects:
+            if fitted_effect.effect.name == name:
+                return fitted_effect
         raise KeyError(name)
 
-    def only(self, names: Collection[str]) -> CompositeModel:
-        """The effects with these names."""
-        return CompositeModel(tuple(link for link in self.links if link.effect.name in names))
+    def select(self, names: Collection[str]) -> CompositeModel:
+        """Return a composite model with only the effects that have these names."""
+        return CompositeModel(
+            tuple(fitted_effect for fitted_effect in self.fitted_effects if fitted_effect.effect.name in names)
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the effects, in order of action."""
-        return tuple(link.effect.name for link in self.links)
+        """Names of the effects, in the order in which they act."""
+        return tuple(fitted_effect.effect.name for fitted_effect in self.fitted_effects)
 
     def with_values(self, values: Sequence[FloatArray]) -> CompositeModel:
-        """The same effects with other values."""
-        return CompositeModel(tuple(replace(link, values=new) for link, new in zip(self.links, values, strict=True)))
+        """Return a composite model with other values, one array f64[P, G] for each effect.
 
-    def features(self, state: State) -> FloatArray:
-        """The simulator's features with these effects, f64[C, F, n]."""
-        features = state.predicted(_signal_of(state, self.links))
-        for link in self.links:
-            features = link.effect.features(state, features, link.values)
+        Raises ValueError if the number of arrays differs from the number of effects.
+        """
+        return CompositeModel(
+            tuple(
+                replace(fitted_effect, values=new_values)
+                for fitted_effect, new_values in zip(self.fitted_effects, values, strict=True)
+            )
+        )
+
+    def predict_features(self, state: State) -> FloatArray:
+        """Predict the features of the simulator with these effects, f64[C, F, n]."""
+        features = state.predict_features(_apply_effects(state, self.fitted_effects))
+        for fitted_effect in self.fitted_effects:
+            features = fitted_effect.effect.apply_to_features(state, features, fitted_effect.values)
         return features
 
 
-class _Recent(threading.local):
-    """Of each state, the links that this thread applied last and what the signal was after each of them."""
+class _SignalCache(threading.local):
+    """Cache of a thread: for each state, the effects that were applied last and the signal after each effect."""
 
     def __init__(self) -> None:
         self.steps: WeakKeyDictionary[State, list[tuple[FittedEffect, Signal]]] = WeakKeyDictionary()
 
 
-_recent = _Recent()
+_cache = _SignalCache()
 
 
-def _signal_of(state: State, links: Sequence[FittedEffect]) -> Signal:
-    """The signal after all links. A fit moves one of them at a time: those before it are not worked out anew."""
-    known = _recent.steps.get(state, [])
-    same = 0
-    for (before, _), link in zip(known, links, strict=False):
-        if before.effect is not link.effect or before.values is not link.values:
+def _apply_effects(state: State, fitted_effects: Sequence[FittedEffect]) -> Signal:
+    """Apply effects to the base signal of a state.
+
+    The cached signals of the leading effects that have not changed since the last call are used again: the numeric
+    derivatives of a fit change one effect at a time.
+    """
+    cached = _cache.steps.get(state, [])
+    unchanged = 0
+    for (previous, _), fitted_effect in zip(cached, fitted_effects, strict=False):
+        if previous.effect is not fitted_effect.effect or previous.values is not fitted_effect.values:
             break
-        same += 1
-    steps = known[:same]
+        unchanged += 1
+    steps = cached[:unchanged]
     signal = steps[-1][1] if steps else state.base
-    for link in links[same:]:
-        signal = link.effect.apply(state, signal, link.values)
-        steps.append((link, signal))
-    _recent.steps[state] = steps
+    for fitted_effect in fitted_effects[unchanged:]:
+        signal = fitted_effect.effect.apply(state, signal, fitted_effect.values)
+        steps.append((fitted_effect, signal))
+    _cache.steps[state] = steps
     return signal

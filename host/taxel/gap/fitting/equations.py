@@ -1,4 +1,4 @@
-"""Normal equations of least squares whose parameters hold for blocks of (cell, taxel)."""
+"""Normal equations of a least-squares problem whose parameters apply to blocks of (condition, taxel) pairs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """What is to be fitted. target: f64[C, F, n], the real features. weight: f64[C, F, n], 1 / counts^2; 0 where
-    unknown or not to be used.
+class FitProblem:
+    """Weighted least-squares problem: simulated contacts, target features and weights.
+
+    target: f64[C, F, n], real features, counts. weight: f64[C, F, n], 1 / counts^2; 0 for unknown and for excluded
+    features.
     """
 
     state: State
@@ -25,14 +27,17 @@ class Problem:
     weight: FloatArray
 
     def cost(self, features: FloatArray) -> float:
-        """Weighted sum of squares."""
+        """Return the weighted sum of squared differences between target and predicted features f64[C, F, n]."""
         return float(np.sum(self.weight * (self.target - features) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
-    """How the features change with a parameter: change f64[C, F, n] a unit, block of each (cell, taxel) [C, n], and
-    the number of blocks. precision: of its prior, f64[count].
+class DerivativeColumn:
+    """Derivatives of the features with respect to the values of one parameter in all its blocks.
+
+    change: f64[C, F, n], change of each feature in counts per unit of the parameter in the block of the feature.
+    blocks: [C, n], block of each taxel in each condition. count: number of blocks. precision: f64[count], 1 / variance
+    of the prior of each value; 0 without a prior.
     """
 
     change: FloatArray
@@ -41,23 +46,26 @@ class Column:
     precision: FloatArray
 
 
-def system_of(problem: Problem, columns: Sequence[Column]) -> FloatArray:
-    """Matrix of the normal equations over all blocks of all columns, f64[p, p]."""
-    starts = _starts(columns)
+def build_normal_matrix(problem: FitProblem, columns: Sequence[DerivativeColumn]) -> FloatArray:
+    """Build the matrix of the normal equations, J^T W J plus the precisions of the priors, f64[p, p].
+
+    p is the number of blocks of all columns, in the order of the columns.
+    """
+    offsets = _compute_offsets(columns)
     system = np.diag(np.concatenate([column.precision for column in columns]))
-    for number, (column, start) in enumerate(zip(columns, starts, strict=False)):
+    for number, (column, offset) in enumerate(zip(columns, offsets, strict=False)):
         weighted = problem.weight * column.change
-        for other, other_start in zip(columns[: number + 1], starts, strict=False):
-            part = _blockwise(np.sum(weighted * other.change, axis=1), column, other)
-            system[start : start + column.count, other_start : other_start + other.count] += part
-            if other_start != start:
-                system[other_start : other_start + other.count, start : start + column.count] += part.T
+        for other, other_offset in zip(columns[: number + 1], offsets, strict=False):
+            part = _sum_block_pairs(np.sum(weighted * other.change, axis=1), column, other)
+            system[offset : offset + column.count, other_offset : other_offset + other.count] += part
+            if other_offset != offset:
+                system[other_offset : other_offset + other.count, offset : offset + column.count] += part.T
     return system
 
 
-def _blockwise(product: FloatArray, one: Column, other: Column) -> FloatArray:
-    """Sums of f64[C, n] over the blocks of two columns, f64[count, count]."""
-    if one.blocks is other.blocks:  # each block meets itself alone
+def _sum_block_pairs(product: FloatArray, one: DerivativeColumn, other: DerivativeColumn) -> FloatArray:
+    """Sum f64[C, n] over each pair of a block of one column and a block of another, f64[count, count]."""
+    if one.blocks is other.blocks:  # equal blocks overlap only with themselves
         result: FloatArray = np.zeros((one.count, one.count))
         np.fill_diagonal(result, np.bincount(one.blocks.ravel(), product.ravel(), one.count))
         return result
@@ -66,33 +74,41 @@ def _blockwise(product: FloatArray, one: Column, other: Column) -> FloatArray:
     return sums.reshape(one.count, other.count)
 
 
-def gradient_of(problem: Problem, columns: Sequence[Column], features: FloatArray) -> FloatArray:
-    """Right side of the normal equations for a step from `features`, f64[p], without priors."""
+def compute_gradient(problem: FitProblem, columns: Sequence[DerivativeColumn], features: FloatArray) -> FloatArray:
+    """Compute the right side of the normal equations at `features` f64[C, F, n], J^T W (target - features), f64[p].
+
+    The priors do not contribute.
+    """
     weighted = problem.weight * (problem.target - features)
-    parts = [
+    sums = [
         np.bincount(column.blocks.ravel(), np.sum(weighted * column.change, axis=1).ravel(), column.count)
         for column in columns
     ]
-    return np.concatenate(parts) if parts else np.zeros(0)
+    return np.concatenate(sums) if sums else np.zeros(0)
 
 
-def _starts(columns: Sequence[Column]) -> list[int]:
+def _compute_offsets(columns: Sequence[DerivativeColumn]) -> list[int]:
+    """Return the index of the first value of each column, and the number of all values."""
     return [0, *accumulate(column.count for column in columns)]
 
 
-class Steps:
-    """Damped steps of one system; each damping is factorised once."""
+class DampedSolver:
+    """Solver of damped normal equations (Levenberg-Marquardt) with one matrix.
+
+    The matrix is scaled to a unit diagonal. The Cholesky factor of each damping is computed once.
+    """
 
     def __init__(self, system: FloatArray) -> None:
+        """Prepare the solver. system: f64[p, p], from `build_normal_matrix`."""
         diagonal = np.diag(system)
         self._scale = np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max()), 1e-300)))
         self._scaled = system / np.outer(self._scale, self._scale)
-        self._known: dict[float, tuple[FloatArray, bool]] = {}
+        self._factors: dict[float, tuple[FloatArray, bool]] = {}
 
-    def step(self, gradient: FloatArray, damping: float) -> FloatArray:
-        """f64[p]."""
-        if damping not in self._known:
+    def solve(self, gradient: FloatArray, damping: float) -> FloatArray:
+        """Compute the step of the parameters, f64[p], for a right side f64[p]; damping: added to the unit diagonal."""
+        if damping not in self._factors:
             scaled = self._scaled.copy()
             scaled[np.diag_indices_from(scaled)] += damping + 1e-9
-            self._known[damping] = cho_factor(scaled, overwrite_a=True, check_finite=False)
-        return np.asarray(cho_solve(self._known[damping], gradient / self._scale, check_finite=False) / self._scale)
+            self._factors[damping] = cho_factor(scaled, overwrite_a=True, check_finite=False)
+        return np.asarray(cho_solve(self._factors[damping], gradient / self._scale, check_finite=False) / self._scale)

@@ -1,7 +1,8 @@
-"""Least squares for a chain of effects whose parameters hold for the hand, a board, an object or a taxel.
+"""Least-squares fit of a composite model.
 
-Levenberg-Marquardt with numeric derivatives. All blocks of one parameter are moved at once: a taxel in a cell belongs
-to one block of an effect only, so one evaluation gives every block's derivative.
+A parameter has one value for the hand, or one for each board, object or taxel. The method is a Levenberg-Marquardt
+iteration with numeric derivatives. One evaluation gives the derivatives of all blocks of a parameter, because every
+taxel in a condition belongs to exactly one block of an effect.
 """
 
 from __future__ import annotations
@@ -15,47 +16,62 @@ import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.cores import in_copies
-from taxel.gap.fitting.equations import Column, Problem, Steps, gradient_of, system_of
+from taxel.gap.fitting.equations import (
+    DampedSolver,
+    DerivativeColumn,
+    FitProblem,
+    build_normal_matrix,
+    compute_gradient,
+)
+from taxel.gap.fitting.parallel import map_in_processes
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-STEP: Final = 2e-3
-"""Of a parameter, relative to its scale, for the numeric derivative."""
+DERIVATIVE_STEP: Final = 2e-3
+"""Step of a numeric derivative, relative to the scale of the parameter (chosen)."""
 
-DAMPING: Final = 0.1
-"""At first: along what is hardly determined, such as a slide along a face, a full step would go astray."""
+INITIAL_DAMPING: Final = 0.1
+"""Initial damping, relative to the unit diagonal of the scaled normal equations (chosen): an undamped first step would
+be far too large in poorly determined directions, such as a displacement of an object along its own face."""
 
-KNOWN_DAMPING: Final = 1e-3
-"""The same of a fit that begins near its end."""
+LINEARISED_DAMPING: Final = 1e-3
+"""Initial damping of a fit that starts near its solution, with a given linearisation (chosen)."""
 
-SETTLING_DAMPING: Final = 1e-6
-"""Of the last step."""
+FINAL_DAMPING: Final = 1e-6
+"""Damping of the final step towards the prior, practically undamped (chosen)."""
 
-CAUTION: Final = 8.0
-"""Factor on the damping after a step that did harm."""
+DAMPING_FACTOR: Final = 8.0
+"""Factor on the damping after a step that increases the objective (chosen)."""
 
-CHORD_CAUTION: Final = 30.0
-"""The same of a fit that begins near its end: there it hardly moves along what is hardly determined."""
+LINEARISED_DAMPING_FACTOR: Final = 30.0
+"""Factor on the damping after a failed step of a fit with a given linearisation (chosen): larger than `DAMPING_FACTOR`,
+so that the fit hardly moves in poorly determined directions."""
 
-TRIES: Final = 4
-"""Dampings of one step."""
+MAX_DAMPINGS: Final = 4
+"""Largest number of dampings that are tried for one step (chosen)."""
 
-ITERATIONS: Final = 12
-ENOUGH: Final = 1e-3
-"""Relative gain at which the search ends."""
+MAX_ITERATIONS: Final = 12
+"""Largest number of iterations of a fit (chosen); callers reduce it for coarse fits and near the solution."""
 
-FAR: Final = 0.05
-"""Relative gain of a step beyond which derivatives are worked out anew; after a shorter one a chord serves."""
+RELATIVE_TOLERANCE: Final = 1e-3
+"""Relative reduction of the objective below which the iteration ends (chosen)."""
 
+DERIVATIVE_UPDATE_GAIN: Final = 0.05
+"""Relative reduction of the objective by a step above which the derivatives are computed again (chosen)."""
 
-KnownColumns = Mapping[str, tuple[Column, ...]]
-NOTHING_KNOWN: Final[KnownColumns] = MappingProxyType({})
+ColumnsByEffect = Mapping[str, tuple[DerivativeColumn, ...]]
+"""Derivatives with respect to the parameters of each effect, by the name of the effect."""
+
+NO_COLUMNS: Final[ColumnsByEffect] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """chain: with the fitted values. features: f64[C, F, n]. cost: of the problem, without priors."""
+    """Result of a fit.
+
+    composite: model with the fitted values. features: f64[C, F, n], its prediction. cost: weighted sum of squares,
+    without the priors.
+    """
 
     composite: CompositeModel
     features: FloatArray
@@ -63,86 +79,108 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
-    """Where fits to different parts of one problem begin, and how features change there with each value: both are
-    worked out once for all of them. They end near where they begin, and a chord serves as well as a tangent.
+class Linearisation:
+    """Linear approximation of a composite model at its present values: predicted features f64[C, F, n] and derivatives.
+
+    Fits to different subsets of the same data share one linearisation: their solutions are so close to the common start
+    that the derivatives need not be updated.
     """
 
     composite: CompositeModel
     features: FloatArray
-    columns: tuple[Column, ...]
+    columns: tuple[DerivativeColumn, ...]
 
 
-def start_of(state: State, composite: CompositeModel, fixed: Sequence[str] = ()) -> Start:
-    """Features of a chain and their derivatives."""
-    features = composite.features(state)
-    return Start(composite, features, _columns(state, composite, free_links(composite, fixed), features))
+def linearise(state: State, composite: CompositeModel, fixed: Sequence[str] = ()) -> Linearisation:
+    """Linearise a composite model at its values, with respect to the parameters of all effects not named in `fixed`."""
+    features = composite.predict_features(state)
+    return Linearisation(
+        composite, features, _compute_columns(state, composite, find_free_indices(composite, fixed), features)
+    )
 
 
-def near_their_end(
+def compute_columns_by_effect(
     state: State, composite: CompositeModel, features: FloatArray, fixed: Sequence[str] = ()
-) -> KnownColumns:
-    """Derivatives of a chain's effects, each by its name, for fits that hardly move them. features: of the chain."""
-    free = free_links(composite, fixed)
-    found = in_copies(state, lambda index: _columns(state, composite, [index], features), free)
-    return {composite.links[index].effect.name: columns for index, columns in zip(free, found, strict=True)}
+) -> ColumnsByEffect:
+    """Compute the derivatives of each effect of a composite model not named in `fixed`, by the name of the effect.
+
+    A fit in which these effects hardly change can use them in all iterations. features: f64[C, F, n],
+    prediction of the model.
+    """
+    free = find_free_indices(composite, fixed)
+    found = map_in_processes(state, lambda index: _compute_columns(state, composite, [index], features), free)
+    return {composite.fitted_effects[index].effect.name: columns for index, columns in zip(free, found, strict=True)}
 
 
-def free_links(composite: CompositeModel, fixed: Sequence[str]) -> list[int]:
-    """Places of the links whose values are fitted."""
-    return [index for index, link in enumerate(composite.links) if link.effect.name not in fixed]
+def find_free_indices(composite: CompositeModel, fixed: Sequence[str]) -> list[int]:
+    """Return the indices of the effects that are not named in `fixed`, in the order of the model."""
+    return [
+        index for index, fitted_effect in enumerate(composite.fitted_effects) if fitted_effect.effect.name not in fixed
+    ]
 
 
 def fit(
-    problem: Problem,
+    problem: FitProblem,
     composite: CompositeModel,
     fixed: Sequence[str] = (),
-    iterations: int = ITERATIONS,
-    start: Start | None = None,
-    known: KnownColumns = NOTHING_KNOWN,
+    iterations: int = MAX_ITERATIONS,
+    linearisation: Linearisation | None = None,
+    fixed_columns: ColumnsByEffect = NO_COLUMNS,
 ) -> Fit:
-    """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`). known:
-    derivatives, by effect, that serve throughout.
+    """Fit the parameters of all effects of a composite model except those named in `fixed`.
+
+    composite: model with the initial values. iterations: largest number of iterations. linearisation: of this model;
+    its derivatives are used in all iterations. fixed_columns: derivatives of single effects, used in all iterations.
     """
-    problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
-    free = free_links(composite, fixed)
-    point = _Point.of(problem, composite, free, start.features if start else None)
-    damping = KNOWN_DAMPING if start else DAMPING
+    problem = FitProblem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
+    free = find_free_indices(composite, fixed)
+    point = _Evaluation.evaluate(problem, composite, free, linearisation.features if linearisation else None)
+    damping = LINEARISED_DAMPING if linearisation else INITIAL_DAMPING
     converged, gain = False, np.inf
-    for number in range(iterations if free else 0):
-        # A step that gained little ends the search only where no better derivatives are to be had.
-        fresh = number == 0 or (gain > FAR and not start)
-        last = fresh or start is not None
-        if fresh:
-            columns = start.columns if start else _columns(problem.state, point.composite, free, point.features, known)
-            steps = Steps(system_of(problem, columns))
-        gradient = _gradient(problem, columns, point, free)
-        before, gain = point, 0.0
-        # The first step is always tried: how values differ between fits to different parts is what makes intervals.
-        if number == 0 or gradient @ steps.step(gradient, damping) >= ENOUGH * point.whole:  # gained if all is linear
-            for _ in range(TRIES if last else 1):
-                tried = _Point.of(problem, moved(point.composite, free, steps.step(gradient, damping)), free)
-                if tried.whole < point.whole:
-                    gain, point = 1.0 - tried.whole / point.whole, tried
+    for iteration in range(iterations if free else 0):
+        # A step with a small gain ends the iteration only if the derivatives cannot be improved.
+        update_derivatives = iteration == 0 or (gain > DERIVATIVE_UPDATE_GAIN and not linearisation)
+        has_best_derivatives = update_derivatives or linearisation is not None
+        if update_derivatives:
+            columns = (
+                linearisation.columns
+                if linearisation
+                else _compute_columns(problem.state, point.composite, free, point.features, fixed_columns)
+            )
+            solver = DampedSolver(build_normal_matrix(problem, columns))
+        gradient = _compute_full_gradient(problem, columns, point, free)
+        previous, gain = point, 0.0
+        # The first step is always tried, however small its expected gain: intervals of parameters follow from the
+        # differences between fits to subsets of the data.
+        if iteration == 0 or gradient @ solver.solve(gradient, damping) >= RELATIVE_TOLERANCE * point.objective:
+            for _ in range(MAX_DAMPINGS if has_best_derivatives else 1):
+                candidate = _Evaluation.evaluate(
+                    problem, apply_step(point.composite, free, solver.solve(gradient, damping)), free
+                )
+                if candidate.objective < point.objective:
+                    gain, point = 1.0 - candidate.objective / point.objective, candidate
                     break
-                damping *= CHORD_CAUTION if start else CAUTION
-            converged = point is not before or (not last and converged)
-            damping = damping if start or point is before else max(damping / 10.0, 1e-6)
-        if gain < ENOUGH:
-            if last:
+                damping *= LINEARISED_DAMPING_FACTOR if linearisation else DAMPING_FACTOR
+            converged = point is not previous or (not has_best_derivatives and converged)
+            damping = damping if linearisation or point is previous else max(damping / 10.0, 1e-6)
+        if gain < RELATIVE_TOLERANCE:
+            if has_best_derivatives:
                 break
             gain = np.inf
     if converged and point.prior > 0.0:
-        # What presses cannot tell gains less than `ENOUGH` by going back to what is expected of it.
-        gradient = _gradient(problem, columns, point, free)
-        settled = _Point.of(problem, moved(point.composite, free, steps.step(gradient, SETTLING_DAMPING)), free)
-        point = settled if settled.whole < point.whole else point
+        # The return of a parameter that the data do not determine to its prior mean reduces the objective by less than
+        # `RELATIVE_TOLERANCE`, so that the iteration above may end before it.
+        gradient = _compute_full_gradient(problem, columns, point, free)
+        final = _Evaluation.evaluate(
+            problem, apply_step(point.composite, free, solver.solve(gradient, FINAL_DAMPING)), free
+        )
+        point = final if final.objective < point.objective else point
     return Fit(point.composite, point.features, point.cost)
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
-    """Where a search stands. cost: of the problem; prior: of the values."""
+class _Evaluation:
+    """Point of the iteration: model, features f64[C, F, n], cost of the data, and cost of the priors."""
 
     composite: CompositeModel
     features: FloatArray
@@ -150,90 +188,105 @@ class _Point:
     prior: float
 
     @classmethod
-    def of(
-        cls, problem: Problem, composite: CompositeModel, free: list[int], features: FloatArray | None = None
-    ) -> _Point:
-        """features: of the chain, if they are known."""
-        features = composite.features(problem.state) if features is None else features
-        return cls(composite, features, problem.cost(features), _prior_cost(composite, free))
+    def evaluate(
+        cls, problem: FitProblem, composite: CompositeModel, free: list[int], features: FloatArray | None = None
+    ) -> _Evaluation:
+        """Evaluate a composite model. features: its prediction if already computed."""
+        features = composite.predict_features(problem.state) if features is None else features
+        return cls(composite, features, problem.cost(features), _compute_prior_cost(composite, free))
 
     @property
-    def whole(self) -> float:
-        """What is to be made small."""
+    def objective(self) -> float:
+        """Objective of the minimisation: cost of the data plus cost of the priors."""
         return self.cost + self.prior
 
 
-def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: list[int]) -> FloatArray:
-    return gradient_of(problem, columns, point.features) + _pull(point.composite, free)
+def _compute_full_gradient(
+    problem: FitProblem, columns: Sequence[DerivativeColumn], point: _Evaluation, free: list[int]
+) -> FloatArray:
+    """Compute the right side of the normal equations at a point, including the priors, f64[p]."""
+    return compute_gradient(problem, columns, point.features) + _compute_prior_gradient(point.composite, free)
 
 
-def started(state: State, effect: Effect) -> FittedEffect:
-    """An effect at the values where its search starts."""
-    return FittedEffect(effect, effect.starts(state))
+def start_effect(state: State, effect: Effect) -> FittedEffect:
+    """Return an effect with the start values of its parameters."""
+    return FittedEffect(effect, effect.make_start_values(state))
 
 
-def _scale(parameter: Parameter, values: FloatArray) -> FloatArray:
-    """A typical size of each value."""
+def _compute_scale(parameter: Parameter, values: FloatArray) -> FloatArray:
+    """Return a typical size of each value of a parameter, f64[G]; the numeric step is proportional to it."""
     expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
     span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))
     return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
 
 
-def _columns(
-    state: State, composite: CompositeModel, free: list[int], features: FloatArray, known: KnownColumns = NOTHING_KNOWN
-) -> tuple[Column, ...]:
-    columns: list[Column] = []
+def _compute_columns(
+    state: State,
+    composite: CompositeModel,
+    free: list[int],
+    features: FloatArray,
+    fixed_columns: ColumnsByEffect = NO_COLUMNS,
+) -> tuple[DerivativeColumn, ...]:
+    """Compute the derivatives of the features with respect to the parameters of the free effects.
+
+    features: f64[C, F, n], prediction of the model. fixed_columns: derivatives that are used instead of new ones.
+    """
+    columns: list[DerivativeColumn] = []
     for index in free:
-        link = composite.links[index]
-        if link.effect.name in known:
-            columns += known[link.effect.name]
+        fitted_effect = composite.fitted_effects[index]
+        if fitted_effect.effect.name in fixed_columns:
+            columns += fixed_columns[fitted_effect.effect.name]
             continue
-        blocks = link.effect.blocks(state)
-        for row, parameter in enumerate(link.effect.parameters()):
-            step = STEP * _scale(parameter, link.values[row])
-            step = np.where(link.values[row] + step > parameter.high, -step, step)
-            beside = link.values.copy()
-            beside[row] = beside[row] + step
+        blocks = fitted_effect.effect.find_blocks(state)
+        for row, parameter in enumerate(fitted_effect.effect.parameters()):
+            step = DERIVATIVE_STEP * _compute_scale(parameter, fitted_effect.values[row])
+            step = np.where(fitted_effect.values[row] + step > parameter.high, -step, step)
+            shifted_values = fitted_effect.values.copy()
+            shifted_values[row] = shifted_values[row] + step
             values = [
-                beside if other == index else composite.links[other].values for other in range(len(composite.links))
+                shifted_values if other == index else composite.fitted_effects[other].values
+                for other in range(len(composite.fitted_effects))
             ]
-            change = np.nan_to_num(composite.with_values(values).features(state) - features) / step[blocks][:, None]
+            change = (
+                np.nan_to_num(composite.with_values(values).predict_features(state) - features) / step[blocks][:, None]
+            )
             precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
-            count = link.values.shape[1]
-            columns.append(Column(change, blocks, count, np.full(count, precision)))
+            count = fitted_effect.values.shape[1]
+            columns.append(DerivativeColumn(change, blocks, count, np.full(count, precision)))
     return tuple(columns)
 
 
-def moved(composite: CompositeModel, free: list[int], step: FloatArray) -> CompositeModel:
-    """A chain whose free values went by a step f64[p], within their bounds."""
-    links = list(composite.links)
-    first = 0
+def apply_step(composite: CompositeModel, free: list[int], step: FloatArray) -> CompositeModel:
+    """Return a composite model whose free effects changed by a step f64[p]; values are cut at their bounds."""
+    fitted_effects = list(composite.fitted_effects)
+    offset = 0
     for index in free:
-        link = links[index]
-        values = link.values.copy()
-        for row, parameter in enumerate(link.effect.parameters()):
+        fitted_effect = fitted_effects[index]
+        values = fitted_effect.values.copy()
+        for row, parameter in enumerate(fitted_effect.effect.parameters()):
             count = values.shape[1]
-            values[row] = np.clip(values[row] + step[first : first + count], parameter.low, parameter.high)
-            first += count
-        links[index] = FittedEffect(link.effect, values)
-    return CompositeModel(tuple(links))
+            values[row] = np.clip(values[row] + step[offset : offset + count], parameter.low, parameter.high)
+            offset += count
+        fitted_effects[index] = FittedEffect(fitted_effect.effect, values)
+    return CompositeModel(tuple(fitted_effects))
 
 
-def _prior_cost(composite: CompositeModel, free: list[int]) -> float:
+def _compute_prior_cost(composite: CompositeModel, free: list[int]) -> float:
+    """Return the sum of the squared deviations from the prior means, in prior standard deviations."""
     total = 0.0
     for index in free:
-        link = composite.links[index]
-        for row, parameter in enumerate(link.effect.parameters()):
+        fitted_effect = composite.fitted_effects[index]
+        for row, parameter in enumerate(fitted_effect.effect.parameters()):
             if np.isfinite(parameter.prior):
-                total += float(np.sum((link.values[row] - parameter.middle) ** 2)) / parameter.prior**2
+                total += float(np.sum((fitted_effect.values[row] - parameter.prior_mean) ** 2)) / parameter.prior**2
     return total
 
 
-def _pull(composite: CompositeModel, free: list[int]) -> FloatArray:
-    """Of the priors on the values as they are, f64[p]."""
-    parts = []
-    for link in (composite.links[index] for index in free):
-        for row, parameter in enumerate(link.effect.parameters()):
+def _compute_prior_gradient(composite: CompositeModel, free: list[int]) -> FloatArray:
+    """Compute the contribution of the priors to the right side of the normal equations, f64[p]."""
+    contributions = []
+    for fitted_effect in (composite.fitted_effects[index] for index in free):
+        for row, parameter in enumerate(fitted_effect.effect.parameters()):
             precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
-            parts.append(precision * (parameter.middle - link.values[row]))
-    return np.concatenate(parts)
+            contributions.append(precision * (parameter.prior_mean - fitted_effect.values[row]))
+    return np.concatenate(contributions)

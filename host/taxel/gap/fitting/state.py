@@ -1,4 +1,4 @@
-"""What an effect acts on: the simulator's contact at nodes of time, a few repeats of each cell."""
+"""Simulated contacts on which effects act: force, separation and signal at time nodes, and the predicted features."""
 
 from __future__ import annotations
 
@@ -10,30 +10,37 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.clock import Clock
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.features import COUNTS_PER_SECOND, Layout, untouched_conditions
+from taxel.gap.data.time_grid import TimeGrid
+from taxel.gap.features.features import COUNTS_PER_SECOND, FeatureLayout, find_unloaded_taxels
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.types import FloatArray
 
-MOST_VALUES: Final = 800_000
-"""Numbers in one array: a few repeats of each cell of a small hand, one or two of a large one."""
+MAX_VALUES: Final = 800_000
+"""Largest number of values in one array [Q, K, n]. Chosen: up to `MAX_REPEATS` contacts of each condition for a small
+hand, one or two for a large hand. A larger value increases run time and memory."""
 
-MOST_REPEATS: Final = 4
+MAX_REPEATS: Final = 4
+"""Largest number of simulated contacts of each condition on which effects act (chosen). More contacts increase the run
+time in proportion."""
 
-TOUCHED_COUNTS: Final = 50.0
+RESPONSE_COUNTS: Final = 50.0
+"""Simulated signal in counts above which a taxel counts as loaded (chosen). A board without such a taxel has no onset
+from which a delay could be fitted."""
 
-ABOVE: Final = 1.25
-"""Full scale over the largest drop, where no sensor model tells it."""
+FULL_SCALE_FACTOR: Final = 1.25
+"""Assumed full scale divided by the largest simulated signal, for datasets without a sensor model (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """What is known of Q presses at K nodes on n taxels.
+    """Contact and signal of Q simulated contacts at K time nodes on n taxels.
 
-    force: f64[Q, K, n], newtons; None where the simulator tells none. separation: f64[Q, K, n], metres. drop:
-    f64[Q, K, n], counts; None until force has become counts. law_scale: factor on the sensor model's half force.
+    force: f64[Q, K, n], newtons; None for a dataset without contact forces. separation: f64[Q, K, n], metres, distance
+    between object and taxel; None without contact forces. signal_counts: f64[Q, K, n], baseline minus raw count, in
+    counts; None until an effect or `State.to_signal_counts` converts the forces. law_scale: factor on the force at half
+    the full scale of the sensor model.
     """
 
     force: FloatArray | None
@@ -41,51 +48,63 @@ class Signal:
     signal_counts: FloatArray | None
     law_scale: FloatArray | float = 1.0
 
-    def mapped(self, change: Callable[[FloatArray], FloatArray]) -> Signal:
-        """The same with every array changed."""
+    def map_arrays(self, change: Callable[[FloatArray], FloatArray]) -> Signal:
+        """Return a copy in which a function has replaced force, separation and signal; None remains None."""
         force, separation, signal_counts = (
             None if part is None else change(part) for part in (self.force, self.separation, self.signal_counts)
         )
         return Signal(force, separation, signal_counts, self.law_scale)
 
     def with_force(self, force: FloatArray) -> Signal:
-        """The same with other forces."""
+        """Return a copy with other forces f64[Q, K, n], newtons."""
         return replace(self, force=force)
 
     def with_signal_counts(self, signal_counts: FloatArray) -> Signal:
-        """The same with other drops."""
+        """Return a copy with another signal f64[Q, K, n], counts below baseline."""
         return replace(self, signal_counts=signal_counts)
 
 
-def delayed(values: FloatArray, time_s: FloatArray, delay_s: FloatArray) -> FloatArray:
-    """Values f64[Q, K, n] of `delay_s` f64[Q, n] ago, linear between nodes; before the first node it was as there."""
+def delay_values(values: FloatArray, time_s: FloatArray, delay_s: FloatArray) -> FloatArray:
+    """Delay time series f64[Q, K, n] by `delay_s` f64[Q, n], with linear interpolation between the nodes.
+
+    time_s: f64[K], times of the nodes, seconds. Beyond the first and the last node the value of this node applies.
+    """
     result = values.copy()
-    own = delay_s[0] if (delay_s == delay_s[0]).all() else None  # as a rule every press has the same delays
+    # Contacts usually have equal delays; it is faster to interpolate only the taxels with each delay.
+    common_delay_s = delay_s[0] if (delay_s == delay_s[0]).all() else None
     for value in np.unique(delay_s[delay_s != 0.0]):
-        at = time_s - value
-        right = np.clip(np.searchsorted(time_s, at), 0, len(time_s) - 1)
-        left = np.maximum(right - 1, 0)
-        gap = time_s[right] - time_s[left]
-        share = np.where(gap > 0, (at - time_s[left]) / np.where(gap > 0, gap, 1.0), 1.0).clip(0.0, 1.0)[:, None]
-        taxels = np.flatnonzero(own == value) if own is not None else np.arange(values.shape[2])
+        delayed_time_s = time_s - value
+        after = np.clip(np.searchsorted(time_s, delayed_time_s), 0, len(time_s) - 1)
+        before = np.maximum(after - 1, 0)
+        interval_s = time_s[after] - time_s[before]
+        fraction = (delayed_time_s - time_s[before]) / np.where(interval_s > 0, interval_s, 1.0)
+        share = np.where(interval_s > 0, fraction, 1.0).clip(0.0, 1.0)[:, None]
+        taxels = np.flatnonzero(common_delay_s == value) if common_delay_s is not None else np.arange(values.shape[2])
         part = values[:, :, taxels]
-        moved = part[:, left] + share * (part[:, right] - part[:, left])
-        result[:, :, taxels] = moved if own is not None else np.where((delay_s == value)[:, None, :], moved, result)
+        moved = part[:, before] + share * (part[:, after] - part[:, before])
+        if common_delay_s is None:
+            moved = np.where((delay_s == value)[:, None, :], moved, result)
+        result[:, :, taxels] = moved
     return result
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The simulator's side of a pair, as effects see it.
+    """Simulated half of a pair of datasets: the contacts on which effects act, and their mean features.
 
-    pair, layout: what is compared. clock: the nodes. cell: [Q], the cell of each press. base: the signal without
-    effects. mean: f64[C, F, n], the simulator's features. shift_s: seconds by which all of it is later than the file.
-    mean_variance: f64[C, F, n], counts^2, variance of `mean` by the variation of simulated repeats; None: not known.
+    Attributes:
+        pair: both datasets. layout: rows of the features. time_grid: the K time nodes.
+        condition: [Q], index of the condition of each of the Q contacts.
+        base: contacts and signal without effects.
+        mean: f64[C, F, n], mean features of the simulator over all its grasps, counts.
+        shift_s: delay that was added to the recorded simulation, seconds.
+        mean_variance: f64[C, F, n], counts^2, variance of `mean` that follows from the differences between simulated
+            repeats; None: unknown.
     """
 
     pair: Pair
-    layout: Layout
-    clock: Clock
+    layout: FeatureLayout
+    time_grid: TimeGrid
     condition: NDArray[np.intp]
     base: Signal
     mean: FloatArray
@@ -93,102 +112,117 @@ class State:
     mean_variance: FloatArray | None = None
 
     @cached_property
-    def untouched(self) -> NDArray[np.bool_]:
-        """bool[C, n], see `untouched_cells`: there the wander tells what is left after release."""
-        return untouched_conditions(self.pair)
+    def is_unloaded(self) -> NDArray[np.bool_]:
+        """Taxels without contact in a condition, bool[C, n]; the drift residual is evaluated only on these taxels."""
+        return find_unloaded_taxels(self.pair)
 
-    def shifted(self, seconds: float) -> State:
-        """The same with everything that the simulator did so much later."""
+    def shift_time(self, seconds: float) -> State:
+        """Return a state in which contacts, signal and mean features are later by `seconds`."""
         if seconds == 0.0:
             return self
         delay = np.full((len(self.condition), self.pair.n), seconds)
-        moved = self.base.mapped(lambda values: delayed(values, self.since, delay))
+        moved = self.base.map_arrays(lambda values: delay_values(values, self.node_times_s, delay))
         shift = self.shift_s + seconds
-        return replace(self, base=moved, mean=self.predicted(moved), shift_s=shift)
+        return replace(self, base=moved, mean=self.predict_features(moved), shift_s=shift)
 
     @property
-    def model(self) -> SensorModel:
-        """Of the simulator; raises ValueError without one."""
+    def sensor_model(self) -> SensorModel:
+        """Sensor model of the simulator. Raises ValueError if the dataset has none."""
         if self.pair.sensor_model is None:
             raise ValueError("sensor model: expected one, found none")
         return self.pair.sensor_model
 
     @property
     def has_force(self) -> bool:
-        """Whether effects on force can be tried."""
+        """True if effects on force are applicable: the simulation has contact forces and a sensor model."""
         return self.base.force is not None and self.pair.sensor_model is not None
 
     @cached_property
     def full_scale(self) -> FloatArray | float:
-        """Counts that no drop exceeds: by the sensor model, or so much above the largest."""
+        """Largest possible signal in counts, from the sensor model; without one, `FULL_SCALE_FACTOR` times the largest
+        mean signal.
+        """
         if self.pair.sensor_model is not None:
-            return np.asarray(self.model.full_scale_drop_counts, np.float64)
-        return ABOVE * max(float(np.abs(self.mean[:, : self.layout.bins]).max(initial=0.0)), 1.0)
+            return np.asarray(self.sensor_model.full_scale_drop_counts, np.float64)
+        return FULL_SCALE_FACTOR * max(float(np.abs(self.mean[:, : self.layout.bins]).max(initial=0.0)), 1.0)
 
     @cached_property
     def signal_counts(self) -> FloatArray:
-        """Drops without effects, f64[Q, K, n]."""
+        """Signal without effects, counts below baseline, f64[Q, K, n]."""
         return self.to_signal_counts(self.base)
 
     def to_signal_counts(self, signal: Signal) -> FloatArray:
-        """Counts of a signal, f64[Q, K, n]."""
+        """Return the signal in counts below baseline, f64[Q, K, n].
+
+        Forces are converted by the force law of the sensor model, S F / (F + h), with the full scale S in counts and
+        the force h at half the full scale times `Signal.law_scale`.
+        """
         if signal.signal_counts is not None:
             return signal.signal_counts
         assert signal.force is not None
-        half = self.model.half_force_n * signal.law_scale
-        return np.asarray(self.model.full_scale_drop_counts * signal.force / (signal.force + half))
+        half = self.sensor_model.half_force_n * signal.law_scale
+        return np.asarray(self.sensor_model.full_scale_drop_counts * signal.force / (signal.force + half))
 
     @cached_property
-    def touched_boards(self) -> NDArray[np.intp]:
-        """Columns of the boards that tell a time: some taxel is expected to drop."""
+    def loaded_boards(self) -> NDArray[np.intp]:
+        """Indices of the boards on which a taxel has a simulated signal above `RESPONSE_COUNTS`."""
         signal_counts = np.abs(self.mean[:, : self.layout.bins]).max(axis=(0, 1))
-        return np.unique(self.pair.groups.sensor[signal_counts > TOUCHED_COUNTS])
+        return np.unique(self.pair.groups.sensor[signal_counts > RESPONSE_COUNTS])
 
     @cached_property
-    def since(self) -> FloatArray:
-        """Middle of each node, seconds after closing began, f64[K]."""
-        return self.clock.since_start
+    def node_times_s(self) -> FloatArray:
+        """Middle of each time node, seconds since the beginning of closing, f64[K]."""
+        return self.time_grid.time_since_start_s
 
     @cached_property
-    def _average(self) -> FloatArray:
-        """Mean over the presses of each cell, f64[C, Q]."""
+    def _condition_means(self) -> FloatArray:
+        """Matrix that averages over the contacts of each condition, f64[C, Q]."""
         matrix = np.zeros((len(self.pair.conditions), len(self.condition)))
         matrix[self.condition, np.arange(len(self.condition))] = 1.0
         return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
-    def binned(self, signal_counts: FloatArray) -> FloatArray:
-        """Cell means of the bins' drops, f64[C, B, n]."""
+    def average_bins(self, signal_counts: FloatArray) -> FloatArray:
+        """Average a signal f64[Q, K, n] over the nodes of each bin and the contacts of each condition, f64[C, B, n]."""
         contacts, nodes, taxels = signal_counts.shape
-        average, bins = self._average, self.clock.to_bins
+        average, bins = self._condition_means, self.time_grid.bin_averages
         conditions = (average @ signal_counts.reshape(contacts, nodes * taxels)).reshape(-1, nodes, taxels)
         return np.asarray(np.matmul(bins, conditions))
 
     @cached_property
     def _base_bins(self) -> FloatArray:
-        return self.binned(self.signal_counts)
+        return self.average_bins(self.signal_counts)
 
     @cached_property
     def _base_onsets(self) -> FloatArray:
-        return self._onsets(self.signal_counts)
+        return self._compute_onsets(self.signal_counts)
 
-    def predicted(self, signal: Signal) -> FloatArray:
-        """The simulator's features with what a signal adds to the base, f64[C, F, n]; exactly `mean` for the base."""
+    def predict_features(self, signal: Signal) -> FloatArray:
+        """Predict the mean features for a changed signal, f64[C, F, n].
+
+        The result is `mean` plus the difference between the features of `signal` and those of `base`; only the signal
+        bins and the onsets change. For `base` itself the result is the object `mean`.
+        """
         if signal is self.base:
             return self.mean
         signal_counts = self.to_signal_counts(signal)
         result = self.mean.copy()
-        result[:, : self.layout.bins] += self.binned(signal_counts) - self._base_bins
-        shift = self._onsets(signal_counts) - self._base_onsets
+        result[:, : self.layout.bins] += self.average_bins(signal_counts) - self._base_bins
+        shift = self._compute_onsets(signal_counts) - self._base_onsets
         result[:, self.layout.onset] += shift[:, self.pair.groups.sensor]
         return result
 
-    def _onsets(self, signal_counts: FloatArray) -> FloatArray:
-        """When each board's summed drop passes half its hold level, in the feature's counts, f64[C, s]."""
-        clock = self.clock
+    def _compute_onsets(self, signal_counts: FloatArray) -> FloatArray:
+        """Compute the mean onset of each of s boards in each condition, f64[C, s], in counts (`COUNTS_PER_SECOND`).
+
+        The onset is the time at which the sum of the positive signals of a board reaches half its mean in hold, with
+        linear interpolation between nodes. It is 0 for a board without signal in hold, and for a board that exceeds
+        this level from the first node.
+        """
+        time_grid = self.time_grid
         contacts, nodes, taxels = signal_counts.shape
-        board = (np.maximum(signal_counts, 0.0).reshape(-1, taxels) @ self._boards).reshape(contacts, nodes, -1)
-        hold = board[:, clock.phase == Phase.HOLD].mean(axis=1)
-        rise = np.flatnonzero((clock.phase == Phase.CLOSING) | (clock.phase == Phase.HOLD))
+        board = (np.maximum(signal_counts, 0.0).reshape(-1, taxels) @ self._board_matrix).reshape(contacts, nodes, -1)
+        hold = board[:, time_grid.phase == Phase.HOLD].mean(axis=1)
+        rise = np.flatnonzero((time_grid.phase == Phase.CLOSING) | (time_grid.phase == Phase.HOLD))
         above = board[:, rise] >= 0.5 * hold[:, None]
         first = above.argmax(axis=1)
         before = np.maximum(first - 1, 0)
@@ -197,38 +231,43 @@ class State:
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.clip((0.5 * hold - low) / (high - low), 0.0, 1.0)
         share = np.where(np.isnan(share), 0.0, share)
-        time = self.since[rise[before]] + share * (self.since[rise[first]] - self.since[rise[before]])
+        start, end = self.node_times_s[rise[before]], self.node_times_s[rise[first]]
+        time = start + share * (end - start)
         time = np.where((hold > 0) & (first > 0), time, 0.0)
-        return COUNTS_PER_SECOND * np.asarray(self._average @ time)
+        return COUNTS_PER_SECOND * np.asarray(self._condition_means @ time)
 
     @cached_property
-    def _boards(self) -> FloatArray:
+    def _board_matrix(self) -> FloatArray:
         sensor = self.pair.groups.sensor
         return np.asarray(sensor[:, None] == np.arange(len(self.pair.sensors.address))).astype(np.float64)
 
 
-def state_of(pair: Pair, layout: Layout, mean: FloatArray, mean_variance: FloatArray | None = None) -> State:
-    """Choose the presses of each cell that effects are worked out on. mean, mean_variance: f64[C, F, n]."""
-    size = len(pair.conditions) * pair.clock.nodes * pair.n
-    repeats = max(1, min(MOST_REPEATS, int(MOST_VALUES // size)))
+def build_state(pair: Pair, layout: FeatureLayout, mean: FloatArray, mean_variance: FloatArray | None = None) -> State:
+    """Build the state of a pair from its simulated contacts, at most `MAX_REPEATS` of each condition.
+
+    mean, mean_variance: f64[C, F, n], see `State`. The contacts have forces if the dataset has forces, separations and
+    a sensor model, otherwise only a signal.
+    """
+    size = len(pair.conditions) * pair.time_grid.node_count * pair.n
+    repeats = max(1, min(MAX_REPEATS, int(MAX_VALUES // size)))
     chosen: list[int] = []
     for condition in range(len(pair.conditions)):
-        own = np.flatnonzero(pair.sim.condition == condition)
-        order = own[np.argsort(pair.sim.iteration[own], kind="stable")]
+        contacts = np.flatnonzero(pair.sim.condition == condition)
+        order = contacts[np.argsort(pair.sim.iteration[contacts], kind="stable")]
         chosen += order[:repeats].tolist()
     rows = np.array(chosen, dtype=np.intp)
     sim = pair.sim
     if sim.force is not None and sim.separation is not None and pair.sensor_model is not None:
-        base = Signal(_filled(sim.force[rows]), _filled(sim.separation[rows]), None)
+        base = Signal(_fill_missing_nodes(sim.force[rows]), _fill_missing_nodes(sim.separation[rows]), None)
     else:
-        base = Signal(None, None, _filled(sim.nodes[rows]))
-    return State(pair, layout, pair.clock, sim.condition[rows], base, mean, mean_variance=mean_variance)
+        base = Signal(None, None, _fill_missing_nodes(sim.node_signal_counts[rows]))
+    return State(pair, layout, pair.time_grid, sim.condition[rows], base, mean, mean_variance=mean_variance)
 
 
-def _filled(values: NDArray[np.float32]) -> FloatArray:
-    """Nodes without a frame take the node before, f64."""
+def _fill_missing_nodes(values: NDArray[np.float32]) -> FloatArray:
+    """Replace NaN (a node without a frame) by the value of the previous node, and by 0 in the first node; f64."""
     result = values.astype(np.float64)
     for node in range(1, result.shape[1]):
-        gone = np.isnan(result[:, node])
-        result[:, node] = np.where(gone, result[:, node - 1], result[:, node])
+        is_missing = np.isnan(result[:, node])
+        result[:, node] = np.where(is_missing, result[:, node - 1], result[:, node])
     return np.nan_to_num(result)

@@ -1,1 +1,1 @@
-"""Which effects and parameters these grasps can distinguish; classes of confounded effects."""
+"""Identifiability: effects that the recorded grasps excite and distinguish, and classes of confounded effects."""

@@ -1,4 +1,4 @@
-"""Effects that look the same on some presses: what can be said of them nevertheless, and what would tell them apart."""
+"""Confounded effects: the combination of their parameters that is identifiable, and the contact that separates them."""
 
 from __future__ import annotations
 
@@ -8,65 +8,81 @@ from typing import Any, Final
 
 from taxel.gap.identifiability.identify import Similarity
 
-LADDER: Final = "force ladder: the same contact with forces from a tenth of the largest force to three times it"
-ALONG_LINE: Final = "load a single taxel; compare its neighbours with distant taxels of the same TX and RX line"
-RECOVERY: Final = "record one minute after a strong contact; compare the loaded taxels with unloaded ones"
-TURNED: Final = "the same contact with the object rotated by 180 degrees, which inverts the sign of an offset"
+FORCE_LADDER: Final = "force ladder: the same contact with forces from a tenth of the largest force to three times it"
+SINGLE_TAXEL: Final = "load a single taxel; compare its neighbours with distant taxels of the same TX and RX line"
+LONG_RECOVERY: Final = "record one minute after a strong contact; compare the loaded taxels with unloaded ones"
+ROTATED_OBJECT: Final = "the same contact with the object rotated by 180 degrees, which inverts the sign of an offset"
 TWO_SPEEDS: Final = "close slowly and quickly: a delay shifts only the onset, creep also changes the level in hold"
-AFAR: Final = "hold the object a few millimetres away from the skin without contact"
-WIDE_NARROW: Final = "the same force with a narrow and with a wide object"
+HOVERING_OBJECT: Final = "hold the object a few millimetres away from the skin without contact"
+NARROW_AND_WIDE_OBJECT: Final = "the same force with a narrow and with a wide object"
 
 
 @dataclass(frozen=True)
-class Alike:
-    """What two effects that look alike still tell together, and the press that would separate them."""
+class ConfoundedPair:
+    """Identifiable combination of two confounded effects, and the contact that would separate them, as report texts."""
 
     combination: str
     contact: str
 
 
-PAIRS: Final[Mapping[frozenset[str], Alike]] = {
-    frozenset({"gain_mismatch", "stiffness"}): Alike("the slope of signal over force: gain / half_force_scale", LADDER),
-    frozenset({"gain_mismatch", "saturation"}): Alike("the signal at the recorded forces", LADDER),
-    frozenset({"stiffness", "saturation"}): Alike("the signal at the recorded forces", LADDER),
-    frozenset({"contact_propagation", "electrode_crosstalk"}): Alike("the signal beside a contact", ALONG_LINE),
-    frozenset({"contact_propagation", "proximity"}): Alike("the signal beside a contact", AFAR),
-    frozenset({"electrode_crosstalk", "proximity"}): Alike("the signal beside a contact", AFAR),
-    frozenset({"contact_propagation", "pose_error"}): Alike("the position of the signal in hold", TURNED),
-    frozenset({"gain_mismatch", "pose_error"}): Alike("the signal of these taxels in hold", TURNED),
-    frozenset({"contact_propagation", "stiffness"}): Alike("the sum of the signals of a contact", WIDE_NARROW),
-    frozenset({"baseline_drift", "hysteresis"}): Alike("the signal after the release", RECOVERY),
-    frozenset({"hysteresis", "latency"}): Alike("the delay of the signal", TWO_SPEEDS),
-    frozenset({"gain_mismatch", "hysteresis"}): Alike("the signal in hold", TWO_SPEEDS),
-    frozenset({"hysteresis", "stiffness"}): Alike("the signal in hold", TWO_SPEEDS),
+CONFOUNDED_PAIRS: Final[Mapping[frozenset[str], ConfoundedPair]] = {
+    frozenset({"gain_mismatch", "stiffness"}): ConfoundedPair(
+        "the slope of signal over force: gain / half_force_scale", FORCE_LADDER
+    ),
+    frozenset({"gain_mismatch", "saturation"}): ConfoundedPair("the signal at the recorded forces", FORCE_LADDER),
+    frozenset({"stiffness", "saturation"}): ConfoundedPair("the signal at the recorded forces", FORCE_LADDER),
+    frozenset({"contact_propagation", "electrode_crosstalk"}): ConfoundedPair(
+        "the signal beside a contact", SINGLE_TAXEL
+    ),
+    frozenset({"contact_propagation", "proximity"}): ConfoundedPair("the signal beside a contact", HOVERING_OBJECT),
+    frozenset({"electrode_crosstalk", "proximity"}): ConfoundedPair("the signal beside a contact", HOVERING_OBJECT),
+    frozenset({"contact_propagation", "pose_error"}): ConfoundedPair(
+        "the position of the signal in hold", ROTATED_OBJECT
+    ),
+    frozenset({"gain_mismatch", "pose_error"}): ConfoundedPair("the signal of these taxels in hold", ROTATED_OBJECT),
+    frozenset({"contact_propagation", "stiffness"}): ConfoundedPair(
+        "the sum of the signals of a contact", NARROW_AND_WIDE_OBJECT
+    ),
+    frozenset({"baseline_drift", "hysteresis"}): ConfoundedPair("the signal after the release", LONG_RECOVERY),
+    frozenset({"hysteresis", "latency"}): ConfoundedPair("the delay of the signal", TWO_SPEEDS),
+    frozenset({"gain_mismatch", "hysteresis"}): ConfoundedPair("the signal in hold", TWO_SPEEDS),
+    frozenset({"hysteresis", "stiffness"}): ConfoundedPair("the signal in hold", TWO_SPEEDS),
 }
-"""What is known of pairs; of others only that they look alike."""
+"""Entries for pairs of effects of the catalogue; `UNLISTED_PAIR` applies to every other pair."""
 
-OTHER: Final = Alike("the features that both effects change", LADDER)
+UNLISTED_PAIR: Final = ConfoundedPair("the features that both effects change", FORCE_LADDER)
 
 
-def confounded_with(
-    found: Iterable[str], rivals: Mapping[str, Sequence[str]], compute_similarities: Sequence[Similarity]
+def find_confounded_effects(
+    named_effects: Iterable[str], rivals: Mapping[str, Sequence[str]], similarities: Sequence[Similarity]
 ) -> dict[str, list[str]]:
-    """For each found effect those that cannot be told from it: that explain left-out cells as well, or that could do
-    what it does.
+    """Return the confounded effects of each named effect; named effects without such effects are omitted.
+
+    An effect is confounded with a named effect if it predicts the held-out features as well (rivals), or if the two are
+    not distinguishable on the recorded contacts (similarities). rivals: by named effect, from the comparison.
     """
     result: dict[str, list[str]] = {}
-    for name in found:
-        is_confounded = [one.other for one in compute_similarities if one.name == name and one.is_confounded]
-        others = list(dict.fromkeys([*rivals.get(name, ()), *is_confounded]))
+    for name in named_effects:
+        confounded_others = [
+            similarity.other for similarity in similarities if similarity.name == name and similarity.is_confounded
+        ]
+        others = list(dict.fromkeys([*rivals.get(name, ()), *confounded_others]))
         if others:
             result[name] = others
     return result
 
 
-def classes(confounded: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
-    """For the report: each class with the combination that these presses do tell, and the press that separates it."""
+def list_confounded_classes(confounded: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
+    """Return the classes of confounded effects for the report.
+
+    Each class states its effects, the combination that is identifiable from the recorded contacts, and the contact that
+    separates the effects. confounded: from `find_confounded_effects`.
+    """
     return [
         {
             "effects": [name, other],
-            "combination": (known := PAIRS.get(frozenset({name, other}), OTHER)).combination,
-            "press": known.contact,
+            "combination": (pair := CONFOUNDED_PAIRS.get(frozenset({name, other}), UNLISTED_PAIR)).combination,
+            "press": pair.contact,
         }
         for name, others in confounded.items()
         for other in others

@@ -1,9 +1,10 @@
-"""Which effects these presses can tell apart, judged by the simulation alone: sensitivities and their angles.
+"""Identifiability of effects from the recorded contacts, by the sensitivities of the simulation alone.
 
-What an effect does to the features is a vector v, each entry over what scatters there. Another effect with free
-parameters spans a subspace about its plain case; so do the nuisances (how the frames of two recordings fell). The angle
-between v and the nearest that the other can do, and the squared length of what it cannot do, say whether anybody could
-tell the two apart on these presses.
+The change of the features by an effect is a vector v. The norm of v weights each feature by 1 / variance, so that
+lengths are numbers of standard deviations. The derivatives of the features with respect to the parameters of another
+effect span a subspace; the nuisance parameters (delay between the frames of the two recordings) belong to this
+subspace. Two effects are distinguishable on these contacts if the angle between v and the subspace, and the squared
+length of the residual of v after projection onto the subspace, are large enough.
 """
 
 from __future__ import annotations
@@ -16,180 +17,208 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 
-from taxel.gap.effects.catalogue import LIKE
+from taxel.gap.effects.catalogue import UNSEARCHED_FORMS
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.cores import in_copies, in_threads
-from taxel.gap.fitting.equations import Column, Problem, gradient_of, system_of
-from taxel.gap.fitting.fit import fit, start_of, started
-from taxel.gap.fitting.judge import REFITS, Judge
+from taxel.gap.fitting.equations import DerivativeColumn, FitProblem, build_normal_matrix, compute_gradient
+from taxel.gap.fitting.fit import fit, linearise, start_effect
+from taxel.gap.fitting.fit_data import REFIT_ITERATIONS, FitData
+from taxel.gap.fitting.parallel import map_in_processes, map_in_threads
 from taxel.types import FloatArray
 
-EXCITED, CLEAR = 1.0, 25.0
-"""Squared length of what an effect does, or of what sets it off from another: one and five standard deviations."""
+EXCITED_LENGTH2: Final = 1.0
+"""Squared length of the change by an effect below which the contacts do not excite the effect: one standard deviation
+(chosen)."""
 
-NEAR_DEG: Final = 40.0
-"""Angle below which the linear answer is checked by fitting the other effect in full."""
+DISTINCT_LENGTH2: Final = 25.0
+"""Squared length from which an effect is identifiable, and squared length of a residual from which two effects are
+distinguishable: five standard deviations (chosen)."""
 
-LEAST_PIVOT: Final = 1e-7
-"""Of a scaled system, below which a column adds nothing to those before it."""
+REFIT_ANGLE_DEG: Final = 40.0
+"""Angle below which the linear result is checked by a nonlinear fit of the other effect (chosen)."""
 
-SAME_DEG: Final = 8.0
-"""Angle (cosine 0.99) below which two effects look the same, however large they are: two models of one contact differ
-by more."""
+MIN_PIVOT: Final = 1e-7
+"""Pivot of the Cholesky factorisation of the scaled matrix below which a column depends on the others (chosen)."""
+
+CONFOUNDED_ANGLE_DEG: Final = 8.0
+"""Angle (cosine 0.99) below which two effects are confounded, however large they are (chosen): two models of the same
+contact differ by more."""
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """How well `other` can do what `name` does. degrees: of the angle between them. left: squared length of what it
-    cannot do, in units of what scatters.
+    """Similarity of two effects: how well effect `other` reproduces the change of the features by effect `name`.
+
+    angle_deg: angle between this change and the subspace of the other effect, degrees. residual2: squared length of the
+    residual of the change, in standard deviations squared.
     """
 
     name: str
     other: str
-    degrees: float
-    left: float
+    angle_deg: float
+    residual2: float
 
     @property
     def is_confounded(self) -> bool:
-        """Nobody could tell them apart here."""
-        return _is_near(self.left, self.degrees)
+        """True if the two effects are not distinguishable on these contacts."""
+        return _is_indistinguishable(self.residual2, self.angle_deg)
 
     def to_json(self) -> dict[str, Any]:
-        """For the report."""
-        return {"effect": self.name, "other": self.other, "degrees": self.degrees, "left": self.left}
+        """Return the entry of the report."""
+        return {"effect": self.name, "other": self.other, "degrees": self.angle_deg, "left": self.residual2}
 
 
-def identifiability(
+def classify_identifiability(
     name: str,
-    judge: Judge,
+    fit_data: FitData,
     forms: Mapping[str, Sequence[Effect]],
-    likes: Sequence[Similarity],
+    similarities: Sequence[Similarity],
     confounded: Mapping[str, Sequence[str]],
 ) -> str:
-    """How well these presses tell an effect, whether it is there or not: the report page's words.
+    """Classify how well these contacts determine an effect, whether or not the effect is present.
 
-    confounded: what was found, and what cannot be told from it.
+    forms: forms of each effect of the catalogue. similarities: from `compute_similarities`. confounded: for each named
+    effect, the effects that are confounded with it. Returns "identifiable", "weak", "confounded", "not_excited" or
+    "unavailable", as in the report.
     """
     own = forms[name]
-    if not own:  # what does not answer is seen wherever something was expected
+    if not own:  # a dropout is found by inspection, on every taxel with an expected signal
         return "identifiable"
-    possible = [form for form in own if not form.unavailable(judge.state)]
+    possible = [form for form in own if not form.find_unavailable_reason(fit_data.state)]
     if not possible:
         return "unavailable"
-    most = max(seen(judge, form) for form in possible)
-    if most < EXCITED:
+    largest_length2 = max(compute_typical_length2(fit_data, form) for form in possible)
+    if largest_length2 < EXCITED_LENGTH2:
         return "not_excited"
     if name in confounded or any(name in others for others in confounded.values()):
         return "confounded"
-    if any(one.name == name and one.is_confounded for one in likes):
+    if any(one.name == name and one.is_confounded for one in similarities):
         return "confounded"
-    return "weak" if most < CLEAR else "identifiable"
+    return "weak" if largest_length2 < DISTINCT_LENGTH2 else "identifiable"
 
 
-def seen(judge: Judge, effect: Effect) -> float:
-    """Squared length of what a plain case of an effect does."""
-    return _length2(judge, _plain(judge, effect))
+def compute_typical_length2(fit_data: FitData, effect: Effect) -> float:
+    """Compute the squared length of the change of the features by an effect with typical values."""
+    return _compute_length2(fit_data, _compute_typical_change(fit_data, effect))
 
 
 def compute_similarities(
-    judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Sequence[FittedEffect] = ()
+    fit_data: FitData, forms: Mapping[str, Sequence[Effect]], named_effects: Sequence[FittedEffect] = ()
 ) -> list[Similarity]:
-    """Of every effect against every other.
+    """Compute the similarity of every effect to every other available effect; effects that are not excited are omitted.
 
-    forms: the catalogue. links: effects that were found, with their values; the others are taken in a plain case, in
-    the form that is seen best. What was found is checked with full fits of what comes near it.
+    forms: forms of each effect of the catalogue. named_effects: effects of the verdict, with their fitted values. Other
+    effects have typical values, in the form with the largest change. The similarity of a named effect to an effect at a
+    small angle is checked by nonlinear fits of all forms of the other effect.
     """
-    state = judge.state
-    usable = {
-        name: [form for form in (*own, *LIKE.get(name, ())) if not form.unavailable(state)]
+    state = fit_data.state
+    available_forms = {
+        name: [form for form in (*own, *UNSEARCHED_FORMS.get(name, ())) if not form.find_unavailable_reason(state)]
         for name, own in forms.items()
     }
-    nuisance = start_of(state, CompositeModel((started(state, Latency("hand")),))).columns
-    own_spaces = in_threads(
+    nuisance_columns = linearise(state, CompositeModel((start_effect(state, Latency("hand")),))).columns
+    subspaces_of_forms = map_in_threads(
         state,
         lambda own: [
-            Subspace(judge, [*nuisance, *start_of(state, CompositeModel((_typical_link(judge, form),))).columns])
+            Subspace(
+                fit_data,
+                [*nuisance_columns, *linearise(state, CompositeModel((_make_typical_effect(fit_data, form),))).columns],
+            )
             for form in own
         ],
-        usable.values(),
+        available_forms.values(),
     )
-    spaces = dict(zip(usable, own_spaces, strict=True))
-    found = {link.effect.name: link for link in links}
+    subspaces = dict(zip(available_forms, subspaces_of_forms, strict=True))
+    named_by_name = {fitted_effect.effect.name: fitted_effect for fitted_effect in named_effects}
 
-    def rows_of(name: str) -> list[Similarity]:
-        plain = [_plain(judge, form) for form in usable[name]]
-        vector = _of_link(judge, found[name]) if name in found else max(plain, key=lambda v: _length2(judge, v))
-        whole = _length2(judge, vector)
-        if whole < EXCITED:
+    def compute_rows(name: str) -> list[Similarity]:
+        typical_changes = [_compute_typical_change(fit_data, form) for form in available_forms[name]]
+        change = (
+            _compute_change(fit_data, named_by_name[name])
+            if name in named_by_name
+            else max(typical_changes, key=lambda v: _compute_length2(fit_data, v))
+        )
+        length2 = _compute_length2(fit_data, change)
+        if length2 < EXCITED_LENGTH2:
             return []
         rows = []
-        for other, own in spaces.items():
+        for other, own in subspaces.items():
             if other == name or not own:
                 continue
-            left = min(space.left(vector) for space in own)
-            if name in found and _degrees(left, whole) < NEAR_DEG:
-                left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
-            rows.append(Similarity(name, other, _degrees(left, whole), left))
+            residual2 = min(space.compute_residual2(change) for space in own)
+            if name in named_by_name and _compute_angle_deg(residual2, length2) < REFIT_ANGLE_DEG:
+                residual2 = min(residual2, *(_fit_residual2(fit_data, change, form) for form in available_forms[other]))
+            rows.append(Similarity(name, other, _compute_angle_deg(residual2, length2), residual2))
         return rows
 
-    return [row for rows in in_copies(state, rows_of, [name for name, own in usable.items() if own]) for row in rows]
+    return [
+        row
+        for rows in map_in_processes(state, compute_rows, [name for name, own in available_forms.items() if own])
+        for row in rows
+    ]
 
 
-def is_confounded(left: float, whole: float) -> bool:
-    """Whether nobody could tell apart what has a squared length `whole` from what can do all of it but `left`."""
-    return _is_near(left, _degrees(left, whole))
+def is_confounded(residual2: float, length2: float) -> bool:
+    """Return True if a change of the features and a subspace are not distinguishable.
+
+    residual2: squared length of the residual after projection onto the subspace. length2: squared length of the change.
+    """
+    return _is_indistinguishable(residual2, _compute_angle_deg(residual2, length2))
 
 
-def _is_near(left: float, degrees: float) -> bool:
-    return left < CLEAR or degrees < SAME_DEG
+def _is_indistinguishable(residual2: float, angle_deg: float) -> bool:
+    return residual2 < DISTINCT_LENGTH2 or angle_deg < CONFOUNDED_ANGLE_DEG
 
 
-def _degrees(left: float, whole: float) -> float:
-    return float(np.degrees(np.arcsin(np.sqrt(np.clip(left / whole, 0.0, 1.0)))))
+def _compute_angle_deg(residual2: float, length2: float) -> float:
+    return float(np.degrees(np.arcsin(np.sqrt(np.clip(residual2 / length2, 0.0, 1.0)))))
 
 
-def _typical_link(judge: Judge, form: Effect) -> FittedEffect:
-    return FittedEffect(form, form.typical(judge.state))
+def _make_typical_effect(fit_data: FitData, form: Effect) -> FittedEffect:
+    return FittedEffect(form, form.make_typical_values(fit_data.state))
 
 
-def _plain(judge: Judge, form: Effect) -> FloatArray:
-    return _of_link(judge, _typical_link(judge, form))
+def _compute_typical_change(fit_data: FitData, form: Effect) -> FloatArray:
+    return _compute_change(fit_data, _make_typical_effect(fit_data, form))
 
 
-def _of_link(judge: Judge, link: FittedEffect) -> FloatArray:
-    return np.nan_to_num(CompositeModel((link,)).features(judge.state) - judge.state.mean)
+def _compute_change(fit_data: FitData, fitted_effect: FittedEffect) -> FloatArray:
+    return np.nan_to_num(CompositeModel((fitted_effect,)).predict_features(fit_data.state) - fit_data.state.mean)
 
 
-def _length2(judge: Judge, vector: FloatArray) -> float:
-    return float(np.sum(judge.weight * vector**2))
+def _compute_length2(fit_data: FitData, change: FloatArray) -> float:
+    return float(np.sum(fit_data.weight * change**2))
 
 
 class Subspace:
-    """What the blocks of some columns can do, on what a judge counts. Priors do not count: what could be is asked."""
+    """Subspace of changes of the features that is spanned by derivative columns, in the weighted norm of the fit data.
 
-    def __init__(self, judge: Judge, columns: Sequence[Column]) -> None:
-        self._judge = judge
+    Priors are ignored: the subspace contains every possible change, whether probable or not.
+    """
+
+    def __init__(self, fit_data: FitData, columns: Sequence[DerivativeColumn]) -> None:
+        """Factorise the Gram matrix of the columns with pivoting; linearly dependent columns are omitted."""
+        self._fit_data = fit_data
         self._columns = [replace(one, precision=0.0 * one.precision) for one in columns]
-        system = system_of(Problem(judge.state, judge.state.mean, judge.weight), self._columns)
+        system = build_normal_matrix(FitProblem(fit_data.state, fit_data.state.mean, fit_data.weight), self._columns)
         self._scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
-        factor, order, rank, _ = dpstrf(system / np.outer(self._scale, self._scale), tol=LEAST_PIVOT, lower=1)
-        self._factor, self._kept = factor[:rank, :rank], order[:rank] - 1
+        factor, order, rank, _ = dpstrf(system / np.outer(self._scale, self._scale), tol=MIN_PIVOT, lower=1)
+        self._factor, self._independent = factor[:rank, :rank], order[:rank] - 1
 
-    def left(self, vector: FloatArray) -> float:
-        """Squared length of what it leaves of a vector, f64[C, F, n]."""
-        problem = Problem(self._judge.state, vector, self._judge.weight)
-        gradient = gradient_of(problem, self._columns, np.zeros_like(vector)) / self._scale
-        done = solve_triangular(self._factor, gradient[self._kept], lower=True, check_finite=False)
-        return max(_length2(self._judge, vector) - float(done @ done), 0.0)
-
-
-def linear_left(judge: Judge, vector: FloatArray, columns: Sequence[Column]) -> float:
-    """Squared length of what a subspace leaves of a vector, for one that is asked once."""
-    return Subspace(judge, columns).left(vector)
+    def compute_residual2(self, change: FloatArray) -> float:
+        """Compute the squared length of the residual of a change f64[C, F, n] after projection onto the subspace."""
+        problem = FitProblem(self._fit_data.state, change, self._fit_data.weight)
+        gradient = compute_gradient(problem, self._columns, np.zeros_like(change)) / self._scale
+        projection = solve_triangular(self._factor, gradient[self._independent], lower=True, check_finite=False)
+        return max(_compute_length2(self._fit_data, change) - float(projection @ projection), 0.0)
 
 
-def _fitted_left(judge: Judge, vector: FloatArray, form: Effect) -> float:
-    problem = Problem(judge.state, judge.state.mean + vector, judge.weight)
-    return fit(problem, CompositeModel((started(judge.state, form),)), iterations=2 * REFITS).cost
+def compute_residual2(fit_data: FitData, change: FloatArray, columns: Sequence[DerivativeColumn]) -> float:
+    """Compute the squared residual of a change f64[C, F, n] after projection onto the subspace of the columns."""
+    return Subspace(fit_data, columns).compute_residual2(change)
+
+
+def _fit_residual2(fit_data: FitData, change: FloatArray, form: Effect) -> float:
+    problem = FitProblem(fit_data.state, fit_data.state.mean + change, fit_data.weight)
+    return fit(problem, CompositeModel((start_effect(fit_data.state, form),)), iterations=2 * REFIT_ITERATIONS).cost

@@ -1,8 +1,8 @@
-"""Where the gap lies: shares of the excess by sensor, line, taxel, phase, object and approach, with p-values.
+"""Location of the gap: shares of the excess by sensor, line, taxel, phase, object and approach, with p-values.
 
-The null: what the real sessions scatter about their mean, with a random sign and size for each session (wild
-bootstrap). All places of one kind are looked at together, so p-values are corrected by the step-down largest statistic
-(Westfall and Young 1993).
+The null distribution is a wild bootstrap: the deviations of the real sessions from their mean are multiplied by normal
+random numbers, one for each session. The p-values are corrected for the number of locations of one kind by the
+step-down maximum statistic (Westfall and Young 1993).
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.lacking import LINES
+from taxel.gap.data.missing_inputs import LINES
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.features import Layout, SessionMeans, known_mean
-from taxel.gap.features.metric import off_diagonal
+from taxel.gap.features.features import FeatureLayout, SessionMeans, compute_known_mean
+from taxel.gap.features.metric import compute_off_diagonal_mean
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
-DRAWS: Final = 4000
+BOOTSTRAP_SAMPLES: Final = 4000
+"""Samples of the wild bootstrap. Chosen: the smallest possible p-value is 1 / 4001."""
+
 PHASES: Final = {
     Phase.BASELINE: "baseline",
     Phase.CLOSING: "closing",
@@ -28,13 +30,17 @@ PHASES: Final = {
     Phase.RELEASE: "release",
     Phase.RECOVERY: "recovery",
 }
+"""Name of each phase in the report."""
 
 
 @dataclass(frozen=True, eq=False)
-class Products:
-    """Products of the sessions' residuals: f64[C, F, S, S] summed over taxels, f64[n, S, S] over cells and features.
+class ResidualProducts:
+    """Products of the weighted residuals (real minus predicted features) of each pair of sessions, counts^2.
 
-    centred_*: the same of the residuals about their mean over sessions.
+    Attributes:
+        conditions: f64[C, F, S, S], summed over the taxels.
+        taxels: f64[n, S, S], summed over conditions and features.
+        centred_conditions, centred_taxels: the same for the residuals minus their mean over the sessions.
     """
 
     conditions: FloatArray
@@ -43,106 +49,125 @@ class Products:
     centred_taxels: FloatArray
 
 
-def products(real: SessionMeans, model: FloatArray, layout: Layout) -> Products:
-    """model: f64[C, F, n], counts."""
-    scale = np.sqrt(layout.scale(real.value.shape[0], real.value.shape[3]) * real.pairing)[:, None]
-    residual = real.residual(model)
-    centred = np.where(real.known, residual - known_mean(np.where(real.known, residual, np.nan), 1)[:, None], 0.0)
-    parts = []
+def compute_products(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> ResidualProducts:
+    """Return the products of the residuals between real sessions and a prediction. model: f64[C, F, n], counts."""
+    scale = np.sqrt(layout.compute_scale(real.value.shape[0], real.value.shape[3]) * real.pair_weight)[:, None]
+    residual = real.compute_residual(model)
+    centred = np.where(
+        real.is_known, residual - compute_known_mean(np.where(real.is_known, residual, np.nan), 1)[:, None], 0.0
+    )
+    results = []
     for value in (residual, centred):
         scaled = value * scale
-        parts.append(np.einsum("csfn,ctfn->cfst", scaled, scaled, optimize=True))
-        parts.append(np.einsum("csfn,ctfn->nst", scaled, scaled, optimize=True))
-    return Products(parts[0], parts[1], parts[2], parts[3])
+        results.append(np.einsum("csfn,ctfn->cfst", scaled, scaled, optimize=True))
+        results.append(np.einsum("csfn,ctfn->nst", scaled, scaled, optimize=True))
+    return ResidualProducts(results[0], results[1], results[2], results[3])
 
 
-def p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatArray:
-    """Corrected p-values of G places, f64[G]. gram, centred: f64[G, S, S]."""
+def compute_p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatArray:
+    """Return the corrected p-values of the excess at G locations, f64[G]; 1 with a single session.
+
+    gram: f64[G, S, S], products of the residuals of the sessions, counts^2. centred: the same for the residuals minus
+    their mean over the sessions. seed: of the bootstrap. Source: step-down maximum statistic, Westfall and Young
+    (1993).
+    """
     groups, sessions = gram.shape[0], gram.shape[-1]
     if sessions < 2:
         return np.ones(groups)
-    draws = np.random.default_rng(seed).normal(size=(DRAWS, sessions)) * np.sqrt(sessions / (sessions - 1.0))
-    pairs = np.einsum("bs,bt->bst", draws, draws)
+    multipliers = np.random.default_rng(seed).normal(size=(BOOTSTRAP_SAMPLES, sessions)) * np.sqrt(
+        sessions / (sessions - 1.0)
+    )
+    pairs = np.einsum("bs,bt->bst", multipliers, multipliers)
     pairs[:, np.arange(sessions), np.arange(sessions)] = 0.0
-    null = (pairs.reshape(DRAWS, -1) @ centred.reshape(groups, -1).T) / (sessions * (sessions - 1))
+    null = (pairs.reshape(BOOTSTRAP_SAMPLES, -1) @ centred.reshape(groups, -1).T) / (sessions * (sessions - 1))
     scale = null.std(axis=0)
     scale = np.maximum(scale, 1e-3 * scale.max(initial=0.0) + 1e-12)
-    statistic, null = off_diagonal(gram) / scale, null / scale
+    statistic, null = compute_off_diagonal_mean(gram) / scale, null / scale
     order = np.argsort(-statistic)
-    # The largest of a place and of all with a smaller statistic.
+    # Step-down: each location is compared with the maximum over itself and all locations with a smaller statistic.
     largest = np.maximum.accumulate(null[:, order[::-1]], axis=1)[:, ::-1]
-    raw = (1.0 + (largest >= statistic[order]).sum(axis=0)) / (DRAWS + 1.0)
+    step_p_values = (1.0 + (largest >= statistic[order]).sum(axis=0)) / (BOOTSTRAP_SAMPLES + 1.0)
     result = np.empty(groups)
-    result[order] = np.maximum.accumulate(raw)
+    result[order] = np.maximum.accumulate(step_p_values)
     return result
 
 
-def shares(excess: FloatArray) -> FloatArray:
-    """Shares that add to 1; what is below 0 has none."""
+def compute_shares(excess: FloatArray) -> FloatArray:
+    """Return the shares of G locations in the excess, f64[G]; the sum is 1, and a negative excess has the share 0.
+
+    Equal shares if no excess is positive. excess: f64[G], counts^2.
+    """
     positive = np.maximum(excess, 0.0)
     total = positive.sum()
     return np.asarray(positive / total if total > 0 else np.full(len(excess), 1.0 / max(len(excess), 1)))
 
 
-def summed(gram: FloatArray, index: NDArray[np.intp], count: int) -> FloatArray:
-    """Sums of f64[k, S, S] over the groups that index [k] tells, f64[count, S, S]."""
+def sum_groups(gram: FloatArray, index: NDArray[np.intp], count: int) -> FloatArray:
+    """Return the sum of products over each group, f64[count, S, S].
+
+    gram: f64[k, S, S]. index: [k], number of the group of each entry. count: number of groups.
+    """
     result = np.zeros((count, *gram.shape[1:]))
     np.add.at(result, index, gram)
     return result
 
 
-def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, Any]:
-    """The report's `where`."""
+def locate_excess(pair: Pair, products: ResidualProducts, layout: FeatureLayout, seed: int) -> dict[str, Any]:
+    """Return the field `where` of the report: shares of the excess with p-values, largest share first.
+
+    products: of the real sessions and the simulator's features. seed: of the p-values.
+    """
     sensors = pair.sensors
-    taxel_share, taxel_p = _judged(found.taxels, found.centred_taxels, seed)
+    taxel_share, taxel_p_values = _evaluate_groups(products.taxels, products.centred_taxels, seed)
     by_taxel = [
-        {"index": int(k), "share": float(taxel_share[k]), "p_value": float(taxel_p[k])}
+        {"index": int(k), "share": float(taxel_share[k]), "p_value": float(taxel_p_values[k])}
         for k in np.argsort(-taxel_share, kind="stable")
     ]
-    count = len(sensors.address)
-    index = pair.groups.sensor
-    names = [{"address": int(a), "name": n} for a, n in zip(sensors.address, sensors.name, strict=True)]
-    flat, flat_centred = (part.sum(axis=0) for part in (found.conditions, found.centred_conditions))
+    sensor_labels = [{"address": int(a), "name": n} for a, n in zip(sensors.address, sensors.name, strict=True)]
+    by_feature, centred_by_feature = (part.sum(axis=0) for part in (products.conditions, products.centred_conditions))
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
-    row = np.array([phases.index(Phase(int(phase))) for phase in layout.phase], dtype=np.intp)
-    conditions, conditions_centred = found.conditions.sum(axis=1), found.centred_conditions.sum(axis=1)
+    phase_index = np.array([phases.index(Phase(int(phase))) for phase in layout.phase], dtype=np.intp)
+    by_condition, centred_by_condition = products.conditions.sum(axis=1), products.centred_conditions.sum(axis=1)
     objects = pair.object_names
-    of_object = np.array([objects.index(item) for item, _ in pair.conditions], dtype=np.intp)
+    object_index = np.array([objects.index(object_name) for object_name, _ in pair.conditions], dtype=np.intp)
 
-    def table(labels: list[dict[str, Any]], gram: FloatArray, centred: FloatArray) -> list[dict[str, Any]]:
-        share, p = _judged(gram, centred, seed)
-        rows = [{**label, "share": float(share[k]), "p_value": float(p[k])} for k, label in enumerate(labels)]
-        return sorted(rows, key=lambda one: -one["share"])
+    def list_shares(labels: list[dict[str, Any]], gram: FloatArray, centred: FloatArray) -> list[dict[str, Any]]:
+        share, p_values = _evaluate_groups(gram, centred, seed)
+        rows = [{**label, "share": float(share[k]), "p_value": float(p_values[k])} for k, label in enumerate(labels)]
+        return sorted(rows, key=lambda entry: -entry["share"])
 
-    def grouped(group: NDArray[np.intp], number: int) -> tuple[FloatArray, FloatArray]:
-        return summed(found.taxels, group, number), summed(found.centred_taxels, group, number)
+    def sum_taxels(group: NDArray[np.intp], number: int) -> tuple[FloatArray, FloatArray]:
+        return sum_groups(products.taxels, group, number), sum_groups(products.centred_taxels, group, number)
 
     lines: list[dict[str, Any]] = []
     axes = (("tx", pair.groups.tx, pair.taxels.tx), ("rx", pair.groups.rx, pair.taxels.rx))
-    for axis, group, electrode in () if LINES in pair.lacking else axes:
+    for axis, group, electrode in () if LINES in pair.missing_inputs else axes:
         number = int(group.max()) + 1
         first = [int(np.flatnonzero(group == k)[0]) for k in range(number)]
         labels = [{"address": int(pair.taxels.sensor[k]), "axis": axis, "index": int(electrode[k])} for k in first]
-        lines += table(labels, *grouped(group, number))
+        lines += list_shares(labels, *sum_taxels(group, number))
     return {
-        "sensors": table(names, *grouped(index, count)),
-        "lines": sorted(lines, key=lambda one: -one["share"]),
+        "sensors": list_shares(sensor_labels, *sum_taxels(pair.groups.sensor, len(sensors.address))),
+        "lines": sorted(lines, key=lambda entry: -entry["share"]),
         "taxels": by_taxel,
-        "phases": table(
+        "phases": list_shares(
             [{"phase": PHASES[phase]} for phase in phases],
-            summed(flat, row, len(phases)),
-            summed(flat_centred, row, len(phases)),
+            sum_groups(by_feature, phase_index, len(phases)),
+            sum_groups(centred_by_feature, phase_index, len(phases)),
         ),
-        "objects": table(
+        "objects": list_shares(
             [{"name": name} for name in objects],
-            summed(conditions, of_object, len(objects)),
-            summed(conditions_centred, of_object, len(objects)),
+            sum_groups(by_condition, object_index, len(objects)),
+            sum_groups(centred_by_condition, object_index, len(objects)),
         ),
-        "approaches": table(
-            [{"object": item, "approach": name} for item, name in pair.conditions], conditions, conditions_centred
+        "approaches": list_shares(
+            [{"object": object_name, "approach": name} for object_name, name in pair.conditions],
+            by_condition,
+            centred_by_condition,
         ),
     }
 
 
-def _judged(gram: FloatArray, centred: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
-    return shares(off_diagonal(gram)), p_values(gram, centred, seed)
+def _evaluate_groups(gram: FloatArray, centred: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return shares and p-values of G locations, both f64[G]. gram, centred: f64[G, S, S], counts^2."""
+    return compute_shares(compute_off_diagonal_mean(gram)), compute_p_values(gram, centred, seed)

@@ -4,7 +4,7 @@ from taxel.gap.page.bars import Axis, build_before_after_bar, build_share_bar
 from taxel.gap.page.cells import Heading, SectionData, TableData, make_table
 from taxel.gap.page.locations import format_board_address
 from taxel.gap.page.text import format_number, make_readable
-from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.checked_report import CheckedReport, get_address
 from taxel.gap.report.report_values import ReportValue
 
 _GAP = Heading("Gap of held-out grasps", "pic")
@@ -40,7 +40,7 @@ def build_parts_section(report: CheckedReport) -> SectionData | None:
     """Before and after by object and by board; None if the report has neither. Raises GapInputError."""
     root = report.root
     objects = [(make_readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
-    boards = [(format_board_address(report, address_of(entry)), entry) for entry in root.optional_list("by_sensor")]
+    boards = [(format_board_address(report, get_address(entry)), entry) for entry in root.optional_list("by_sensor")]
     tables = [
         table for table in (_before_after_table("Object", objects), _before_after_table("Board", boards)) if table
     ]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from taxel.gap.calibration.calibration import LISTED
+from taxel.gap.calibration.calibration import NAMED_PROBABILITY
 from taxel.gap.page.cells import SectionData
 from taxel.gap.page.confidence import label_cause, list_shown_causes, rank_causes
 from taxel.gap.page.text import (
@@ -96,7 +96,7 @@ def _as_sentence(text: str) -> str:
 def _describe_calibration(report: CheckedReport) -> str:
     """What the largest probability means; empty for a report without probabilities."""
     ranked = rank_causes(report)
-    if not ranked or ranked[0][1] < LISTED:
+    if not ranked or ranked[0][1] < NAMED_PROBABILITY:
         return ""
     percent = format_probability(ranked[0][1])
     return f"Of all statements with a probability of {percent}, {percent} are true."

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from taxel.gap.calibration.calibration import LISTED, NO_GAP
+from taxel.gap.calibration.calibration import NAMED_PROBABILITY, NO_GAP
 from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.text import format_probability, make_readable
 from taxel.gap.report.checked_report import CheckedReport
@@ -48,9 +48,9 @@ def build_confidence(report: CheckedReport) -> list[dict[str, Any]]:
     return [
         {
             "label": label_cause(name),
-            "bar": build_share_bar(axis, value, value >= LISTED),
+            "bar": build_share_bar(axis, value, value >= NAMED_PROBABILITY),
             "percent": format_probability(value),
-            "is_named": value >= LISTED,
+            "is_named": value >= NAMED_PROBABILITY,
         }
         for name, value in list_shown_causes(report)
     ]

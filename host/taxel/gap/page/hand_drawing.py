@@ -15,7 +15,7 @@ from taxel.gap.page.colours import DARK, LIGHT, compute_top, format_ramp_css, fo
 from taxel.gap.page.locations import read_line
 from taxel.gap.page.rendering import read_resource, render
 from taxel.gap.page.text import format_count, format_number, format_percent, is_small, join_words, make_readable
-from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.checked_report import CheckedReport, get_address
 from taxel.gap.report.report_values import REMEDY, ReportValue
 
 SQUARE = 0.86
@@ -210,7 +210,7 @@ def _marks_before(report: CheckedReport) -> Marks:
     """Boards and lines with a small p-value, which the picture before marks."""
     where = report.where
     entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
-    boards = {address_of(entry): entry.number("share") for entry in entries}
+    boards = {get_address(entry): entry.number("share") for entry in entries}
     lines = {read_line(entry) for entry in where.optional_list("lines") if is_small(entry.optional_number("p_value"))}
     return Marks(boards, frozenset(lines))
 
@@ -235,7 +235,7 @@ def _marks_after(report: CheckedReport) -> Marks:
     ]
     lines = {read_line(location) for location in locations if location.optional("axis")}
     boards = {
-        address_of(location): None
+        get_address(location): None
         for location in locations
         if not location.optional("axis") and not location.optional("index")
     }

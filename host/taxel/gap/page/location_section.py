@@ -8,7 +8,7 @@ from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
 from taxel.gap.page.locations import format_board_address, format_line, format_taxel, read_axis, read_line
 from taxel.gap.page.text import SMALL_P, format_p_value, format_percent, is_small, make_readable
-from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.checked_report import CheckedReport, get_address
 from taxel.gap.report.report_values import ReportValue
 
 _MAX_INDEX = 2**20
@@ -41,7 +41,7 @@ def _panels(report: CheckedReport) -> list[Panel]:
     by_axis = [(axis, [entry for entry in lines if read_axis(entry) == axis]) for axis in ("tx", "rx")]
     return [
         Panel(
-            "Boards", where.optional_list("sensors"), lambda entry: format_board_address(report, address_of(entry)), 17
+            "Boards", where.optional_list("sensors"), lambda entry: format_board_address(report, get_address(entry)), 17
         ),
         Panel("Phases", where.optional_list("phases"), lambda entry: make_readable(entry.text("phase")), 10),
         *(

@@ -1,7 +1,7 @@
 """Locations of the report as text: boards, lines, taxels, phases."""
 
 from taxel.gap.page.text import SPACE, make_readable
-from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.checked_report import CheckedReport, get_address
 from taxel.gap.report.report_values import ReportValue
 
 _MAX_LINE = 255
@@ -16,7 +16,7 @@ def read_axis(entry: ReportValue) -> str:
 
 def read_line(entry: ReportValue) -> tuple[int, str, int]:
     """Address, axis and index of a line."""
-    return address_of(entry), read_axis(entry), entry.field("index").as_integer(0, _MAX_LINE)
+    return get_address(entry), read_axis(entry), entry.field("index").as_integer(0, _MAX_LINE)
 
 
 def format_board(report: CheckedReport, address: int) -> str:

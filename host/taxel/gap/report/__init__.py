@@ -1,1 +1,1 @@
-"""The gap report: its form, what goes into it, and how one that is not trusted is read."""
+"""The gap report: its assembly, and the checked reading of an untrusted report."""

@@ -11,26 +11,26 @@ import numpy as np
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison
 from taxel.gap.effects import catalogue
-from taxel.gap.effects.catalogue import FIXED, Forms, find_unavailable_reason
-from taxel.gap.experiment_design.findings import findings_of
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS, Forms, find_unavailable_reason
+from taxel.gap.experiment_design.findings import collect_findings
 from taxel.gap.experiment_design.ranking import rank_next_contacts
-from taxel.gap.experiment_design.unrecorded import left_out
+from taxel.gap.experiment_design.unrecorded_approaches import read_own_unrecorded
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.cores import in_copies
-from taxel.gap.identifiability.confounding import classes
-from taxel.gap.identifiability.identify import Similarity, identifiability
-from taxel.gap.localisation.where import products, where
-from taxel.gap.report.effects import effect_entry
-from taxel.gap.report.page_fields import page_fields
-from taxel.gap.report.posterior import draws_of
+from taxel.gap.fitting.parallel import map_in_processes
+from taxel.gap.identifiability.confounding import list_confounded_classes
+from taxel.gap.identifiability.identify import Similarity, classify_identifiability
+from taxel.gap.localisation.where import compute_products, locate_excess
+from taxel.gap.report.effects import build_effect_entry
+from taxel.gap.report.page_fields import build_page_fields
+from taxel.gap.report.posterior import sample_posterior
 from taxel.gap.verdict.attribution import Attribution
-from taxel.gap.verdict.explanation import Explanation, get_questioned
+from taxel.gap.verdict.explanation import Explanation, get_leading_composite
 from taxel.gap.verdict.held_out import HeldOut
 from taxel.gap.verdict.verdict import Verdict
 from taxel.types import FloatArray
 
 MAX_INFLUENCES: Final = 5
-"""Conditions that are listed for each effect."""
+"""Largest number of conditions in `influence` for each effect. Chosen: a short list."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,25 +64,28 @@ class ReportInputs:
 
 
 def build_report(inputs: ReportInputs) -> dict[str, Any]:
-    """The report without its run time, the gap in millimetres and the thesis terms."""
-    comparison, held, verdict = inputs.comparison, inputs.held_out, inputs.verdict
-    judge, gap, named = comparison.judge, comparison.gap, inputs.named
-    pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
+    """Build the report without its run time, the gap in millimetres and the thesis terms."""
+    comparison, held_out, verdict = inputs.comparison, inputs.held_out, inputs.verdict
+    fit_data, gap, named = comparison.fit_data, comparison.gap, inputs.named
+    pair, layout, real, before = fit_data.state.pair, fit_data.layout, fit_data.sessions, fit_data.state.mean
     after = named.features
-    excess_products = products(real, before, layout)
-    confounded = _confounded_outside_verdict(inputs)
-    draws = draws_of(judge, named.composite, FIXED)
+    excess_products = compute_products(real, before, layout)
+    confounded = _list_confounded_outside_verdict(inputs)
+    samples = sample_posterior(fit_data, named.composite, INSPECTED_EFFECTS)
 
-    def entry(name: str) -> dict[str, Any]:
-        known = identifiability(name, judge, inputs.forms, inputs.similarities, inputs.confounded)
+    def build_entry(name: str) -> dict[str, Any]:
+        status = classify_identifiability(name, fit_data, inputs.forms, inputs.similarities, inputs.confounded)
         alone = inputs.alone.get(name)
-        found = effect_entry(name, judge, named, alone, held, gap, inputs.attribution, known, draws.get(name, ()))
-        reason = find_unavailable_reason(judge.state, inputs.forms[name])
-        return {**found, "reason": reason} if reason else found
+        entry = build_effect_entry(
+            name, fit_data, named, alone, held_out, gap, inputs.attribution, status, samples.get(name, ())
+        )
+        reason = find_unavailable_reason(fit_data.state, inputs.forms[name])
+        return {**entry, "reason": reason} if reason else entry
 
-    composite, causes = get_questioned(comparison, named, verdict.effects, verdict.rivals)
+    composite, causes = get_leading_composite(comparison, named, verdict.effects, verdict.rivals)
     recommended = rank_next_contacts(
-        findings_of(comparison, composite, inputs.forms, causes, confounded, held.links), left_out(judge.state)
+        collect_findings(comparison, composite, inputs.forms, causes, confounded, held_out.fitted_effects),
+        read_own_unrecorded(fit_data.state),
     )
     return {
         "format": "taxel-gap-report",
@@ -92,7 +95,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             for side, path, digest in zip(("real", "sim"), pair.paths, pair.digests, strict=True)
         }
         | {"problems": [one.to_json() for one in pair.faults], "real_real": pair.is_real_real}
-        | ({"lacking": sorted(pair.lacking)} if pair.lacking else {})
+        | ({"lacking": sorted(pair.missing_inputs)} if pair.missing_inputs else {})
         | ({} if pair.unit is None else {"unit": {"name": pair.unit[0], "counts_per_unit": pair.unit[1]}}),
         "seed": inputs.seed,
         "runtime_s": 0.0,
@@ -101,62 +104,65 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             "ci95": gap.gap.ci95,
             "floor": gap.floor,
             "excess": gap.excess.value,
-            "bound": float(np.sqrt(max(gap.most, 0.0))),
+            "bound": float(np.sqrt(max(gap.excess_bound, 0.0))),
             "p_value": gap.p_value,
             "significant": bool(gap.p_value < 0.05),
         },
-        "where": where(pair, excess_products, layout, inputs.seed),
+        "where": locate_excess(pair, excess_products, layout, inputs.seed),
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
             "probabilities": dict(verdict.probabilities),
             "confounded_with": confounded,
             "headline": verdict.headline,
-            "one_line": _one_line(verdict, inputs.unexplained["signature"]),
+            "one_line": _build_one_line(verdict, inputs.unexplained["signature"]),
             "reasons": list(verdict.reasons),
         },
-        "effects": in_copies(judge.state, entry, [name for name in catalogue.all_effects() if name in inputs.forms]),
+        "effects": map_in_processes(
+            fit_data.state, build_entry, [name for name in catalogue.all_effects() if name in inputs.forms]
+        ),
         "after": {
-            "before": held.before,
-            "value": held.after,
-            "floor": float(np.sqrt(held.floor2)),
-            "ci95": held.value.ci95,
-            "predicted_shrink": float(held.predicted.mean()),
-            "shrink": held.shrink.value,
-            "shrink_ci95": held.shrink.ci95,
-            "reducible_shrink": held.reducible,
+            "before": held_out.before,
+            "value": held_out.after,
+            "floor": float(np.sqrt(held_out.floor2)),
+            "ci95": held_out.after_interval.ci95,
+            "predicted_shrink": float(held_out.predicted_shrink.mean()),
+            "shrink": held_out.shrink.value,
+            "shrink_ci95": held_out.shrink.ci95,
+            "reducible_shrink": held_out.reducible_shrink,
         },
         "unexplained": dict(inputs.unexplained),
-        "classes": classes(confounded),
+        "classes": list_confounded_classes(confounded),
         "likeness": [similarity.to_json() for similarity in inputs.similarities],
         "sets": _describe_sets(comparison),
         "influence": _describe_influence(inputs),
-        "waterfall": inputs.attribution.waterfall(),
-        "ablation": inputs.attribution.ablation() if len(inputs.attribution.names) > 1 else [],
-        **page_fields(pair, layout, real, before, after),
+        "waterfall": inputs.attribution.build_waterfall(),
+        "ablation": inputs.attribution.build_ablation() if len(inputs.attribution.names) > 1 else [],
+        **build_page_fields(pair, layout, real, before, after),
         "next_presses": recommended.to_json(),
     }
 
 
-def _confounded_outside_verdict(inputs: ReportInputs) -> dict[str, list[str]]:
-    """For each effect of the verdict, and for the first rival if it names none, the confounded effects that are not in
-    the verdict.
+def _list_confounded_outside_verdict(inputs: ReportInputs) -> dict[str, list[str]]:
+    """List for each effect the confounded effects and rivals that the verdict does not name.
+
+    The effects are those of the verdict, or the most probable effect with rivals if the verdict names no effect.
     """
     effects = inputs.verdict.effects
-    asked = {**{name: list(others) for name, others in inputs.verdict.rivals.items()}, **inputs.confounded}
-    others = {name: [other for other in asked[name] if other not in effects] for name in asked}
+    confounded = {**{name: list(others) for name, others in inputs.verdict.rivals.items()}, **inputs.confounded}
+    others = {name: [other for other in confounded[name] if other not in effects] for name in confounded}
     return {name: names for name, names in others.items() if names}
 
 
-def _one_line(verdict: Verdict, signature: str) -> str:
-    """The sentence of the verdict, with the signature of an unknown cause."""
+def _build_one_line(verdict: Verdict, signature: str) -> str:
+    """Return the sentence of the verdict, with the signature of an unknown cause."""
     if UNKNOWN not in verdict.effects or not signature:
         return verdict.one_line
     return f"{verdict.one_line} Signature of the unknown cause: {signature}."
 
 
 def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
-    """The candidate sets, largest weight first, with their forms and held-out log density."""
+    """Describe the candidate sets, largest weight first, with their forms and held-out log density."""
     order = sorted(comparison.sets, key=lambda key: -comparison.weights[key])
     return [
         {
@@ -164,8 +170,8 @@ def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
             "weight": comparison.weights[key],
             "log_density": float(comparison.sets[key].held_out.sum()),
             "forms": {
-                link.effect.name: {"form": link.effect.variant, "scope": link.effect.scope}
-                for link in comparison.sets[key].composite.links
+                fitted_effect.effect.name: {"form": fitted_effect.effect.variant, "scope": fitted_effect.effect.scope}
+                for fitted_effect in comparison.sets[key].composite.fitted_effects
             },
         }
         for key in order
@@ -173,8 +179,8 @@ def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def _describe_influence(inputs: ReportInputs) -> list[dict[str, Any]]:
-    """For each effect of the verdict the conditions that determine the evidence, largest share first."""
-    conditions = inputs.comparison.judge.state.pair.conditions
+    """List for each effect of the verdict the conditions with the largest shares in the evidence, largest first."""
+    conditions = inputs.comparison.fit_data.state.pair.conditions
     return [
         {"effect": name, "object": conditions[index][0], "approach": conditions[index][1], "share": share}
         for name in inputs.named.names

@@ -6,26 +6,35 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-from taxel.gap.data.lacking import LINES
+from taxel.gap.data.missing_inputs import LINES
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.report_values import REMEDY, ReportValue
 from taxel.hand.errors import format_value
 
 FORMAT = "taxel-gap-report"
+"""Value of the field `format` of a report."""
+
 VERSIONS = (1, 2)
+"""Values of the field `version` that can be read."""
 
 STATUSES = ("no_gap", "explained", "partly_explained", "unknown")
+"""Permitted values of `verdict.status`."""
 
 FIRST_ADDRESS = 0x08
 """Smallest address of an I2C slave (UM10204, table 4); smaller ones are numbers of sensors without a bus."""
 
 _MAX_TAXELS = 2**20
+"""Largest number of taxels in a report. Chosen: far above any hand; limits the memory that an untrusted report uses."""
+
 _MAX_ADDRESS = 255
+"""Largest address of a board: one byte."""
+
 _MAX_LINE = 255
+"""Largest index of a TX or RX line: one byte."""
 
 
 class CheckedReport:
-    """The report of a diagnosis.
+    """Report of a diagnosis whose fields are checked when they are read.
 
     Attributes: root, all fields of the report.
 
@@ -80,7 +89,7 @@ class CheckedReport:
     def board_names(self) -> dict[int, str]:
         """Names of the boards by address, as the report gives them."""
         entries = self.root.optional_list("sensors") + self.where.optional_list("sensors")
-        return {address_of(entry): entry.text("name") for entry in reversed(entries)}
+        return {get_address(entry): entry.text("name") for entry in reversed(entries)}
 
     @cached_property
     def has_bus_addresses(self) -> bool:
@@ -94,7 +103,7 @@ class CheckedReport:
     def board_kinds(self) -> dict[int, str]:
         """Names of the boards' kinds by address; a board without one is absent."""
         entries = [entry for entry in self.root.optional_list("sensors") if entry.optional("kind")]
-        return {address_of(entry): entry.text("kind") for entry in entries}
+        return {get_address(entry): entry.text("kind") for entry in entries}
 
     @cached_property
     def taxels(self) -> tuple[list[int], list[int], list[int]] | None:
@@ -129,6 +138,6 @@ class CheckedReport:
         return table.numbers("before", count), table.numbers("after", count)
 
 
-def address_of(entry: ReportValue) -> int:
-    """The board address of an entry."""
+def get_address(entry: ReportValue) -> int:
+    """Return the board address of an entry. Raises GapInputError."""
     return entry.field("address").as_integer(0, _MAX_ADDRESS)

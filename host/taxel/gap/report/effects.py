@@ -1,4 +1,4 @@
-"""What the report says of each effect: parameters with intervals, where it acts, what it takes from the gap."""
+"""Report entry of an effect: parameters with intervals, the location, and the reduction of the gap."""
 
 from __future__ import annotations
 
@@ -13,257 +13,300 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.effects.pose_error import PoseError
-from taxel.gap.effects.sticking import Sticking, as_late
-from taxel.gap.features.chances import chi2_quantile
-from taxel.gap.features.metric import Gap, Interval, jackknife, shrink_by, together
+from taxel.gap.effects.sticking import Sticking, convert_to_lag_parameters
+from taxel.gap.features.distributions import compute_chi2_quantile
+from taxel.gap.features.metric import Gap, Interval, combine_errors, compute_jackknife_interval, compute_shrink_interval
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.fit import start_of
-from taxel.gap.fitting.judge import MODEL_SHARE, Judge
-from taxel.gap.report.model import model_of, noise_parts
+from taxel.gap.fitting.fit import linearise
+from taxel.gap.fitting.fit_data import SIGNAL_TOLERANCE_SHARE, FitData
+from taxel.gap.report.model import describe_model, split_noise
 from taxel.gap.report.neutral import find_neutral
 from taxel.gap.verdict.attribution import Attribution
 from taxel.gap.verdict.explanation import Explanation
 from taxel.gap.verdict.held_out import HeldOut
 from taxel.types import FloatArray
 
-COMMON_SHARE: Final = 0.5 * MODEL_SHARE
-"""Relative standard error of a parameter from a good simulator's own error: the half that all presses share."""
+COMMON_ERROR_SHARE: Final = 0.5 * SIGNAL_TOLERANCE_SHARE
+"""Relative standard error of a parameter from the model error that a good simulator has in all contacts together, 2 %.
 
-APART_FRAMES: Final = 0.3
-"""Standard deviation, in frame periods, by which boards in time lie apart: two solvers of a contact touch them so."""
+Half of `SIGNAL_TOLERANCE_SHARE` counts as common to all contacts; no jackknife over sessions or contacts reveals it."""
 
-MOST_SPREAD: Final = 2.0
-"""Of the logarithm of gains: nothing scatters by more."""
+DELAY_STD_FRAMES: Final = 0.3
+"""Standard error of a delay, in frame periods: two solvers of the same contact load synchronous boards at times that
+differ by about this value."""
+
+MAX_LOG_GAIN_STD: Final = 2.0
+"""Upper bound of the standard deviation of log gains, dimensionless. Chosen: larger than any plausible value; it limits
+the search and the upper end of the interval."""
 
 
-def effect_entry(
+def build_effect_entry(
     name: str,
-    judge: Judge,
+    fit_data: FitData,
     named: Explanation,
     alone: tuple[CompositeModel, FloatArray] | None,
-    held: HeldOut,
+    held_out: HeldOut,
     gap: Gap,
-    told: Attribution,
-    identifiable: str,
-    draws: Sequence[FittedEffect],
+    attribution: Attribution,
+    identifiability: str,
+    samples: Sequence[FittedEffect],
 ) -> dict[str, Any]:
-    """One effect that was tried. named: the effects of the verdict. alone: its fit alone and the features with it,
-    f64[C, F, n]; None if there is no fit. draws: its link as it may be as well, none of one that was not found.
+    """Build the entry in `effects` of an effect that was tried.
+
+    named: the effects of the verdict. alone: the fit of the effect alone, and the features with this fit, f64[C, F, n];
+    None without a fit. held_out: fits without each session. identifiability: value of the field of this name. samples:
+    posterior samples of the fitted effect; empty for an effect that is not in the verdict.
     """
-    pair = judge.state.pair
+    pair = fit_data.state.pair
     in_verdict = name in named.names
-    link = named.composite.get(name) if in_verdict else None
+    fitted_effect = named.composite.get(name) if in_verdict else None
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
-    if link is None and alone is not None:
-        link = alone[0].get(name)
-    if link is None:
-        return {**entry, "identifiability": identifiable, **_nothing(gap)}
-    in_sample: list[FittedEffect] = []
-    parts: list[FittedEffect] = []
+    if fitted_effect is None and alone is not None:
+        fitted_effect = alone[0].get(name)
+    if fitted_effect is None:
+        return {**entry, "identifiability": identifiability, **_build_unchanged_gap(gap)}
+    without_sessions: list[FittedEffect] = []
+    without_folds: list[FittedEffect] = []
     if in_verdict:
-        in_sample = [one for links in held.links for one in links if one.effect.name == name]
-        parts = [composite.get(name) for composite in named.parts]
-    found = {**entry, "parameters": parameters_of(pair, link, in_sample, parts, draws), "where": _acts(pair, link)}
-    if name == "gain_mismatch" and link.effect.scope == TAXEL:
-        spread = _spread_of_gains(judge, link)
-        found["parameters"]["log_std"] |= {"value": spread.value, "ci95": spread.ci95}
-    found["model"] = model_of(judge.state, link)
-    found["identifiability"] = identifiable
-    found |= _nothing(gap)
-    if alone is not None:  # else the effect was only fitted beside another one
-        found |= _alone(judge, alone[1], gap)
+        without_sessions = [
+            one for fitted_effects in held_out.fitted_effects for one in fitted_effects if one.effect.name == name
+        ]
+        without_folds = [composite.get(name) for composite in named.fold_composites]
+    entry["parameters"] = build_parameter_entries(pair, fitted_effect, without_sessions, without_folds, samples)
+    entry["where"] = _locate_effect(pair, fitted_effect)
+    if name == "gain_mismatch" and fitted_effect.effect.scope == TAXEL:
+        spread = _estimate_gain_spread(fit_data, fitted_effect)
+        entry["parameters"]["log_std"] |= {"value": spread.value, "ci95": spread.ci95}
+    entry["model"] = describe_model(fit_data.state, fitted_effect)
+    entry["identifiability"] = identifiability
+    entry |= _build_unchanged_gap(gap)
+    if alone is not None:  # otherwise the effect was only fitted together with other effects
+        entry |= _measure_alone(fit_data, alone[1], gap)
     if in_verdict:
-        measured = told.shrink(name)
-        found["shapley_share"] = told.shapley()[name]
-        found["predicted_shrink"] = float(told.promised[frozenset({name})].mean())
-        found["measured_shrink"], found["measured_shrink_ci95"] = measured.value, measured.ci95
-    return found
+        measured = attribution.compute_shrink_alone(name)
+        entry["shapley_share"] = attribution.compute_shapley_shares()[name]
+        entry["predicted_shrink"] = float(attribution.predicted_shrink[frozenset({name})].mean())
+        entry["measured_shrink"], entry["measured_shrink_ci95"] = measured.value, measured.ci95
+    return entry
 
 
-def _alone(judge: Judge, features: FloatArray, gap: Gap) -> dict[str, Any]:
-    """What an effect does by itself. features: with it, f64[C, F, n]."""
-    alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
+def _measure_alone(fit_data: FitData, features: FloatArray, gap: Gap) -> dict[str, Any]:
+    """Compute the gap (counts) and the shrink with one effect alone. features: with this effect, f64[C, F, n]."""
+    alone = compute_shrink_interval(fit_data.sessions, fit_data.state.mean, features, fit_data.layout)
     after = gap.gap.value * (1.0 - alone.value)
     return {"gap_after_alone": after, "shrink_alone": alone.value, "shrink_alone_ci95": alone.ci95}
 
 
-def _nothing(gap: Gap) -> dict[str, Any]:
-    """Of an effect that changes nothing."""
+def _build_unchanged_gap(gap: Gap) -> dict[str, Any]:
+    """Build the gap and shrink fields of an effect that does not change the gap."""
     shrinks: dict[str, Any] = {"gap_after_alone": gap.gap.value, "shrink_alone": 0.0, "shrink_alone_ci95": None}
     shrinks |= {"shapley_share": 0.0, "predicted_shrink": 0.0, "measured_shrink": 0.0, "measured_shrink_ci95": None}
     return shrinks
 
 
-def parameters_of(
+def build_parameter_entries(
     pair: Pair,
-    link: FittedEffect,
-    in_sample: Sequence[FittedEffect] = (),
-    parts: Sequence[FittedEffect] = (),
-    draws: Sequence[FittedEffect] = (),
+    fitted_effect: FittedEffect,
+    without_sessions: Sequence[FittedEffect] = (),
+    without_folds: Sequence[FittedEffect] = (),
+    samples: Sequence[FittedEffect] = (),
 ) -> dict[str, Any]:
-    """Values, intervals and units; per board "name@address".
+    """Build value, 95 % interval, unit and neutral value of each parameter, by label.
 
-    inside: fits without each session; parts: without each part of presses and taxels; draws: as it may be as well.
-    Three variances add: sessions tell what scatters, presses how far the model of the effect is right (both jackknife),
-    and nothing here tells by how much the simulator is wrong in all of them alike: `COMMON_SHARE`. Where presses leave
-    more open than that, as draws tell, the interval is as wide as they are.
+    The label is the name of the parameter, for a value of one board "name@address", of one object "name@object".
+    without_sessions: fits without each session. without_folds: fits without each fold of contacts and taxels. samples:
+    from the posterior. The variance of a value is the sum of three variances: over sessions and over folds (jackknife,
+    Tukey 1958), and the common model error of the simulator, `COMMON_ERROR_SHARE`, for a delay also
+    `DELAY_STD_FRAMES`. The interval contains at least 95 % of the samples. Below three sessions there is no interval.
     """
-    if isinstance(link.effect, Dropout):
-        return _dropped(pair, link.effect)
-    values = _values(pair, link)
-    left, without, drawn = ([_values(pair, one) for one in fits] for fits in (in_sample, parts, draws))
-    own = APART_FRAMES * pair.frame_s if link.effect.name == "latency" else 0.0
+    if isinstance(fitted_effect.effect, Dropout):
+        return _describe_dropout(pair, fitted_effect.effect)
+    values = _compute_values(pair, fitted_effect)
+    session_values, fold_values, sample_values = (
+        [_compute_values(pair, one) for one in fits] for fits in (without_sessions, without_folds, samples)
+    )
+    delay_error = DELAY_STD_FRAMES * pair.frame_s if fitted_effect.effect.name == "latency" else 0.0
     entries: dict[str, Any] = {}
     for label, (value, unit) in values.items():
         sessions, contacts = (
-            jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
+            compute_jackknife_interval(np.array([one[label][0] for one in replicates if label in one]), value)
+            for replicates in (session_values, fold_values)
         )
-        interval = together(sessions, contacts, COMMON_SHARE * abs(value) + own)
-        interval = interval.at_least(np.array([one[label][0] for one in drawn if label in one]))
-        entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit, "neutral": find_neutral(link, label)}
+        interval = combine_errors(sessions, contacts, COMMON_ERROR_SHARE * abs(value) + delay_error)
+        interval = interval.widen_to_samples(np.array([one[label][0] for one in sample_values if label in one]))
+        entries[label] = {
+            "value": value,
+            "ci95": interval.ci95,
+            "unit": unit,
+            "neutral": find_neutral(fitted_effect, label),
+        }
     return entries
 
 
-def _values(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Values and units by label: the effect's own parameters, and what is worked out from them."""
-    if link.effect.name == "noise":
-        return _noises(pair, link)
-    if isinstance(link.effect, PoseError):
-        link = FittedEffect(link.effect, link.effect.told(link.values))
-    values: dict[str, tuple[float, str]] = _gains(pair, link) if link.effect.name == "gain_mismatch" else {}
-    for row, parameter in enumerate(link.effect.parameters()):
-        shown = _shown(pair, link, row)
-        for block in _shown_blocks(link):
-            values[_label(pair, link, parameter.name, block)] = (float(shown[block]), parameter.unit)
-    if link.effect.name == "baseline_drift":
-        values["counts"] = (_drifted(link), "counts")
-    if isinstance(link.effect, Sticking):
-        fraction, seconds = as_late(link.values, pair.frame_s, float(pair.clock.since_start[-1]))
+def _compute_values(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
+    """Compute values and units by label: the parameters of the effect, and quantities derived from the parameters."""
+    if fitted_effect.effect.name == "noise":
+        return _compute_noise_values(pair, fitted_effect)
+    if isinstance(fitted_effect.effect, PoseError):
+        fitted_effect = FittedEffect(
+            fitted_effect.effect, fitted_effect.effect.convert_to_reported(fitted_effect.values)
+        )
+    values: dict[str, tuple[float, str]] = (
+        _compute_gains(pair, fitted_effect) if fitted_effect.effect.name == "gain_mismatch" else {}
+    )
+    for row, parameter in enumerate(fitted_effect.effect.parameters()):
+        reported = _get_reported_values(pair, fitted_effect, row)
+        for block in _list_reported_blocks(fitted_effect):
+            values[_build_label(pair, fitted_effect, parameter.name, block)] = (float(reported[block]), parameter.unit)
+    if fitted_effect.effect.name == "baseline_drift":
+        values["counts"] = (_compute_drift_counts(fitted_effect), "counts")
+    if isinstance(fitted_effect.effect, Sticking):
+        fraction, seconds = convert_to_lag_parameters(
+            fitted_effect.values, pair.frame_s, float(pair.time_grid.time_since_start_s[-1])
+        )
         values |= {"fraction": (fraction, "1"), "seconds": (seconds, "s")}
-    if isinstance(link.effect, PoseError):
-        values |= _displacement(link)
+    if isinstance(fitted_effect.effect, PoseError):
+        values |= _compute_displacement(fitted_effect)
     return values
 
 
-def _drifted(link: FittedEffect) -> float:
-    """Counts by which the board that wanders most does so in a grasp; below 0 where drops fall rather than scatter."""
-    slope, scatter = link.values[:, np.hypot(link.values[0], link.values[1]).argmax()]
-    size = float(np.hypot(slope, scatter))
-    return -size if slope < -scatter else size
+def _compute_drift_counts(fitted_effect: FittedEffect) -> float:
+    """Compute the drift of the board with the largest drift over a grasp, counts.
+
+    The drift is the root of slope squared plus variance between grasps; it is negative if the slope is negative and
+    larger than the standard deviation.
+    """
+    slope, deviation = fitted_effect.values[:, np.hypot(fitted_effect.values[0], fitted_effect.values[1]).argmax()]
+    size = float(np.hypot(slope, deviation))
+    return -size if slope < -deviation else size
 
 
-def _shown(pair: Pair, link: FittedEffect, row: int) -> FloatArray:
-    """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
-    values: FloatArray = link.values[row]
-    if not is_delay(link.effect) or len(values) < 2:
+def _get_reported_values(pair: Pair, fitted_effect: FittedEffect, row: int) -> FloatArray:
+    """Return the values of a parameter by block, f64[G]; delays are relative to the mean of the earliest boards.
+
+    A delay that all boards have in common is not identifiable: it depends on the alignment of the clocks.
+    """
+    values: FloatArray = fitted_effect.values[row]
+    if not is_delay(fitted_effect.effect) or len(values) < 2:
         return values
     earliest = values[values < values.min() + 0.5 * pair.frame_s]
     return np.asarray(values - earliest.mean())
 
 
-def _shown_blocks(link: FittedEffect) -> range:
-    return range(0) if link.effect.scope == TAXEL else range(link.values.shape[1])
+def _list_reported_blocks(fitted_effect: FittedEffect) -> range:
+    """List the blocks whose values are reported: all blocks, but none of an effect with one value for each taxel."""
+    return range(0) if fitted_effect.effect.scope == TAXEL else range(fitted_effect.values.shape[1])
 
 
-def _label(pair: Pair, link: FittedEffect, name: str, block: int) -> str:
-    if link.effect.scope == HAND:
+def _build_label(pair: Pair, fitted_effect: FittedEffect, name: str, block: int) -> str:
+    """Build the label of a parameter in a block, see `build_parameter_entries`."""
+    if fitted_effect.effect.scope == HAND:
         return name
-    if link.effect.scope == BOARD:
+    if fitted_effect.effect.scope == BOARD:
         return f"{name}@{int(pair.sensors.address[block])}"
-    if link.effect.scope == OBJECT:
+    if fitted_effect.effect.scope == OBJECT:
         return f"{name}@{pair.object_names[block]}"
     return f"{name}@{block}"
 
 
-def _gains(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Scale of each board and spread of the taxels' gains about it."""
-    logs = link.values[0][link.effect.blocks_of(pair)[0]]
-    touched = logs != 0.0
+def _compute_gains(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
+    """Compute the median gain of each board, and the standard deviation of the log gains of taxels about it."""
+    log_gains = fitted_effect.values[0][fitted_effect.effect.find_blocks_of_pair(pair)[0]]
+    is_fitted = log_gains != 0.0
     sensor = pair.groups.sensor
     scales = {}
-    residual = np.zeros_like(logs)
+    residual = np.zeros_like(log_gains)
     for board, address in enumerate(pair.sensors.address.tolist()):
-        own = (sensor == board) & touched
-        middle = float(np.median(logs[own])) if own.any() else 0.0
-        residual[own] = logs[own] - middle
-        scales[f"scale@{address}"] = (float(np.exp(middle)), "1")
-    spread = float(np.std(residual[touched])) if touched.any() else 0.0
+        own = (sensor == board) & is_fitted
+        median = float(np.median(log_gains[own])) if own.any() else 0.0
+        residual[own] = log_gains[own] - median
+        scales[f"scale@{address}"] = (float(np.exp(median)), "1")
+    spread = float(np.std(residual[is_fitted])) if is_fitted.any() else 0.0
     return {"log_std": (spread, "1"), **scales}
 
 
-def _spread_of_gains(judge: Judge, link: FittedEffect) -> Interval:
-    """Standard deviation of the taxels' gains about their boards', by restricted maximum likelihood with its profile
-    interval: a fitted gain is drawn towards 1 the more, the less is known of its taxel, and few taxels of a board
-    scatter about their own mean less than about the true one.
-    """
-    (column,) = start_of(judge.state, CompositeModel((link,))).columns
-    known = np.sum(judge.weight * column.change**2, axis=(0, 1))
-    precision = float(column.precision[0])
-    told = known > precision
-    if told.sum() < 3:
-        return Interval(0.0, None, None, None)
-    logs = link.values[0, told] * (1.0 + precision / known[told])
-    sensor, variance = judge.state.pair.groups.sensor[told], 1.0 / known[told]
+def _estimate_gain_spread(fit_data: FitData, fitted_effect: FittedEffect) -> Interval:
+    """Estimate the standard deviation of the log gains of taxels about the mean of their board, with a 95 % interval.
 
-    def unlikely(spread: float) -> float:
-        """Twice the negative logarithm of the restricted likelihood (Patterson and Thompson 1971)."""
-        whole = spread**2 + variance
-        cost = float(np.sum(np.log(whole)))
+    Restricted maximum likelihood with the profile interval (Patterson and Thompson 1971). The plain standard deviation
+    is too small: the prior shrinks the fitted log gain of a taxel with little information towards 0, and the mean of a
+    board is estimated from the same few taxels. Fewer than three informative taxels: 0, without an interval.
+    """
+    (column,) = linearise(fit_data.state, CompositeModel((fitted_effect,))).columns
+    information = np.sum(fit_data.weight * column.change**2, axis=(0, 1))
+    precision = float(column.precision[0])
+    is_informative = information > precision
+    if is_informative.sum() < 3:
+        return Interval(0.0, None, None, None)
+    # The factor removes the shrinkage towards 0 by the prior.
+    log_gains = fitted_effect.values[0, is_informative] * (1.0 + precision / information[is_informative])
+    sensor, variance = fit_data.state.pair.groups.sensor[is_informative], 1.0 / information[is_informative]
+
+    def compute_deviance(spread: float) -> float:
+        """Compute minus twice the log restricted likelihood (Patterson and Thompson 1971), up to a constant."""
+        total_variance = spread**2 + variance
+        cost = float(np.sum(np.log(total_variance)))
         for board in np.unique(sensor):
             own = sensor == board
-            weight = 1.0 / whole[own]
-            middle = np.sum(weight * logs[own]) / weight.sum()
-            cost += float(np.sum(weight * (logs[own] - middle) ** 2) + np.log(weight.sum()))
+            weight = 1.0 / total_variance[own]
+            mean = np.sum(weight * log_gains[own]) / weight.sum()
+            cost += float(np.sum(weight * (log_gains[own] - mean) ** 2) + np.log(weight.sum()))
         return cost
 
-    best = float(minimize_scalar(unlikely, bounds=(0.0, MOST_SPREAD), method="bounded").x)
-    limit = unlikely(best) + chi2_quantile(0.95, 1)
+    best = float(minimize_scalar(compute_deviance, bounds=(0.0, MAX_LOG_GAIN_STD), method="bounded").x)
+    limit = compute_deviance(best) + compute_chi2_quantile(0.95, 1)
 
-    def beyond(spread: float) -> float:
-        return unlikely(spread) - limit
+    def compute_excess_deviance(spread: float) -> float:
+        return compute_deviance(spread) - limit
 
-    low = float(brentq(beyond, 0.0, best)) if beyond(0.0) > 0 else 0.0
-    high = float(brentq(beyond, best, MOST_SPREAD)) if beyond(MOST_SPREAD) > 0 else MOST_SPREAD
+    low = float(brentq(compute_excess_deviance, 0.0, best)) if compute_excess_deviance(0.0) > 0 else 0.0
+    high = (
+        float(brentq(compute_excess_deviance, best, MAX_LOG_GAIN_STD))
+        if compute_excess_deviance(MAX_LOG_GAIN_STD) > 0
+        else MAX_LOG_GAIN_STD
+    )
     return Interval(best, low, high, None)
 
 
-def _noises(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
-    """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
-    white, *common = noise_parts(pair, link)
+def _compute_noise_values(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
+    """Compute the standard deviations of the added noise: white by block, and the largest common one, counts."""
+    white, *common = split_noise(pair, fitted_effect)
     values = {"common_counts": (float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max()), "counts")}
     for block, value in enumerate(white.tolist()):
-        values[_label(pair, link, "white_counts", block)] = (value, "counts")
+        values[_build_label(pair, fitted_effect, "white_counts", block)] = (value, "counts")
     return values
 
 
-def _displacement(link: FittedEffect) -> dict[str, tuple[float, str]]:
-    move, turn = (np.linalg.norm(link.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
+def _compute_displacement(fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
+    """Compute the largest translation (mm) and rotation (deg) of all blocks."""
+    move, turn = (np.linalg.norm(fitted_effect.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
     return {"translation_mm": (float(move.max()), "mm"), "rotation_deg": (float(turn.max()), "deg")}
 
 
-def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:
-    dropped = effect.dropped
-    open_lines = [(int(pair.sensors.address[board]), axis, index) for board, axis, index in dropped.lines]
-    shorted = [(short.address, short.axis, short.index + step) for short in dropped.shorts for step in (0, 1)]
+def _describe_dropout(pair: Pair, effect: Dropout) -> dict[str, Any]:
+    """List the taxels, lines and boards of a dropout, without intervals."""
+    defects = effect.defects
+    open_lines = [(int(pair.sensors.address[board]), axis, index) for board, axis, index in defects.lines]
+    shorted = [(short.address, short.axis, short.index + step) for short in defects.shorts for step in (0, 1)]
     lines = [*open_lines, *(line for line in shorted if line not in open_lines)]
     return {
-        "taxels": {"value": np.flatnonzero(dropped.taxels).tolist(), "ci95": None, "unit": "index"},
+        "taxels": {"value": np.flatnonzero(defects.single_taxels).tolist(), "ci95": None, "unit": "index"},
         "lines": {
             "value": [list(line) for line in lines],
             "ci95": None,
             "unit": "address, axis, index",
         },
         "sensors": {
-            "value": [int(pair.sensors.address[board]) for board in np.flatnonzero(dropped.missing > 0)],
+            "value": [int(pair.sensors.address[board]) for board in np.flatnonzero(defects.missing > 0)],
             "ci95": None,
             "unit": "address",
         },
     }
 
 
-def _acts(pair: Pair, link: FittedEffect) -> dict[str, Any]:
-    """Where an effect acts, if locally."""
-    if isinstance(link.effect, Dropout):
-        found = _dropped(pair, link.effect)
-        return {key: found[key]["value"] for key in ("sensors", "lines", "taxels")}
+def _locate_effect(pair: Pair, fitted_effect: FittedEffect) -> dict[str, Any]:
+    """List the boards, lines and taxels of a dropout; empty for every other effect."""
+    if isinstance(fitted_effect.effect, Dropout):
+        entries = _describe_dropout(pair, fitted_effect.effect)
+        return {key: entries[key]["value"] for key in ("sensors", "lines", "taxels")}
     return {}

@@ -1,4 +1,4 @@
-"""What it takes to add an effect elsewhere: its form and scope, and every value of every block with its unit."""
+"""The field `model` of an effect: form, scope and all values with units, as needed to add the effect to other data."""
 
 from __future__ import annotations
 
@@ -9,49 +9,50 @@ import numpy as np
 from taxel.gap.data.pair import Pair
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT
-from taxel.gap.features.features import known_mean
+from taxel.gap.features.features import compute_known_mean
 from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
-NOISE_PARTS: Final = ("white_counts", "tx_counts", "rx_counts", "board_counts")
-"""Standard deviations of independent parts: each taxel's own, and common to a TX line, an RX line, a board."""
+NOISE_COMPONENTS: Final = ("white_counts", "tx_counts", "rx_counts", "board_counts")
+"""Names of the standard deviations of the independent parts of noise, counts: white noise of each taxel, and noise
+common to a TX line, to an RX line, and to a board."""
 
-COMMON_LEAST: Final = 0.01
-"""Share of the added variance below which a common part is chance."""
+MIN_COMMON_SHARE: Final = 0.01
+"""Share of the added variance below which the common noise is set to 0, because chance produces such covariances."""
 
 
-def model_of(state: State, link: FittedEffect) -> dict[str, Any]:
-    """An effect as the field `model` of its entry.
+def describe_model(state: State, fitted_effect: FittedEffect) -> dict[str, Any]:
+    """Build the field `model` of the entry of a fitted effect.
 
-    until_s: seconds from the beginning of closing over which it was fitted; a drift's counts are reached then. shift_s:
-    by which all boards are later than the simulator besides, because of how the frames fell.
+    `until_s`: end of the fitted data, seconds from the beginning of closing; a drift reaches its counts at this time.
+    `shift_s`: common delay of all boards relative to the simulator by the time alignment, in addition to a latency.
     """
-    pair, effect, values = state.pair, link.effect, link.values
+    pair, effect, values = state.pair, fitted_effect.effect, fitted_effect.values
     units = {parameter.name: parameter.unit for parameter in effect.parameters()}
     rows = dict(zip(units, values, strict=True))
     if effect.name == "noise":
-        units = dict.fromkeys(NOISE_PARTS, "counts")
-        rows = dict(zip(NOISE_PARTS, noise_parts(pair, link), strict=True))
+        units = dict.fromkeys(NOISE_COMPONENTS, "counts")
+        rows = dict(zip(NOISE_COMPONENTS, split_noise(pair, fitted_effect), strict=True))
     model: dict[str, Any] = {
         "form": effect.variant,
         "scope": effect.scope,
         "order": effect.order,
-        "until_s": float(pair.clock.since_start[-1]),
+        "until_s": float(pair.time_grid.time_since_start_s[-1]),
         "shift_s": state.shift_s,
-        "blocks": block_names(pair, effect.scope)[: values.shape[1]],
+        "blocks": list_block_names(pair, effect.scope)[: values.shape[1]],
         "parameters": {name: {"unit": unit, "values": rows[name].tolist()} for name, unit in units.items()},
     }
     if isinstance(effect, Dropout):
-        missing = effect.dropped.missing
-        model["missing"] = {"blocks": block_names(pair, BOARD)[: len(missing)], "values": missing.tolist()}
-        model["shorts"] = [[one.address, one.axis, one.index, one.share] for one in effect.dropped.shorts]
-        model["stuck"] = np.flatnonzero(effect.dropped.stuck).tolist()
+        missing = effect.defects.missing
+        model["missing"] = {"blocks": list_block_names(pair, BOARD)[: len(missing)], "values": missing.tolist()}
+        model["shorts"] = [[one.address, one.axis, one.index, one.share] for one in effect.defects.shorts]
+        model["stuck"] = np.flatnonzero(effect.defects.stuck).tolist()
     return model
 
 
-def block_names(pair: Pair, scope: str) -> list[int | str]:
-    """What the blocks of a scope are called: "hand", addresses of boards, names of objects, or indices of taxels."""
+def list_block_names(pair: Pair, scope: str) -> list[int | str]:
+    """List the names of the blocks of a scope: "hand", addresses of boards, names of objects, or indices of taxels."""
     if scope == HAND:
         return [HAND]
     if scope == BOARD:
@@ -61,19 +62,21 @@ def block_names(pair: Pair, scope: str) -> list[int | str]:
     return [*range(pair.n)]
 
 
-def noise_parts(pair: Pair, link: FittedEffect) -> FloatArray:
-    """The variance that noise adds, parted as the covariances of successive frames tell: deviations f64[4, G].
+def split_noise(pair: Pair, fitted_effect: FittedEffect) -> FloatArray:
+    """Split the variance that noise adds into its independent components: standard deviations f64[4, G], counts.
 
-    Taxels on a common line share what the line and what the board has; others of the board only the latter.
+    The rows are in the order of `NOISE_COMPONENTS`. The common parts follow from the covariances of the differences of
+    successive frames: taxels on a common line share the noise of the line and of the board, other taxels of a board
+    only that of the board.
     """
-    total = (link.values**2).sum(axis=0)
-    covariance = known_mean(pair.real.common, 0) - known_mean(pair.sim.common, 0)
-    on_tx, on_rx, apart = np.nan_to_num(covariance).tolist()
-    board = max(apart, 0.0)
+    total = (fitted_effect.values**2).sum(axis=0)
+    covariance = compute_known_mean(pair.real.common_covariance, 0) - compute_known_mean(pair.sim.common_covariance, 0)
+    on_tx, on_rx, on_board = np.nan_to_num(covariance).tolist()
+    board = max(on_board, 0.0)
     shared = np.array([max(on_tx - board, 0.0), max(on_rx - board, 0.0), board])
-    if shared.sum() < COMMON_LEAST * total.mean():
-        shared[:] = 0.0  # what pairs of taxels share by chance
-    whole = max(float(shared.sum()), 1e-300)
-    common = shared[:, None] * np.minimum(total / whole, 1.0)
+    if shared.sum() < MIN_COMMON_SHARE * total.mean():
+        shared[:] = 0.0  # covariances by chance
+    shared_sum = max(float(shared.sum()), 1e-300)
+    common = shared[:, None] * np.minimum(total / shared_sum, 1.0)
     white = np.maximum(total - common.sum(axis=0), 0.0)
     return np.asarray(np.sqrt(np.vstack([white, common])))

@@ -1,4 +1,4 @@
-"""Values at which a reported parameter changes nothing."""
+"""Neutral values of reported parameters: at its neutral value a parameter changes nothing."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Final
 
 from taxel.gap.fitting.composite import FittedEffect
 
-SHAPES: Final = frozenset(
+SHAPE_PARAMETERS: Final = frozenset(
     {"contact_propagation.spread_mm", "hysteresis.seconds", "proximity.range_mm", "pose_error.held_n_per_mm"}
 )
-"""Parameters that only give the shape of an effect: none of their values alone switches the effect off."""
+"""Parameters of the shape of an effect: no value of such a parameter alone switches the effect off."""
 
-DERIVED: Final[Mapping[str, float]] = {
+DERIVED_NEUTRAL_VALUES: Final[Mapping[str, float]] = {
     "gain_mismatch.log_std": 0.0,
     "gain_mismatch.scale": 1.0,
     "baseline_drift.counts": 0.0,
@@ -23,14 +23,14 @@ DERIVED: Final[Mapping[str, float]] = {
 """Neutral values of quantities that the report computes from the parameters of an effect."""
 
 
-def find_neutral(link: FittedEffect, label: str) -> float | None:
-    """The value of a parameter that changes nothing; None for one that only gives a shape.
+def find_neutral(fitted_effect: FittedEffect, label: str) -> float | None:
+    """Return the neutral value of a reported parameter, in its unit; None for a parameter of `SHAPE_PARAMETERS`.
 
-    label: name of the parameter, with or without "@" and its board or object.
+    label: name of the parameter, with or without "@" and the name of the block.
     """
     name = label.partition("@")[0]
-    key = f"{link.effect.name}.{name}"
-    if key in SHAPES:
+    key = f"{fitted_effect.effect.name}.{name}"
+    if key in SHAPE_PARAMETERS:
         return None
-    own = {parameter.name: parameter.neutral for parameter in link.effect.parameters()}
-    return own.get(name, DERIVED.get(key))
+    own = {parameter.name: parameter.neutral for parameter in fitted_effect.effect.parameters()}
+    return own.get(name, DERIVED_NEUTRAL_VALUES.get(key))

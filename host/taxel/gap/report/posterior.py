@@ -1,7 +1,8 @@
-"""What the presses leave open of the fitted values: draws from their posterior, linear about the fit.
+"""Samples from the posterior of the fitted values, linearised about the fit.
 
-A slide along a face, or a bracket that stands farther back, changes next to nothing that is recorded: fits without a
-session or a press all end where the prior draws them, and would seem to know.
+Some parameters hardly change the recorded features, such as the translation of an object along a flat face. All fits of
+a jackknife then end at the same value, which the prior determines, and the jackknife interval is too narrow. The
+posterior samples show the range that the data permit.
 """
 
 from __future__ import annotations
@@ -15,42 +16,54 @@ from scipy.linalg import cholesky, solve_triangular
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.noise import Noise
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.equations import system_of
-from taxel.gap.fitting.fit import free_links, moved, start_of
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.equations import build_normal_matrix
+from taxel.gap.fitting.fit import apply_step, find_free_indices, linearise
+from taxel.gap.fitting.fit_data import FitData
 
-SCATTERS: Final = (Noise.name, BaselineDrift.name)
-"""Effects that are variances: at zero such a one has no derivative, and how far it is known its sessions tell."""
+VARIANCE_EFFECTS: Final = (Noise.name, BaselineDrift.name)
+"""Effects with a standard deviation as parameter, which are not sampled: the linearisation fails at the value 0. Their
+intervals rest on the jackknife."""
 
-DRAWS: Final = 400
+SAMPLE_COUNT: Final = 400
+"""Number of samples from the posterior. Chosen: 95 % quantiles then rest on ten samples at each end."""
+
 SEED: Final = 20
-"""Of the draws: a report is the same each time."""
+"""Fixed seed of the samples, so that a report is reproducible."""
 
 JITTER: Final = 1e-9
-"""Relative, on the diagonal: nothing is known better."""
+"""Number added to the unit diagonal of the scaled normal equations, so that the Cholesky factorisation succeeds for a
+singular matrix."""
 
 
-def draws_of(judge: Judge, composite: CompositeModel, fixed: Sequence[str]) -> dict[str, list[FittedEffect]]:
-    """Links as they may be as well, by the names of the effects but those in `fixed`. chain: fitted.
+def sample_posterior(
+    fit_data: FitData, composite: CompositeModel, fixed: Sequence[str]
+) -> dict[str, list[FittedEffect]]:
+    """Sample the fitted effects from the linearised posterior: `SAMPLE_COUNT` samples of each effect, by name.
 
-    Sessions scatter and a good simulator errs by so much as the judge's weights say, each feature for itself; a value
-    of which nothing else is known lies somewhere within its bounds.
+    composite: fitted model. fixed: names of effects that are not sampled, in addition to `VARIANCE_EFFECTS`. The errors
+    of the features count as independent, with the inverse of the weights of `FitData` as variances. In addition to its
+    prior, each parameter has a weak normal prior from its bounds, with the width of the range as standard deviation.
+    Samples are cut at the bounds.
     """
-    fixed = (*fixed, *SCATTERS)
-    free = free_links(composite, fixed)
+    fixed = (*fixed, *VARIANCE_EFFECTS)
+    free = find_free_indices(composite, fixed)
     if not free:
         return {}
-    start = start_of(judge.state, composite, fixed)
-    system = system_of(judge.problem(), start.columns)
-    links = [composite.links[index] for index in free]
-    within = [
-        np.full(link.values.shape[1], (one.high - one.low) ** -2) for link in links for one in link.effect.parameters()
+    start = linearise(fit_data.state, composite, fixed)
+    system = build_normal_matrix(fit_data.build_problem(), start.columns)
+    fitted_effects = [composite.fitted_effects[index] for index in free]
+    bound_precisions = [
+        np.full(fitted_effect.values.shape[1], (one.high - one.low) ** -2)
+        for fitted_effect in fitted_effects
+        for one in fitted_effect.effect.parameters()
     ]
-    system[np.diag_indices_from(system)] += np.concatenate(within)
+    system[np.diag_indices_from(system)] += np.concatenate(bound_precisions)
     scale = np.sqrt(np.diag(system))
     scaled = system / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += JITTER
-    normal = np.random.default_rng(SEED).standard_normal((len(scaled), DRAWS))
+    normal = np.random.default_rng(SEED).standard_normal((len(scaled), SAMPLE_COUNT))
     steps = solve_triangular(cholesky(scaled, lower=False, check_finite=False), normal) / scale[:, None]
-    drawn = [moved(composite, free, step) for step in steps.T]
-    return {composite.links[index].effect.name: [one.links[index] for one in drawn] for index in free}
+    samples = [apply_step(composite, free, step) for step in steps.T]
+    return {
+        composite.fitted_effects[index].effect.name: [one.fitted_effects[index] for one in samples] for index in free
+    }

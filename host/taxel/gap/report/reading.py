@@ -1,4 +1,4 @@
-"""A report as others hand it over: the effects of its verdict, each with its numbers, all of it checked."""
+"""Checked reading of an untrusted report: the effects of its verdict with all parameter values."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.catalogue import DROPOUT
-from taxel.gap.effects.dropout import Dropout, Dropped, Short
+from taxel.gap.effects.dropout import Defects, Dropout, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
 from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.report.checked_report import CheckedReport
-from taxel.gap.report.model import NOISE_PARTS
+from taxel.gap.report.model import NOISE_COMPONENTS
 from taxel.gap.report.report_values import REMEDY, Interval, ReportValue
 from taxel.hand.errors import format_path, format_value
 from taxel.input_files import InputFileError, TextError, parse_json, read_regular_file
@@ -29,18 +29,30 @@ from taxel.types import FloatArray
 
 Block = int | str
 
-MOST_NOISE_COUNTS: Final = 65_535.0
-LONGEST_S: Final = 1e6
+MAX_NOISE_COUNTS: Final = 65_535.0
+"""Largest standard deviation of noise that a report may contain, counts: the largest count of 16 bits."""
+
+MAX_TIME_S: Final = 1e6
+"""Largest time that a report may contain, seconds. Chosen: about 12 days, far above the duration of any grasp."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReportedEffect:
-    """An effect of a verdict with the values f64[P, G] of `parameters` in `blocks`, whose names are as in the report.
+    """An effect of a verdict with its parameter values.
 
-    effect: its form in the catalogue. until_s, shift_s: see `taxel.gap.report.model`. missing: share of lost frames by
-    address of a board. stuck: indices of taxels whose count stands still. intervals: of 95 %, by the label that the
-    report gives a parameter, such as "spread_mm" or "seconds@32"; none below three sessions. content: the report's
-    words for all of this.
+    Attributes:
+        name: of the effect in the catalogue.
+        effect: form in the catalogue.
+        order: position in the order in which effects act; small values act first.
+        until_s, shift_s: seconds, see `taxel.gap.report.model.describe_model`.
+        blocks: names of the G blocks, as in the report.
+        parameters: names of the P parameters, as in the report.
+        values: f64[P, G], in the units of the parameters.
+        content: the field `model` of the report, with the name of the effect.
+        missing: share of lost frames by address of a board.
+        stuck: indices of taxels with a constant count.
+        intervals: 95 % intervals by label of the parameter, such as "spread_mm" or "seconds@32"; none below three
+            sessions.
     """
 
     name: str
@@ -59,18 +71,23 @@ class ReportedEffect:
 
 @dataclass(frozen=True, eq=False)
 class ReportedGap:
-    """What a report says that is of use for adding its effects to a simulation.
+    """Content of a report that is needed to add its effects to a simulation.
 
-    status: of the verdict. effects: in the order in which they act; none under no_gap and unknown. remainder: whether
-    there is an unknown cause besides. sensor, tx, rx: of the n taxels. sim_sha256: of the simulation it was made from.
-    real: the recording of the hand, if it is told.
+    Attributes:
+        path, sha256: of the file of the report.
+        status: of the verdict.
+        effects: effects of the verdict in the order in which they act; empty for the status no_gap or unknown.
+        has_unknown_cause: whether the verdict names an unknown cause in addition to effects.
+        sensor, tx, rx: address of the board, TX line and RX line of each taxel, [n].
+        sim_sha256: SHA-256 of the simulated dataset of the diagnosis.
+        real: path of the real dataset, or None if the report does not contain it.
     """
 
     path: Path
     sha256: str
     status: str
     effects: tuple[ReportedEffect, ...]
-    remainder: bool
+    has_unknown_cause: bool
     sensor: NDArray[np.intp]
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
@@ -79,24 +96,30 @@ class ReportedGap:
 
 
 def read_report(path: str | PathLike[str]) -> ReportedGap:
-    """Read and check a report. Raises GapInputError of one line; OSError for a file that cannot be read."""
-    place = Path(path)
-    content = _read_bytes(place)
+    """Read and check a report.
+
+    Raises GapInputError (one line that names file and field) for a wrong content, OSError for a file that cannot be
+    read.
+    """
+    report_path = Path(path)
+    content = _read_bytes(report_path)
     try:
-        return _reported(place, _parsed(place, content), hashlib.sha256(content).hexdigest())
+        return _build_reported_gap(
+            report_path, _parse_report(report_path, content), hashlib.sha256(content).hexdigest()
+        )
     except GapInputError as error:
-        where = error.where.replace("report: ", f"{format_path(place)}: ", 1)
+        where = error.where.replace("report: ", f"{format_path(report_path)}: ", 1)
         raise GapInputError(where, error.expected, error.found, error.remedy) from None
 
 
 def read_report_values(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the JSON object of a report, without a check of its entries. Raises GapInputError of one line; OSError."""
-    place = Path(path)
-    return _parsed(place, _read_bytes(place))
+    """Return the JSON object of a report without a check of its entries. Raises GapInputError of one line, OSError."""
+    report_path = Path(path)
+    return _parse_report(report_path, _read_bytes(report_path))
 
 
 def _read_bytes(path: Path) -> bytes:
-    """Content of a report. Raises GapInputError for a path that is no regular file of a permitted size, OSError."""
+    """Read the bytes of a report. Raises GapInputError for a path that is no regular file or too large, OSError."""
     if not path.exists() or path.is_dir():
         _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "no file")
     try:
@@ -111,7 +134,7 @@ def _fail(path: Path, expected: str, found: str) -> NoReturn:
     raise GapInputError(format_path(path), expected, found, REMEDY)
 
 
-def _parsed(path: Path, content: bytes) -> dict[str, Any]:
+def _parse_report(path: Path, content: bytes) -> dict[str, Any]:
     """Parse the JSON text of a report. Raises GapInputError."""
     try:
         found = parse_json(content)
@@ -125,7 +148,8 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
     return found if isinstance(found, dict) else _fail(path, "a report in JSON", format_value(found))
 
 
-def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
+def _build_reported_gap(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
+    """Check the fields of a report. digest: SHA-256 of the file. Raises GapInputError."""
     report = CheckedReport(content)
     taxels = report.taxels
     if taxels is None:
@@ -157,66 +181,74 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     )
 
 
-def reported_effect(link: FittedEffect, model: Mapping[str, Any]) -> ReportedEffect:
-    """A fitted effect as a report would state it. model: `taxel.gap.report.model.model_of` of the effect."""
+def convert_fitted_effect(fitted_effect: FittedEffect, model: Mapping[str, Any]) -> ReportedEffect:
+    """Convert a fitted effect into an effect of a report, without a file.
+
+    model: field `model` of the effect, see `taxel.gap.report.model.describe_model`.
+    """
     missing = model.get("missing", {"blocks": (), "values": ()})
     parameters = model["parameters"]
     return ReportedEffect(
-        name=link.effect.name,
-        effect=link.effect,
+        name=fitted_effect.effect.name,
+        effect=fitted_effect.effect,
         order=model["order"],
         until_s=model["until_s"],
         shift_s=model["shift_s"],
         blocks=tuple(model["blocks"]),
         parameters=tuple(parameters),
         values=np.array([one["values"] for one in parameters.values()], np.float64).reshape(len(parameters), -1),
-        content={**model, "name": link.effect.name},
+        content={**model, "name": fitted_effect.effect.name},
         missing=dict(zip(missing["blocks"], missing["values"], strict=True)),
         stuck=tuple(model.get("stuck", ())),
     )
 
 
 def read_effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
-    """Read an effect from its entry in `effects`, with its field `model`. Raises GapInputError."""
+    """Read an effect from its entry in `effects`, with its field `model`.
+
+    taxels: number of taxels of the report. Raises GapInputError.
+    """
     model = entry.field("model")
     form, scope = model.text("form"), model.text("scope")
-    blocks = _blocks(model, scope, taxels)
+    blocks = _read_blocks(model, scope, taxels)
     missing: dict[int, float] = {}
     stuck: tuple[int, ...] = ()
     if name == DROPOUT:
-        shorts = tuple(_short(one) for one in model.optional_list("shorts"))
-        effect: Effect = Dropout(Dropped(np.zeros(0, bool), (), np.zeros(0), shorts=shorts))
-        missing, stuck = _missing(model.field("missing")), tuple(model.integers("stuck", 0, taxels - 1))
+        shorts = tuple(_read_short(one) for one in model.optional_list("shorts"))
+        effect: Effect = Dropout(Defects(np.zeros(0, bool), (), np.zeros(0), shorts=shorts))
+        missing, stuck = _read_missing_shares(model.field("missing")), tuple(model.integers("stuck", 0, taxels - 1))
     else:
-        effect = _form(name, form, scope, model)
+        effect = _find_form(name, form, scope, model)
     if scope != effect.scope:
         model.field("scope").reject(effect.scope)
     parameters = effect.parameters()
     if name == "noise":
-        parameters = tuple(Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS)
+        parameters = tuple(Parameter(part, "counts", 0.0, MAX_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_COMPONENTS)
     return ReportedEffect(
         name,
         effect,
         model.field("order").as_integer(0, 1000),
-        _between(model.field("until_s"), 1e-6, LONGEST_S),
-        _between(model.field("shift_s"), -LONGEST_S, LONGEST_S),
+        _read_number(model.field("until_s"), 1e-6, MAX_TIME_S),
+        _read_number(model.field("shift_s"), -MAX_TIME_S, MAX_TIME_S),
         blocks,
         tuple(parameter.name for parameter in parameters),
-        _values(model.field("parameters"), parameters, len(blocks)),
+        _read_values(model.field("parameters"), parameters, len(blocks)),
         {**model.table(), "name": name},
         missing,
         stuck,
-        _intervals(entry.optional("parameters")),
+        _read_intervals(entry.optional("parameters")),
     )
 
 
-def _intervals(parameters: ReportValue | None) -> dict[str, Interval]:
+def _read_intervals(parameters: ReportValue | None) -> dict[str, Interval]:
+    """Read the 95 % intervals by label; parameters without an interval are omitted."""
     entries = parameters.entries() if parameters else ()
     found = {label: one.optional_interval("ci95") for label, one in entries}
     return {label: bounds for label, bounds in found.items() if bounds is not None}
 
 
-def _form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
+def _find_form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
+    """Find the form of an effect in the catalogue. Raises GapInputError for an unknown form."""
     forms = catalogue.all_effects()[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
     if found is None:
@@ -228,7 +260,8 @@ def _form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
     return found
 
 
-def _blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
+def _read_blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
+    """Read the names of the blocks of a scope. taxels: number of taxels. Raises GapInputError."""
     found = model.field("blocks")
     items = found.items()
     if scope == HAND and [item.content for item in items] == [HAND]:
@@ -248,7 +281,8 @@ def _blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _values(found: ReportValue, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
+def _read_values(found: ReportValue, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
+    """Read the values f64[P, G] of all parameters; each must have the unit and the range of the form."""
     wanted = [parameter.name for parameter in parameters]
     if sorted(found.table()) != sorted(wanted):
         found.reject(f"{', '.join(wanted)} and nothing else")
@@ -260,27 +294,30 @@ def _values(found: ReportValue, parameters: tuple[Parameter, ...], blocks: int) 
         items = own.field("values").items()
         if len(items) != blocks:
             raise GapInputError(f"report: {own.path}.values", f"{blocks} numbers", str(len(items)), REMEDY)
-        rows.append([_between(item, parameter.low, parameter.high) for item in items])
+        rows.append([_read_number(item, parameter.low, parameter.high) for item in items])
     return np.array(rows, dtype=np.float64).reshape(len(parameters), blocks)
 
 
-def _missing(found: ReportValue) -> dict[int, float]:
-    boards = _blocks(found, BOARD, 0)
-    shares = [_between(item, 0.0, 1.0) for item in found.field("values").items()]
+def _read_missing_shares(found: ReportValue) -> dict[int, float]:
+    """Read the share of lost frames by board address."""
+    boards = _read_blocks(found, BOARD, 0)
+    shares = [_read_number(item, 0.0, 1.0) for item in found.field("values").items()]
     if len(shares) != len(boards):
         raise GapInputError(f"report: {found.path}.values", f"{len(boards)} numbers", str(len(shares)), REMEDY)
     return {int(board): share for board, share in zip(boards, shares, strict=True)}
 
 
-def _short(found: ReportValue) -> Short:
-    parts = found.items()
-    if len(parts) != 4 or parts[1].content not in ("tx", "rx"):
+def _read_short(found: ReportValue) -> Short:
+    """Read two connected lines: address, axis, index of the first line, and share of the summed signal."""
+    items = found.items()
+    if len(items) != 4 or items[1].content not in ("tx", "rx"):
         found.reject('an address, "tx" or "rx", an index and a share')
-    share = _between(parts[3], 0.0, 2.0)
-    return Short(parts[0].as_integer(0, 255), parts[1].as_text(), parts[2].as_integer(0, 255), share)
+    share = _read_number(items[3], 0.0, 2.0)
+    return Short(items[0].as_integer(0, 255), items[1].as_text(), items[2].as_integer(0, 255), share)
 
 
-def _between(found: ReportValue, low: float, high: float) -> float:
+def _read_number(found: ReportValue, low: float, high: float) -> float:
+    """Read a number from `low` to `high`. Raises GapInputError."""
     number = found.as_number()
     if not low <= number <= high:
         found.reject(f"a number from {low:g} to {high:g}")

@@ -11,8 +11,10 @@ from taxel.gap.errors import GapInputError
 from taxel.hand.errors import format_value
 
 Interval = tuple[float, float]
+"""Lower and upper bound of a 95 % interval."""
 
 REMEDY = "make the report again with taxel gap diagnose"
+"""Last part of the message of every error about the content of a report."""
 
 
 @dataclass(frozen=True)
@@ -33,30 +35,30 @@ class ReportValue:
     # --- the value itself
 
     def table(self) -> dict[str, object]:
-        """Keys and contents of a table."""
+        """Return keys and contents of a table."""
         if not isinstance(self.content, dict):
             self.reject("a table")
         return self.content
 
     def items(self) -> list[ReportValue]:
-        """The elements of a list."""
+        """Return the elements of a list."""
         if not isinstance(self.content, list):
             self.reject("a list")
         return [ReportValue(item, f"{self.path}[{index}]") for index, item in enumerate(self.content)]
 
     def entries(self) -> Iterator[tuple[str, ReportValue]]:
-        """The keys of a table and their values."""
+        """Iterate over the keys of a table and their values."""
         for key, content in self.table().items():
             yield key, ReportValue(content, _join_path(self.path, key))
 
     def as_text(self) -> str:
-        """The value as a string."""
+        """Return the value as a string."""
         if not isinstance(self.content, str):
             self.reject("a string")
         return self.content
 
     def as_number(self) -> float:
-        """The value as a finite number."""
+        """Return the value as a finite number."""
         content = self.content
         if isinstance(content, bool) or not isinstance(content, int | float):
             self.reject("a number")
@@ -66,7 +68,7 @@ class ReportValue:
         return float(content)
 
     def as_integer(self, low: int, high: int) -> int:
-        """The value as an integer from `low` to `high`."""
+        """Return the value as an integer from `low` to `high`."""
         content = self.content
         if isinstance(content, bool) or not isinstance(content, int) or not low <= content <= high:
             self.reject(f"an integer from {low} to {high}")
@@ -75,37 +77,37 @@ class ReportValue:
     # --- fields of a table
 
     def field(self, key: str) -> ReportValue:
-        """A required field, which may be null."""
+        """Return a required field, which may be null."""
         table = self.table()
         if key not in table:
             raise GapInputError(f"report: {_join_path(self.path, key)}", "a field of that name", "none", REMEDY)
         return ReportValue(table[key], _join_path(self.path, key))
 
     def optional(self, key: str) -> ReportValue | None:
-        """An optional field."""
+        """Return an optional field."""
         content = self.table().get(key)
         return None if content is None else ReportValue(content, _join_path(self.path, key))
 
     def text(self, key: str) -> str:
-        """A required string."""
+        """Return a required string."""
         return self.field(key).as_text()
 
     def optional_text(self, key: str) -> str:
-        """An optional string; empty if absent."""
+        """Return an optional string; empty if absent."""
         value = self.optional(key)
         return "" if value is None else value.as_text()
 
     def number(self, key: str) -> float:
-        """A required finite number."""
+        """Return a required finite number."""
         return self.field(key).as_number()
 
     def optional_number(self, key: str) -> float | None:
-        """An optional finite number."""
+        """Return an optional finite number."""
         value = self.optional(key)
         return None if value is None else value.as_number()
 
     def optional_interval(self, key: str) -> Interval | None:
-        """The two bounds of an optional interval."""
+        """Return the two bounds of an optional interval, the smaller first."""
         value = self.optional(key)
         if value is None:
             return None
@@ -115,7 +117,7 @@ class ReportValue:
         return bounds[0], bounds[1]
 
     def flag(self, key: str) -> bool:
-        """An optional truth value; false if absent."""
+        """Return an optional truth value; false if absent."""
         value = self.optional(key)
         if value is None:
             return False
@@ -124,27 +126,27 @@ class ReportValue:
         return value.content
 
     def choice(self, key: str, allowed: Sequence[str]) -> str:
-        """A required string that is one of `allowed`."""
+        """Return a required string that is one of `allowed`."""
         value = self.field(key)
         if value.content not in allowed:
             value.reject(f"one of {', '.join(allowed)}")
         return value.as_text()
 
     def optional_list(self, key: str) -> list[ReportValue]:
-        """The elements of an optional list; none if absent."""
+        """Return the elements of an optional list; an empty list if absent."""
         value = self.optional(key)
         return [] if value is None else value.items()
 
     def texts(self, key: str) -> list[str]:
-        """An optional list of strings; empty if absent."""
+        """Return an optional list of strings; empty if absent."""
         return [item.as_text() for item in self.optional_list(key)]
 
     def integers(self, key: str, low: int, high: int) -> list[int]:
-        """A required list of integers from `low` to `high`."""
+        """Return a required list of integers from `low` to `high`."""
         return [item.as_integer(low, high) for item in self.field(key).items()]
 
     def numbers(self, key: str, count: int) -> list[float]:
-        """A required list of `count` numbers; null becomes NaN (no data)."""
+        """Return a required list of `count` numbers; null becomes NaN (no data)."""
         value = self.field(key)
         items = value.items()
         if len(items) != count:
@@ -153,5 +155,6 @@ class ReportValue:
 
 
 def _join_path(path: str, key: str) -> str:
+    """Append a key to the path of a value; an unusual or long key is quoted."""
     name = key if key.isidentifier() and len(key) <= 60 else format_value(key)
     return f"{path}.{name}" if path else name

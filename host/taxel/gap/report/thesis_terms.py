@@ -1,10 +1,10 @@
-"""The gap in the terms of the thesis that this project began with: how each treatment of its section 5.6.2 moves it.
+"""The gap in the terms of the thesis of this skin: the distance of the contact clouds after each treatment of 5.6.2.
 
-The thesis filters clouds by force and by statistical outlier removal (SOR), and activates the neighbours of the
-simulator's active taxels; its tables I-10 to I-12 give the distance after each. There only the hand's clouds lose
-points. Here the simulator tells counts too, and both are filtered: a filter on one side makes a gap of its own.
-Contact propagation is fitted. Distances are those of `cloud_gap`: each cell and session on its own, in the world,
-without registration.
+The thesis filters clouds by force and by statistical outlier removal (SOR), and activates the neighbours of the active
+taxels of the simulator; its tables I-10 to I-12 contain the distance after each treatment. The thesis filters only the
+clouds of the hand. Here the simulator provides counts, and the clouds of both sides are filtered: a filter on one side
+alone would produce a gap. Contact propagation is fitted. Distances are those of `cloud_gap`: for each condition and
+session, in world coordinates, without registration.
 """
 
 from __future__ import annotations
@@ -22,194 +22,247 @@ from taxel.cloud.treatment import FORCE_FILTER_COUNTS, OutlierFilter, get_outlie
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.data.pair import Pair
 from taxel.gap.effects import catalogue
-from taxel.gap.features.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
-from taxel.gap.features.features import known_mean
-from taxel.gap.features.metric import terms, total
+from taxel.gap.features.cloud_gap import MIN_PROBABILITY, THRESHOLD_WIDTH_COUNTS, compute_chamfer_mm
+from taxel.gap.features.features import compute_known_mean
+from taxel.gap.features.metric import compute_terms, sum_terms
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.fit import started
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit import start_effect
+from taxel.gap.fitting.fit_data import FitData
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.types import BoolArray, FloatArray
 
-GRASPS: Final = 10.0
-"""Points that a taxel leaves in the cloud of all grasps of an object if it is always active: the thesis made ten
-grasps of nearly every approach (Table 5.1). So the number of repeats at hand does not matter."""
+GRASPS_PER_APPROACH: Final = 10.0
+"""Points of a taxel that is always active in the cloud of all grasps of an object, for each approach. The thesis made
+ten grasps of nearly every approach (Table 5.1). With this constant the result does not depend on the number of
+recorded repeats."""
 
-NEAR: Final = 32
-"""Places that are looked at first for a point's neighbours."""
+INITIAL_NEIGHBOURS: Final = 32
+"""Number of nearest positions in the first search for neighbours; the search is repeated with four times as many for
+positions whose neighbours have too few points. Affects the run time only."""
 
-SAME_M: Final = 1e-9
-"""Distances that differ by less are equal."""
+DISTANCE_TOLERANCE_M: Final = 1e-9
+"""Mean distances that differ by less count as equal, metres, so that a regular grid has no outlier."""
 
-NAME: Final = "contact_propagation"
+PROPAGATION: Final = "contact_propagation"
+"""Name of the effect of the last step."""
 
 
-def thesis_terms(judge: Judge, alone: Mapping[str, tuple[CompositeModel, FloatArray]]) -> list[dict[str, Any]]:
-    """The report's `thesis_terms`; alone: fits of single effects.
+def build_thesis_terms(
+    fit_data: FitData, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
+) -> list[dict[str, Any]]:
+    """Build the field `thesis_terms` of the report: one entry for each treatment, in the order of application.
 
-    The steps: as they are, then the force filter, SOR and contact propagation, each added.
-
-    step: words. gap: counts; None where a treatment changes no count. mm: as in `gap.mm`, with the filters on both
-    clouds; mm_hand_only: with the filters on the hand's alone. Both None where nothing is known or a step was skipped.
-    points: active taxels that are expected when every cell is grasped once. note: what was done.
+    The steps are: unfiltered, with the force filter, with SOR in addition, with contact propagation in addition.
+    Fields: `step`, the name; `gap`, counts, None for a treatment that changes no count; `mm`, distance as in `gap.mm`
+    with the filters on both clouds, millimetres; `mm_hand_only`, with the filters on the clouds of the hand only (both
+    None without data, or for a skipped step); `points`, expected number of active taxels if every condition is grasped
+    once; `note`, settings of the treatment. alone: fits of single effects by name, with features f64[C, F, n].
     """
-    pair, real, layout, before = judge.state.pair, judge.sessions, judge.layout, judge.state.mean
-    hold = int(pair.clock.bins_of(Phase.HOLD)[0])
-    clouds = Clouds(pair, real.value[:, :, hold])
-    plain, hand = clouds.active(ACTIVE_SIGNAL_COUNTS), clouds.active(FORCE_FILTER_COUNTS)
-    sim, firm = activity(before[:, hold], ACTIVE_SIGNAL_COUNTS), activity(before[:, hold], FORCE_FILTER_COUNTS)
-    clean, firm_clean = clouds.without_outliers(hand), clouds.without_outliers(firm)
+    pair, real, layout, before = fit_data.state.pair, fit_data.sessions, fit_data.layout, fit_data.state.mean
+    hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
+    clouds = HandClouds(pair, real.value[:, :, hold])
+    active, forceful = clouds.compute_activity(ACTIVE_SIGNAL_COUNTS), clouds.compute_activity(FORCE_FILTER_COUNTS)
+    sim, sim_forceful = (
+        compute_activity(before[:, hold], ACTIVE_SIGNAL_COUNTS),
+        compute_activity(before[:, hold], FORCE_FILTER_COUNTS),
+    )
+    filtered, sim_filtered = clouds.remove_outliers(forceful), clouds.remove_outliers(sim_forceful)
     steps = [
-        clouds.entry("unfiltered", plain, sim, sim, f"active above a signal of {ACTIVE_SIGNAL_COUNTS:g} counts"),
-        clouds.entry("force filter", hand, firm, sim, f"signal of {FORCE_FILTER_COUNTS:g} counts{_newtons(pair)}"),
-        clouds.entry("+ SOR", clean, firm_clean, sim, _rules(pair)),
+        clouds.build_entry("unfiltered", active, sim, sim, f"active above a signal of {ACTIVE_SIGNAL_COUNTS:g} counts"),
+        clouds.build_entry(
+            "force filter",
+            forceful,
+            sim_forceful,
+            sim,
+            f"signal of {FORCE_FILTER_COUNTS:g} counts{_describe_force_filter(pair)}",
+        ),
+        clouds.build_entry("+ SOR", filtered, sim_filtered, sim, _describe_outlier_filters(pair)),
     ]
-    steps[0]["gap"] = float(np.sqrt(total(terms(real, before, layout).gap2)))
-    found = _propagation(judge, alone)
+    steps[0]["gap"] = float(np.sqrt(sum_terms(compute_terms(real, before, layout).gap2)))
+    found = _fit_propagation(fit_data, alone)
     if isinstance(found, str):
         skipped = {"step": f"contact propagation: not added, {found}", "gap": None, "mm": None, "mm_hand_only": None}
         return [*steps, {**skipped, "points": steps[-1]["points"], "note": found}]
-    link, after = found
-    sim, firm = activity(after[:, hold], ACTIVE_SIGNAL_COUNTS), activity(after[:, hold], FORCE_FILTER_COUNTS)
-    last = clouds.entry("+ contact propagation", clean, clouds.without_outliers(firm), sim, _values(link))
-    last["gap"] = float(np.sqrt(total(terms(real, after, layout).gap2)))
+    fitted_effect, after = found
+    sim, sim_forceful = (
+        compute_activity(after[:, hold], ACTIVE_SIGNAL_COUNTS),
+        compute_activity(after[:, hold], FORCE_FILTER_COUNTS),
+    )
+    last = clouds.build_entry(
+        "+ contact propagation",
+        filtered,
+        clouds.remove_outliers(sim_forceful),
+        sim,
+        _describe_propagation(fitted_effect),
+    )
+    last["gap"] = float(np.sqrt(sum_terms(compute_terms(real, after, layout).gap2)))
     return [*steps, last]
 
 
-def activity(signal_counts: FloatArray, threshold: float) -> FloatArray:
-    """Probability that a repeat's drop lies above a threshold, of the drop's shape; 0 where it is unknown."""
-    return np.where(np.isfinite(signal_counts), ndtr((signal_counts - threshold) / SOFT_COUNTS), 0.0)
+def compute_activity(signal_counts: FloatArray, threshold: float) -> FloatArray:
+    """Compute the probability that a taxel is active in a repeat, in the shape of the signal; 0 for an unknown signal.
+
+    signal_counts, threshold: counts. The probability is the normal distribution function of (signal - threshold) /
+    `THRESHOLD_WIDTH_COUNTS`.
+    """
+    return np.where(np.isfinite(signal_counts), ndtr((signal_counts - threshold) / THRESHOLD_WIDTH_COUNTS), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Clouds:
-    """The hand's clouds, and what is done to clouds. drop: f64[C, S, n], of the hand in hold."""
+class HandClouds:
+    """Clouds of the hand as probabilities of activity, their treatments, and their distances to other clouds.
+
+    signal_counts: signal of the hand in hold, counts, f64[C, S, n].
+    """
 
     pair: Pair
     signal_counts: FloatArray
 
-    def active(self, threshold: float) -> FloatArray:
-        """The hand's probabilities, f64[C, S, n]."""
-        return activity(self.signal_counts, threshold)
+    def compute_activity(self, threshold: float) -> FloatArray:
+        """Compute the probability of activity of each taxel of the hand, f64[C, S, n]. threshold: counts."""
+        return compute_activity(self.signal_counts, threshold)
 
     @cached_property
-    def made(self) -> BoolArray:
-        """Sessions that tell something of a cell, bool[C, S]."""
+    def has_data(self) -> BoolArray:
+        """Whether a session contains data of a condition, bool[C, S]."""
         return np.asarray(np.isfinite(self.signal_counts).any(axis=2))
 
     @cached_property
-    def places(self) -> FloatArray:
-        """Taxels as the grasped object sees them, f64[C, n, 3]: distances are those in the world."""
+    def positions(self) -> FloatArray:
+        """Positions of the taxels in the frame of the grasped object, metres, f64[C, n, 3]."""
         pose = self.pair.sensor_poses[:, self.pair.groups.sensor]
         world = np.einsum("cnij,nj->cni", pose[..., :3, :3], self.pair.taxels.position) + pose[..., :3, 3]
         own = self.pair.object_poses
         return np.asarray(np.einsum("cji,cnj->cni", own[:, :3, :3], world - own[:, None, :3, 3]))
 
-    def mean(self, cloud: FloatArray) -> FloatArray:
-        """Over the sessions that made a cell, f64[C, n]. cloud: f64[C, S, n], or f64[C, n] of the simulator."""
+    def average_sessions(self, cloud: FloatArray) -> FloatArray:
+        """Compute the mean over the sessions with data of a condition, f64[C, n].
+
+        cloud: f64[C, S, n]; a cloud f64[C, n] of the simulator is returned unchanged.
+        """
         if cloud.ndim == 2:
             return cloud
-        return np.nan_to_num(known_mean(np.where(self.made[..., None], cloud, np.nan), 1))
+        return np.nan_to_num(compute_known_mean(np.where(self.has_data[..., None], cloud, np.nan), 1))
 
-    def without_outliers(self, cloud: FloatArray) -> FloatArray:
-        """A cloud less the outliers of each object's cloud of all grasps; of the same shape."""
-        mean = self.mean(cloud)
+    def remove_outliers(self, cloud: FloatArray) -> FloatArray:
+        """Set the probability of outliers to 0. cloud: f64[C, S, n] or f64[C, n]; returns the same shape.
+
+        Outliers refer to the cloud of all grasps of an object.
+        """
+        mean = self.average_sessions(cloud)
         outlier = np.zeros(mean.shape, bool)
         names = np.array([item for item, _ in self.pair.conditions])
         for name in dict.fromkeys(names.tolist()):
             own = names == name
-            found = outliers(self.places[own].reshape(-1, 3), mean[own].ravel(), get_outlier_filter(name))
+            found = find_outliers(self.positions[own].reshape(-1, 3), mean[own].ravel(), get_outlier_filter(name))
             outlier[own] = found.reshape(-1, mean.shape[1])
         return np.where(outlier[:, None] if cloud.ndim == 3 else outlier, 0.0, cloud)
 
-    def distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
-        """Mean over cells, then sessions; None if no session tells anything. real: f64[C, S, n], sim: f64[C, n]."""
-        apart = np.full(self.made.shape, np.nan)
-        for condition, session in np.argwhere(self.made):
-            apart[condition, session] = chamfer_mm(self.places[condition], real[condition, session], sim[condition])
-        whole = float(known_mean(known_mean(apart, 0), 0))
+    def compute_distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
+        """Compute the mean distance over conditions, then over sessions, millimetres; None without data.
+
+        real: f64[C, S, n], sim: f64[C, n], probabilities of activity.
+        """
+        apart = np.full(self.has_data.shape, np.nan)
+        for condition, session in np.argwhere(self.has_data):
+            apart[condition, session] = compute_chamfer_mm(
+                self.positions[condition], real[condition, session], sim[condition]
+            )
+        whole = float(compute_known_mean(compute_known_mean(apart, 0), 0))
         return whole if np.isfinite(whole) else None
 
-    def entry(self, step: str, real: FloatArray, sim: FloatArray, unfiltered: FloatArray, note: str) -> dict[str, Any]:
-        """One step. real: f64[C, S, n]; sim, unfiltered: of the simulator with filters and without, f64[C, n]."""
-        mm = self.distance_mm(real, sim)
+    def build_entry(
+        self, step: str, real: FloatArray, sim: FloatArray, unfiltered: FloatArray, note: str
+    ) -> dict[str, Any]:
+        """Build the entry of a step, without `gap`.
+
+        real: cloud of the hand, f64[C, S, n]. sim, unfiltered: clouds of the simulator with and without the filters,
+        f64[C, n].
+        """
+        mm = self.compute_distance_mm(real, sim)
         return {
             "step": step,
             "gap": None,
             "mm": mm,
-            "mm_hand_only": mm if unfiltered is sim else self.distance_mm(real, unfiltered),
-            "points": {"real": float(self.mean(real).sum()), "sim": float(sim.sum())},
+            "mm_hand_only": mm if unfiltered is sim else self.compute_distance_mm(real, unfiltered),
+            "points": {"real": float(self.average_sessions(real).sum()), "sim": float(sim.sum())},
             "note": note,
         }
 
 
-def outliers(places: FloatArray, probability: FloatArray, rule: OutlierFilter) -> BoolArray:
-    """Which points are statistical outliers (Rusu et al. 2008), bool[m].
+def find_outliers(positions: FloatArray, probability: FloatArray, rule: OutlierFilter) -> BoolArray:
+    """Find statistical outliers (Rusu et al. 2008), bool[m].
 
-    A point whose mean distance to its nearest neighbours lies more than some standard deviations above the cloud's mean
-    of that; it counts as one of its neighbours, see `taxel.cloud.filters`. Points with fewer neighbours than asked for
-    are none. places: f64[m, 3], metres, of taxels in all approaches of an object. probability: f64[m], of being active;
-    a place holds `GRASPS` times as many points.
+    A point is an outlier if its mean distance to its nearest neighbours exceeds the mean over the cloud by more than
+    `rule.deviations` standard deviations. The point itself is one of its neighbours, as in `taxel.cloud.filters`. A
+    point with fewer than `rule.neighbours` neighbours is not an outlier.
+    positions: f64[m, 3], metres, of the taxels in all approaches of an object. probability: f64[m], of activity; a
+    position has `GRASPS_PER_APPROACH` times this number of points.
     """
-    result = np.zeros(len(places), bool)
-    there = np.flatnonzero(probability > LIKELY)
-    if len(there) < 2:
+    result = np.zeros(len(positions), bool)
+    active = np.flatnonzero(probability > MIN_PROBABILITY)
+    if len(active) < 2:
         return result
-    points = GRASPS * probability[there]
+    points = GRASPS_PER_APPROACH * probability[active]
     wanted = rule.neighbours if rule.neighbours is not None else 0.25 * float(points.sum())
-    mean = _mean_distance(places[there], points, max(wanted - 1.0, 1.0))
+    mean = _compute_mean_distance(positions[active], points, max(wanted - 1.0, 1.0))
     known = np.isfinite(mean)
     if not known.any():
         return result
-    middle = float(np.average(mean[known], weights=points[known]))
-    deviation = float(np.sqrt(np.average((mean[known] - middle) ** 2, weights=points[known])))
-    result[there[known & (mean > middle + rule.deviations * deviation + SAME_M)]] = True
+    cloud_mean = float(np.average(mean[known], weights=points[known]))
+    deviation = float(np.sqrt(np.average((mean[known] - cloud_mean) ** 2, weights=points[known])))
+    result[active[known & (mean > cloud_mean + rule.deviations * deviation + DISTANCE_TOLERANCE_M)]] = True
     return result
 
 
-def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> FloatArray:
-    """Mean distance of each place's points to their `wanted` nearest others, f64[m]; NaN where there are fewer."""
-    tree, number = cKDTree(places), len(places)
+def _compute_mean_distance(positions: FloatArray, points: FloatArray, wanted: float) -> FloatArray:
+    """Compute the mean distance of each position to its `wanted` nearest other points, f64[m]; NaN with fewer points.
+
+    points: f64[m], number of points at each position, not necessarily an integer.
+    """
+    tree, number = cKDTree(positions), len(positions)
     result = np.full(number, np.nan)
-    rows, near = np.arange(number), min(NEAR, number)
+    rows, near = np.arange(number), min(INITIAL_NEIGHBOURS, number)
     while len(rows):
-        short = []
+        remaining = []
         for part in np.array_split(rows, max(1, len(rows) * near // 1_000_000)):
-            apart, index = (np.reshape(found, (len(part), near)) for found in tree.query(places[part], near))
-            # A place's own points are each other's neighbours; one is not its own.
+            distance, index = (np.reshape(found, (len(part), near)) for found in tree.query(positions[part], near))
+            # The points at one position are neighbours of each other, but no point is its own neighbour here.
             others = np.where(index == part[:, None], np.maximum(points[index] - 1.0, 0.0), points[index])
             taken = np.diff(np.minimum(np.cumsum(others, axis=1), wanted), axis=1, prepend=0.0)
-            full = taken.sum(axis=1) >= wanted * (1.0 - 1e-9)
-            result[part[full]] = (taken * apart)[full].sum(axis=1) / wanted
-            short.append(part[~full])
+            is_complete = taken.sum(axis=1) >= wanted * (1.0 - 1e-9)
+            result[part[is_complete]] = (taken * distance)[is_complete].sum(axis=1) / wanted
+            remaining.append(part[~is_complete])
         if near == number:
             break
-        rows, near = np.concatenate(short), min(4 * near, number)
+        rows, near = np.concatenate(remaining), min(4 * near, number)
     return result
 
 
-def _propagation(
-    judge: Judge, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
+def _fit_propagation(
+    fit_data: FitData, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
 ) -> tuple[FittedEffect, FloatArray] | str:
-    """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
-    state = judge.state
-    reasons = [form.unavailable(state) for form in catalogue.all_effects()[NAME]]
+    """Fit contact propagation alone; return the effect and the features f64[C, F, n], or the reason for no fit."""
+    state = fit_data.state
+    reasons = [form.find_unavailable_reason(state) for form in catalogue.all_effects()[PROPAGATION]]
     if all(reasons):
         return reasons[0]
-    if NAME in alone:
-        composite = alone[NAME][0]
-        return composite.links[0], composite.features(state)
-    forms = catalogue.all_effects()[NAME]
+    if PROPAGATION in alone:
+        composite = alone[PROPAGATION][0]
+        return composite.fitted_effects[0], composite.predict_features(state)
+    forms = catalogue.all_effects()[PROPAGATION]
     fits = [
-        judge.in_sample(CompositeModel((started(state, form),)), iterations=DEFAULT_SETTINGS.coarse_iterations)
+        fit_data.fit_in_sample(
+            CompositeModel((start_effect(state, form),)), iterations=DEFAULT_SETTINGS.coarse_iterations
+        )
         for form in forms
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    return best.composite.links[0], best.features
+    return best.composite.fitted_effects[0], best.features
 
 
-def _newtons(pair: Pair) -> str:
-    """The force filter in newtons, by the simulator's sensor model."""
+def _describe_force_filter(pair: Pair) -> str:
+    """Describe the threshold of the force filter in newtons, by the sensor model of the simulator."""
     model = pair.sensor_model
     if model is None:
         return "; the simulation has no sensor model"
@@ -223,13 +276,14 @@ def _newtons(pair: Pair) -> str:
     return f", {force:.3g} N in the simulator's sensor model"
 
 
-def _rules(pair: Pair) -> str:
+def _describe_outlier_filters(pair: Pair) -> str:
+    """Describe the settings of the outlier filter for each object."""
     names = dict.fromkeys(item for item, _ in pair.conditions)
     used = ", ".join(f"{name} {get_outlier_filter(name).description}" for name in names)
     return f"neighbours / standard deviations: {used}"
 
 
-def _values(link: FittedEffect) -> str:
-    """Form and values of contact propagation."""
-    spread, strength = link.values[:, 0]
-    return f"fitted alone: variant {link.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"
+def _describe_propagation(fitted_effect: FittedEffect) -> str:
+    """Describe form and values of contact propagation."""
+    spread, strength = fitted_effect.values[:, 0]
+    return f"fitted alone: variant {fitted_effect.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"

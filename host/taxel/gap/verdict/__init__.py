@@ -1,1 +1,1 @@
-"""Status, named effects, headline and reasons, derived from the probabilities."""
+"""Verdict: status, named effects, headline and reasons, derived from the probabilities of the causes."""

@@ -1,4 +1,4 @@
-"""What each found effect does in sessions that were left out: Shapley shares, waterfall, what is lost without one."""
+"""Attribution of the shrink on held-out sessions to the named effects: Shapley shares, waterfall and ablation."""
 
 from __future__ import annotations
 
@@ -8,31 +8,41 @@ from math import factorial
 
 import numpy as np
 
-from taxel.gap.features.metric import Interval, jackknife, leave_one_out, root, shrink
+from taxel.gap.features.metric import (
+    Interval,
+    compute_jackknife_interval,
+    compute_root_interval,
+    compute_shrink,
+    make_leave_one_out_masks,
+)
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.verdict.held_out import HeldOut, compute_session_variance
 from taxel.types import FloatArray
 
-Names = frozenset[str]
+EffectNames = frozenset[str]
+"""A subset of the named effects."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attribution:
-    """Of each subset of the effects: squared gap in each left-out session, counts^2, f64[S]; and the shrink that the
-    other sessions had promised, f64[S].
+    """Gap of the held-out sessions for each subset of the named effects.
+
+    names: of the effects, in the order of the waterfall. gap2: squared gap in each held-out session, counts^2, f64[S].
+    predicted_shrink: shrink in each held-out session that the other sessions predict, f64[S].
     """
 
     names: tuple[str, ...]
-    gap2: dict[Names, FloatArray]
-    promised: dict[Names, FloatArray]
+    gap2: dict[EffectNames, FloatArray]
+    predicted_shrink: dict[EffectNames, FloatArray]
 
-    def shapley(self) -> dict[str, float]:
-        """Each effect's share of what all of them take from the squared gap (Shapley 1953); they add to 1. None where
-        together they take nothing.
+    def compute_shapley_shares(self) -> dict[str, float]:
+        """Compute the share of each effect in the reduction of the squared gap by all effects (Shapley 1953).
+
+        The shares add up to 1. All shares are 0 if the effects together do not reduce the gap.
         """
         count = len(self.names)
-        worth: dict[str, float] = {}
+        reduction: dict[str, float] = {}
         for name in self.names:
             others = [other for other in self.names if other != name]
             total = 0.0
@@ -41,65 +51,77 @@ class Attribution:
                 for chosen in combinations(others, size):
                     without = frozenset(chosen)
                     total += weight * float((self.gap2[without] - self.gap2[without | {name}]).mean())
-            worth[name] = total
-        whole = sum(worth.values())
-        return {name: value / whole if whole > 0 else 0.0 for name, value in worth.items()}
+            reduction[name] = total
+        whole = sum(reduction.values())
+        return {name: value / whole if whole > 0 else 0.0 for name, value in reduction.items()}
 
     @property
-    def strongest_first(self) -> tuple[str, ...]:
-        """Names by their shares of what all of them take from the gap, in tenths; those that have as many as they were
-        found.
+    def names_by_share(self) -> tuple[str, ...]:
+        """Names in the order of their Shapley shares, largest first.
+
+        The shares are rounded to tenths; effects with equal shares keep the order of `names`.
         """
-        shares = self.shapley()
+        shares = self.compute_shapley_shares()
         return tuple(sorted(self.names, key=lambda name: -round(10 * shares[name])))
 
-    def waterfall(self) -> list[dict[str, object]]:
-        """The gap after each effect, one after another, counts."""
+    def build_waterfall(self) -> list[dict[str, object]]:
+        """Return the gap after each effect, added one after the other, in counts, as entries of the report."""
         steps: list[dict[str, object]] = []
         for number, name in enumerate(self.names):
             gap2 = self.gap2[frozenset(self.names[: number + 1])]
-            stays = leave_one_out(len(gap2)) if len(gap2) > 2 else []
-            left = np.array([gap2[stay].mean() for stay in stays])
-            value = root(jackknife(left, float(gap2.mean())))
+            masks = make_leave_one_out_masks(len(gap2)) if len(gap2) > 2 else []
+            replicates = np.array([gap2[mask].mean() for mask in masks])
+            value = compute_root_interval(compute_jackknife_interval(replicates, float(gap2.mean())))
             steps.append({"effect": name, "gap": value.value, "ci95": value.ci95})
         return steps
 
-    def ablation(self) -> list[dict[str, object]]:
-        """The gap with all effects but one, counts."""
+    def build_ablation(self) -> list[dict[str, object]]:
+        """Return the gap with all effects but one, in counts, as entries of the report."""
         return [
             {"without": name, "gap": float(np.sqrt(self.gap2[frozenset(self.names) - {name}].mean()))}
             for name in self.names
         ]
 
-    def shrink(self, name: str) -> Interval:
-        """Of the gap by one effect alone."""
+    def compute_shrink_alone(self, name: str) -> Interval:
+        """Compute the shrink of the gap by one effect alone, with its interval over the sessions."""
         before, after = self.gap2[frozenset()], self.gap2[frozenset({name})]
-        stays = leave_one_out(len(before)) if len(before) > 2 else []
-        left = np.array([shrink(float(before[k].mean()), float(after[k].mean())) for k in stays])
-        return jackknife(left, shrink(float(before.mean()), float(after.mean())))
+        masks = make_leave_one_out_masks(len(before)) if len(before) > 2 else []
+        replicates = np.array([compute_shrink(float(before[k].mean()), float(after[k].mean())) for k in masks])
+        return compute_jackknife_interval(replicates, compute_shrink(float(before.mean()), float(after.mean())))
 
 
-def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attribution:
-    """Work out every subset, with the values that were fitted without the session in which it is measured."""
-    real, state = judge.sessions, judge.state
+def compute_attribution(fit_data: FitData, names: tuple[str, ...], held_out: HeldOut) -> Attribution:
+    """Compute the gap of the held-out sessions with every subset of the named effects.
+
+    In each session, the effects have the values that were fitted without this session. names: of the named effects.
+    held_out: evaluation of the named effects.
+    """
+    real, state = fit_data.sessions, fit_data.state
     count = real.value.shape[1]
-    scale = judge.layout.scale(real.value.shape[0], real.value.shape[3])
-    in_sample = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
-    floor = [compute_session_variance(own.sessions, scale) for own in in_sample]
-    start = [max(own.excess(state.mean), 0.0) + one for own, one in zip(in_sample, floor, strict=True)]
-    gap2: dict[Names, FloatArray] = {}
-    promised: dict[Names, FloatArray] = {}
+    scale = fit_data.layout.compute_scale(real.value.shape[0], real.value.shape[3])
+    without_session = (
+        [FitData(state, real.select_sessions(mask), fit_data.layout) for mask in make_leave_one_out_masks(count)]
+        if count > 1
+        else [fit_data]
+    )
+    floor = [compute_session_variance(own.sessions, scale) for own in without_session]
+    start = [max(own.compute_excess(state.mean), 0.0) + one for own, one in zip(without_session, floor, strict=True)]
+    gap2: dict[EffectNames, FloatArray] = {}
+    predicted_shrink: dict[EffectNames, FloatArray] = {}
     for size in range(len(names) + 1):
         for chosen in combinations(names, size):
             squares, shrinks = [], []
-            for session, links in enumerate(held.links):
-                # What a search without this session found besides goes with the whole set.
-                whole = size == len(names) > 0
-                composite = CompositeModel.of([link for link in links if whole or link.effect.name in chosen])
-                features = composite.features(state)
-                squares.append(real.square(session, features, scale))
-                after = max(in_sample[session].excess(features), 0.0) + floor[session]
-                shrinks.append(shrink(start[session], after))
+            for session, fitted in enumerate(held_out.fitted_effects):
+                # A search without this session (--nested) can select other effects than `names`. They act only in the
+                # complete set, so that its gap is the evaluated one.
+                is_complete = size == len(names) > 0
+                composite = CompositeModel.from_effects(
+                    [one for one in fitted if is_complete or one.effect.name in chosen]
+                )
+                features = composite.predict_features(state)
+                squares.append(real.compute_squared_difference(session, features, scale))
+                after = max(without_session[session].compute_excess(features), 0.0) + floor[session]
+                shrinks.append(compute_shrink(start[session], after))
             gap2[frozenset(chosen)] = np.array(squares)
-            promised[frozenset(chosen)] = np.array(shrinks)
-    return Attribution(names, gap2, promised)
+            predicted_shrink[frozenset(chosen)] = np.array(shrinks)
+    return Attribution(names, gap2, predicted_shrink)

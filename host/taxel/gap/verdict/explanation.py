@@ -1,4 +1,4 @@
-"""The set of effects that a verdict names, with its fits."""
+"""Fits of the effects that a verdict names."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from dataclasses import dataclass
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison
 from taxel.gap.comparison.held_out import predict_held_out
-from taxel.gap.effects.catalogue import FIXED, Forms
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS, Forms
 from taxel.gap.fitting.composite import CompositeModel
 from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A set of effects.
+    """A set of effects with its fits.
 
-    chain: fitted to all features. features: f64[C, F, n], of the chain. parts: fits without each part of the features.
+    composite: composite model, fitted to all features. features: f64[C, F, n], predicted by the composite model,
+    counts. fold_composites: composite models that were fitted without each fold of the features.
     """
 
     composite: CompositeModel
     features: FloatArray
-    parts: tuple[CompositeModel, ...] = ()
+    fold_composites: tuple[CompositeModel, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -30,27 +31,28 @@ class Explanation:
         return self.composite.names
 
 
-def explain(comparison: Comparison, names: Collection[str]) -> Explanation:
-    """The set with exactly these effects, fitted until it converges.
+def fit_explanation(comparison: Comparison, names: Collection[str]) -> Explanation:
+    """Fit the set with exactly these effects until the fit converges.
 
-    The fit begins at the values of the candidate set, or of the sets with the largest weights that contain the effects.
+    The fit starts at the values of the candidate set, or of the sets with the largest weights that contain the effects.
     """
-    judge, wanted = comparison.judge, frozenset(names)
+    fit_data, wanted = comparison.fit_data, frozenset(names)
     links = []
     for name in wanted:
         candidate = comparison.sets.get(wanted) or comparison.get_best_with(name)
-        links.append(comparison.alone[name] if candidate is None else candidate.composite.get(name))
-    fit = judge.in_sample(CompositeModel.of(links), FIXED)
-    prediction = predict_held_out(judge, fit.composite, FIXED)
+        links.append(comparison.single_fits[name] if candidate is None else candidate.composite.get(name))
+    fit = fit_data.fit_in_sample(CompositeModel.from_effects(links), INSPECTED_EFFECTS)
+    prediction = predict_held_out(fit_data, fit.composite, INSPECTED_EFFECTS)
     return Explanation(fit.composite, fit.features, prediction.composites)
 
 
-def get_questioned(
+def get_leading_composite(
     comparison: Comparison, named: Explanation, effects: Sequence[str], rivals: Collection[str]
 ) -> tuple[CompositeModel, tuple[str, ...]]:
-    """The chain and the effects about which a further grasp is asked.
+    """Return the composite model and the names of the effects for which further contacts are recommended.
 
-    These are the effects of the verdict, or the first effect that has rivals if the verdict names none.
+    These are the effects of the verdict, or the first effect that has rivals if the verdict names no effect. named: the
+    effects of the verdict with their fits. effects: causes of the verdict. rivals: names of effects that have rivals.
     """
     names = tuple(name for name in effects if name != UNKNOWN)
     first = next(iter(rivals), None)
@@ -59,13 +61,17 @@ def get_questioned(
 
 
 def list_fits_alone(comparison: Comparison, forms: Forms) -> dict[str, tuple[CompositeModel, FloatArray]]:
-    """Each effect that was fitted alone: its chain, and held-out features f64[C, F, n], or those of a coarse fit."""
-    judge, result = comparison.judge, {}
+    """Return the fits of single effects, by name: composite model and its features f64[C, F, n], counts.
+
+    The features are held-out predictions for a set that was evaluated, and in-sample predictions of the coarse fit
+    otherwise. Effects without a fit are omitted. forms: the effects of the catalogue that were tried.
+    """
+    fit_data, result = comparison.fit_data, {}
     for name in forms:
         single = comparison.sets.get(frozenset({name}))
         if single is not None:
             result[name] = (single.composite, single.prediction.features)
-        elif name in comparison.alone:
-            composite = CompositeModel((comparison.alone[name],))
-            result[name] = (composite, composite.features(judge.state))
+        elif name in comparison.single_fits:
+            composite = CompositeModel((comparison.single_fits[name],))
+            result[name] = (composite, composite.predict_features(fit_data.state))
     return result

@@ -1,4 +1,4 @@
-"""Headlines: what differs, in one sentence of at most twelve words, for readers who know neither floor nor effect."""
+"""Headlines: the difference in one sentence of at most twelve words, without the terms of the diagnosis."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Final
 
 from taxel.gap.calibration.calibration import UNKNOWN
 
-MOST_WORDS: Final = 12
-"""Words of a headline (gap report, version 2)."""
+MAX_WORDS: Final = 12
+"""Largest number of words of a headline (rule of the gap report, version 2)."""
 
 HEADLINES: Final = {
     "contact_propagation": "{Real} spreads pressure sideways; {sim} does not.",
@@ -27,7 +27,7 @@ HEADLINES: Final = {
     "latency": "Parts of {real} lag behind {sim}.",
     UNKNOWN: "{Real} and {sim} differ; no known cause explains it.",
 }
-"""The sentence of a single cause; the names in braces are the fields of `Sides`."""
+"""Headline of each single cause. The names in braces are replaced by `Sides.fill`."""
 
 PREDICATES: Final = {
     "contact_propagation": "spreads pressure sideways",
@@ -44,20 +44,22 @@ PREDICATES: Final = {
     "pose_error": "is positioned differently",
     "latency": "lags behind",
 }
-"""What the skin does under each effect: at most three words, so that two of them fit into one headline."""
+"""Predicate of the skin for each effect. At most three words, so that two predicates fit into one headline."""
 
 CERTAIN: Final = 0.8
-"""Probability from which a headline states a cause without "probably": one statement in five may be wrong below it."""
+"""Probability from which a headline states a cause without "probably". Chosen: below it, more than one statement in
+five can be wrong."""
 
 OTHER_PREDICATE: Final = "has another effect"
-"""The predicate of an effect of a plug-in whose name has more words than a headline has room for."""
+"""Predicate of an effect of a plug-in whose name has more than two words and would make the headline too long."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """Words for the two datasets within a sentence.
+    """Words for the two datasets in a sentence.
 
-    skin, rest: the same as `real` and `sim` in at most two words, for headlines of two effects.
+    real, sim: the real and the simulated dataset. skin, rest: the same in at most two words, for headlines with
+    predicates.
     """
 
     real: str = "the real skin"
@@ -66,13 +68,15 @@ class Sides:
     rest: str = "the simulator"
 
     def fill(self, text: str) -> str:
-        """A sentence with these words."""
+        """Replace `{real}`, `{Real}` (capitalised) and `{sim}` in a text."""
         return text.format(real=self.real, Real=self.real.capitalize(), sim=self.sim)
 
 
 REAL_AND_SIMULATED: Final = Sides()
+"""Words for a real and a simulated dataset."""
 
 TWO_REAL: Final = Sides("the first sensor", "the second", "sensor 1", "sensor 2")
+"""Words for two real datasets."""
 
 
 def make_headline(
@@ -82,49 +86,50 @@ def make_headline(
     is_tentative: bool = False,
     probability: float = 1.0,
 ) -> str:
-    """The headline of named effects, most probable first.
+    """Return the headline of named effects.
 
-    is_partial: whether a part of the difference remains unexplained. is_tentative: whether too few sessions were
-    recorded for a verdict. probability: of the least probable of the named effects.
+    known: names of the effects, most probable first. is_partial: whether a part of the difference remains unexplained.
+    is_tentative: whether too few sessions were recorded for a verdict. probability: of the least probable named effect.
     """
     if is_tentative:
-        return f"Few sessions: {sides.skin} probably {' and '.join(map(_predicate, known[:2]))}."
+        return f"Few sessions: {sides.skin} probably {' and '.join(map(_get_predicate, known[:2]))}."
     if probability < CERTAIN:
-        what = " and ".join(map(_predicate, known[:2]))
-        return f"Probably {sides.skin} {what}{'; more remains' if is_partial or len(known) > 2 else ''}."
+        predicates = " and ".join(map(_get_predicate, known[:2]))
+        return f"Probably {sides.skin} {predicates}{'; more remains' if is_partial or len(known) > 2 else ''}."
     if len(known) == 1 and not is_partial:
-        return sides.fill(HEADLINES.get(known[0]) or _single_custom(known[0]))
+        return sides.fill(HEADLINES.get(known[0]) or _make_plugin_template(known[0]))
     if len(known) == 1:
-        return f"Unlike {sides.rest}, {sides.skin} {_predicate(known[0])}; more remains unexplained."
+        return f"Unlike {sides.rest}, {sides.skin} {_get_predicate(known[0])}; more remains unexplained."
     if len(known) == 2 and is_partial:
-        return f"{sides.skin.capitalize()} {' and '.join(map(_predicate, known))}; more remains unexplained."
+        return f"{sides.skin.capitalize()} {' and '.join(map(_get_predicate, known))}; more remains unexplained."
     if len(known) == 2:
-        return f"Unlike {sides.rest}, {sides.skin} {' and '.join(map(_predicate, known))}."
-    return f"Unlike {sides.rest}, {sides.skin} {_predicate(known[0])}; {len(known) - 1} more effects act."
+        return f"Unlike {sides.rest}, {sides.skin} {' and '.join(map(_get_predicate, known))}."
+    return f"Unlike {sides.rest}, {sides.skin} {_get_predicate(known[0])}; {len(known) - 1} more effects act."
 
 
 def make_either_headline(first: str, second: str, sides: Sides) -> str:
-    """The headline of two effects between which the recorded contacts do not decide."""
-    return f"{sides.skin.capitalize()} {_predicate(first)} or {_predicate(second)}; another contact decides."
+    """Return the headline of two effects that the recorded contacts do not distinguish."""
+    return f"{sides.skin.capitalize()} {_get_predicate(first)} or {_get_predicate(second)}; another contact decides."
 
 
 def make_weak_headline(name: str, sides: Sides) -> str:
-    """The headline of a gap whose most probable cause is an effect without enough evidence to be named."""
-    return f"Perhaps {sides.skin} {_predicate(name)}; the evidence is weak."
+    """Return the headline of a gap whose most probable effect has too little evidence to be named."""
+    return f"Perhaps {sides.skin} {_get_predicate(name)}; the evidence is weak."
 
 
 def make_open_headline(sides: Sides) -> str:
-    """The headline of two datasets that agree with a probability below one half, though nothing is more probable."""
+    """Return the headline if no gap has a probability below one half and no cause is more probable."""
     return f"It is open whether {sides.real} and {sides.sim} differ."
 
 
-def _predicate(name: str) -> str:
+def _get_predicate(name: str) -> str:
+    """Return the predicate of an effect; "has" and its name for an effect of a plug-in with a short name."""
     words = name.replace("_", " ")
-    own = f"has {words}" if len(words.split()) <= 2 else OTHER_PREDICATE
-    return PREDICATES.get(name, own)
+    default = f"has {words}" if len(words.split()) <= 2 else OTHER_PREDICATE
+    return PREDICATES.get(name, default)
 
 
-def _single_custom(name: str) -> str:
-    """The template for an effect of a plug-in; braces in its name are no fields."""
+def _make_plugin_template(name: str) -> str:
+    """Return the headline template of an effect of a plug-in. Braces in its name would be fields and are replaced."""
     words = name.replace("_", " ").replace("{", "(").replace("}", ")")
     return f"{{Real}} has {words}; {{sim}} does not." if len(words.split()) <= 4 else "{Real} has another effect."

@@ -1,4 +1,4 @@
-"""The comparison once more without each session: what it chooses is independent of the session that evaluates it."""
+"""Repeated comparison without each session, so that the selected effects are independent of the evaluated session."""
 
 from __future__ import annotations
 
@@ -12,28 +12,33 @@ from taxel.gap.comparison.compare import compare_sets
 from taxel.gap.effects.catalogue import Forms
 from taxel.gap.errors import GapInputError
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.judge import Judge
-from taxel.gap.verdict.explanation import explain
+from taxel.gap.fitting.fit_data import FitData
+from taxel.gap.verdict.explanation import fit_explanation
 from taxel.gap.verdict.verdict import list_causes
 
 MIN_SESSIONS: Final = 4
-"""Three sessions must remain for a variance between sessions."""
+"""Smallest number of sessions for `--nested`. Three sessions must remain for an estimate of the variance between
+sessions."""
 
 
-def choose_without_sessions(
-    judge: Judge, forms: Forms, seed: int, progress: Callable[[int, int], None]
+def select_composites_without_session(
+    fit_data: FitData, forms: Forms, seed: int, progress: Callable[[int, int], None]
 ) -> tuple[CompositeModel, ...]:
-    """The named effects without each session in turn, as fitted chains. Raises GapInputError for too few sessions."""
-    count = judge.sessions.value.shape[1]
+    """Repeat the comparison without each session, and return the fitted composite model of the effects that it names.
+
+    Returns one composite model for each session. seed: of the comparison. progress: is called with the number of
+    finished sessions and the number of sessions. Raises GapInputError if there are fewer than `MIN_SESSIONS` sessions.
+    """
+    count = fit_data.sessions.value.shape[1]
     if count < MIN_SESSIONS:
         expected = f"at least {MIN_SESSIONS} sessions"
         raise GapInputError("--nested", expected, str(count), "omit --nested, or record more sessions")
     composites = []
     for session in range(count):
         progress(session, count)
-        rest = judge.sessions.only(np.arange(count) != session)
-        comparison = compare_sets(Judge(judge.state, rest, judge.layout), forms, seed)
+        rest = fit_data.sessions.select_sessions(np.arange(count) != session)
+        comparison = compare_sets(FitData(fit_data.state, rest, fit_data.layout), forms, seed)
         causes = list_causes(comparison.compute_probabilities())
-        composites.append(explain(comparison, [name for name in causes if name != UNKNOWN]).composite)
+        composites.append(fit_explanation(comparison, [name for name in causes if name != UNKNOWN]).composite)
     progress(count, count)
     return tuple(composites)

@@ -6,30 +6,36 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taxel.gap.data.simulator_faults import LEFT_OUT, SimulatorFault
-from taxel.gap.effects.catalogue import FIXED
+from taxel.gap.data.simulator_faults import HANDLING_EXCLUDED, SimulatorFault
+from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
 from taxel.gap.effects.effect import TAXEL
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.fit_data import FitData
 
 
-def list_reasons(judge: Judge, composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
-    """One sentence for each reason. chain: the named effects, fitted."""
+def list_reasons(fit_data: FitData, composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
+    """Return one sentence for each reason for doubt.
+
+    The reasons are faulty grasps that were kept, and parameters at a bound of their range other than the neutral value;
+    effects that are found by inspection and effects of single taxels are not checked.
+
+    composite: the named effects, fitted. faults: of the simulator's grasps.
+    """
     reasons = []
-    kept = [one for one in faults if one.handled != LEFT_OUT]
+    kept = [fault for fault in faults if fault.handled != HANDLING_EXCLUDED]
     if kept:
         reasons.append(f"{len(kept)} grasps of the simulator violate physics, first {kept[0].grasp}: {kept[0].problem}")
-    for link in composite.links:
-        if link.effect.name in FIXED or link.effect.scope == TAXEL:
+    for fitted in composite.fitted_effects:
+        if fitted.effect.name in INSPECTED_EFFECTS or fitted.effect.scope == TAXEL:
             continue
-        for row, parameter in enumerate(link.effect.parameters()):
-            values = link.values[row]
+        for row, parameter in enumerate(fitted.effect.parameters()):
+            values = fitted.values[row]
             span = parameter.high - parameter.low
             at_low, at_high = (
                 bool(np.any(np.abs(values - end) < 1e-6 * span)) for end in (parameter.low, parameter.high)
             )
             bound = parameter.low if at_low else parameter.high
             if (at_low and parameter.low != parameter.neutral) or (at_high and parameter.high != parameter.neutral):
-                name = f"{parameter.name} of {link.effect.name}".replace("_", " ")
+                name = f"{parameter.name} of {fitted.effect.name}".replace("_", " ")
                 reasons.append(f"{name} is at its bound, {bound:g}")
     return reasons

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-from taxel.gap.calibration.calibration import LISTED, NO_GAP, SMALLEST_CAUSE, UNKNOWN
+from taxel.gap.calibration.calibration import NAMED_PROBABILITY, NO_GAP, SMALLEST_CAUSE, UNKNOWN
 from taxel.gap.features.metric import Gap
 from taxel.gap.verdict.headlines import (
     HEADLINES,
@@ -20,10 +20,11 @@ from taxel.gap.verdict.headlines import (
 )
 from taxel.gap.verdict.held_out import HeldOut
 
-LEAST_SESSIONS: Final = 3
-"""Sessions below which no variance between sessions, and so no certainty, is known."""
+MIN_SESSIONS: Final = 3
+"""Smallest number of sessions for the status `no_gap` or `explained`. Chosen: below it the variance between sessions is
+hardly known."""
 
-WORDS: Final = {
+MEANINGS: Final = {
     "contact_propagation": "pressure spreads sideways in the dielectric",
     "electrode_crosstalk": "taxels with a common electrode influence each other",
     "noise": "the hand has more noise",
@@ -39,15 +40,18 @@ WORDS: Final = {
     "latency": "boards lag behind the hand",
     UNKNOWN: "a cause that is not in the catalogue",
 }
-"""Meaning of each cause; an effect of a plug-in has none."""
+"""Meaning of each cause in the sentence of the verdict. An effect of a plug-in has no entry; its name is used."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A verdict; see the gap report for the fields.
+    """A verdict.
 
-    rivals: effects that are not named and predict almost as well, by the named effect, or the most probable one, that
-    they may replace.
+    status: `no_gap`, `explained`, `partly_explained` or `unknown`. effects: causes with a probability of at least
+    `NAMED_PROBABILITY`, most probable first, `unknown` last. probabilities: of every cause and of no gap. headline: at
+    most twelve words. one_line: a sentence with status, meaning, gap and floor. reasons: for doubt, one sentence each.
+    rivals: effects that are not named and predict almost as well, by the leading effect (`list_leading_effects`) that
+    they can replace.
     """
 
     status: str
@@ -60,91 +64,92 @@ class Verdict:
 
 
 NO_CAUSE_NAMED: Final = "no cause has a probability of 0.5 or more"
+"""Reason for doubt of a verdict without a named cause."""
 
 
 def list_causes(probabilities: Mapping[str, float]) -> tuple[str, ...]:
-    """Causes with a probability of at least `LISTED`, most probable first, an unknown cause last.
+    """Return the causes with a probability of at least `NAMED_PROBABILITY`, most probable first, an unknown cause last.
 
-    ["unknown"] if there are none and no gap has a probability below `LISTED`.
+    Returns ("unknown",) if there is no such cause and the probability of no gap is below `NAMED_PROBABILITY`.
     """
     causes = sorted((name for name in probabilities if name != NO_GAP), key=lambda name: -probabilities[name])
-    names = [name for name in causes if probabilities[name] >= LISTED]
-    if not names and probabilities[NO_GAP] < LISTED:
+    names = [name for name in causes if probabilities[name] >= NAMED_PROBABILITY]
+    if not names and probabilities[NO_GAP] < NAMED_PROBABILITY:
         return (UNKNOWN,)
     return tuple(sorted(names, key=lambda name: name == UNKNOWN))
 
 
-def list_questioned(probabilities: Mapping[str, float]) -> tuple[str, ...]:
-    """Effects whose rivals matter: the named ones, or else the most probable one."""
+def list_leading_effects(probabilities: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the named effects, or the most probable effect if none is named; their rivals are reported."""
     known = tuple(name for name in list_causes(probabilities) if name != UNKNOWN)
     others = [name for name in probabilities if name not in (NO_GAP, UNKNOWN)]
     return known or tuple(sorted(others, key=lambda name: -probabilities[name])[:1])
 
 
-def judge_verdict(
+def derive_verdict(
     gap: Gap,
     probabilities: Mapping[str, float],
-    held: HeldOut,
+    held_out: HeldOut,
     rivals: Mapping[str, Sequence[str]] = MappingProxyType({}),
     warnings: Sequence[str] = (),
     sides: Sides = REAL_AND_SIMULATED,
 ) -> Verdict:
-    """Derive the verdict.
+    """Derive the verdict from the probabilities and the number of sessions.
 
-    probabilities: of every cause and of no gap. held: the gap of held-out sessions with the named effects. rivals: by
-    effect of `list_questioned`, the effects that may replace it. warnings: reasons for doubt that other parts of the
-    diagnosis found, one sentence each. sides: words for the two datasets.
+    gap: without effects. probabilities: of every cause and of no gap. held_out: evaluation of the named effects on
+    held-out sessions. rivals: for each effect of `list_leading_effects`, the effects that can replace it. warnings:
+    reasons for doubt from other parts of the diagnosis, one sentence each. sides: words for the two datasets.
     """
     effects = list_causes(probabilities)
     known = tuple(name for name in effects if name != UNKNOWN)
-    own = {name: tuple(other for other in others if other not in known) for name, others in rivals.items()}
-    rivals = {name: others for name, others in own.items() if others}
+    unnamed = {name: tuple(other for other in others if other not in known) for name, others in rivals.items()}
+    rivals = {name: others for name, others in unnamed.items() if others}
     reasons = list(warnings)
-    is_tentative = held.sessions < LEAST_SESSIONS
+    is_tentative = held_out.session_count < MIN_SESSIONS
     if is_tentative:
-        reasons.insert(0, f"too few sessions for a verdict: {held.sessions} recorded, needs {LEAST_SESSIONS}")
+        reasons.insert(0, f"too few sessions for a verdict: {held_out.session_count} recorded, needs {MIN_SESSIONS}")
     if not effects and not is_tentative:
-        bound = f"is smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
-        line = f"No gap: the difference is {describe_size(held)}; the part above the floor {bound}."
+        bound = f"is smaller than {max(gap.excess_bound, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
+        line = f"No gap: the difference is {describe_size(held_out)}; the part above the floor {bound}."
         headline = f"{sides.sim.capitalize()} agrees with {sides.real}."
         return Verdict("no_gap", (), probabilities, headline, line, tuple(reasons))
     if not effects or (is_tentative and not known):
-        line = f"Unknown: the difference is {describe_size(held)}; {reasons[0]}."
-        headline = f"Too few sessions for a verdict: record {LEAST_SESSIONS} or more."
+        line = f"Unknown: the difference is {describe_size(held_out)}; {reasons[0]}."
+        headline = f"Too few sessions for a verdict: record {MIN_SESSIONS} or more."
         return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons))
     if not known:
-        return _judge_unknown(held, probabilities, rivals, reasons, sides)
-    remains = _describe_remaining_excess(gap, held)
-    has_more = UNKNOWN in effects or bool(remains)
+        return _derive_unknown_verdict(held_out, probabilities, rivals, reasons, sides)
+    remaining = _describe_remaining_excess(gap, held_out)
+    has_more = UNKNOWN in effects or bool(remaining)
     if UNKNOWN in effects:
         percent = f"{100 * probabilities[UNKNOWN]:.0f} %"
         reasons.append(f"a cause outside the catalogue is present with a probability of {percent}")
-    if remains:
-        reasons.append(remains)
+    if remaining:
+        reasons.append(remaining)
     status = "partly_explained" if has_more or is_tentative else "explained"
     least = min(probabilities[name] for name in known)
     headline = make_headline(known, sides, has_more, is_tentative, least)
-    line = f"{'Partly explained' if status == 'partly_explained' else 'Explained'}: {_describe_shrink(held, known)}"
+    line = f"{'Partly explained' if status == 'partly_explained' else 'Explained'}: {_describe_shrink(held_out, known)}"
     if UNKNOWN in effects:
         line += "; the cause of the remaining gap is unknown"
-    elif is_tentative or remains:
-        line += f"; {reasons[0] if is_tentative else remains}"
+    elif is_tentative or remaining:
+        line += f"; {reasons[0] if is_tentative else remaining}"
     return Verdict(status, effects, probabilities, headline, f"{line}.", tuple(reasons), rivals)
 
 
-def _judge_unknown(
-    held: HeldOut,
+def _derive_unknown_verdict(
+    held_out: HeldOut,
     probabilities: Mapping[str, float],
     rivals: Mapping[str, Sequence[str]],
     reasons: list[str],
     sides: Sides,
 ) -> Verdict:
-    """The verdict of a gap without a named effect. reasons: the other reasons for doubt."""
-    size, headline = describe_size(held), sides.fill(HEADLINES[UNKNOWN])
+    """Derive the verdict of a gap without a named effect. reasons: the other reasons for doubt."""
+    size, headline = describe_size(held_out), sides.fill(HEADLINES[UNKNOWN])
     line = f"Unknown: the gap is {size}; no effect of the catalogue explains the gap."
     if not set(probabilities) - {UNKNOWN, NO_GAP}:
         line = f"Unknown: the gap is {size}; no effect of the catalogue was tried."
-    elif rivals and probabilities.get(UNKNOWN, 0.0) < LISTED:
+    elif rivals and probabilities.get(UNKNOWN, 0.0) < NAMED_PROBABILITY:
         first = next(iter(rivals))
         second = rivals[first][0]
         line = f"Unknown: the gap is {size}; the most probable causes are {_to_words(first)} or {_to_words(second)}."
@@ -163,37 +168,41 @@ def _judge_unknown(
     return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
 
 
-def describe_size(held: HeldOut) -> str:
-    """The gap and the floor of held-out sessions; without repeats and with one session the floor is not measured."""
-    floor = f"floor {held.floor2**0.5:.1f}" if held.floor2 > 0.0 else "floor not measured"
-    return f"{held.before:.1f} counts ({floor})"
+def describe_size(held_out: HeldOut) -> str:
+    """Describe gap and floor of the held-out sessions in words.
+
+    With one session and without repeats, the floor is not measured.
+    """
+    floor = f"floor {held_out.floor2**0.5:.1f}" if held_out.floor2 > 0.0 else "floor not measured"
+    return f"{held_out.before:.1f} counts ({floor})"
 
 
-def _describe_shrink(held: HeldOut, known: Sequence[str]) -> str:
-    """What the named effects change in held-out sessions."""
+def _describe_shrink(held_out: HeldOut, known: Sequence[str]) -> str:
+    """Describe the shrink of the gap of held-out sessions by the named effects."""
     causes = " and ".join(_to_words(name) for name in known)
     verb = "reduces" if len(known) == 1 else "reduce"
-    is_at_floor = held.left2.low is None or held.left2.low <= 0.0
+    is_at_floor = held_out.remaining_excess.low is None or held_out.remaining_excess.low <= 0.0
     relation = "the rest agrees with the floor of" if is_at_floor else "the floor is"
-    floor = f"; {relation} {held.floor2**0.5:.1f} counts" if held.floor2 > 0.0 else ""
-    change = f"from {held.before:.1f} to {held.after:.1f} counts, by {100 * held.shrink.value:.0f} %"
-    if held.shrink.value < 0.0:
-        return f"{causes} {verb} no gap: {held.before:.1f} counts before, {held.after:.1f} after{floor}"
+    floor = f"; {relation} {held_out.floor2**0.5:.1f} counts" if held_out.floor2 > 0.0 else ""
+    change = f"from {held_out.before:.1f} to {held_out.after:.1f} counts, by {100 * held_out.shrink.value:.0f} %"
+    if held_out.shrink.value < 0.0:
+        return f"{causes} {verb} no gap: {held_out.before:.1f} counts before, {held_out.after:.1f} after{floor}"
     return f"{causes} {verb} the gap {change}{floor}"
 
 
-def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
-    """A sentence on what the named effects leave; "" unless the remaining excess is that of a further cause.
+def _describe_remaining_excess(gap: Gap, held_out: HeldOut) -> str:
+    """Describe the remaining excess of held-out sessions; "" unless it is large enough for a further cause.
 
-    A cause produces at least `SMALLEST_CAUSE` floors: the lower bound of the remaining excess must exceed this gap.
+    A cause produces a gap of at least `SMALLEST_CAUSE` floors. The lower bound of the remaining excess must exceed the
+    square of this gap.
     """
-    left = held.left2
-    if left.low is None or left.low <= (SMALLEST_CAUSE * gap.floor) ** 2:
+    excess = held_out.remaining_excess
+    if excess.low is None or excess.low <= (SMALLEST_CAUSE * gap.floor) ** 2:
         return ""
-    return f"{left.value**0.5:.1f} counts above the floor remain in held-out sessions"
+    return f"{excess.value**0.5:.1f} counts above the floor remain in held-out sessions"
 
 
 def _to_words(name: str) -> str:
-    """Name and meaning of a cause."""
+    """Return name and meaning of a cause."""
     plain = name.replace("_", " ")
-    return f"{plain} ({WORDS[name]})" if name in WORDS else plain
+    return f"{plain} ({MEANINGS[name]})" if name in MEANINGS else plain

@@ -1,1 +1,1 @@
-"""What is left after the best effects, against a bank of generic distortions."""
+"""Signature of the remainder: comparison of the unexplained part of the gap with generic distortions."""

@@ -1,4 +1,4 @@
-"""What the best set of effects leaves, against a bank of generic distortions: what it looks like, and where."""
+"""Comparison of the remainder with a bank of generic distortions: the most similar distortion and its location."""
 
 from __future__ import annotations
 
@@ -9,39 +9,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.features import Layout, SessionMeans
-from taxel.gap.features.metric import off_diagonal
-from taxel.gap.localisation.signature.contacts import Change, changes
-from taxel.gap.localisation.signature.fit import Remainder, Told, p_value, told
-from taxel.gap.localisation.signature.places import Spot, energy, located, place_entry, spots
-from taxel.gap.localisation.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, shapes
-from taxel.gap.localisation.signature.words import change_words, shape_words, sum_words
-from taxel.gap.localisation.where import PHASES, Products, p_values, products, shares, summed
+from taxel.gap.features.features import FeatureLayout, SessionMeans
+from taxel.gap.features.metric import compute_off_diagonal_mean
+from taxel.gap.localisation.signature.distortions import BOARD, COLUMN, HAND, ROW, TAXEL, generate_distortions
+from taxel.gap.localisation.signature.fit import DistortionFit, Remainder, compute_p_value, fit_distortion
+from taxel.gap.localisation.signature.locations import (
+    LocalDeviation,
+    compute_signal_energy,
+    find_local_deviations,
+    locate_explained_part,
+    make_location_entry,
+)
+from taxel.gap.localisation.signature.sensitivity import (
+    SIGNIFICANCE_LEVEL,
+    SensitivityChange,
+    compute_sensitivity_changes,
+)
+from taxel.gap.localisation.signature.sentences import describe_change, describe_distortion, join_clauses
+from taxel.gap.localisation.where import (
+    PHASES,
+    ResidualProducts,
+    compute_p_values,
+    compute_products,
+    compute_shares,
+    sum_groups,
+)
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
-LEVEL: Final = 0.05
-"""Of a p-value, corrected over the bank, under which a distortion is said to be there."""
+MIN_SHARE: Final = 0.15
+"""Smallest share of the remainder that a significant distortion explains if the sentence names it. Chosen."""
 
-LEAST_SHARE: Final = 0.15
-"""Of what is left, that a distortion must tell to be what it looks like."""
+MIN_TENTATIVE_SHARE: Final = 0.3
+"""Smallest share like `MIN_SHARE` for a sentence with "possibly", whose distortion is not significant. Chosen larger,
+because too few sessions leave the distortion untested or hardly tested."""
 
-PERHAPS: Final = 0.3
-"""The same where too few sessions leave it untested, or nearly so."""
+MAX_TENTATIVE_P_VALUE: Final = 0.25
+"""Corrected p-value from which a distortion is not named, not even with "possibly". Chosen."""
 
-NEARLY: Final = 0.25
-"""A p-value above this one is no reason even for "perhaps"."""
+NEARLY_BEST: Final = 0.85
+"""Part of the largest explained share from which a distortion with fewer coefficients is preferred. Chosen."""
 
-ALMOST: Final = 0.85
-"""Of the largest share: a distortion of fewer numbers that tells this much is preferred."""
-
-FIXED: Final = {BOARD: "board", ROW: "row", COLUMN: "column", TAXEL: "taxel"}
+LOCAL_NAMES: Final = {BOARD: "board", ROW: "row", COLUMN: "column", TAXEL: "taxel"}
+"""Name in the report of a local deviation, by kind of location; the distortions of single locations have these names,
+too."""
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
-    """A distortion of the bank. share: of what is left; counts2: that share in counts^2. size: how many numbers it has.
-    Of where it comes from one is given: fitted columns, places that stand out, or a change over sessions or presses.
+class BankEntry:
+    """A distortion of the bank with its result.
+
+    share: explained share of the remainder. counts2: explained part of the squared gap, counts^2. p_value: None below 3
+    sessions; corrected for the number of tests in the results of `compute_signature`. coefficient_count: complexity, by
+    which the simplest distortion is selected. Exactly one of these fields is set: fit: fitted columns; local:
+    conspicuous locations; change: a change of sensitivity.
     """
 
     name: str
@@ -49,113 +70,127 @@ class Entry:
     share: float
     counts2: float
     p_value: float | None
-    size: int
-    told: Told | None = None
-    spot: Spot | None = None
-    change: Change | None = None
+    coefficient_count: int
+    fit: DistortionFit | None = None
+    local: LocalDeviation | None = None
+    change: SensitivityChange | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """bank: the best entry of each distortion, largest share first. best: what it looks like; None: like none of them.
-    sure: whether it was tested. besides: changes over sessions and presses that stand beside the excess.
+    """Result of the comparison with the bank.
+
+    remainder: residuals that were compared. excess: of the remainder, counts^2. signal_energy: f64[n], weighted squared
+    signals, counts^2. bank: best entry of each distortion, largest share first. best: most similar distortion; None if
+    no distortion meets the limits. is_certain: False if `best` only meets the limits of a sentence with "possibly".
+    significant_changes: changes of sensitivity, which are not a part of the excess.
     """
 
-    left: Remainder
+    remainder: Remainder
     excess: float
-    pressed: FloatArray
-    bank: tuple[Entry, ...]
-    best: Entry | None
-    sure: bool
-    besides: tuple[Entry, ...]
+    signal_energy: FloatArray
+    bank: tuple[BankEntry, ...]
+    best: BankEntry | None
+    is_certain: bool
+    significant_changes: tuple[BankEntry, ...]
 
 
-def unexplained(
-    pair: Pair, layout: Layout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp], seed: int
+def describe_unexplained(
+    pair: Pair, layout: FeatureLayout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp], seed: int
 ) -> dict[str, Any]:
-    """The report's `unexplained`.
+    """Return the field `unexplained` of the report: p-value, sentence, locations and bank of the remainder.
 
-    model: f64[C, F, n], with the best set; NaN where unknown. fold: [C], parts of the cells that are left out in turn.
+    model: f64[C, F, n], features that the best set of effects predicts, counts; NaN where unknown. fold: [C], fold of
+    each condition; the conditions of a fold are predicted without them. seed: of the p-values.
     """
     real = replace(real, value=np.where(np.isfinite(model)[:, None], real.value, np.nan))
     model = np.nan_to_num(model)
-    left = products(real, model, layout)
+    products = compute_products(real, model, layout)
     count = len(pair.sensors.address)
-    gram = summed(left.taxels, pair.groups.sensor, count)
-    p = p_values(gram, summed(left.centred_taxels, pair.groups.sensor, count), seed)
-    excess = off_diagonal(gram)
-    found = signature(pair, layout, real, model, fold)
-    boards = [int(k) for k in np.argsort(-excess, kind="stable") if p[k] < LEVEL]
-    share = shares(excess)
+    gram = sum_groups(products.taxels, pair.groups.sensor, count)
+    p = compute_p_values(gram, sum_groups(products.centred_taxels, pair.groups.sensor, count), seed)
+    excess = compute_off_diagonal_mean(gram)
+    signature = compute_signature(pair, layout, real, model, fold)
+    boards = [int(k) for k in np.argsort(-excess, kind="stable") if p[k] < SIGNIFICANCE_LEVEL]
+    share = compute_shares(excess)
     where = [
-        {**place_entry(pair, BOARD, k, float(share[k])), "p_value": float(p[k])}
+        {**make_location_entry(pair, BOARD, k, float(share[k])), "p_value": float(p[k])}
         for k in boards
         if (pair.groups.sensor == k).any()
     ]
-    words = ""
+    clause = ""
     if boards:
-        words, places = _said(pair, layout, found, model)
-        where = places or where
-        if found.best is None:
-            words = f"{words}; mostly in {_phase(left, layout)} and on {_name(pair, boards[0])}"
-    words = sum_words([words, *(change_words(pair, one.change) for one in found.besides if one.change is not None)])
+        clause, locations = _describe_best(pair, layout, signature, model)
+        where = locations or where
+        if signature.best is None:
+            clause = f"{clause}; mostly in {_name_main_phase(products, layout)} and on {_name_board(pair, boards[0])}"
+    changes = [entry.change for entry in signature.significant_changes if entry.change is not None]
     return {
         "p_value": float(p.min(initial=1.0)),
-        "signature": words,
+        "signature": join_clauses([clause, *(describe_change(pair, change) for change in changes)]),
         "where": where,
         "bank": [
             {"name": one.name, "scope": one.scope, "share": one.share, "counts2": one.counts2, "p_value": one.p_value}
-            for one in found.bank
+            for one in signature.bank
         ],
     }
 
 
-def signature(pair: Pair, layout: Layout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp]) -> Signature:
-    """Try the bank. See `unexplained`."""
-    left = Remainder.of(pair, real, model, layout, fold)
-    excess = float(off_diagonal(left.gram))
-    pressed = energy(left, model, layout.bins)
-    entries = [_of_told(one, excess) for shape in shapes(pair, layout, model) for one in told(left, shape)]
-    entries += [_of_spot(one, excess) for one in spots(left, model, layout.bins)]
-    counts2 = float(np.nansum((model[:, : layout.bins] * left.root[: layout.bins]) ** 2))
-    hold = model[:, pair.clock.bins_of(Phase.HOLD)[0]]
-    steps = [_of_change(one, excess) for one in changes(pair, hold, counts2)]
-    tested = _corrected([*entries, *steps])
-    entries, steps = tested[: len(entries)], tested[len(entries) :]
-    best_of = [
-        _simplest([one for one in entries if one.name == name]) for name in dict.fromkeys(e.name for e in entries)
+def compute_signature(
+    pair: Pair, layout: FeatureLayout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp]
+) -> Signature:
+    """Compare the remainder with all distortions of the bank. Arguments as in `describe_unexplained`."""
+    remainder = Remainder.compute(pair, real, model, layout, fold)
+    excess = float(compute_off_diagonal_mean(remainder.gram))
+    energy = compute_signal_energy(remainder, model, layout.bins)
+    entries = [
+        _make_fit_entry(fit, excess)
+        for distortion in generate_distortions(pair, layout, model)
+        for fit in fit_distortion(remainder, distortion)
     ]
-    best, sure = _best(entries) if excess > 0 else (None, True)
-    besides = tuple(
-        one for one in steps if one.share >= LEAST_SHARE and one.p_value is not None and one.p_value < LEVEL
-    )
-    bank = sorted([*best_of, *steps], key=lambda one: -one.share)
-    return Signature(left, excess, pressed.sum(axis=0), tuple(bank), best, sure, besides)
+    entries += [_make_local_entry(local, excess) for local in find_local_deviations(remainder, model, layout.bins)]
+    counts2 = float(np.nansum((model[:, : layout.bins] * remainder.root_weight[: layout.bins]) ** 2))
+    hold = model[:, pair.time_grid.find_bins(Phase.HOLD)[0]]
+    changes = [_make_change_entry(change, excess) for change in compute_sensitivity_changes(pair, hold, counts2)]
+    corrected = _correct_p_values([*entries, *changes])
+    entries, changes = corrected[: len(entries)], corrected[len(entries) :]
+    best_of_each = [
+        _select_simplest([one for one in entries if one.name == name])
+        for name in dict.fromkeys(e.name for e in entries)
+    ]
+    best, is_certain = _select_best(entries) if excess > 0 else (None, True)
+    significant_changes = tuple(one for one in changes if one.share >= MIN_SHARE and _is_significant(one))
+    bank = sorted([*best_of_each, *changes], key=lambda one: -one.share)
+    return Signature(remainder, excess, energy.sum(axis=0), tuple(bank), best, is_certain, significant_changes)
 
 
-def _of_told(one: Told, excess: float) -> Entry:
-    share = _share(off_diagonal(one.total), excess)
-    return Entry(one.shape, one.scope, share, share * excess, p_value(one.total), one.size, told=one)
+def _make_fit_entry(fit: DistortionFit, excess: float) -> BankEntry:
+    share = _compute_share(compute_off_diagonal_mean(fit.explained), excess)
+    p_value = compute_p_value(fit.explained)
+    return BankEntry(fit.name, fit.scope, share, share * excess, p_value, fit.coefficient_count, fit=fit)
 
 
-def _of_spot(one: Spot, excess: float) -> Entry:
-    share = _share(off_diagonal(one.gram), excess)
-    size = 2 * len(one.numbers) + (one.scope == TAXEL)
-    return Entry(FIXED[one.scope], one.scope, share, share * excess, one.p_value, size, spot=one)
+def _make_local_entry(local: LocalDeviation, excess: float) -> BankEntry:
+    share = _compute_share(compute_off_diagonal_mean(local.gram), excess)
+    # A factor and an offset for each location; one more for taxels, so that an equal number of lines or boards is
+    # simpler.
+    count = 2 * len(local.groups) + (local.scope == TAXEL)
+    return BankEntry(LOCAL_NAMES[local.scope], local.scope, share, share * excess, local.p_value, count, local=local)
 
 
-def _share(part: FloatArray, excess: float) -> float:
-    return float(np.clip(float(part) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+def _compute_share(explained: FloatArray, excess: float) -> float:
+    return float(np.clip(float(explained) / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 
-def _of_change(one: Change, excess: float) -> Entry:
-    whole = one.part + max(excess, 0.0)
-    scope = HAND if not one.boards else BOARD
-    return Entry(one.name, scope, one.part / whole if whole > 0 else 0.0, one.part, one.p_value, 1, change=one)
+def _make_change_entry(change: SensitivityChange, excess: float) -> BankEntry:
+    whole = change.added_gap2 + max(excess, 0.0)  # a change is not a part of the excess
+    scope = HAND if not change.boards else BOARD
+    share = change.added_gap2 / whole if whole > 0 else 0.0
+    return BankEntry(change.name, scope, share, change.added_gap2, change.p_value, 1, change=change)
 
 
-def _corrected(entries: list[Entry]) -> list[Entry]:
-    """P-values corrected for all that were tried, step down (Holm 1979)."""
+def _correct_p_values(entries: list[BankEntry]) -> list[BankEntry]:
+    """Correct the p-values for the number of tests by the step-down method of Holm (1979)."""
     tested = sorted((one.p_value, k) for k, one in enumerate(entries) if one.p_value is not None)
     result, least = list(entries), 0.0
     for rank, (p, k) in enumerate(tested):
@@ -164,62 +199,74 @@ def _corrected(entries: list[Entry]) -> list[Entry]:
     return result
 
 
-def _simplest(entries: list[Entry]) -> Entry:
-    """The one of fewest numbers among those that tell almost as much as the best; those that are there first."""
-    there = [one for one in entries if _is_there(one)] or entries
-    most = max(one.share for one in there)
-    return min((one for one in there if one.share >= ALMOST * most), key=lambda one: one.size)
+def _select_simplest(entries: list[BankEntry]) -> BankEntry:
+    """Return the entry with the fewest coefficients among those that explain nearly as much as the best one.
+
+    Only significant entries are considered, or all entries if none is significant.
+    """
+    considered = [one for one in entries if _is_significant(one)] or entries
+    largest = max(one.share for one in considered)
+    return min((one for one in considered if one.share >= NEARLY_BEST * largest), key=lambda one: one.coefficient_count)
 
 
-def _best(entries: list[Entry]) -> tuple[Entry | None, bool]:
-    """What it looks like: a place that stands out only where no form tells half of what lies there."""
-    for sure, least in ((True, LEAST_SHARE), (False, PERHAPS)):
-        there = [one for one in entries if one.share >= least and (_is_there(one) if sure else _may_be(one))]
-        forms = [one for one in there if one.spot is None]
-        most = max((one.share for one in there), default=0.0)
-        if any(one.share >= 0.5 * most for one in forms):
-            return _simplest(forms), sure
-        if there:
-            return _simplest([one for one in there if one.spot is not None]), sure
+def _select_best(entries: list[BankEntry]) -> tuple[BankEntry | None, bool]:
+    """Return the most similar distortion, and False if it only meets the limits of a sentence with "possibly".
+
+    A local deviation is returned only if no fitted distortion explains half of the largest share.
+    """
+    for is_certain, least in ((True, MIN_SHARE), (False, MIN_TENTATIVE_SHARE)):
+        meets_limit = _is_significant if is_certain else _is_possible
+        considered = [one for one in entries if one.share >= least and meets_limit(one)]
+        fitted = [one for one in considered if one.local is None]
+        largest = max((one.share for one in considered), default=0.0)
+        if any(one.share >= 0.5 * largest for one in fitted):
+            return _select_simplest(fitted), is_certain
+        if considered:
+            return _select_simplest([one for one in considered if one.local is not None]), is_certain
     return None, True
 
 
-def _is_there(one: Entry) -> bool:
-    return one.p_value is not None and one.p_value < LEVEL
+def _is_significant(entry: BankEntry) -> bool:
+    return entry.p_value is not None and entry.p_value < SIGNIFICANCE_LEVEL
 
 
-def _may_be(one: Entry) -> bool:
-    return one.p_value is None or one.p_value < NEARLY
+def _is_possible(entry: BankEntry) -> bool:
+    return entry.p_value is None or entry.p_value < MAX_TENTATIVE_P_VALUE
 
 
-def _said(pair: Pair, layout: Layout, found: Signature, model: FloatArray) -> tuple[str, list[dict[str, Any]]]:
-    """The sentence, and the places."""
-    best = found.best
+def _describe_best(
+    pair: Pair, layout: FeatureLayout, signature: Signature, model: FloatArray
+) -> tuple[str, list[dict[str, Any]]]:
+    """Return the clause on the most similar distortion, and its locations as entries of the report."""
+    best = signature.best
     if best is None:
-        largest = max((one.share for one in found.bank if one.change is None), default=0.0)
+        largest = max((one.share for one in signature.bank if one.change is None), default=0.0)
         return (
             f"not significantly similar to a generic distortion; the best one explains {100 * largest:.0f} % of it",
             [],
         )
-    if best.spot is not None:
-        taxels, scope = best.spot.taxels, best.spot.scope
-        whole = max(float(taxels.sum()), 1e-30)
+    if best.local is not None:
+        excess_by_taxel, scope = best.local.excess_by_taxel, best.local.scope
+        whole = max(float(excess_by_taxel.sum()), 1e-30)
         group = {BOARD: pair.groups.sensor, ROW: pair.groups.tx, COLUMN: pair.groups.rx}.get(scope, np.arange(pair.n))
-        places = [(k, float(taxels[group == k].sum()) / whole) for k in best.spot.numbers]
+        locations = [(k, float(excess_by_taxel[group == k].sum()) / whole) for k in best.local.groups]
     else:
-        assert best.told is not None
-        scope, places = located(pair, best.told.taxels, found.pressed, best.told.scope)
-    words = shape_words(pair, layout, best.told, best.spot, model, scope, [k for k, _ in places])
-    sure = "" if found.sure else "possibly "
-    words = f"{sure}{words}; {100 * best.share:.0f} % of the unexplained part"
-    return words, [place_entry(pair, scope, k, share * best.share) for k, share in places]
+        assert best.fit is not None
+        scope, locations = locate_explained_part(
+            pair, best.fit.explained_by_taxel, signature.signal_energy, best.fit.scope
+        )
+    clause = describe_distortion(pair, layout, best.fit, best.local, model, scope, [k for k, _ in locations])
+    qualifier = "" if signature.is_certain else "possibly "
+    clause = f"{qualifier}{clause}; {100 * best.share:.0f} % of the unexplained part"
+    return clause, [make_location_entry(pair, scope, k, share * best.share) for k, share in locations]
 
 
-def _phase(left: Products, layout: Layout) -> str:
-    flat = off_diagonal(left.conditions).sum(axis=0)
+def _name_main_phase(products: ResidualProducts, layout: FeatureLayout) -> str:
+    """Return the name of the phase that contains the largest part of the excess."""
+    excess = compute_off_diagonal_mean(products.conditions).sum(axis=0)
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
-    return PHASES[max(phases, key=lambda phase: float(flat[layout.phase == phase].sum()))]
+    return PHASES[max(phases, key=lambda phase: float(excess[layout.phase == phase].sum()))]
 
 
-def _name(pair: Pair, board: int) -> str:
+def _name_board(pair: Pair, board: int) -> str:
     return pair.sensors.name[board].replace("_", " ")

@@ -1,7 +1,8 @@
-"""How much of a residual a distortion tells, on cells that its numbers were not fitted to.
+"""Part of a residual that a distortion explains, on conditions that were not used to fit its coefficients.
 
-Each session's residual is fitted on its own, with the cells of a fold left out; what is explained is a product of two
-sessions, residual and fit of the one with those of another. So neither scatter nor the number of columns adds to it.
+The residual of each session is fitted separately, without the conditions of the fold that is predicted. The explained
+part is the mean over pairs of different sessions of the product of their residuals minus the product of what their fits
+leave. Neither the variance between sessions nor the number of coefficients increases it.
 """
 
 from __future__ import annotations
@@ -14,112 +15,136 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from taxel.gap.data.pair import Pair
-from taxel.gap.features.chances import compute_student_survival
-from taxel.gap.features.features import Layout, SessionMeans
-from taxel.gap.features.metric import jackknife, leave_one_out, off_diagonal
-from taxel.gap.localisation.signature.shapes import HAND, Shape, groups
+from taxel.gap.features.distributions import compute_student_survival
+from taxel.gap.features.features import FeatureLayout, SessionMeans
+from taxel.gap.features.metric import compute_jackknife_interval, compute_off_diagonal_mean, make_leave_one_out_masks
+from taxel.gap.localisation.signature.distortions import HAND, Distortion, get_groups
 from taxel.types import FloatArray
 
 RIDGE: Final = 0.03
-"""Of a column's mean energy in a group: what a group hardly shows is not fitted."""
+"""Ridge penalty of the held-out fits, relative to the mean energy of a column in a group. Chosen: a column that a group
+hardly excites gets a coefficient near 0 in this group."""
 
-LEAST_SHARED: Final = 0.05
-"""Of `Remainder.both`, below which two sessions tell nothing together."""
+MIN_SHARED_ENERGY: Final = 0.05
+"""Smallest `Remainder.shared_energy` of two sessions whose product is used. Chosen: below it the few common data are
+replaced by the mean product of the other pairs of sessions."""
 
-TOLD_RIDGE: Final = 0.001
-"""The same for the numbers that are told: these are not to be drawn to 0."""
+REPORTED_RIDGE: Final = 0.001
+"""Ridge penalty of the reported coefficients, relative like `RIDGE`. Chosen smaller than `RIDGE`, because shrinkage
+would bias the reported values towards 0."""
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What a distortion tells in one scope.
+class DistortionFit:
+    """A distortion that was fitted in one scope.
 
-    taxels: f64[n], counts^2 of the excess that are told. total: f64[S, S], of each pair of sessions.
-    numbers: f64[G, K], fitted to all cells and sessions. size: how many numbers there are.
+    name: of the distortion. explained_by_taxel: f64[n], explained excess of each taxel, counts^2. explained: f64[S, S],
+    explained product of each pair of sessions, counts^2. coefficients: f64[G, K], of each of the G groups of taxels,
+    fitted to all conditions and sessions.
     """
 
-    shape: str
+    name: str
     scope: str
-    taxels: FloatArray
-    total: FloatArray
-    numbers: FloatArray
+    explained_by_taxel: FloatArray
+    explained: FloatArray
+    coefficients: FloatArray
 
     @property
-    def size(self) -> int:
-        """Numbers that were fitted."""
-        return self.numbers.size
+    def coefficient_count(self) -> int:
+        """Number of fitted coefficients, G times K."""
+        return self.coefficients.size
 
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """What the best set leaves.
+    """Residuals of the real sessions from the prediction of the best set of effects.
 
-    residual: f64[C, S, F, n], counts; 0 where unknown. known: bool of the same form. root: f64[F, 1], roots of what the
-    squares count. fold: [C]. both: f64[S, S], share of the predicted drop, squared, that two sessions both know.
+    residual: f64[C, S, F, n], counts; 0 where unknown. known: bool[C, S, F, n]. root_weight: f64[F, 1], square roots of
+    the weights of squared residuals in the squared gap. fold: [C], fold of each condition. shared_energy: f64[S, S],
+    share of the squared predicted signal for which both sessions have data.
     """
 
     pair: Pair
     residual: FloatArray
     known: NDArray[np.bool_]
-    root: FloatArray
+    root_weight: FloatArray
     fold: NDArray[np.intp]
-    both: FloatArray
+    shared_energy: FloatArray
 
     @classmethod
-    def of(cls, pair: Pair, real: SessionMeans, model: FloatArray, layout: Layout, fold: NDArray[np.intp]) -> Remainder:
-        """model: f64[C, F, n]."""
-        residual = real.residual(model)
-        known = real.known & np.isfinite(residual)
-        root = np.sqrt(layout.scale(model.shape[0], model.shape[2]))
-        heard = known[:, :, : layout.bins].any(axis=2)
-        pressed = np.nan_to_num(model[:, : layout.bins] ** 2).sum(axis=1) + 1e-9
-        both = np.einsum("csn,ctn,cn->st", heard, heard, pressed, optimize=True) / pressed.sum()
-        return cls(pair, np.where(known, residual, 0.0), known, root, fold, both)
+    def compute(
+        cls, pair: Pair, real: SessionMeans, model: FloatArray, layout: FeatureLayout, fold: NDArray[np.intp]
+    ) -> Remainder:
+        """Compute the residuals. model: f64[C, F, n], predicted features, counts; NaN where unknown."""
+        residual = real.compute_residual(model)
+        known = real.is_known & np.isfinite(residual)
+        root_weight = np.sqrt(layout.compute_scale(model.shape[0], model.shape[2]))
+        has_signal = known[:, :, : layout.bins].any(axis=2)
+        energy = np.nan_to_num(model[:, : layout.bins] ** 2).sum(axis=1) + 1e-9
+        shared_energy = np.einsum("csn,ctn,cn->st", has_signal, has_signal, energy, optimize=True) / energy.sum()
+        return cls(pair, np.where(known, residual, 0.0), known, root_weight, fold, shared_energy)
 
-    def even(self, gram: FloatArray) -> FloatArray:
-        """Products f64[S, S] as if every session knew everything; two that share little count as the others do."""
-        tells = self.both > LEAST_SHARED
-        if not tells.any():
+    def complete_products(self, gram: FloatArray) -> FloatArray:
+        """Scale products of sessions f64[S, S] to the values that sessions without missing data would have.
+
+        Two sessions that share less than `MIN_SHARED_ENERGY` get the mean of the other products.
+        """
+        is_shared = self.shared_energy > MIN_SHARED_ENERGY
+        if not is_shared.any():
             return np.zeros_like(gram)
-        full = gram / np.where(tells, self.both, 1.0)
-        return np.asarray(np.where(tells, full, full[tells].mean()))
+        full = gram / np.where(is_shared, self.shared_energy, 1.0)
+        return np.asarray(np.where(is_shared, full, full[is_shared].mean()))
 
     @property
     def gram(self) -> FloatArray:
-        """Counts^2 of each pair of sessions, f64[S, S]."""
-        scaled = self.residual * self.root
-        return self.even(np.einsum("csfn,ctfn->st", scaled, scaled, optimize=True))
+        """Weighted products of the residuals of each pair of sessions, counts^2, f64[S, S]."""
+        scaled = self.residual * self.root_weight
+        return self.complete_products(np.einsum("csfn,ctfn->st", scaled, scaled, optimize=True))
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
-    """Normal equations of every cell and taxel: normal f64[C, n, K, K], right f64[C, S, n, K], heard bool[C, S, n].
+class _NormalEquations:
+    """Normal equations of a distortion for each condition and taxel.
 
-    unit: f64[K], by which columns were divided.
+    normal: f64[C, n, K, K]. right: f64[C, S, n, K]. has_data: bool[C, S, n], whether a session has a feature of the
+    distortion. column_norm: f64[K], by which the columns were divided.
     """
 
     normal: FloatArray
     right: FloatArray
-    heard: NDArray[np.bool_]
-    unit: FloatArray
+    has_data: NDArray[np.bool_]
+    column_norm: FloatArray
 
 
-def told(left: Remainder, shape: Shape) -> list[Told]:
-    """A distortion in all its scopes; none where one cell is all there is and the distortion needs another."""
-    sums = _sums(left, shape)
-    one_condition = len(np.unique(left.fold)) < 2
-    return [_in_scope(left, sums, shape, scope) for scope in shape.scopes if not one_condition or scope == HAND]
+def fit_distortion(remainder: Remainder, distortion: Distortion) -> list[DistortionFit]:
+    """Fit a distortion in each of its scopes.
+
+    If all conditions are in one fold, only the scope of the whole hand is fitted, because the other scopes need a
+    further condition for their prediction.
+    """
+    equations = _build_normal_equations(remainder, distortion)
+    has_one_fold = len(np.unique(remainder.fold)) < 2
+    return [
+        _fit_in_scope(remainder, equations, distortion, scope)
+        for scope in distortion.scopes
+        if not has_one_fold or scope == HAND
+    ]
 
 
-def p_value(gram: FloatArray) -> float | None:
-    """That this much, f64[S, S], is told although nothing is there: t of the jackknife. None below 3 sessions."""
-    whole = float(off_diagonal(gram))
-    left = [float(off_diagonal(gram[np.ix_(stay, stay)])) for stay in leave_one_out(len(gram))]
-    return survival(whole, jackknife(np.array(left), whole).error, len(gram))
+def compute_p_value(gram: FloatArray) -> float | None:
+    """Return the one-sided p-value of a mean product f64[S, S] above 0, by a t test on the jackknife over sessions.
+
+    None below 3 sessions.
+    """
+    whole = float(compute_off_diagonal_mean(gram))
+    replicates = [
+        float(compute_off_diagonal_mean(gram[np.ix_(stay, stay)])) for stay in make_leave_one_out_masks(len(gram))
+    ]
+    return compute_t_p_value(whole, compute_jackknife_interval(np.array(replicates), whole).error, len(gram))
 
 
-def survival(value: float, error: float | None, sessions: int) -> float | None:
-    """One-sided p-value of Student's t."""
+def compute_t_p_value(value: float, error: float | None, sessions: int) -> float | None:
+    """Return the one-sided p-value of Student's t with sessions - 1 degrees of freedom. None without standard error."""
     if error is None:
         return None
     if error <= 0:
@@ -127,67 +152,87 @@ def survival(value: float, error: float | None, sessions: int) -> float | None:
     return compute_student_survival(value / error, sessions - 1)
 
 
-def _sums(left: Remainder, shape: Shape) -> _Sums:
-    root = left.root[shape.features, 0]
-    known = left.known[:, :, shape.features]
-    ever: NDArray[np.bool_] = np.asarray(known.any(axis=1))
-    columns = np.where(np.moveaxis(ever, 1, 2)[..., None], shape.columns * root[:, None], 0.0)
-    unit = np.sqrt(np.einsum("cnpk,cnpk->k", columns, columns))
-    unit[unit <= 0] = 1.0
-    columns /= unit
-    turned = np.swapaxes(columns, 2, 3)
-    residual = np.transpose(left.residual[:, :, shape.features] * root[:, None], (0, 3, 2, 1))  # [C, n, P, S]
-    right = np.moveaxis(np.matmul(turned, residual), 3, 1)
-    return _Sums(np.matmul(turned, columns), right, np.asarray(known.any(axis=2)), unit)
+def _build_normal_equations(remainder: Remainder, distortion: Distortion) -> _NormalEquations:
+    root_weight = remainder.root_weight[distortion.features, 0]
+    known = remainder.known[:, :, distortion.features]
+    is_known_once: NDArray[np.bool_] = np.asarray(known.any(axis=1))
+    columns = np.where(
+        np.moveaxis(is_known_once, 1, 2)[..., None], distortion.columns * root_weight[:, None], 0.0
+    )  # [C, n, P, K]
+    column_norm = np.sqrt(np.einsum("cnpk,cnpk->k", columns, columns))
+    column_norm[column_norm <= 0] = 1.0
+    columns /= column_norm
+    transposed = np.swapaxes(columns, 2, 3)
+    scaled = remainder.residual[:, :, distortion.features] * root_weight[:, None]
+    residual = np.transpose(scaled, (0, 3, 2, 1))  # [C, n, P, S]
+    right = np.moveaxis(np.matmul(transposed, residual), 3, 1)
+    return _NormalEquations(np.matmul(transposed, columns), right, np.asarray(known.any(axis=2)), column_norm)
 
 
-def _in_scope(left: Remainder, sums: _Sums, shape: Shape, scope: str) -> Told:
-    group = groups(left.pair, scope)
+def _fit_in_scope(
+    remainder: Remainder, equations: _NormalEquations, distortion: Distortion, scope: str
+) -> DistortionFit:
+    """Fit the coefficients of each group of a scope for each session and fold, and compute the explained products."""
+    group = get_groups(remainder.pair, scope)
     count = int(group.max()) + 1
     belongs = csr_array((np.ones(len(group)), (group, np.arange(len(group)))))
-    right = _grouped(belongs, sums.right, 2)
-    # A session that does not know a taxel learns from the others only; as a rule all do, and one inverse serves all.
-    if sums.heard.all():
-        normal = _grouped(belongs, sums.normal, 1)[:, None]
+    right = _sum_groups(belongs, equations.right, 2)
+    # The normal equations of a session contain only the taxels of which the session has data. As a rule all sessions
+    # have data of all taxels; one inverse then serves all sessions.
+    if equations.has_data.all():
+        normal = _sum_groups(belongs, equations.normal, 1)[:, None]
     else:
-        weighted = (sums.normal * sums.heard[:, s, :, None, None] for s in range(sums.heard.shape[1]))
-        normal = np.stack([_grouped(belongs, one, 1) for one in weighted], axis=1)
-    whole, wanted = normal.sum(axis=0), right.sum(axis=0)
+        has_data = equations.has_data
+        weighted = (equations.normal * has_data[:, s, :, None, None] for s in range(has_data.shape[1]))
+        normal = np.stack([_sum_groups(belongs, one, 1) for one in weighted], axis=1)
+    normal_sum, right_sum = normal.sum(axis=0), right.sum(axis=0)
     ridge = np.eye(normal.shape[-1]) * RIDGE / count
     fitted = np.empty(right.shape)
-    for fold in np.unique(left.fold):
-        held = left.fold == fold
-        out = held & (not held.all())
-        inverse = np.linalg.inv(whole - normal[out].sum(axis=0) + ridge)
-        fitted[held] = np.matmul(inverse, (wanted - right[out].sum(axis=0))[..., None])[..., 0]
-    numbers = np.matmul(
-        np.linalg.inv(whole.mean(axis=0) + ridge * (TOLD_RIDGE / RIDGE)), wanted.mean(axis=0)[..., None]
+    for fold in np.unique(remainder.fold):
+        in_fold = remainder.fold == fold
+        left_out = in_fold & (not in_fold.all())  # a single fold is fitted in-sample
+        inverse = np.linalg.inv(normal_sum - normal[left_out].sum(axis=0) + ridge)
+        fitted[in_fold] = np.matmul(inverse, (right_sum - right[left_out].sum(axis=0))[..., None])[..., 0]
+    coefficients = np.matmul(
+        np.linalg.inv(normal_sum.mean(axis=0) + ridge * (REPORTED_RIDGE / RIDGE)), right_sum.mean(axis=0)[..., None]
     )[..., 0]
-    own = fitted[:, :, group] * sums.heard[..., None]
-    gram = _products(sums, own)
-    return Told(shape.name, scope, off_diagonal(gram), left.even(gram.sum(axis=0)), numbers / sums.unit)
+    fitted_by_taxel = fitted[:, :, group] * equations.has_data[..., None]
+    gram = _compute_explained_products(equations, fitted_by_taxel)
+    return DistortionFit(
+        distortion.name,
+        scope,
+        compute_off_diagonal_mean(gram),
+        remainder.complete_products(gram.sum(axis=0)),
+        coefficients / equations.column_norm,
+    )
 
 
-def _products(sums: _Sums, fitted: FloatArray) -> FloatArray:
-    """Residuals' products less those of what the fits f64[C, S, n, K] leave, f64[n, S, S]."""
+def _compute_explained_products(equations: _NormalEquations, fitted: FloatArray) -> FloatArray:
+    """Return the products of the sessions' residuals minus the products of what the fits leave, counts^2, f64[n, S, S].
 
-    def by_taxel(values: FloatArray) -> FloatArray:
+    fitted: f64[C, S, n, K], held-out coefficients of each taxel.
+    """
+
+    def order_by_taxel(values: FloatArray) -> FloatArray:
         conditions, sessions, taxels, columns = values.shape
         return np.transpose(values, (2, 1, 0, 3)).reshape(taxels, sessions, conditions * columns)
 
-    predicted = np.moveaxis(np.matmul(sums.normal, np.moveaxis(fitted, 1, 3)), 3, 1)
-    turned = np.swapaxes(by_taxel(fitted), 1, 2)
-    cross = np.matmul(by_taxel(sums.right), turned)
-    return np.asarray(cross + np.swapaxes(cross, 1, 2) - np.matmul(by_taxel(predicted), turned))
+    predicted = np.moveaxis(np.matmul(equations.normal, np.moveaxis(fitted, 1, 3)), 3, 1)
+    transposed = np.swapaxes(order_by_taxel(fitted), 1, 2)
+    cross = np.matmul(order_by_taxel(equations.right), transposed)
+    return np.asarray(cross + np.swapaxes(cross, 1, 2) - np.matmul(order_by_taxel(predicted), transposed))
 
 
-def _grouped(belongs: csr_array, values: FloatArray, axis: int) -> FloatArray:
-    """Sums over the groups along an axis of n."""
+def _sum_groups(belongs: csr_array, values: FloatArray, axis: int) -> FloatArray:
+    """Sum values over the taxels of each group.
+
+    belongs: [G, n], 1 for the taxels of a group. axis: of `values` with length n; has length G in the result.
+    """
     count, taxels = belongs.shape
     if count == taxels and bool((belongs.indices == np.arange(taxels)).all()):
         return values
     if count == 1:
         return np.asarray(values.sum(axis=axis, keepdims=True))
     first = np.moveaxis(values, axis, 0)
-    summed = (belongs @ first.reshape(len(first), -1)).reshape(-1, *first.shape[1:])
-    return np.asarray(np.moveaxis(summed, 0, axis))
+    sums = (belongs @ first.reshape(len(first), -1)).reshape(-1, *first.shape[1:])
+    return np.asarray(np.moveaxis(sums, 0, axis))

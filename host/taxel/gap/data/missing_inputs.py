@@ -1,4 +1,4 @@
-"""What two datasets of any sensor lack, with the consequences for the diagnosis."""
+"""Optional data that datasets of any sensor may lack, and the consequences for the diagnosis."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 LINES, GEOMETRY, MESHES, POSES, FORCES, PHASES = "lines", "geometry", "meshes", "poses", "forces", "phases"
+"""Keys of the optional data; the list `inputs.lacking` of the report contains the keys that apply."""
 
 REASONS: Final[Mapping[str, str]] = {
     LINES: "the datasets have no electrode lines (tx, rx)",
@@ -15,7 +16,7 @@ REASONS: Final[Mapping[str, str]] = {
     FORCES: "the simulation has no contact force",
     PHASES: "the datasets do not state the phases",
 }
-"""What a dataset may lack, as the reason for which an effect is unavailable."""
+"""Sentence for each kind of missing data: the reason for which an effect is unavailable."""
 
 LOSSES: Final[Mapping[str, str]] = {
     LINES: "effects of electrode lines are unavailable, and a gap is not located on lines",
@@ -24,4 +25,4 @@ LOSSES: Final[Mapping[str, str]] = {
     POSES: "displaced objects and the gap in millimetres are unavailable",
     PHASES: "the phases are detected from the values, so that a delay of the whole sensor is not observable",
 }
-"""Cost of what is lacking; the reader of the pair states that of forces."""
+"""Consequence of each kind of missing data. `taxel.gap.data.losses` states the consequence of missing forces."""

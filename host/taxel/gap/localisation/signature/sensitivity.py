@@ -1,0 +1,180 @@
+"""Changes of the sensitivity between sessions, and between the contacts of a session.
+
+The excess contains only what all sessions have in common, and therefore none of these changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.data.pair import Pair
+from taxel.gap.features.distributions import compute_fisher_survival, compute_student_survival
+from taxel.types import FloatArray
+
+MIN_RELATIVE_LOAD: Final = 0.1
+"""Smallest sum of squared predicted signals of a board in a grasp, relative to the largest one of this board, at which
+the sensitivity of the board is estimated. Chosen."""
+
+SIGNIFICANCE_LEVEL: Final = 0.05
+"""Largest corrected p-value of a significant result. Chosen: the usual level."""
+
+WITHIN_SESSION_VARIANCE: Final = 1.0 / 12.0
+"""Variance of a sensitivity that changes linearly by 1 over a session: the variance of a uniform distribution."""
+
+SensitivityTest = tuple[float, float | None, bool, float]
+"""Size of a change; p-value; whether all sessions change in the same direction; standard error of the size, or 0 if the
+size is already corrected for it."""
+
+_NO_CHANGE: Final[SensitivityTest] = (0.0, None, False, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityChange:
+    """A change of sensitivity.
+
+    name: `session`, between sessions, or `presses`, between the contacts of a session. size: relative change of the
+    hand: the standard deviation between sessions, negative if the sensitivity decreases from session to session, or the
+    change from the first to the last contact of a session. added_gap2: contribution of the change to the squared gap,
+    counts^2. p_value: corrected for the number of boards; None if untested. boards: boards with a significant change of
+    their own, largest first. is_monotone: whether the sensitivity changes in the same direction from each session to
+    the next.
+    """
+
+    name: str
+    size: float
+    added_gap2: float
+    p_value: float | None
+    boards: tuple[int, ...]
+    is_monotone: bool = False
+
+
+def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) -> list[SensitivityChange]:
+    """Compute the changes between sessions and within sessions.
+
+    hold: f64[C, n], predicted signals in hold, counts. counts2: weighted sum of squared predicted signals, as in the
+    squared gap, counts^2.
+    """
+    factor, weight = _estimate_factors(pair, hold)
+    whole = np.einsum("rb,rb->r", np.nan_to_num(factor), weight) / np.where(
+        weight.any(axis=1), weight.sum(axis=1), np.nan
+    )
+    columns = np.column_stack([whole, factor])
+    session = np.searchsorted(pair.sessions, pair.real.session)
+    changes = []
+    for name, test, scale in (
+        ("session", _test_between_sessions, 1.0),
+        ("presses", _test_within_sessions, WITHIN_SESSION_VARIANCE),
+    ):
+        tests = [test(columns[:, k], pair.real.condition, session) for k in range(columns.shape[1])]
+        p_values = [result[1] for result in tests if result[1] is not None]
+        p_value = min(1.0, min(p_values) * len(p_values)) if p_values else None
+        boards = [k for k in range(len(tests) - 1) if _is_significant(tests[k + 1][1], len(p_values))]
+        boards.sort(key=lambda k: -abs(tests[k + 1][0]))
+        size, _, is_monotone, error = tests[0]
+        added_gap2 = scale * max(size**2 - error**2, 0.0) * counts2
+        changes.append(SensitivityChange(name, size, added_gap2, p_value, tuple(boards), is_monotone))
+    return changes
+
+
+def _is_significant(p_value: float | None, tests: int) -> bool:
+    return p_value is not None and p_value * tests < SIGNIFICANCE_LEVEL
+
+
+def _estimate_factors(pair: Pair, hold: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Estimate the ratio of real to predicted signal of each board in each of the R real grasps, by least squares.
+
+    Returns the ratios, f64[R, boards], NaN for a board that a grasp hardly loads, and the sums of squared predicted
+    signals as their weights, counts^2, f64[R, boards].
+    """
+    sensor, count = pair.groups.sensor, len(pair.sensors.address)
+    belongs = (sensor[:, None] == np.arange(count)).astype(np.float64)
+    predicted = np.nan_to_num(hold)[pair.real.condition]
+    known = np.isfinite(pair.real.hold_signal_counts)
+    squares = np.where(known, predicted**2, 0.0) @ belongs
+    shared = np.where(known, predicted * np.nan_to_num(pair.real.hold_signal_counts), 0.0) @ belongs
+    is_loaded = squares > MIN_RELATIVE_LOAD * squares.max(axis=0, initial=0.0)
+    ratio = np.where(is_loaded, shared / np.where(is_loaded, squares, 1.0), np.nan)
+    return ratio, np.where(is_loaded, squares, 0.0)
+
+
+def _make_dummies(labels: NDArray[np.intp]) -> FloatArray:
+    """Return a column of zeros and ones for each distinct label."""
+    return np.asarray(labels[:, None] == np.unique(labels)).astype(np.float64)
+
+
+def _subtract_fit(values: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return values minus their least-squares fit by columns."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
+
+
+def _test_between_sessions(
+    factor: FloatArray, condition: NDArray[np.intp], session: NDArray[np.intp]
+) -> SensitivityTest:
+    """Estimate the standard deviation between sessions, and test it by an F test (two-way analysis of variance).
+
+    The model is additive in condition and session; the error is their interaction, which is subtracted from the
+    variance between sessions. factor, condition, session: [R], of each real grasp.
+    """
+    known = np.isfinite(factor)
+    keys, number = np.unique(np.column_stack([condition, session])[known], axis=0, return_inverse=True)
+    mean = np.bincount(number.ravel(), factor[known]) / np.bincount(number.ravel()) if len(keys) else np.zeros(0)
+    sessions = len(np.unique(keys[:, 1])) if len(keys) else 0
+    conditions = len(np.unique(keys[:, 0])) if len(keys) else 0
+    degrees_of_freedom = len(keys) - conditions - sessions + 1
+    if sessions < 2 or degrees_of_freedom < 1:
+        return _NO_CHANGE
+    by_condition = _make_dummies(keys[:, 0])
+    by_both = np.hstack([_make_dummies(keys[:, 0]), _make_dummies(keys[:, 1])])
+    coefficients = np.linalg.lstsq(by_both, mean, rcond=None)[0]
+    error = float(np.sum((mean - by_both @ coefficients) ** 2)) / degrees_of_freedom
+    between = (float(np.sum(_subtract_fit(mean, by_condition) ** 2)) - degrees_of_freedom * error) / (sessions - 1)
+    size = float(np.sqrt(max(between - error, 0.0) * sessions / len(keys)))
+    steps = np.diff(coefficients[conditions:])
+    is_monotone = sessions >= 4 and bool((steps > 0).all() or (steps < 0).all())
+    signed_size = size * (1.0 if steps.sum() > 0 else -1.0) if is_monotone else size
+    if error <= 0:
+        return signed_size, 0.0 if between > 0 else 1.0, is_monotone, 0.0
+    p_value = compute_fisher_survival(between / error, sessions - 1, degrees_of_freedom)
+    return signed_size, p_value, is_monotone, 0.0
+
+
+def _test_within_sessions(
+    factor: FloatArray, condition: NDArray[np.intp], session: NDArray[np.intp]
+) -> SensitivityTest:
+    """Estimate the change from the first to the last contact of a session, with effects of condition and session.
+
+    The p-value is the larger one of ordinary least squares and of errors that are correlated within a session (Liang
+    and Zeger 1986); None below 3 sessions. factor, condition, session: [R], of each real grasp.
+    """
+    known = np.isfinite(factor)
+    position = np.zeros(len(factor))
+    for number in np.unique(session):
+        own = np.flatnonzero(session == number)  # grasps are in order of time
+        position[own] = np.linspace(-0.5, 0.5, len(own)) if len(own) > 1 else 0.0
+    columns = (
+        np.hstack([_make_dummies(condition[known]), _make_dummies(session[known])]) if known.any() else np.zeros((0, 1))
+    )
+    sessions = len(np.unique(session[known]))
+    degrees_of_freedom = int(known.sum()) - len(np.unique(condition[known])) - sessions
+    if degrees_of_freedom < 2:
+        return _NO_CHANGE
+    regressor, value = _subtract_fit(position[known], columns), _subtract_fit(factor[known], columns)
+    square = float(regressor @ regressor)
+    if square < 1e-9:
+        return _NO_CHANGE
+    slope = float(regressor @ value) / square
+    rest = value - slope * regressor
+    error = float(np.sqrt(rest @ rest / degrees_of_freedom / square))
+    p = 2.0 * compute_student_survival(abs(slope) / error, degrees_of_freedom) if error > 0 else 0.0
+    if sessions < 3:
+        return slope, None, False, error
+    scores = np.bincount(session[known], regressor * rest)
+    clustered_error = float(np.sqrt(sessions / (sessions - 1) * scores @ scores)) / square
+    clustered_p = (
+        2.0 * compute_student_survival(abs(slope) / clustered_error, sessions - 1) if clustered_error > 0 else 0.0
+    )
+    return slope, max(p, clustered_p), False, max(error, clustered_error)
