@@ -108,7 +108,7 @@ def diagnose(
         similarities = compute_similarities(fit_data, forms, fitted)
         remainder = describe_unexplained(pair, layout, real, named.features, fit_data.condition_folds, seed)
         rivals = {name: comparison.list_rivals(name) for name in list_leading_effects(probabilities)}
-        reasons = list_reasons(fit_data, named.composite, pair.faults)
+        reasons = list_reasons(named.composite, pair.faults)
         sides = TWO_REAL if pair.is_real_real else REAL_AND_SIMULATED
         verdict = derive_verdict(gap, probabilities, held_out, rivals, reasons, sides)
         single_fits = list_fits_alone(comparison, forms)

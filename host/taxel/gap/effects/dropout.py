@@ -49,12 +49,6 @@ class Defects:
     is_evident: bool = False
 
     @property
-    def is_certain(self) -> bool:
-        """Whether the defects are more than one dead taxel, which can lack a response by chance if weakly loaded."""
-        has_several_taxels = self.single_taxels.sum() > 1 or self.stuck.any()
-        return bool(has_several_taxels or self.lines or self.missing.any() or self.shorts)
-
-    @property
     def has_any(self) -> bool:
         """Whether there is at least one defect."""
         return bool(self.single_taxels.any() or self.lines or self.missing.any() or self.shorts)

@@ -52,7 +52,7 @@ Keyword arguments of gs.sensors.KinematicTaxel, names of genesis-world {version}
     scene.add_sensor(gs.sensors.KinematicTaxel(entity_idx=..., probe_local_pos=..., **KINEMATIC_TAXEL[{board}]))
 
 The probes are in the order of TAXELS[board]: row by row of the TX lines. crosstalk_kernel requires probe_local_pos as a
-grid of {rows} x {columns} positions. Forces are in newtons.
+grid of TX x RX positions: {grids}. Forces are in newtons.
 {limits}"""
 
 NORMAL_EXPONENT = 1.0  # the option normal_exponent of the sensor: a gain of the depth scales the force by its power
@@ -67,10 +67,11 @@ def write_genesis(source: ExportSource, translation: Translation, note: str) -> 
     """
     limited = _restrict_to_genesis(source, translation)
     report, taxels, options = source.report, [], []
-    sides: tuple[int, int] = (0, 0)
+    grids: dict[str, list[int]] = {}
     for address, own in source.iterate_boards():
         order = own[np.lexsort((report.rx[own], report.tx[own]))]
         sides = int(np.ptp(report.tx[own])) + 1, int(np.ptp(report.rx[own])) + 1
+        grids.setdefault(f"{sides[0]} x {sides[1]}", []).append(address)
         lines = list(zip(report.tx[order].tolist(), report.rx[order].tolist(), strict=True))
         taxels.append(f"    {address}: {lines},")
         entries = _build_options(source, limited, order, sides)
@@ -81,8 +82,7 @@ def write_genesis(source: ExportSource, translation: Translation, note: str) -> 
         note=note,
         version=VERSION,
         board=source.boards[0],
-        rows=sides[0],
-        columns=sides[1],
+        grids=_describe_grids(grids),
         limits="".join(f"\n{line}" for line in list_limits(limited)) + "\n",
     )
     tables = {"TAXELS": taxels, "KINEMATIC_TAXEL": options}
@@ -174,3 +174,10 @@ def _compute_counts_per_newton(source: ExportSource, order: IndexArray) -> Float
         return None
     half_n = source.model.half_force_n * np.ones(source.n)
     return np.asarray(source.model.full_scale_drop_counts / half_n[order])
+
+
+def _describe_grids(grids: dict[str, list[int]]) -> str:
+    """Describe the sizes of the boards; with several sizes, each is followed by the addresses of its boards."""
+    if len(grids) == 1:
+        return next(iter(grids))
+    return "; ".join(f"{size} on {', '.join(map(str, boards))}" for size, boards in grids.items())

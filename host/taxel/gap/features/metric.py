@@ -65,8 +65,8 @@ class Interval:
         """
         if self.low is None or self.high is None or not len(samples):
             return self
-        below, above = np.abs(np.quantile(samples, SIDES) - self.value)
-        return replace(self, low=min(self.low, self.value - below), high=max(self.high, self.value + above))
+        low, high = np.quantile(samples, SIDES).tolist()
+        return replace(self, low=min(self.low, low), high=max(self.high, high))
 
 
 def compute_terms(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> GapTerms:

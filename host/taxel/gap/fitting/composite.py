@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -47,12 +47,6 @@ class CompositeModel:
             if fitted_effect.effect.name == name:
                 return fitted_effect
         raise KeyError(name)
-
-    def select(self, names: Collection[str]) -> CompositeModel:
-        """Return a composite model with only the effects that have these names."""
-        return CompositeModel(
-            tuple(fitted_effect for fitted_effect in self.fitted_effects if fitted_effect.effect.name in names)
-        )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -159,14 +159,6 @@ def compute_similarities(
     ]
 
 
-def is_confounded(residual2: float, length2: float) -> bool:
-    """Return True if a change of the features and a subspace are not distinguishable.
-
-    residual2: squared length of the residual after projection onto the subspace. length2: squared length of the change.
-    """
-    return _is_indistinguishable(residual2, _compute_angle_deg(residual2, length2))
-
-
 def _is_indistinguishable(residual2: float, angle_deg: float) -> bool:
     return residual2 < DISTINCT_LENGTH2 or angle_deg < CONFOUNDED_ANGLE_DEG
 
@@ -212,11 +204,6 @@ class Subspace:
         gradient = compute_gradient(problem, self._columns, np.zeros_like(change)) / self._scale
         projection = solve_triangular(self._factor, gradient[self._independent], lower=True, check_finite=False)
         return max(_compute_length2(self._fit_data, change) - float(projection @ projection), 0.0)
-
-
-def compute_residual2(fit_data: FitData, change: FloatArray, columns: Sequence[DerivativeColumn]) -> float:
-    """Compute the squared residual of a change f64[C, F, n] after projection onto the subspace of the columns."""
-    return Subspace(fit_data, columns).compute_residual2(change)
 
 
 def _fit_residual2(fit_data: FitData, change: FloatArray, form: Effect) -> float:

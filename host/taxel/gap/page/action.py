@@ -24,8 +24,8 @@ PASTE_LINES: Final = (
 )
 """Lines for the simulator: they import the exported module, make its state once, and change the counts of a frame."""
 
-LEAST_SESSIONS: Final = 3
-"""Sessions that a verdict needs (`taxel.gap.verdict`)."""
+MIN_SESSIONS: Final = 3
+"""Sessions that a verdict needs, as in `taxel.gap.verdict.verdict`, which a page does not import."""
 
 LEAST_SHRINK: Final = 0.01
 """Shrink below which the page shows 0 %, so that a change of the simulator has no visible use."""
@@ -53,7 +53,7 @@ def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> A
     """
     effects = [effect for effect in report.effects if effect.flag("in_verdict")]
     contact = _describe_next_contact(report)
-    missing = LEAST_SESSIONS - _count_sessions(report)
+    missing = MIN_SESSIONS - _count_sessions(report)
     if missing > 0 and not report.is_no_gap:
         more = format_count(missing, "more session")
         return Action((f"Record {more} with the same contacts, then diagnose again. Change nothing before.",))
@@ -85,7 +85,7 @@ def _count_sessions(report: CheckedReport) -> int:
     counts = report.root.optional("counts")
     real = counts.optional("real") if counts is not None else None
     value = real.optional("sessions") if real is not None else None
-    return LEAST_SESSIONS if value is None else value.as_integer(0, 10**9)
+    return MIN_SESSIONS if value is None else value.as_integer(0, 10**9)
 
 
 def _describe_next_contact(report: CheckedReport) -> str:

@@ -55,15 +55,6 @@ class Attribution:
         whole = sum(reduction.values())
         return {name: value / whole if whole > 0 else 0.0 for name, value in reduction.items()}
 
-    @property
-    def names_by_share(self) -> tuple[str, ...]:
-        """Names in the order of their Shapley shares, largest first.
-
-        The shares are rounded to tenths; effects with equal shares keep the order of `names`.
-        """
-        shares = self.compute_shapley_shares()
-        return tuple(sorted(self.names, key=lambda name: -round(10 * shares[name])))
-
     def build_waterfall(self) -> list[dict[str, object]]:
         """Return the gap after each effect, added one after the other, in counts, as entries of the report."""
         steps: list[dict[str, object]] = []

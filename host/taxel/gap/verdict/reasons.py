@@ -10,10 +10,9 @@ from taxel.gap.data.simulator_faults import HANDLING_EXCLUDED, SimulatorFault
 from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
 from taxel.gap.effects.effect import TAXEL
 from taxel.gap.fitting.composite import CompositeModel
-from taxel.gap.fitting.fit_data import FitData
 
 
-def list_reasons(fit_data: FitData, composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
+def list_reasons(composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
     """Return one sentence for each reason for doubt.
 
     The reasons are faulty grasps that were kept, and parameters at a bound of their range other than the neutral value;
