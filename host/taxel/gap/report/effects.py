@@ -132,7 +132,7 @@ def build_parameter_entries(
             compute_jackknife_interval(np.array([one[label][0] for one in replicates if label in one]), value)
             for replicates in (session_values, fold_values)
         )
-        interval = combine_errors(sessions, contacts, COMMON_ERROR_SHARE * abs(value) + delay_error)
+        interval = combine_errors(sessions, contacts, float(np.hypot(COMMON_ERROR_SHARE * value, delay_error)))
         interval = interval.widen_to_samples(np.array([one[label][0] for one in sample_values if label in one]))
         entries[label] = {
             "value": value,
