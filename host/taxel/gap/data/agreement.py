@@ -37,6 +37,10 @@ MAX_EXCHANGED_SHARE: Final = 0.25
 `MAX_UNEXPLAINED_SHARE` of its squared signals is unexplained, and if another order reduces this remainder to less than
 the share `MAX_EXCHANGED_SHARE`. Effects of a skin change signals, but do not exchange taxels."""
 
+OPPOSITE_COSINE: Final = -0.5
+"""Cosine between the signals of two files below which one file has the opposite sign (chosen: halfway between
+uncorrelated signals and exactly opposite signals). Signals of one sign have positive cosines."""
+
 MIN_POWER_SHARE: Final = 0.01
 """Smallest ratio of the squared signals of a taxel to the largest squared signals of a taxel for which the order is
 checked (chosen). A taxel with smaller signals is hardly loaded, and its place is uncertain."""
@@ -134,7 +138,7 @@ def _check_ratio(
         raise GapInputError(f"{paths[0]}: /grasps/*/values", expected, found, remedy)
     power = float(np.nansum(signals[0] ** 2) * np.nansum(signals[1] ** 2))
     cosine = float(np.nansum(signals[0] * signals[1])) / max(power**0.5, 1e-300)
-    if cosine < -MAX_UNEXPLAINED_SHARE:
+    if cosine < OPPOSITE_COSINE:
         remedy = "reverse the sign of one file"
         raise GapInputError(
             f"{paths[1]}: /grasps/*/values", "signals of the same sign", "signals of opposite sign", remedy
@@ -144,14 +148,17 @@ def _check_ratio(
 def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> list[str]:
     """Raise GapInputError if another order of the taxels explains the signals clearly better.
 
-    Return a sentence for the report if the contacts do not determine the order. The other order is the assignment of
+    Return a sentence for the report if the order is not checked. The other order is the assignment of
     real to simulated taxels with the smallest squared difference. real, sim: f64[C, m], mean signals in hold.
     """
     conditions, taxels = real.shape
     singular = np.linalg.svd(np.nan_to_num(sim), compute_uv=False)
     patterns = int((singular > MIN_SINGULAR_VALUE_SHARE * singular[0]).sum())
-    if conditions < MIN_CONDITIONS or patterns < MIN_CONDITIONS or taxels > MAX_ORDER_TAXELS:
-        return ["the contacts do not determine the order of the taxels: an exchange of taxels would not be noticed"]
+    unnoticed = "an exchange of taxels would not be noticed"
+    if taxels > MAX_ORDER_TAXELS:
+        return [f"the order of more than {MAX_ORDER_TAXELS} taxels is not checked: {unnoticed}"]
+    if conditions < MIN_CONDITIONS or patterns < MIN_CONDITIONS:
+        return [f"the contacts do not determine the order of the taxels: {unnoticed}"]
     x, y = np.nan_to_num(real).T, np.nan_to_num(sim).T
     y = y * (np.linalg.norm(x) / max(float(np.linalg.norm(y)), 1e-300))
     cost = np.maximum((x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2.0 * x @ y.T, 0.0)
