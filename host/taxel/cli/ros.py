@@ -1,6 +1,5 @@
 """`taxel ros`."""
 
-import time
 from typing import Annotated
 
 import typer
@@ -13,7 +12,7 @@ from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.original_topics import OriginalTopics
 from taxel.ros.pace import Pace
-from taxel.ros.topics import NS_PER_S, SkinTopics
+from taxel.ros.topics import SkinTopics, compute_epoch_offset_ns
 from taxel.skin import Skin, open_skin
 from taxel.skin.recorder import make_joint_source
 from taxel.stream.frame_stream import has_arrivals
@@ -91,8 +90,7 @@ def publish_skin(
             if topics is None:
                 first_s = frame.time_s
                 is_live = skin.link.is_real_time and has_arrivals(skin.link)
-                now_ns = time.monotonic_ns() if is_live else round(frame.time_s * NS_PER_S)
-                offset_ns = time.time_ns() - now_ns
+                offset_ns = compute_epoch_offset_ns(frame.time_s, is_live)
                 topics = (
                     OriginalTopics(skin.hand, offset_ns)
                     if has_original_topics

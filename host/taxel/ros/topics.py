@@ -1,5 +1,6 @@
 """ROS topics of the skin, and the messages that each taxel frame of a skin produces."""
 
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -28,6 +29,15 @@ NS_PER_S = 1_000_000_000
 
 JointSource = Callable[[], npt.ArrayLike]
 """A function that returns the joint angles of the hand's robot, radians [j], in the order of its `joint_names`."""
+
+
+def compute_epoch_offset_ns(first_s: float, is_live: bool) -> int:
+    """Compute what must be added to the times of a stream, nanoseconds, to obtain Unix time.
+
+    first_s: time of the first frame, seconds. is_live: the stream has the clock of `time.monotonic`; otherwise its
+    first frame gets the present time.
+    """
+    return time.time_ns() - (time.monotonic_ns() if is_live else round(first_s * NS_PER_S))
 
 
 class TopicMessage(NamedTuple):

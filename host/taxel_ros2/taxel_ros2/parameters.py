@@ -32,7 +32,7 @@ def declare_parameters(node: Any) -> None:
     A changed value takes effect at the next transition `configure`.
     """
     for name, default, description, limits in (
-        ("url", "emulator:", URL, {}),
+        ("url", "emulator:?speed=real", URL, {}),
         ("hand", "", "Name or file of a hand description; empty: the hand of a recording, else the original hand", {}),
         (
             "joint_topic",

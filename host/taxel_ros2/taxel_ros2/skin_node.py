@@ -9,7 +9,6 @@ Not verified on a ROS 2 installation: tested with a substitute for rclpy.
 """
 
 import threading
-import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -25,13 +24,14 @@ from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.node import JointListener
 from taxel.ros.pace import Pace
 from taxel.ros.ros2_messages import QUEUE_LENGTH, Ros2Messages, make_qos_profile
-from taxel.ros.topics import NS_PER_S, SkinTopics, TopicMessage
+from taxel.ros.topics import SkinTopics, TopicMessage, compute_epoch_offset_ns
 from taxel.skin import Skin, open_skin
 from taxel.stream.frame_stream import has_arrivals
 from taxel_ros2.parameters import SkinParameters, declare_parameters, read_parameters
 
 POLL_S = 0.1
-"""Longest wait for a frame, seconds: also the longest delay of a transition out of the state active."""
+"""Longest wait for a frame, seconds: also the longest delay of a transition out of the state active,
+except in a gap of a recording."""
 
 
 class SkinNode(LifecycleNode):
@@ -152,9 +152,8 @@ class SkinNode(LifecycleNode):
         """
         assert self._values is not None
         is_live = skin.link.is_real_time and has_arrivals(skin.link)
-        now_ns = time.monotonic_ns() if is_live else round(first_s * NS_PER_S)
+        offset_ns = compute_epoch_offset_ns(first_s, is_live)
         counts = self._values.baseline_frames, self._values.threshold_counts
-        offset_ns = time.time_ns() - now_ns
         return SkinTopics(skin.hand, skin.hub, offset_ns, self._joints, *counts, proximity=watch)
 
     def _publish(self, messages: Iterable[TopicMessage]) -> None:

@@ -46,7 +46,7 @@ def wait_for(condition) -> bool:
     return condition()
 
 
-def count_topics(node) -> set[str]:
+def collect_topics(node) -> set[str]:
     return {topic for topic, _, _ in node.published}
 
 
@@ -55,7 +55,7 @@ def test_active_node_publishes_and_inactive_node_does_not(make_node, recorded):
     assert node.change_state("configure")
     assert node.published == []
     assert node.change_state("activate")
-    assert wait_for(lambda: "/taxel/slab_0/scan" in count_topics(node) or len(count_topics(node)) > 8), node.log
+    assert wait_for(lambda: any(topic.endswith("/scan") for topic in collect_topics(node))), node.log
     assert node.change_state("deactivate")
     count = len(node.published)
     time.sleep(0.2)
@@ -74,7 +74,7 @@ def test_recording_ends_in_the_state_inactive_with_all_topics(make_node, recorde
     assert wait_for(lambda: not node._thread.is_alive())
     node.timers[0]()
     assert node.state == "inactive"
-    topics = count_topics(node)
+    topics = collect_topics(node)
     assert {"/tf", "/tf_static", "/robot_description", "/diagnostics", "/taxel/palm/scan"} <= topics
     assert "/joint_states" not in topics  # joint states of another node are not published again
     assert {durability for topic, durability, _ in node.published if topic == "/tf_static"} == {"latched"}
@@ -100,7 +100,7 @@ def test_the_service_restarts_the_baseline_of_an_active_node_only(make_node):
     def count_baselines():
         return sum(topic == "/taxel/baseline" for topic, _, _ in node.published)
 
-    assert wait_for(lambda: count_baselines() == 1), sorted(count_topics(node))
+    assert wait_for(lambda: count_baselines() == 1), sorted(collect_topics(node))
     assert restart(None, types.SimpleNamespace()).success
     assert wait_for(lambda: count_baselines() == 2)
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_refused_command
+from host.tests.ros.ros2_substitute import Message, MessagePackage, make_modules
 from taxel.cli.ros import publish_skin
 from taxel.hand import load_hand
 from taxel.hand.kinematics import build_kinematics
@@ -198,15 +199,6 @@ def rclpy(monkeypatch):
     """A substitute for rclpy and its message packages; returns the list of published messages."""
     published = []
 
-    class Message(types.SimpleNamespace):
-        pass
-
-    class Package(types.ModuleType):
-        def __getattr__(self, name):
-            if name.startswith("__"):
-                raise AttributeError(name)
-            return type(name, (Message,), {})
-
     def create_node(name):
         node = types.SimpleNamespace(destroy_node=lambda: None)
         node.create_publisher = lambda message_class, topic, qos: types.SimpleNamespace(
@@ -217,17 +209,11 @@ def rclpy(monkeypatch):
         )
         return node
 
-    policy = types.SimpleNamespace(TRANSIENT_LOCAL="latched", VOLATILE="volatile")
-    qos = types.ModuleType("rclpy.qos")
-    qos.DurabilityPolicy, qos.QoSProfile = policy, lambda **options: types.SimpleNamespace(**options)
-    module = types.ModuleType("rclpy")
-    module.init = module.shutdown = lambda: None
-    module.ok, module.create_node, module.spin_once = lambda: True, create_node, lambda node, timeout_sec: None
-    packages = ("std", "sensor", "geometry", "tf2", "diagnostic", "taxel")
-    names_of_original = {"bici_ros_sensor_reader.msg": Package("bici_ros_sensor_reader.msg")}
-    names = {"rclpy": module, "rclpy.qos": qos, "builtin_interfaces.msg": Package("builtin_interfaces.msg")}
-    names |= {f"{package}_msgs.msg": Package(f"{package}_msgs.msg") for package in packages}
-    for name, each in (names | names_of_original).items():
+    modules = make_modules() | {"bici_ros_sensor_reader.msg": MessagePackage("bici_ros_sensor_reader.msg")}
+    module = modules["rclpy"]
+    module.shutdown, module.ok = lambda: None, lambda: True
+    module.create_node, module.spin_once = create_node, lambda node, timeout_sec: None
+    for name, each in modules.items():
         monkeypatch.setitem(sys.modules, name, each)
     return published
 
