@@ -1,11 +1,9 @@
 """`taxel ros-hand`."""
 
 import sys
-import threading
 import time
-import uuid
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -119,20 +117,13 @@ def run_control(control: "HandControl", node: Node, prefix: str, seconds: float 
 
 @contextmanager
 def open_hand(url: str) -> Iterator["AllegroHand"]:
-    """Open the hand on the CAN channel of a URL, or a virtual hand in a thread; its motors are on in the context."""
-    from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro, open_bus
+    """Open the hand on the CAN channel of a URL, or a virtual hand; its motors are on in the context."""
+    from taxel.hand.allegro import AllegroHand, open_bus
+    from taxel.hand.allegro.emulated_bus import EmulatedBus
 
-    with ExitStack() as stack:
-        if url != VIRTUAL_HAND:
-            bus = open_bus(url)
-        else:
-            name = f"taxel-hand-{uuid.uuid4().hex}"
-            bus, hand_end = open_bus(f"can:virtual:{name}"), open_bus(f"can:virtual:{name}")
-            stack.callback(hand_end.shutdown)
-            stop = threading.Event()
-            thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,), daemon=True)
-            thread.start()
-            stack.callback(thread.join)
-            stack.callback(stop.set)
-        stack.callback(bus.shutdown)
-        yield stack.enter_context(AllegroHand(bus))
+    bus = EmulatedBus(time.monotonic) if url == VIRTUAL_HAND else open_bus(url)
+    try:
+        with AllegroHand(bus, clock=time.monotonic) as driver:
+            yield driver
+    finally:
+        bus.shutdown()

@@ -1,5 +1,6 @@
-"""Joint angles from the hand on CAN and from a topic, hand control by the command line, in real time."""
+"""Joint angles from the hand on CAN and from a topic, hand control by the command line."""
 
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from taxel.cli import joint_sources, ros_hand
 from taxel.hand import load_hand
 from taxel.hand.allegro import FreeJoints, VirtualAllegro, open_bus
 from taxel.hand.allegro.listener import AllegroListener
+from taxel.hand.control_loop import ControlLoop
 from taxel.hand.joint_names import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.hand.kinematics import build_kinematics
 from taxel.recording.formats.recorded_joints import load_recorded_joints
@@ -27,33 +29,52 @@ TARGET = (DEFAULT_LIMITS.lower + DEFAULT_LIMITS.upper) / 2 + 0.1
 
 
 class FakeNode:
-    """A ROS node that stores published messages; a thread sends commands to the subscriber."""
+    """A ROS node that stores published messages; one command for the subscriber at its start and in each period."""
 
     def __init__(self, commands: Callable[[int], Any], count: int) -> None:
         self.published: list[Any] = []
         self.is_alive = True
-        self._commands, self._count = commands, count
+        self._commands = (commands(index) for index in range(count))
+        self._subscriber: Callable[[Any], None] | None = None
 
     def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
         assert (topic, type_name) == ("allegroHand_0/joint_cmd", "sensor_msgs/JointState")
-        threading.Thread(target=self._send, args=(callback,), daemon=True).start()
+        self._subscriber = callback
+        self._send_command()
 
-    def _send(self, callback: Callable[[Any], None]) -> None:
-        for index in range(self._count):
-            callback(self._commands(index))
-            time.sleep(0.01)
+    def _send_command(self) -> None:
+        command = next(self._commands, None)
+        if command is not None and self._subscriber is not None:
+            self._subscriber(command)
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         self.callback = callback
 
     def publish(self, message: Any) -> None:
         self.published.append(message)
+        self._send_command()
 
     def wait(self, timeout_s: float) -> None:
-        time.sleep(timeout_s)
+        self._send_command()
 
     def close(self) -> None:
         self.is_alive = False
+
+
+class VirtualTime:
+    """Substitute for the module `time`: the seconds advance only in `sleep`."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def time_ns(self) -> int:
+        return round(self.now_s * 1e9)
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += max(seconds, 1e-6)
 
 
 def make_command(index: int) -> Any:
@@ -61,7 +82,11 @@ def make_command(index: int) -> Any:
 
 
 def run_ros_hand(monkeypatch: pytest.MonkeyPatch, node: FakeNode, **options: Any) -> None:
+    """Run `taxel ros-hand` with the virtual hand in virtual time."""
+    clock = VirtualTime()
     monkeypatch.setattr(ros_hand, "open_node", lambda version: node)
+    monkeypatch.setattr(ros_hand, "time", clock)
+    monkeypatch.setattr(ros_hand, "ControlLoop", lambda: ControlLoop(clock=clock.monotonic, sleep=clock.sleep))
     arguments: dict[str, Any] = {"hold_after_s": 0.1, "stop_after_s": 0.4, "hand": "allegro", "seconds": None}
     ros_hand.ros_hand("can:emulated", **{"prefix": "allegroHand_0", **arguments, **options})
 
@@ -69,14 +94,14 @@ def run_ros_hand(monkeypatch: pytest.MonkeyPatch, node: FakeNode, **options: Any
 def test_command_moves_the_virtual_hand_and_publishes_its_encoder_angles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    node = FakeNode(make_command, 200)
+    node = FakeNode(make_command, 1000)
     run_ros_hand(monkeypatch, node, seconds=1.2, original_rule=False, version=None)
     assert not node.is_alive
     first, last = node.published[0], node.published[-1]
     assert last.topic == "allegroHand_0/joint_states"
     assert np.abs(last.message["position"] - TARGET).mean() < np.abs(first.message["position"] - TARGET).mean()
-    assert len(node.published) > 100
-    assert "commands followed, 0 rejected" in capsys.readouterr().out
+    assert len(node.published) > 390  # 1.2 s with a period of 3 ms, less the wait for the first angles
+    assert re.search(r"40[0-9] commands followed, 0 rejected", capsys.readouterr().out)
 
 
 def test_stopped_topic_ends_the_command_with_one_line(

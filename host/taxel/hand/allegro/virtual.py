@@ -62,9 +62,10 @@ class VirtualAllegro:
     bus: the hand's end of the channel; the caller shuts it down. device_id: 0 to 3. hand_type: 0 is right. serial: 1 to
     8 ASCII characters. max_torque_nm: torque of a joint at full PWM. `faults` can be set at any time.
 
-    Use `step` in lock step (virtual time, one thread, no sleeping) or `run` in a thread in real time. An internal PD
-    controller executes position commands; a torque command holds until the next command. Time is counted in integer
-    nanoseconds, so reports with a period of 3 ms occur at exact multiples of 3 ms for any step length.
+    Use `step` in lock step (virtual time, one thread, no sleeping), `run` in a thread in real time, or `EmulatedBus` in
+    real time within the thread of the driver. An internal PD controller executes position commands; a torque command
+    holds until the next command. Time is counted in integer nanoseconds, so reports with a period of 3 ms occur at
+    exact multiples of 3 ms for any step length.
 
     .. warning::
         Not modelled: bit timing, arbitration and bus load; lost, late or repeated frames except by `faults`; motor
@@ -137,11 +138,14 @@ class VirtualAllegro:
     def run(self, stop: threading.Event, period_s: float = 0.001) -> None:
         """Follow real time in steps of about `period_s` until `stop` is set; run it in a separate thread."""
         loop = ControlLoop(period_s, spin_s=0.0)
-        start_s = loop.clock()
-        start_ns = self._time_ns
+        offset_s = loop.clock() - self.time_s
         while not stop.is_set():
             loop.wait()
-            self.step(max(0.0, loop.clock() - start_s - (self._time_ns - start_ns) / _NS))
+            self.follow(loop.clock() - offset_s)
+
+    def follow(self, time_s: float) -> None:
+        """Call `step` with the duration up to the virtual time `time_s`, seconds; 0 if that time has passed."""
+        self.step(max(0.0, time_s - self.time_s))
 
     def _process_frames(self) -> None:
         """Execute all received frames for this device; malformed frames are counted and ignored."""
