@@ -17,7 +17,7 @@ GROWTH_LIMIT = 1.02
 
 
 def find_problems(report: SoakReport) -> list[str]:
-    """Problems of a soak, one line each; empty if the soak passed."""
+    """List the problems of a soak, one line each; empty if the soak passed."""
     problems = []
     if report.wrong:
         problems.append(f"{report.wrong} frames contain counts that were never set")
@@ -28,8 +28,9 @@ def find_problems(report: SoakReport) -> list[str]:
 
 
 def main() -> int:
-    """Run a long test with random faults, print its result and write the report. Exit status 1 if there is a
-    problem.
+    """Run a long test with random faults, print its result and write the report.
+
+    Returns the exit status: 1 if there is a problem or an error, otherwise 0.
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (24)")

@@ -14,8 +14,9 @@ RUNS_PER_PROCESS = 500
 
 
 def main() -> int:
-    """Run several processes with random sequences of the state machine and print their seeds. Exit status 1 at a
-    failure.
+    """Run several processes with random sequences of the state machine and print their seeds.
+
+    Returns the exit status: 1 at the first failure, with the command that replays it, otherwise 0.
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20000, help="runs of 50 steps (20000)")

@@ -24,7 +24,7 @@ def test_board_with_another_firmware_version_streams_and_its_version_is_reported
 
 
 @pytest.mark.world(only=range(1, 17))
-def test_missing_board_is_reported_by_name(rig: Rig, skin: Skin) -> None:
+def test_missing_board_is_reported_by_name_and_the_other_boards_stream(rig: Rig, skin: Skin) -> None:
     read_frames(rig, skin, 0.3)
     assert skin.missing_boards == [rig.hand.boards[0].name]
     assert {frame.address for frame in read_frames(rig, skin, 0.3)} == {board.address for board in rig.hand.boards[1:]}
@@ -38,7 +38,7 @@ def test_board_with_an_unexpected_number_of_taxels_is_rejected_with_its_address(
 
 @pytest.mark.needs("i2c")
 @pytest.mark.world(lines=[SECOND_BOARD])
-def test_two_boards_on_one_address_deliver_no_counts(rig: Rig) -> None:
+def test_two_boards_on_one_address_deliver_no_counts_while_the_other_boards_stream(rig: Rig) -> None:
     address = get_address(rig.hand, 0)
     rig.clock.wait(0.3)
     data = bytes(rig.i2c.read_i2c_block_data(address, 0, 32))
@@ -63,7 +63,7 @@ def test_all_boards_have_different_unique_ids(rig: Rig) -> None:
 
 
 @pytest.mark.needs("counts", "faults")
-def test_board_that_returns_before_the_hub_marks_it_absent_is_identified_again(rig: Rig, skin: Skin) -> None:
+def test_board_that_returns_before_the_hub_marks_it_absent_streams_correct_counts_again(rig: Rig, skin: Skin) -> None:
     address = get_address(rig.hand, 2)
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)

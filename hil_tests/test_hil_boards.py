@@ -11,7 +11,7 @@ from taxel_protocol.registers import Identity, ScanSettings, snapshot
 
 
 def read_in_blocks(skin: Skin, address: int, size: int) -> bytes:
-    """A snapshot of `size` bytes, read as an SMBus host does: blocks of 32 bytes, block k at register 0x80 + k."""
+    """Read a snapshot of `size` bytes as an SMBus host does: blocks of 32 bytes, block k at register 0x80 + k."""
     blocks = []
     for start in range(0, size, SMBUS_BLOCK):
         pointer = REGISTER_SNAPSHOT + start // SMBUS_BLOCK
@@ -53,7 +53,7 @@ def test_transfer_to_an_address_without_a_board_fails_with_nack(skin: Skin) -> N
         skin.hub.transfer(unused_address, bytes([0]), 1)
 
 
-def test_new_scan_settings_change_the_counts(skin: Skin) -> None:
+def test_half_the_number_of_sub_conversions_halves_the_counts(skin: Skin) -> None:
     board = skin.hand.boards[0]
     before = np.median([f.raw_counts for f in _read_frames_of(skin, board.address, 3)], axis=0)
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
@@ -79,7 +79,7 @@ def test_settings_out_of_range_are_rejected_and_change_nothing(skin: Skin) -> No
 
 
 def _read_frames_of(skin: Skin, address: int, count: int) -> list:
-    """The next `count` frames of the board at `address`; frames of other boards are skipped."""
+    """Receive the next `count` frames of the board at `address`; frames of other boards are skipped."""
     frames = []
     for frame in skin:
         if frame.address == address:

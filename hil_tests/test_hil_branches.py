@@ -9,6 +9,7 @@ from taxel.skin import Skin
 
 BRANCH = "index"
 WHOLE_CABLE, SCL, SDA, SUPPLY = 0, 1, 2, 3
+"""Codes of the conductor to which a fault of a branch applies."""
 RETURN_S = 2.0
 """Longest time until all boards stream after the end of the fault: the hub searches lost boards once a second."""
 
@@ -31,65 +32,67 @@ def inject(rig: Rig, name: str, selection: int = 0, ohm: float = 0.0) -> None:
     rig.faults.inject(name, rig.hand.find_branch(BRANCH)[0].address, selection, ohm)
 
 
-def get_streaming(rig: Rig, skin: Skin, seconds: float) -> set[int]:
-    """Addresses of the boards whose frames arrive in the second half of the next `seconds`."""
+def read_streaming_addresses(rig: Rig, skin: Skin, seconds: float) -> set[int]:
+    """Return the addresses of the boards whose frames arrive in the second half of the next `seconds`."""
     read_frames(rig, skin, seconds / 2)
     return {frame.address for frame in read_frames(rig, skin, seconds / 2)}
 
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize(("name", "selection", "ohm"), LOCAL_FAULTS)
-def test_fault_of_a_branch_stops_its_boards_only(rig: Rig, skin: Skin, name: str, selection: int, ohm: float) -> None:
+def test_fault_of_a_branch_stops_only_its_boards_and_they_stream_again_after_its_end(
+    rig: Rig, skin: Skin, name: str, selection: int, ohm: float
+) -> None:
     counts = KnownCounts(rig)
-    everybody = {board.address for board in rig.hand.boards}
-    members = {board.address for board in rig.hand.find_branch(BRANCH)}
-    assert get_streaming(rig, skin, 0.4) == everybody
+    all_addresses = {board.address for board in rig.hand.boards}
+    branch_addresses = {board.address for board in rig.hand.find_branch(BRANCH)}
+    assert read_streaming_addresses(rig, skin, 0.4) == all_addresses
     counts.advance()
     inject(rig, name, selection, ohm)
-    streaming = get_streaming(rig, skin, 0.6)
-    assert streaming == everybody - members
-    silent = find_silent_branches(rig.hand, everybody - streaming)
+    streaming = read_streaming_addresses(rig, skin, 0.6)
+    assert streaming == all_addresses - branch_addresses
+    silent = find_silent_branches(rig.hand, all_addresses - streaming)
     assert silent.branches == (BRANCH,)
-    assert f"branch {BRANCH} (all {len(members)} boards" in format_silent_boards(rig.hand, silent)
+    assert f"branch {BRANCH} (all {len(branch_addresses)} boards" in format_silent_boards(rig.hand, silent)
     inject(rig, "branch_restore")
     read_frames(rig, skin, RETURN_S)
     for frame in read_frames(rig, skin, 0.3):
         counts.check_frame(frame)
-    assert get_streaming(rig, skin, 0.4) == everybody
+    assert read_streaming_addresses(rig, skin, 0.4) == all_addresses
     check_polls(skin)
 
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize(("name", "selection", "ohm"), SHORTS)
-def test_short_of_a_branch_stops_a_passive_star_until_its_end(
+def test_short_circuit_of_a_branch_stops_all_boards_of_a_passive_star_until_its_end(
     rig: Rig, skin: Skin, name: str, selection: int, ohm: float
 ) -> None:
-    everybody = {board.address for board in rig.hand.boards}
+    all_addresses = {board.address for board in rig.hand.boards}
     read_frames(rig, skin, 0.3)
     inject(rig, name, selection, ohm)
-    assert get_streaming(rig, skin, 0.6) == set()
+    assert read_streaming_addresses(rig, skin, 0.6) == set()
     assert skin.hub.seconds_since_message < 2.0
-    silent = find_silent_branches(rig.hand, everybody)
+    silent = find_silent_branches(rig.hand, all_addresses)
     assert "disconnect the branches one at a time" in format_silent_boards(rig.hand, silent)
     inject(rig, "branch_restore")
     read_frames(rig, skin, RETURN_S)
-    assert get_streaming(rig, skin, 0.4) == everybody
+    assert read_streaming_addresses(rig, skin, 0.4) == all_addresses
 
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.world(wiring="buffered")
 @pytest.mark.parametrize(("name", "selection", "ohm"), SHORTS)
-def test_short_of_a_buffered_branch_stops_its_boards_only(
+def test_short_circuit_of_a_buffered_branch_stops_only_its_boards_until_its_end(
     rig: Rig, skin: Skin, name: str, selection: int, ohm: float
 ) -> None:
-    everybody = {board.address for board in rig.hand.boards}
-    members = {board.address for board in rig.hand.find_branch(BRANCH)}
+    all_addresses = {board.address for board in rig.hand.boards}
+    branch_addresses = {board.address for board in rig.hand.find_branch(BRANCH)}
     read_frames(rig, skin, 0.3)
     inject(rig, name, selection, ohm)
-    assert get_streaming(rig, skin, 0.6) == everybody - members
+    assert read_streaming_addresses(rig, skin, 0.6) == all_addresses - branch_addresses
     inject(rig, "branch_restore")
     read_frames(rig, skin, RETURN_S)
-    assert get_streaming(rig, skin, 0.4) == everybody
+    assert read_streaming_addresses(rig, skin, 0.4) == all_addresses
 
 
 @pytest.mark.needs("faults", "counts")
@@ -106,7 +109,7 @@ def test_slow_branch_loses_polls_at_400_khz_and_delivers_no_wrong_count(rig: Rig
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.world(slow_branch=(BRANCH, SLOW_PF), scl_hz=100e3)
-def test_slow_branch_works_at_100_khz(rig: Rig, skin: Skin) -> None:
+def test_slow_branch_loses_no_poll_at_100_khz(rig: Rig, skin: Skin) -> None:
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.3)
     for frame in read_frames(rig, skin, 1.0):
@@ -115,7 +118,7 @@ def test_slow_branch_works_at_100_khz(rig: Rig, skin: Skin) -> None:
 
 
 def read_failed_polls(rig: Rig, skin: Skin) -> dict[str, int]:
-    """Number of failed polls of each branch."""
+    """Return the number of failed polls of each branch: NACKs, CRC errors and timeouts."""
     skin.hub.read_status()
     failed = dict.fromkeys(rig.hand.branches, 0)
     for board in rig.hand.boards:

@@ -18,7 +18,10 @@ from taxel.hand.allegro import (
 
 pytestmark = pytest.mark.needs("can")
 PERIOD_S = 0.003
+"""Control period of the hand, in which each of the four fingers sends a pose, seconds."""
 SILENCE_LIMIT_S = 0.1
+"""Time without a pose after which the hand is regarded as silent, seconds."""
+MOVED_JOINT = 5
 BUSY_S = 0.5  # longest pause of this process on a rig in real time
 
 
@@ -37,7 +40,7 @@ def hand(rig: Rig) -> Iterator[AllegroHand]:
 
 
 def update_hand(rig: Rig, hand: AllegroHand, seconds: float) -> int:
-    """Run the hand for a time with one update per control period. Returns the number of complete poses received."""
+    """Run the hand for a time with one update per control period. Returns the number of finger poses received."""
     n_poses = 0
     for _ in range(round(seconds / PERIOD_S)):
         rig.can.advance(PERIOD_S)
@@ -45,27 +48,27 @@ def update_hand(rig: Rig, hand: AllegroHand, seconds: float) -> int:
     return n_poses
 
 
-def test_hand_reports_its_type_and_serial_number(hand: AllegroHand) -> None:
+def test_hand_reports_its_type_its_motor_state_and_its_serial_number(hand: AllegroHand) -> None:
     assert hand.get_info().hand_type == 0
     assert hand.get_info().servo_on
     assert len(hand.get_serial()) > 0
 
 
 def test_joint_angles_arrive_every_three_milliseconds(rig: Rig, hand: AllegroHand) -> None:
-    assert update_hand(rig, hand, 0.3) >= 4 * 90
+    assert update_hand(rig, hand, 0.3) >= 4 * 90  # of the four fingers, in 90 % of 100 control periods
     assert hand.read_joint_angles().age_s <= (2 * PERIOD_S if rig.description.is_virtual else BUSY_S)
 
 
-def test_torque_moves_only_its_own_joint(rig: Rig, hand: AllegroHand) -> None:
+def test_torque_moves_its_joint_at_least_four_times_as_far_as_any_other_joint(rig: Rig, hand: AllegroHand) -> None:
     update_hand(rig, hand, 0.05)
     angles_before = hand.read_joint_angles().angles
     torque = np.zeros(16)
-    torque[5] = 0.2
+    torque[MOVED_JOINT] = 0.2
     hand.set_torque(torque)
     update_hand(rig, hand, 0.3)
     change = hand.read_joint_angles().angles - angles_before
-    assert change[5] > 0.01
-    assert np.abs(np.delete(change, 5)).max() < 0.25 * change[5]
+    assert change[MOVED_JOINT] > 0.01
+    assert np.abs(np.delete(change, MOVED_JOINT)).max() < 0.25 * change[MOVED_JOINT]
 
 
 def test_joint_angles_stay_within_the_joint_limits(rig: Rig, hand: AllegroHand) -> None:
@@ -85,7 +88,9 @@ def test_a_few_lost_can_frames_raise_no_error(rig: Rig, hand: AllegroHand) -> No
 
 
 @pytest.mark.needs("can_faults")
-def test_channel_that_loses_all_frames_raises_an_error_that_names_the_fingers(rig: Rig, hand: AllegroHand) -> None:
+def test_channel_that_loses_all_frames_raises_an_error_that_names_the_fingers_within_0_12_s(
+    rig: Rig, hand: AllegroHand
+) -> None:
     update_hand(rig, hand, 0.1)
     rig.can_faults.lose_frames(100000)
     start_s = rig.can.now_s()
@@ -108,7 +113,9 @@ def test_finger_without_joint_angles_is_named_in_the_error(rig: Rig, hand: Alleg
 
 
 @pytest.mark.needs("can_faults")
-def test_bus_off_controller_raises_an_error_at_the_next_command(rig: Rig, hand: AllegroHand) -> None:
+def test_bus_off_controller_raises_an_error_at_the_next_command_until_it_returns_to_the_bus(
+    rig: Rig, hand: AllegroHand
+) -> None:
     update_hand(rig, hand, 0.1)
     rig.can_faults.set_bus_off(True)
     with pytest.raises(AllegroBusError, match="bus-off"):
@@ -121,7 +128,7 @@ def test_bus_off_controller_raises_an_error_at_the_next_command(rig: Rig, hand: 
 
 
 @pytest.mark.needs("can_faults")
-def test_overtemperature_raises_an_error_within_half_a_second(rig: Rig, hand: AllegroHand) -> None:
+def test_overtemperature_raises_an_error_within_0_6_s_until_the_motors_have_cooled(rig: Rig, hand: AllegroHand) -> None:
     update_hand(rig, hand, 0.1)
     rig.can_faults.set_temperature(80)
     start_s = rig.can.now_s()

@@ -8,7 +8,9 @@ from hil_tests.harness.rig import Rig
 from taxel.skin import Skin
 
 WRAP_S = 2**32 / 1e6
+"""Time after which a clock of 32 bits in microseconds wraps, seconds."""
 CYCLE_AND_SCAN_S = 0.1
+"""Largest difference between the host times of two frames of one cycle, seconds: the time of a cycle and a scan."""
 
 
 def check_no_losses(skin: Skin) -> None:
@@ -70,9 +72,9 @@ def test_host_times_of_boards_with_different_clock_rates_agree(rig: Rig, skin: S
     check_no_losses(skin)
     late_frames = [frame for frame in frames if frame.hub_time_us > 4e6]
     for board in rig.hand.boards:
-        own = [frame for frame in late_frames if frame.address == board.address]
-        board_s = np.array([frame.board_time_us for frame in own]) / 1e6
-        host_s = np.array([frame.time_s for frame in own])
+        board_frames = [frame for frame in late_frames if frame.address == board.address]
+        board_s = np.array([frame.board_time_us for frame in board_frames]) / 1e6
+        host_s = np.array([frame.time_s for frame in board_frames])
         rate = np.polyfit(host_s, board_s, 1)[0]
         assert 0.975 < rate < 1.025
     for cycle in {frame.cycle for frame in late_frames}:  # frames of one cycle have similar host times

@@ -109,17 +109,17 @@ def test_command_after_garbage_is_executed(rig: Rig, skin: Skin) -> None:
 
 
 def test_truncated_command_is_not_executed(rig: Rig, skin: Skin) -> None:
-    whole = encode_frame(FrameType.COMMAND, 7, pack(CommandPayload, {"tag": 9, "command": int(Command.STOP)}))
-    for size in range(1, len(whole) - 1):  # the added zero replaces the end mark of the frame
-        skin.link.write(whole[:size] + b"\x00")
+    stop_frame = encode_frame(FrameType.COMMAND, 7, pack(CommandPayload, {"tag": 9, "command": int(Command.STOP)}))
+    for size in range(1, len(stop_frame) - 1):  # the added zero replaces the delimiter at the end of the frame
+        skin.link.write(stop_frame[:size] + b"\x00")
     assert len(read_frames(rig, skin, 0.5)) > len(rig.hand.boards)
 
 
 @pytest.mark.parametrize("bit", range(8))
 def test_command_with_a_flipped_bit_is_not_executed(rig: Rig, skin: Skin, bit: int) -> None:
-    whole = encode_frame(FrameType.COMMAND, 7, pack(CommandPayload, {"tag": 9, "command": int(Command.STOP)}))
-    for index in range(1, len(whole) - 1):  # all bytes between the start mark and the end mark
-        damaged = bytearray(whole)
+    stop_frame = encode_frame(FrameType.COMMAND, 7, pack(CommandPayload, {"tag": 9, "command": int(Command.STOP)}))
+    for index in range(1, len(stop_frame) - 1):  # all bytes between the delimiters
+        damaged = bytearray(stop_frame)
         damaged[index] ^= 1 << bit
         skin.link.write(bytes(damaged) + b"\x00")
         skin.hub.wait(0.002)
@@ -128,9 +128,9 @@ def test_command_with_a_flipped_bit_is_not_executed(rig: Rig, skin: Skin, bit: i
 
 def test_transfer_through_the_hub_returns_all_bytes_of_every_size(skin: Skin) -> None:
     address = get_address(skin.hand, 0)
-    whole = b"".join(skin.hub.transfer(address, bytes([start]), 29) for start in (0, 29))
+    identity = b"".join(skin.hub.transfer(address, bytes([start]), 29) for start in (0, 29))
     for size in (1, 2, 31, 32, 33, 58, 64):
-        assert skin.hub.transfer(address, bytes([0]), size)[:58] == whole[: min(size, 58)]
+        assert skin.hub.transfer(address, bytes([0]), size)[:58] == identity[: min(size, 58)]
 
 
 def test_bus_scan_during_streaming_loses_no_frame(rig: Rig, skin: Skin) -> None:

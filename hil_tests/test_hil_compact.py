@@ -14,6 +14,8 @@ from taxel.stream import TaxelFrame
 from taxel_protocol import BoardFault
 
 SETTLING_S = 0.5
+COMPACT_RATE_HZ = 40
+"""Usual rate of compact frames of one board, Hz."""
 MEASURING_S = 1.0
 RATE_GAIN = 2.0
 """Least ratio of the frame rates with compact and uncompressed frames on a skin without contact (measured: 3.4)."""
@@ -35,6 +37,7 @@ def set_known_counts(rig: Rig, skin: Skin) -> KnownCounts:
 
 
 def count_frames_by_board(frames: list[TaxelFrame], hand: Hand) -> list[int]:
+    """Count the frames of each board, in the order of the hand."""
     count = Counter(frame.address for frame in frames)
     return [count[board.address] for board in hand.boards]
 
@@ -50,7 +53,7 @@ def test_compact_frames_contain_the_known_counts(rig: Rig, compact_skin: Skin) -
     assert not compact_skin.losses.undecoded_frames
 
 
-def test_compact_frames_double_the_frame_rate_of_every_board(rig: Rig) -> None:
+def test_compact_frames_more_than_double_the_frame_rate_of_the_slowest_board(rig: Rig) -> None:
     lowest_count = {}
     for frame_format in ("plain", "compact"):
         with Skin(rig.uart.open_link(), rig.hand, frames=frame_format) as skin:
@@ -87,4 +90,4 @@ def test_rebooted_hub_continues_with_compact_frames(rig: Rig, compact_skin: Skin
     for frame in frames_after:
         counts.check_frame(frame)
     assert compact_skin.losses.restarts == 1
-    assert min(count_frames_by_board(frames_after, rig.hand)) > 0.7 * 40 * SETTLING_S
+    assert min(count_frames_by_board(frames_after, rig.hand)) > 0.7 * COMPACT_RATE_HZ * SETTLING_S

@@ -1,5 +1,8 @@
 """Firmware images executed as ARM code.
 
+The processor of an executed board runs the image of the board; a native board runs the same firmware compiled for the
+PC.
+
 Counts equal those of native boards, snapshots are consistent at any instant, and a power cut leaves a working program.
 """
 
@@ -37,7 +40,10 @@ READS = 40
 
 
 def read_stack_limit(address: int) -> int:
-    """Largest stack in bytes that the image of a board and its bootloader can use, as `make size` computed it."""
+    """Return the largest stack in bytes that an image and its bootloader can use, as `make size` computed it.
+
+    address: I2C address of a board; 0: the hub.
+    """
     sizes = json.loads((PORT / "size.json").read_text())["images"]
     names = ("board-a", "board-b", "bootloader-board") if address else ("hub-a", "hub-b", "bootloader-hub")
     return max(int(sizes[name]["stack"]) for name in names)
@@ -63,7 +69,7 @@ def find_image_files() -> dict[str, Path]:
 
 
 def format_image_lines(*addresses: int) -> str:
-    """Lines of a world file that execute the images of these boards; address 0 is the hub."""
+    """Format the lines of a world file that execute the images of these boards; address 0 is the hub."""
     return "".join(
         f"image 0x{address:02X} board-factory.hex\n" if address else "hub_image hub-factory.hex\n"
         for address in addresses
@@ -71,14 +77,20 @@ def format_image_lines(*addresses: int) -> str:
 
 
 def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, bytes]:
-    """Read a snapshot of a board over I2C: scan number, time of the board's clock in us, bytes of the raw counts."""
+    """Read a snapshot of a board over I2C.
+
+    Returns a tuple of scan number, start of the scan on the board's clock in microseconds, and bytes of the raw counts.
+    """
     code, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     assert code == 0
     return (*struct.unpack_from("<HI", data), data[6:-4])
 
 
 def read_random_snapshots(world: VirtualWorld, board: Board, forces: np.ndarray) -> list[tuple[int, int, bytes]]:
-    """Snapshots of a board without a hub, read at random instants that are fixed on the board's clock."""
+    """Read `READS` snapshots of a board without a hub, at random instants that are fixed on the board's clock.
+
+    forces: force on each taxel of the hand, N. Returns the snapshots as `read_snapshot` does.
+    """
     world.inject("hub_unplug")
     world.set_stimulus(forces)
     world.run(0.3)
@@ -116,7 +128,9 @@ def check_processors(world: VirtualWorld, *addresses: int) -> None:
     [("at rest", ADDRESS), ("pressed", ADDRESS), ("noisy", ADDRESS), ("pressed", PROXIMAL), ("noisy", MEDIAL)],
 )
 def test_executed_board_measures_the_counts_of_a_native_board(hand: Hand, case: str, address: int) -> None:
-    """Read at the same instants of the board's clock: scan numbers and counts are equal, and scan times agree."""
+    """Snapshots are read at the same instants of the board's clock: scan numbers and counts are equal, and scan times
+    differ by less than `MAX_TIME_DIFFERENCE_US`.
+    """
     board = hand.get_board(address)
     settings = WorldSettings(seed=5, noise_counts=4.0 if case == "noisy" else 0.0, clock_spread_ppm=0.0)
     forces = np.random.default_rng(3).uniform(0.0, 4.0, hand.n_taxels) * (case != "at rest")
@@ -134,7 +148,7 @@ def test_executed_board_measures_the_counts_of_a_native_board(hand: Hand, case: 
 
 
 def test_executed_board_has_the_scan_period_of_a_native_board(hand: Hand) -> None:
-    """For all 17 boards, to 5 parts in 100,000, independent of the crossings of the board."""
+    """Compares all 17 boards, to 5 parts in 100,000: the scan period does not depend on the crossings of the board."""
     periods = []
     for lines in ("", format_image_lines(*(board.address for board in hand.boards))):
         world_file = format_world(hand, WorldSettings(noise_counts=0.0)) + lines
@@ -213,7 +227,7 @@ def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
     standard = text.split('"standard"')[1].split(".name")[0]
 
     def read_numbers(name: str) -> list[int]:
-        """The integers of the field `name` of the standard part."""
+        """Read the integers of the field `name` of the standard part."""
         return [
             int(item, 0)
             for item in standard.split(f".{name} =")[1].split("{")[1].split("}")[0].split(",")
@@ -221,6 +235,7 @@ def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
         ]
 
     def encode_pin(name: str) -> int:
+        """Encode a pin such as P4.1 as the emulator does: port in the high half of a byte, number in the low half."""
         port, number = name.removeprefix("P").split(".")
         return int(port) << 4 | int(number)
 
@@ -229,7 +244,7 @@ def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
     assert f".rts = 0x{encode_pin(pins['hub']['uart_rts']):02X}" in standard
 
 
-def test_invalid_image_file_is_rejected_with_one_line(hand: Hand, tmp_path: Path) -> None:
+def test_invalid_image_file_is_rejected_with_a_one_line_message(hand: Hand, tmp_path: Path) -> None:
     from taxel.link.errors import LinkError
 
     path = tmp_path / "bad.hex"

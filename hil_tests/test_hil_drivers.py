@@ -85,7 +85,7 @@ def test_driver_of_another_package_is_opened_with_its_options_and_closed(tmp_pat
     ],
     ids=["no interface", "no class", "import error", "option type"],
 )
-def test_unusable_driver_of_another_package_is_rejected_with_one_line(
+def test_unusable_driver_of_another_package_is_rejected_with_a_one_line_message(
     tmp_path: Path, source: str, expected: str
 ) -> None:
     path = tmp_path / "relay.toml"
@@ -104,11 +104,14 @@ def test_missing_ports_are_named_in_the_error(context: DriverContext) -> None:
         open_i2c("/dev/i2c-99")
     with pytest.raises(RigError, match="power /dev/ttyNONE: cannot be opened"):
         ModemLinePower(context, "/dev/ttyNONE")
+
+
+def test_unknown_modem_line_is_rejected_with_the_permitted_lines(context: DriverContext) -> None:
     with pytest.raises(RigError, match="line = 'cts'; expected rts or dtr"):
         ModemLinePower(context, "loop://", "cts")
 
 
-def test_modem_line_switches_the_whole_rig_and_no_single_board(context: DriverContext) -> None:
+def test_modem_line_switches_the_whole_rig_and_no_single_board_until_its_port_is_closed(context: DriverContext) -> None:
     power = ModemLinePower(context, "loop://", "rts")
     assert power._port.rts
     power.switch(False)

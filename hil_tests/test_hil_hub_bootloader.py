@@ -24,7 +24,7 @@ CHUNK = 54  # bytes of a PROGRAM_ROW or SEND_DATA that fit a packet of 64
 
 
 class HubBootloader:
-    """Packets of the hub's bootloader on its UART."""
+    """The bootloader of the hub, accessed by packets on its UART."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -60,7 +60,7 @@ class HubBootloader:
 
 
 def enter_bootloader(rig: Rig, skin: Skin) -> HubBootloader:
-    """Restart the hub into its bootloader."""
+    """Restart the hub into its bootloader, and discard the last frames of its application."""
     skin.hub.command(Command.ENTER_BOOTLOADER, struct.pack("<I", BOOTLOADER_KEY))
     rig.clock.wait(0.1)
     while skin.link.read(0.0) is not None:
@@ -69,7 +69,9 @@ def enter_bootloader(rig: Rig, skin: Skin) -> HubBootloader:
 
 
 def make_program(rig: Rig) -> bytes:
-    """Content of a working image after its header: the code of slot B if the hub is executed, else any bytes."""
+    """Return the content of a working image after its header: the code of slot B if the hub executes ARM images,
+    otherwise arbitrary bytes.
+    """
     if 0 in rig.description.executed:
         return (build_images() / "hub-b.bin").read_bytes()[HEADER_SIZE:]
     return bytes(8) + b"new hub" * 40
@@ -95,7 +97,7 @@ def restart(rig: Rig, skin: Skin) -> None:
 
 
 def read_version(rig: Rig) -> tuple[int, ...]:
-    """The firmware version of the hub, after a check that frames of all boards arrive."""
+    """Check that frames of all boards arrive, and return the firmware version of the hub: major, minor, patch."""
     with Skin(rig.uart.open_link(), rig.hand) as skin:
         frames = read_frames(rig, skin, 0.5)
         assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
@@ -143,7 +145,7 @@ def test_hub_boots_the_old_image_after_a_power_cut_during_programming(rig: Rig, 
     assert read_version(rig) == old_version
 
 
-def test_hub_rejects_a_wrong_bootloader_key(rig: Rig, skin: Skin) -> None:
+def test_hub_rejects_a_wrong_bootloader_key_and_continues_to_stream(rig: Rig, skin: Skin) -> None:
     with pytest.raises(HubError, match="bad arguments"):
         skin.hub.command(Command.ENTER_BOOTLOADER, b"\x00" * 4)
     assert read_frames(rig, skin, 0.3)

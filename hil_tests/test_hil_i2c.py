@@ -18,6 +18,7 @@ from taxel_protocol.limits import (
     REGISTER_STATUS,
     SMBUS_BLOCK,
 )
+from taxel_protocol.names import BoardCommand, ResetCause
 from taxel_protocol.registers import Identity, SettingsRegister, Status, snapshot
 
 pytestmark = pytest.mark.needs("i2c")
@@ -39,15 +40,22 @@ def read_register(bus, address: int, register: int, size: int) -> bytes:
 
 
 def write_register(bus, address: int, register: int, data: bytes) -> None:
+    """Write bytes to a register of the board at `address`."""
     bus.i2c_rdwr(i2c_msg.write(address, bytes([register]) + data))
 
 
 def read_status(bus, address: int) -> dict:
+    """Read the status register of the board at `address` as a dictionary of its fields."""
     return dict(Status.parse(read_register(bus, address, REGISTER_STATUS, Status.sizeof())))
 
 
+def encode_command(command: BoardCommand) -> bytes:
+    """Encode a command for the register COMMAND: its code and the complement of the code."""
+    return bytes([command, 0xFF - command])
+
+
 def add_crc(address: int, settings: bytes) -> bytes:
-    """Scan settings with the CRC that the board at this address expects."""
+    """Append the CRC that the board at this address expects to 8 bytes of scan settings."""
     return settings + crc32(bytes([address]) + settings).to_bytes(4, "little")
 
 
@@ -98,11 +106,11 @@ def test_snapshot_read_in_blocks_contains_one_scan(rig: Rig, bus) -> None:
 def test_snapshot_does_not_change_without_a_new_scan(rig: Rig, bus) -> None:
     address = get_address(rig.hand, 0)
     size = SNAPSHOT_OVERHEAD + 2 * rig.hand.get_board(address).kind.taxel_count
-    write_register(bus, address, REGISTER_COMMAND, bytes([2, 0xFD]))  # STOP_SCAN
+    write_register(bus, address, REGISTER_COMMAND, encode_command(BoardCommand.STOP_SCAN))
     first = read_register(bus, address, REGISTER_SNAPSHOT, size)
     rig.clock.wait(0.1)
     assert read_register(bus, address, REGISTER_SNAPSHOT, size) == first
-    write_register(bus, address, REGISTER_COMMAND, bytes([1, 0xFE]))  # START_SCAN
+    write_register(bus, address, REGISTER_COMMAND, encode_command(BoardCommand.START_SCAN))
     rig.clock.wait(0.1)
     assert read_register(bus, address, REGISTER_SNAPSHOT, size) != first
 
@@ -115,7 +123,7 @@ def test_read_without_a_write_starts_at_the_register_pointer(rig: Rig, bus) -> N
     assert bytes(second_read) == identity
 
 
-def test_bytes_after_the_end_of_a_block_are_ff(rig: Rig, bus) -> None:
+def test_bytes_after_the_end_of_a_register_and_of_an_undefined_register_are_ff(rig: Rig, bus) -> None:
     address = get_address(rig.hand, 0)
     data = read_register(bus, address, REGISTER_IDENTITY, Identity.sizeof() + 6)
     assert data[Identity.sizeof() :] == b"\xff" * 6
@@ -165,7 +173,9 @@ def test_command_without_its_complement_is_rejected(rig: Rig, bus, bytes_written
     assert after["rejected_writes"] == before["rejected_writes"] + 1
 
 
-def test_settings_write_of_more_than_twelve_bytes_is_not_acknowledged(rig: Rig, bus) -> None:
+def test_settings_write_of_more_than_twelve_bytes_is_not_acknowledged_and_the_board_still_answers(
+    rig: Rig, bus
+) -> None:
     address = get_address(rig.hand, 0)
     with pytest.raises(OSError) as caught:
         write_register(bus, address, REGISTER_SETTINGS, bytes(13))
@@ -175,11 +185,11 @@ def test_settings_write_of_more_than_twelve_bytes_is_not_acknowledged(rig: Rig, 
 
 def test_restart_command_restarts_the_board(rig: Rig, bus) -> None:
     address = get_address(rig.hand, 3)
-    write_register(bus, address, REGISTER_COMMAND, bytes([4, 0xFB]))
+    write_register(bus, address, REGISTER_COMMAND, encode_command(BoardCommand.RESTART))
     rig.clock.wait(BOOTED_S)
     status_after = read_status(bus, address)
     assert status_after["clock_us"] < 1e6 * (BOOTED_S + 0.05)
-    assert status_after["reset_cause"] == 3
+    assert status_after["reset_cause"] == ResetCause.COMMAND
 
 
 def test_second_master_causes_no_losses_and_no_bus_errors(rig: Rig, skin: Skin) -> None:

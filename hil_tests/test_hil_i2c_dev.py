@@ -25,7 +25,10 @@ SUITES = ("test_hil_boards.py", "test_hil_stream.py")
 
 @contextmanager
 def open_bench(folder: Path, hand: str) -> Iterator[dict[str, str]]:
-    """A fake adapter on a bus with the boards of a hand and no hub; yields the environment of programs that use it."""
+    """Serve a fake I2C adapter with the boards of a hand and no hub.
+
+    Yields the environment variables of programs that use the adapter as /dev/i2c-7.
+    """
     with VirtualWorld(format_world(load_hand(hand)), "none") as world:
         world.inject("hub_unplug")
         world.run(0.2)
@@ -39,6 +42,7 @@ def open_bench(folder: Path, hand: str) -> Iterator[dict[str, str]]:
 
 
 def run(environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with these arguments and environment variables in the repository. Its output is captured."""
     return subprocess.run(
         [sys.executable, *arguments], cwd=REPOSITORY, env=environment, capture_output=True, text=True, timeout=250
     )
@@ -65,7 +69,10 @@ print(json.dumps(results))
 
 
 def run_commands(environment: dict[str, str], *commands: tuple[list[str], dict[str, str]]) -> list[SimpleNamespace]:
-    """Run `taxel` with the arguments and the additional environment variables of each command, in one process."""
+    """Run `taxel` with the arguments and the additional environment variables of each command, in one process.
+
+    Returns `returncode`, `stdout` and `stderr` of each command.
+    """
     done = run(environment, "-c", RUN_COMMANDS, json.dumps(commands))
     assert done.returncode == 0, done.stderr
     return [SimpleNamespace(**result) for result in json.loads(done.stdout)]

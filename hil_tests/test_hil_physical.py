@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil_tests.fake_dev.bench import FakeBench, build_shim, has_multicast
+from hil_tests.harness.fault_cases import CASES
 from hil_tests.harness.rig_file import load_rig
 from taxel.hand import load_hand
 from taxel.hand.world import format_world
@@ -25,7 +26,7 @@ SUITES = ("test_hil_boards.py", "test_hil_i2c.py", "test_hil_stream.py", "test_h
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Output of pytest on the emulated bench."""
+    """Output of pytest with the suites `SUITES` on the emulated bench."""
     folder = tmp_path_factory.mktemp("bench")
     socket_path, has_can = folder / "i2c.sock", has_multicast()
     with VirtualWorld(format_world(load_hand("original")), "pty") as world:
@@ -55,7 +56,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def read_row(output: str, suite: str) -> tuple[int, int, int]:
-    """The numbers of passed, failed and not possible tests of a test module in the table that pytest printed."""
+    """Read the numbers of passed, failed and not possible tests of a test module from the table that pytest printed."""
     found = re.search(rf"^{suite} +(\d+) +(\d+) +(\d+)", output, re.MULTILINE)
     assert found, output[-3000:]
     return int(found[1]), int(found[2]), int(found[3])
@@ -78,7 +79,7 @@ def test_can_suite_passes_on_a_multicast_channel(output: str) -> None:
 
 
 def test_tests_that_a_rig_cannot_run_are_reported_with_the_missing_ability(output: str) -> None:
-    assert read_row(output, "hil_fault_cases") == (0, 0, 25)
+    assert read_row(output, "hil_fault_cases") == (0, 0, len(CASES))
     assert "lacks known raw counts, fault injection" in output
     assert "rig: " in output
 

@@ -48,7 +48,7 @@ def write_rig(folder: Path, text: str) -> str:
 
 
 @pytest.mark.parametrize("case", INVALID_FILES)
-def test_invalid_rig_file_is_rejected_with_one_line(tmp_path: Path, case: str) -> None:
+def test_invalid_rig_file_is_rejected_with_a_one_line_message_that_names_the_file(tmp_path: Path, case: str) -> None:
     text, expected = INVALID_FILES[case]
     path = write_rig(tmp_path, text)
     with pytest.raises(RigError, match=expected) as caught:
@@ -77,7 +77,7 @@ def test_virtual_rig_has_all_abilities(tmp_path: Path) -> None:
     assert get_abilities(load_rig(write_rig(tmp_path, VIRTUAL))) == set(ABILITIES)
 
 
-def test_rig_with_executed_images_has_no_long_virtual_times() -> None:
+def test_rig_with_executed_images_lacks_only_settable_clocks_and_long_virtual_times() -> None:
     assert set(ABILITIES) - get_abilities(load_rig("cortex-m0")) == {"clocks", "hours"}
 
 

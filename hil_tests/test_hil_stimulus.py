@@ -9,18 +9,21 @@ from taxel.skin import Skin
 
 pytestmark = pytest.mark.needs("stimulus")
 ACTIVE_COUNTS = 150
+"""Signal above which a taxel is active, counts below the baseline."""
 FORCE_N = 5.0
 BOARD_INDICES_AND_TAXELS = ((0, 10), (5, 3), (9, 20), (16, 7))
 
 
 def measure_mean_counts(rig: Rig, skin: Skin, address: int, seconds: float) -> np.ndarray:
-    """Mean raw count of each taxel of the board at `address`, over a reading time."""
+    """Measure the mean raw count of each taxel of the board at `address`, over `seconds`."""
     frames = [frame.raw_counts for frame in read_frames(rig, skin, seconds) if frame.address == address]
     return np.mean(frames, axis=0)
 
 
 @pytest.mark.parametrize(("index", "taxel"), BOARD_INDICES_AND_TAXELS)
-def test_only_the_pressed_taxel_is_active(rig: Rig, skin: Skin, index: int, taxel: int) -> None:
+def test_only_the_pressed_taxel_is_active_and_only_until_its_release(
+    rig: Rig, skin: Skin, index: int, taxel: int
+) -> None:
     address = get_address(rig.hand, index)
     baseline = measure_mean_counts(rig, skin, address, 1.0)
     rig.stimulus.press(address, taxel, FORCE_N)

@@ -18,12 +18,12 @@ def test_no_frame_is_lost_in_sixty_scans(skin: Skin) -> None:
     }
 
 
-def test_every_scan_contains_all_boards(skin: Skin) -> None:
+def test_every_scan_after_the_first_contains_all_boards(skin: Skin) -> None:
     scans = list(itertools.islice(skin.scans(), 10))
     assert all(scan.valid.all() for scan in scans[1:])
 
 
-def test_board_timestamps_and_cycles_increase(skin: Skin) -> None:
+def test_cycles_of_a_board_are_consecutive_and_its_timestamps_increase(skin: Skin) -> None:
     last: dict[int, tuple[int, int]] = {}
     for frame in itertools.islice(skin, 200):
         if frame.address in last:
@@ -43,13 +43,13 @@ def test_every_poll_has_one_outcome_in_the_counters_of_the_hub(skin: Skin) -> No
         assert in_progress in {0, 1}, fields
 
 
-def test_rate_limit_is_applied(skin: Skin) -> None:
+def test_rate_limit_of_5_hz_gives_one_scan_every_0_2_s(skin: Skin) -> None:
     skin.hub.set_rate(5.0)
     times = [scan.time_s for scan in itertools.islice(skin.scans(), 18)][12:]
     assert np.isclose(np.median(np.diff(times)), 0.2, rtol=0.05)
 
 
-def test_streaming_resumes_after_a_reboot_of_the_hub(skin: Skin) -> None:
+def test_streaming_resumes_after_one_restart_of_a_rebooted_hub(skin: Skin) -> None:
     skin.hub.reboot()
     for _ in itertools.islice(skin.scans(), 5):
         pass

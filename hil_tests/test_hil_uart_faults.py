@@ -15,7 +15,7 @@ N_FAULTS = 40
 @pytest.mark.needs("uart_faults", "counts")
 @pytest.mark.parametrize("fault", FAULTS_TO_HOST)
 def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str) -> None:
-    """A mark between two frames belongs to both frames."""
+    """The delimiter between two frames belongs to both, so a lost or doubled byte may cost two frames."""
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)
@@ -67,7 +67,9 @@ def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> N
 @pytest.mark.needs("uart_faults")
 @pytest.mark.parametrize("fault", FAULTS_TO_HUB)
 @pytest.mark.parametrize("n_bytes", range(0, 16, 3))
-def test_damaged_command_is_repeated(rig: Rig, skin: Skin, fault: str, n_bytes: int) -> None:
+def test_command_damaged_on_the_uart_is_repeated_until_the_hub_replies(
+    rig: Rig, skin: Skin, fault: str, n_bytes: int
+) -> None:
     read_frames(rig, skin, 0.2)
     rig.faults.inject(fault, 0, n_bytes, 1)
     skin.hub.command(Command.GET_TIME)

@@ -38,7 +38,9 @@ KINDS = {
 
 
 def read_frames_until_events(rig: Rig, skin: Skin, n_events: int, settling_s: float) -> list[TaxelFrame]:
-    """Frames until the log contains `n_events` fault events, and for `settling_s` more, so that a retry is complete."""
+    """Receive frames until the log contains `n_events` fault events, and for another `settling_s`, until a retry is
+    complete. Stops after two poll cycles without the events.
+    """
     assert rig.faults is not None
     frames: list[TaxelFrame] = []
     end_s = rig.clock.now_s() + 2 * CYCLE_S

@@ -38,7 +38,7 @@ _FILE_NAME = re.compile(r"CapMatrix_([A-Za-z0-9_]+)\.txt", re.ASCII)
 
 
 class FormatError(Exception):
-    """A line with an error; the text names file and line."""
+    """A line has an invalid format; the message names file and line."""
 
 
 class Line(NamedTuple):
@@ -61,14 +61,14 @@ class Recording(NamedTuple):
 
 
 def parse_integer(text: str, field: str, low: int, high: int) -> int:
-    """The integer in `text`; raises FormatError outside `low` to `high`."""
+    """Return the integer in `text`. field: name for the message. Raises FormatError outside `low` to `high`."""
     if not _INTEGER.fullmatch(text) or len(text) > 20 or not low <= int(text) <= high:
         raise FormatError(f"{field}: expected an integer from {low} to {high}, found {text[:20]!r}")
     return int(text)
 
 
 def check_choice(text: str, field: str, choices: tuple[str, ...]) -> str:
-    """Check that `text` is one of `choices`. Returns it; raises FormatError otherwise."""
+    """Return `text` if it is one of `choices`. field: name for the message. Raises FormatError otherwise."""
     if text not in choices:
         raise FormatError(f"{field}: expected one of {', '.join(choices)}, found {text[:20]!r}")
     return text
@@ -77,7 +77,7 @@ def check_choice(text: str, field: str, choices: tuple[str, ...]) -> str:
 def parse_line(text: str) -> Line | None:
     """Parse one line of a CapFingerId file, without its line end, as a frame of the touch panel.
 
-    None if the frame is truncated (has another length). Raises FormatError.
+    Returns None for a truncated frame, which has another number of values. Raises FormatError.
     """
     fields = text.split(";")
     if len(fields) != 6:
@@ -105,7 +105,7 @@ def parse_line(text: str) -> Line | None:
 
 
 def read_recording(path: Path) -> Recording:
-    """All frames of one file. Raises FormatError with file and line."""
+    """Read all frames of one file. Raises FormatError with file and line."""
     lines: list[Line] = []
     skipped = 0
     with path.open(encoding="ascii", newline="\n") as file:
@@ -132,9 +132,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def _check_order(line: Line, previous: Line) -> None:
-    """Check that a line of a recording has the same finger as the line before and is not earlier. Raises
-    `FormatError`.
-    """
+    """Check that a line has the same finger as the previous line and is not earlier. Raises `FormatError`."""
     if line.finger != previous.finger:
         raise FormatError(f"expected {previous.finger} as in the lines before, found {line.finger}")
     if line.time_ns < previous.time_ns:
@@ -142,7 +140,7 @@ def _check_order(line: Line, previous: Line) -> None:
 
 
 def build_arrays(name: str, recording: Recording) -> dict[str, NDArray[np.generic]]:
-    """The stored arrays of one file, by name."""
+    """Return the arrays of one file as they are stored, by name."""
     participant, hand, finger = recording.finger
     start_ns = recording.time_ns[0]
     return {
@@ -157,7 +155,7 @@ def build_arrays(name: str, recording: Recording) -> dict[str, NDArray[np.generi
 
 
 def import_folder(source: Path, data: Path) -> str:
-    """Read the folder `source` and write `capfingerid.npz` and its licence to `data`; returns a summary.
+    """Read the folder `source`, write `capfingerid.npz` and its licence to the folder `data`, and return a summary.
 
     Raises FormatError, and OSError for files that cannot be read or written.
     """
@@ -183,7 +181,7 @@ def import_folder(source: Path, data: Path) -> str:
 
 
 def main() -> int:
-    """Import CapFingerId text files as the command line states. Returns the exit status."""
+    """Import the CapFingerId text files; after a one-line error message the exit status is 1."""
     parser = argparse.ArgumentParser(description="Import CapFingerId text files into the package.")
     parser.add_argument(
         "source", type=Path, metavar="SOURCE_DIR", help="folder with CapMatrix_<name>.txt files and their LICENSE"

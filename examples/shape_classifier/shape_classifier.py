@@ -43,7 +43,9 @@ SCALE_TAXELS = 5.0
 """Typical number of active taxels of a board; inputs are divided by it."""
 
 FOLDS = 5
+"""Parts of the cross-validation, fewer if a shape has fewer grasps."""
 NORMAL_95 = 1.959964
+"""97.5 % quantile of the standard normal distribution, for two-sided 95 % intervals."""
 
 
 @dataclass(frozen=True)
@@ -68,17 +70,20 @@ class Accuracy:
 
 
 def scale_signals(signal: FloatArray) -> FloatArray:
-    """Signals f64[g, n] of all taxels, divided by `SCALE_COUNTS`."""
+    """Divide signals f64[g, n] (g grasps, n taxels) in counts by `SCALE_COUNTS`."""
     return np.asarray(signal / SCALE_COUNTS)
 
 
 def find_active_taxels(signal: FloatArray) -> FloatArray:
-    """f64[g, n]: 1 for an active taxel, 0 for another one, from signals f64[g, n]."""
+    """Convert signals f64[g, n] (g grasps, n taxels) in counts to 1 for an active taxel and 0 for an inactive one."""
     return np.asarray(signal > ACTIVE_SIGNAL_COUNTS, dtype=np.float64)
 
 
 def count_active_by_board(signal: FloatArray) -> FloatArray:
-    """Number of active taxels of each board, divided by `SCALE_TAXELS`, f64[g, 17]: the size of contacts."""
+    """Count the active taxels of each of the 17 boards, divided by `SCALE_TAXELS`: f64[g, 17] for g grasps.
+
+    signal: f64[g, n], counts.
+    """
     board = load_hand("original").board_index
     return np.asarray(find_active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
@@ -92,12 +97,12 @@ VIEWS = {
 
 
 def make_classifier(view: str) -> Any:
-    """A logistic regression on one of the inputs."""
+    """Create a logistic regression on the input `view`, a key of `VIEWS`."""
     return make_pipeline(FunctionTransformer(VIEWS[view]), LogisticRegression(C=1.0, max_iter=500))
 
 
 def classify(view: str, train: Holds, test: Holds) -> BoolArray:
-    """bool[g]: which grasps of `test` are classified correctly after training on `train`."""
+    """Train on `train`, and return which of the g grasps of `test` are classified correctly: bool[g]."""
     classifier = make_classifier(view).fit(train.signal_counts, train.label)
     return np.asarray(classifier.predict(test.signal_counts) == test.label)
 
@@ -105,14 +110,22 @@ def classify(view: str, train: Holds, test: Holds) -> BoolArray:
 def compute_accuracy_gain(
     before: BoolArray, after: BoolArray, seed: int = 0, resamples: int = 10_000
 ) -> tuple[float, ...]:
-    """Increase of the accuracy on the same grasps, and its 95 % bootstrap interval over grasps."""
+    """Compute the increase of the accuracy on the same grasps, and its 95 % bootstrap interval over grasps.
+
+    before, after: bool[g], which grasps are classified correctly. Returns (increase, lower limit, upper limit) as
+    shares.
+    """
     change = after.astype(float) - before.astype(float)
     index = np.random.default_rng(seed).integers(len(change), size=(resamples, len(change)))
     return (float(change.mean()), *np.percentile(change[index].mean(axis=1), [2.5, 97.5]).tolist())
 
 
 def compare(without_effects: Holds, with_effects: Holds, test: Holds) -> dict[str, Any]:
-    """Accuracies of both training sets for each input, and the cross-validated accuracy within the simulator."""
+    """Compare the accuracies on `test` after training on each training set, for each input in `VIEWS`.
+
+    The result also contains the accuracy within the simulator, cross-validated on the training set without effects
+    ("own_data"), unless a shape has only one grasp.
+    """
     labels = without_effects.label
     result: dict[str, Any] = {"train_grasps": len(labels), "test_grasps": len(test.label), "views": {}}
     folds = min(FOLDS, *np.unique(labels, return_counts=True)[1].tolist())
@@ -131,7 +144,7 @@ def compare(without_effects: Holds, with_effects: Holds, test: Holds) -> dict[st
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Generate the missing parts of the training sets and of the test set, and compare."""
+    """Generate the missing parts of the training sets and of the test set, and return the result of `compare`."""
     out: Path = options.out
     recipe = Recipe(grasps=options.grasps, seed=TRAIN_SEED, grasps_per_shard=min(100, options.grasps))
     recipes = {"plain": recipe, "with_effects": add_report(recipe, options.report)}
@@ -150,24 +163,27 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def print_result(result: dict[str, Any]) -> None:
-    """Print the result as a table."""
+    """Print the result of `compare` as a table."""
     print(
         f"trained on {result['train_grasps']} generated grasps, tested on {result['test_grasps']} of the emulated hand"
     )
     print(f"{'input of the classifier':26s} {'without effects':>22s} {'with effects':>22s} {'gain, points':>20s}")
     for view, row in result["views"].items():
-        cells = [_percent(row[name]["accuracy"], row[name]["ci95"]) for name in ("without_effects", "with_effects")]
+        cells = [
+            _format_percent(row[name]["accuracy"], row[name]["ci95"]) for name in ("without_effects", "with_effects")
+        ]
         low, high = row["gain_ci95"]
         gain = f"{100 * row['gain']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
         print(f"{view:26s} {cells[0]:>22s} {cells[1]:>22s} {gain:>20s}")
 
 
-def _percent(value: float, interval: Sequence[float]) -> str:
+def _format_percent(value: float, interval: Sequence[float]) -> str:
+    """Format a share and its interval in percent."""
     return f"{100 * value:.0f} % ({100 * interval[0]:.0f} to {100 * interval[1]:.0f})"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line. Returns the exit status: 1 after an error, otherwise 0."""
     parser = argparse.ArgumentParser(description="Shape from one hold, trained without and with diagnosed effects.")
     parser.add_argument("--out", type=Path, default=Path("out/shape_classifier"))
     parser.add_argument("--grasps", type=int, default=600, help="grasps of each training set")

@@ -15,8 +15,9 @@ void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *co
     boot->stay = hal->stay_requested(hal->context) ? TAXEL_BOOT_STAY_REQUESTED : TAXEL_BOOT_STAY_LISTENING;
 }
 
-/* Starts the image that the metadata select, and returns only if no image can be started. A start on trial is
- * recorded in flash before it is made; if it cannot be recorded, it is not made. */
+/* Start the image that the metadata select. On silicon this function returns only if no image can be started. The start
+ * of an unconfirmed image (on trial) uses up one of its tries, which is recorded in flash before the start; an image
+ * whose try cannot be recorded is not started. */
 static void start_image(struct taxel_boot *boot)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;
@@ -43,8 +44,8 @@ static void start_image(struct taxel_boot *boot)
     }
 }
 
-/* Main loop: restart if a command requested a restart, or start the application when no host has sent ENTER in time.
- * After a reset by command the application starts at once. */
+/* Run one pass of the main loop: restart if a command requested a restart, or start the application when no host has
+ * sent ENTER within TAXEL_BOOT_LISTEN_US. After a reset by command the application starts at once. */
 void taxel_boot_run(struct taxel_boot *boot)
 {
     const struct taxel_boot_hal *const hal = boot->config->flash.hal;

@@ -82,16 +82,16 @@ struct taxel_boot {
     uint8_t checksum;  /* of the session, or, before ENTER, of the last packet */
     uint8_t kept_slot; /* the slot that must not be written, or TAXEL_BOOT_SLOT_NONE */
     bool silent;       /* a search selected other boards */
-    bool entered;
-    bool programmed; /* a row of the free slot was written since ENTER */
+    bool entered;      /* a host has sent ENTER since the reset */
+    bool programmed;   /* a row of the free slot was written since ENTER */
     bool restart_requested;
-    bool started;
+    bool started; /* the start of an image was requested: only a test returns from it */
     uint8_t fill; /* bytes received into row[] */
     uint8_t row[TAXEL_BOOT_ROW_SIZE];
 };
 
-/* bootloader.c. taxel_boot_run() starts the image: at once after a commanded reset, otherwise if no host has sent
- * ENTER for BOOT_LISTEN_US. */
+/* bootloader.c. taxel_boot_run() starts the image: at once after a commanded reset, otherwise if no host has sent ENTER
+ * for TAXEL_BOOT_LISTEN_US. */
 void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *config);
 void taxel_boot_run(struct taxel_boot *boot);
 
@@ -99,7 +99,8 @@ void taxel_boot_run(struct taxel_boot *boot);
  * of the response, 0 if there is none. */
 size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, size_t size, uint8_t *response);
 
-/* config_rows.c. The board's configuration as packed bytes, or NULL if it has none. For applications too. */
+/* config_rows.c. Return the board's configuration as packed bytes in flash, or NULL if it has none. For applications
+ * too. */
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash);
 
 /* record.c. Write these bytes as the newest record of the two rows from `first_row` on, unless they are equal to it.
@@ -113,7 +114,8 @@ struct taxel_boot_i2c {
     volatile bool has_packet;
     volatile uint8_t response_size;
     uint8_t received; /* TAXEL_BOOT_PACKET_MAX + 1: the packet is too long */
-    uint8_t readable, position;
+    uint8_t readable; /* bytes of the response that the present read returns */
+    uint8_t position; /* of the next byte to be read */
     uint8_t packet[TAXEL_BOOT_PACKET_MAX];
     uint8_t response[TAXEL_BOOT_PACKET_MAX];
 };
@@ -125,7 +127,7 @@ bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte);
 uint8_t taxel_boot_i2c_on_read(struct taxel_boot_i2c *slave);
 void taxel_boot_i2c_on_stop(struct taxel_boot_i2c *slave);
 void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave);
-/* One pass of the main loop; calls taxel_boot_run(). */
+/* Run one pass of the main loop: execute a received packet, then call taxel_boot_run(). */
 void taxel_boot_i2c_run(struct taxel_boot_i2c *slave);
 
 /* uart.c: the same packets over a UART. */
@@ -149,7 +151,7 @@ void taxel_boot_uart_run(struct taxel_boot_uart *uart);
 /* confirm.c, for applications: confirm the image in `slot` (0 or 1). Writes one row, which takes up to 20 ms, or
  * nothing if the image is already confirmed. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_confirm(const struct taxel_boot_flash *flash, uint8_t slot);
-/* Whether the image in `slot` is confirmed. */
+/* Return whether the image in `slot` is confirmed. */
 bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot);
 
 #endif

@@ -1,8 +1,8 @@
 /* Selection of the slot to start. An unconfirmed image starts only while it has tries left. */
 #include "bootloader/internal.h"
 
-/* Slot of the image to start, or TAXEL_BOOT_SLOT_NONE: the pending image, else the confirmed one, else any valid image.
- * An unconfirmed image must have tries left. */
+/* Return the slot of the image to start: the pending image, otherwise the confirmed one, otherwise the first valid
+ * image. An unconfirmed image must have tries left. TAXEL_BOOT_SLOT_NONE if no image can be started. */
 uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
     const uint8_t order[] = {metadata->pending, metadata->confirmed, 0, 1};
@@ -15,7 +15,8 @@ uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct tax
     return TAXEL_BOOT_SLOT_NONE;
 }
 
-/* Slot of the image that is started if the pending image fails; new images must not overwrite it. */
+/* Return the slot of the image that is started if the pending image fails, which new images must not overwrite;
+ * TAXEL_BOOT_SLOT_NONE if there is none. */
 uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash)
 {
     struct taxel_boot_metadata metadata;

@@ -2,8 +2,8 @@
 
 #define ANY_LENGTH 0xFFu
 
-/* Command ENTER: begin a session with the host, which must send the key if a key is configured. The reply contains
- * silicon id, silicon revision and bootloader version. */
+/* Execute the command ENTER: begin a session with the host, which must send the key if a key is configured, and
+ * determine the kept slot of the session. The reply contains silicon id, silicon revision and bootloader version. */
 static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_config *const config = boot->config;
@@ -26,7 +26,7 @@ static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_pa
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command SYNC: discard the data of earlier SEND_DATA packets. */
+/* Execute the command SYNC: discard the data of earlier SEND_DATA packets. Always returns status OK. */
 static uint8_t synchronize(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)packet;
@@ -35,8 +35,8 @@ static uint8_t synchronize(struct taxel_boot *boot, const struct taxel_boot_pack
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command SET_ACTIVE: select the image that is started after the next reset. Status APPLICATION if the image is
- * invalid. */
+/* Execute the command SET_ACTIVE: select the image that is started after the next reset. Returns status APPLICATION if
+ * the image is invalid, VERIFY if the metadata cannot be written, otherwise OK. */
 static uint8_t set_active(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;
@@ -48,7 +48,7 @@ static uint8_t set_active(struct taxel_boot *boot, const struct taxel_boot_packe
     return taxel_boot_metadata_set_pending(flash, slot) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command EXIT: restart, which starts the application. */
+/* Execute the command EXIT: request a restart, which starts the application. Always returns status OK. */
 static uint8_t leave_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)packet;
@@ -87,7 +87,8 @@ static const struct command commands[] = {
 };
 
 /* Execute a parsed packet with the handler of its command. Returns the status; `reply` and `length` receive the data of
- * the response. All commands that need a session are unknown before ENTER. */
+ * the response and their number of bytes. Status COMMAND: an unknown command, or one that is not permitted before
+ * ENTER. */
 static uint8_t execute_packet(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
                               uint8_t *length)
 {
@@ -105,8 +106,9 @@ static uint8_t execute_packet(struct taxel_boot *boot, const struct taxel_boot_p
     return TAXEL_BOOT_STATUS_COMMAND;
 }
 
-/* Parses a received packet and returns TAXEL_BOOT_STATUS_OK or the status of the response. The first packet of a
- * host selects which of the two checksums applies, if the configuration permits both. */
+/* Parse a received packet and return TAXEL_BOOT_STATUS_OK or the failure status of the response. If the configuration
+ * permits both checksums, a packet before the session or an ENTER packet may use the other one, which applies from then
+ * on. */
 static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size)
 {
     const uint8_t other = boot->checksum ^ 1u;
@@ -119,8 +121,8 @@ static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, 
     return status;
 }
 
-/* Execute a received packet and write the response packet; returns its size in bytes. No response (0) to SYNC, to EXIT,
- * and from a board that a SEARCH command has silenced. */
+/* Execute a received packet and write the response packet to `response`; returns its size in bytes. 0: no response,
+ * after a successful SYNC or EXIT, and from a board that a SEARCH command has silenced. */
 size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, size_t size, uint8_t *response)
 {
     struct taxel_boot_packet packet;

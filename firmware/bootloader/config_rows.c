@@ -1,6 +1,7 @@
 #include "bootloader/internal.h"
 
-/* Stored configuration of the board (TAXEL_BOOT_CONFIGURATION_SIZE bytes in flash), or NULL. */
+/* Return the stored configuration of the board (TAXEL_BOOT_CONFIGURATION_SIZE bytes in flash), or NULL if there is
+ * none. */
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
 {
     const uint8_t *const record =
@@ -8,8 +9,8 @@ const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
     return record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : NULL;
 }
 
-/* Command READ_CONFIGURATION: the board's stored configuration (I2C address, kind of board). Status DATA if none is
- * stored. */
+/* Execute the command READ_CONFIGURATION: reply with the board's stored configuration (I2C address, kind, serial
+ * number, calibration). Returns status DATA if none is stored, otherwise OK. */
 uint8_t taxel_boot_read_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t *const configuration = taxel_boot_configuration(&boot->config->flash);
@@ -21,8 +22,9 @@ uint8_t taxel_boot_read_configuration(struct taxel_boot *boot, const struct taxe
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command WRITE_CONFIGURATION: store the board's configuration. The arguments begin with the unique id of the
- * processor, so that only the intended board changes if several share an I2C address. */
+/* Execute the command WRITE_CONFIGURATION: store the board's configuration. The arguments begin with the unique id of
+ * the processor, so that only the intended board changes if several share an I2C address. Returns status OK, or DEVICE
+ * (another unique id), VERSION, DATA (an invalid I2C address) or VERIFY (the flash could not be written). */
 uint8_t taxel_boot_write_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

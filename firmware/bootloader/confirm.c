@@ -1,7 +1,7 @@
 /* Linked into an application: confirmation of the running image. */
 #include "bootloader/internal.h"
 
-/* True if the metadata in flash state that the image in `slot` (0 or 1) is confirmed, that is, has shown that it
+/* Return whether the metadata in flash state that the image in `slot` (0 or 1) is confirmed, that is, has shown that it
  * works. */
 bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot)
 {
@@ -10,8 +10,9 @@ bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot)
     return metadata.confirmed == slot;
 }
 
-/* Called by the application: mark the image in `slot` as confirmed, so that it is started after every reset. Returns 0,
- * or a negative number if the flash could not be written. */
+/* Mark the image in `slot` (0 or 1) as confirmed, so that it is started after every reset; called by the application.
+ * Does nothing for any other slot and for a confirmed image. Returns 0, or a negative number if the flash could not be
+ * written. */
 int taxel_boot_confirm(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;

@@ -1,19 +1,19 @@
-/* One write transaction is one packet. A write that does not begin with a packet's first byte is meant for an
- * application and is ignored, like a probe. The response stays readable until the next packet. */
+/* Packets over I2C: one write transaction is one packet. A write that does not begin with a packet's first byte is
+ * meant for an application and is ignored, like a probe. The response stays readable until the next packet. */
 #include <stdatomic.h>
 
 #include "bootloader/internal.h"
 
 #define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
-/* Initialises the I2C connection `slave` of the bootloader `boot`. No packet has been received. */
+/* Initialise the I2C connection `slave` of the bootloader `boot`: no packet has been received. */
 void taxel_boot_i2c_init(struct taxel_boot_i2c *slave, struct taxel_boot *boot)
 {
     memset(slave, 0, sizeof *slave);
     slave->boot = boot;
 }
 
-/* The 7-bit I2C address of the board: the address of its configuration in flash, or 0x77 without a
+/* Return the 7-bit I2C address of the board: the address in its stored configuration, or 0x77 without a
  * configuration. */
 uint8_t taxel_boot_i2c_address(const struct taxel_boot_flash *flash)
 {
@@ -21,7 +21,7 @@ uint8_t taxel_boot_i2c_address(const struct taxel_boot_flash *flash)
     return configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
 }
 
-/* A stop or repeated start condition ends a write. Bytes that begin like a packet are passed to the main loop. */
+/* End a write, at a stop or repeated start condition. Bytes that begin like a packet are passed to the main loop. */
 static void end_write(struct taxel_boot_i2c *slave)
 {
     if (!slave->has_packet && slave->received && slave->packet[0] == TAXEL_BOOT_PACKET_START) {
@@ -30,8 +30,9 @@ static void end_write(struct taxel_boot_i2c *slave)
     }
 }
 
-/* I2C interrupt: the bootloader was addressed. Returns whether to acknowledge: no write while a packet is being
- * executed; a read then returns no response yet. A silenced board does not acknowledge reads. */
+/* Handle the I2C interrupt of a start condition with the board's address. Returns whether to acknowledge. A write is
+ * not acknowledged while a packet is being executed; a read is, but then returns only 0xFF. A board that a SEARCH
+ * command has silenced does not acknowledge reads. */
 bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
 {
     end_write(slave);
@@ -47,8 +48,8 @@ bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
     return true;
 }
 
-/* I2C interrupt: store a byte of a packet. Returns whether to acknowledge; the bytes of a packet that is too long are
- * not acknowledged. */
+/* Store a byte of a packet (I2C interrupt). Returns whether to acknowledge: not while a packet is being executed, and
+ * not beyond the longest packet. */
 bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
 {
     if (slave->has_packet) {
@@ -62,20 +63,20 @@ bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
     return true;
 }
 
-/* The next byte of the response for a master that reads: 0xFF before a response is ready and after its last
+/* Return the next byte of the response for a master that reads: 0xFF before a response is ready and after its last
  * byte. */
 uint8_t taxel_boot_i2c_on_read(struct taxel_boot_i2c *slave)
 {
     return slave->position < slave->readable ? slave->response[slave->position++] : 0xFFu;
 }
 
-/* Handles a stop condition: the bytes written before it form a packet, which taxel_boot_i2c_run() processes. */
+/* Handle a stop condition: the bytes written before it form a packet, which taxel_boot_i2c_run() processes. */
 void taxel_boot_i2c_on_stop(struct taxel_boot_i2c *slave)
 {
     end_write(slave);
 }
 
-/* Handles a start or stop condition at a wrong position: discards the bytes of an incomplete packet. */
+/* Handle a start or stop condition at a wrong position: discard the bytes of an incomplete packet. */
 void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave)
 {
     if (!slave->has_packet) {
@@ -83,7 +84,8 @@ void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave)
     }
 }
 
-/* Main loop: execute a received packet and prepare the response for the next read. */
+/* Run one pass of the main loop: execute a received packet and prepare its response for the next read, then run the
+ * bootloader, which may start an image. */
 void taxel_boot_i2c_run(struct taxel_boot_i2c *slave)
 {
     if (slave->has_packet) {

@@ -4,7 +4,8 @@
 #define VECTORS_SIZE 8u /* stack pointer and reset vector at least */
 #define LENGTH_MIN (TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE)
 
-/* Whether an image may run on this board. Kind 0 of an image, or of a board without configuration, fits all kinds. */
+/* Return whether an image of this `kind` (design of the board) may run on this board. An image of kind 0 fits every
+ * board, and a board of kind 0 or without a configuration accepts every image. */
 static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
 {
     const uint8_t *const configuration = taxel_boot_configuration(flash);
@@ -12,8 +13,8 @@ static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
     return kind == 0 || own == 0 || kind == own;
 }
 
-/* First byte of the image in a slot (0 or 1), or NULL if the image is invalid: header for another device, slot or kind
- * of board, a length or vector table outside the slot, or a wrong CRC-32. */
+/* Return the first byte of the image in a slot (0 or 1), or NULL if the image is invalid or there is no such slot:
+ * header for another device, slot or kind of board, a length or vector table outside the slot, or a wrong CRC-32. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     if (slot > 1u) {

@@ -35,12 +35,13 @@ int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct
 /* Make this slot's image pending; for the confirmed slot, clear the pending one. */
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot);
 
-/* image.c: the header of the bootable image in this slot, or NULL. */
+/* image.c: return the header of the bootable image in this slot, or NULL if there is none. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot);
 
-/* choose.c: the slot to start, and the slot to keep; both may be TAXEL_BOOT_SLOT_NONE. */
+/* choose.c: return the slot to start, and the slot to keep; both may be TAXEL_BOOT_SLOT_NONE. */
 uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata);
 uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash);
+/* Return the free slot, to which the host may write: the one that is not kept; slot 0 if none is kept. */
 static inline uint8_t taxel_boot_target(const struct taxel_boot *boot)
 {
     return boot->kept_slot == 0u ? 1u : 0u;

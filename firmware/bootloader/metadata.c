@@ -4,7 +4,8 @@
  * Cortex-M0. */
 _Static_assert(sizeof(struct taxel_boot_metadata) == TAXEL_BOOT_METADATA_SIZE, "metadata are bytes");
 
-/* Read the newest boot metadata: confirmed slot, pending slot, and remaining tries of both. */
+/* Read the newest boot metadata: confirmed slot, pending slot, and remaining tries of both slots. Without a valid
+ * record, no slot is confirmed or pending, and each slot has TAXEL_BOOT_TRIES tries. */
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata)
 {
     /* No valid record: no image is confirmed. */
@@ -14,15 +15,16 @@ void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel
     memcpy(metadata, record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : blank, sizeof blank);
 }
 
-/* Writes `metadata` (which slot is confirmed, which is pending, and the remaining starts) as a record to flash.
- * Returns 0, or an error of taxel_boot_record_write(). */
+/* Write the metadata (confirmed slot, pending slot, and remaining tries of both slots) as a record to flash. Returns 0
+ * or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
     return taxel_boot_record_write(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC, (const uint8_t *)metadata,
                                    sizeof *metadata);
 }
 
-/* Select the image that is started next, with its full number of tries. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
+/* Make the image in `slot` the pending one, which is started next, with its full number of tries; for the confirmed
+ * slot, make none pending. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;

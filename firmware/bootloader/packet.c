@@ -1,7 +1,8 @@
 #include "bootloader/internal.h"
 
-/* Checksum of a packet, least significant byte sent first: 16-bit two's complement of the sum of all bytes
- * (TAXEL_BOOT_CHECKSUM_SUM) or CRC-16/X-25 with swapped bytes. */
+/* Compute the checksum of `size` bytes of a packet, which is sent least significant byte first. `checksum` selects the
+ * kind: 16-bit two's complement of the sum of all bytes (TAXEL_BOOT_CHECKSUM_SUM), or CRC-16/X-25 with swapped
+ * bytes. */
 uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t checksum)
 {
     if (checksum == TAXEL_BOOT_CHECKSUM_SUM) {
@@ -43,7 +44,8 @@ uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t 
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Complete a response packet whose `length` data bytes are already in `bytes`. Returns its size in bytes. */
+/* Complete a response packet, whose `length` data bytes are already at bytes + TAXEL_BOOT_DATA_OFFSET, with start byte,
+ * status, length, checksum and end byte. Returns its size in bytes. */
 size_t taxel_boot_packet_build(uint8_t *bytes, uint8_t status, uint8_t length, uint8_t checksum)
 {
     const size_t end = TAXEL_BOOT_DATA_OFFSET + (size_t)length;

@@ -5,7 +5,7 @@
 
 #define WORD 4u
 
-/* Reads a little-endian 32-bit number from 4 bytes. */
+/* Read a little-endian 32-bit number from 4 bytes. */
 uint32_t taxel_boot_u32(const uint8_t *bytes)
 {
     uint32_t value = 0;
@@ -15,7 +15,7 @@ uint32_t taxel_boot_u32(const uint8_t *bytes)
     return value;
 }
 
-/* Writes a 32-bit number to 4 bytes, little-endian. */
+/* Write a 32-bit number to 4 bytes, little-endian. */
 void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
 {
     for (unsigned i = 0; i < WORD; i++) {
@@ -24,7 +24,7 @@ void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
     }
 }
 
-/* The address of flash row number `row` (128 bytes). */
+/* Return the address of flash row number `row` (128 bytes). */
 const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row)
 {
     /* NOLINTNEXTLINE(clang-analyzer-core.NullPointerArithm): on a PSoC 4200 the flash begins at address 0 */
@@ -44,21 +44,22 @@ int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, con
     return 0;
 }
 
-/* True if the flash row holds a record of this magic number with a correct CRC-32. */
+/* Return whether the flash row contains a record with this magic number and a correct CRC-32. */
 static bool is_valid(const uint8_t *row, uint32_t magic)
 {
     return taxel_boot_u32(row) == magic &&
            taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_CRC32) == taxel_crc32(0, row, TAXEL_BOOT_RECORD_OFFSET_CRC32);
 }
 
-/* The sequence number of the record in a flash row; the later of two records has the higher number, modulo 2^32. */
+/* Return the sequence number of the record in a flash row; the later of two records has the higher number, modulo
+ * 2^32. */
 static uint32_t sequence_of(const uint8_t *row)
 {
     return taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_SEQUENCE);
 }
 
-/* Newest valid record in a pair of flash rows, or NULL. The two rows are written in turn, so that a power cut during a
- * write leaves the older record. */
+/* Return the newest valid record in a pair of flash rows, or NULL if neither is valid. The two rows are written in
+ * turn, so that a power cut during a write leaves the older record. */
 const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic)
 {
     const uint8_t *const first = taxel_boot_row(flash, first_row);
@@ -70,7 +71,8 @@ const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, ui
     return first_is_valid && (int32_t)(sequence_of(first) - sequence_of(second)) > 0 ? first : second;
 }
 
-/* 1 if the words before the last add up to zero, so that the sum of the row's words is never zero. */
+/* Compute the last 32-bit word of a row: 1 if the words before it add up to zero, otherwise 0. The sum of all words of
+ * the row is therefore never zero, because such a row needs a special write sequence. */
 static uint32_t balance_of(const uint8_t *row)
 {
     uint32_t sum = 0;
@@ -80,8 +82,8 @@ static uint32_t balance_of(const uint8_t *row)
     return sum == 0;
 }
 
-/* Store `size` bytes as the newest record of a pair of flash rows, in the row that does not hold the current record. An
- * equal record is not written again. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
+/* Store `size` bytes as the newest record of a pair of flash rows, in the row that does not contain the present record.
+ * An equal record is not written again. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_record_write(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic,
                             const uint8_t *content, uint8_t size)
 {

@@ -1,7 +1,8 @@
 /* Commands that report on the flash, the images and the board. */
 #include "bootloader/internal.h"
 
-/* Command GET_FLASH_SIZE: first and last row that the host may program, which are those of the target slot. */
+/* Execute the command GET_FLASH_SIZE: reply with the first and last row that the host may program, those of the free
+ * slot. Returns status ARRAY for a flash array other than 0, otherwise OK. */
 uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_layout *const layout = boot->config->flash.layout;
@@ -11,8 +12,9 @@ uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_bo
     return packet->data[0] ? TAXEL_BOOT_STATUS_ARRAY : TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command GET_APPLICATION_STATUS: whether the image in a slot is invalid, and whether this slot must be kept because it
- * contains the image to fall back to. */
+/* Execute the command GET_APPLICATION_STATUS: reply with 1 if the image in a slot is invalid (0 if it is valid), then 1
+ * if this slot must be kept because it contains the image to fall back to. Returns status APPLICATION if there is no
+ * such slot. */
 uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct taxel_boot_packet *packet,
                                           uint8_t *reply)
 {
@@ -25,8 +27,9 @@ uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct 
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command GET_METADATA: entry address, length, version and kind of the image in a slot, in the layout of the
- * manufacturer's bootloader. Its field for a custom id contains the CRC-32 of the image. */
+/* Execute the command GET_METADATA: reply with entry address, length, version and kind of the image in a slot, in the
+ * layout of the manufacturer's bootloader, whose field for a custom id contains the CRC-32 of the image. Returns status
+ * APPLICATION if the slot contains no valid image. */
 uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t *const image = taxel_boot_image(&boot->config->flash, packet->data[0]);
@@ -49,8 +52,8 @@ uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command GET_INFO: state of the bootloader, slot for a new image, boot metadata, I2C address, kind of board and unique
- * id. Also permitted before ENTER. */
+/* Execute the command GET_INFO: reply with the state of the bootloader, the slot for a new image, the boot metadata,
+ * I2C address, kind of board and unique id. Before ENTER, also determines the kept slot. Always returns status OK. */
 uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

@@ -1,7 +1,8 @@
 /* Writes to the free slot. Other rows of the flash cannot be written by these commands. */
 #include "bootloader/internal.h"
 
-/* Append data to the row buffer. More than one flash row of data clears the buffer and returns status LENGTH. */
+/* Append data to the row buffer. Returns status OK; if the data do not fit, clears the buffer and returns status
+ * LENGTH. */
 static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned size)
 {
     if (size > TAXEL_BOOT_ROW_SIZE - boot->fill) {
@@ -13,22 +14,22 @@ static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned siz
     return TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command SEND_DATA: appends the data of the packet to the row buffer. Returns the status of the response, which
- * has no data. */
+/* Execute the command SEND_DATA: append the data of the packet to the row buffer. Returns the status of the response,
+ * which has no data. */
 uint8_t taxel_boot_send_data(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
     return append(boot, packet->data, packet->length);
 }
 
-/* The number of the flash row (0 to 255) in the data of a packet. */
+/* Read the number of the flash row from the data of a packet. */
 static uint16_t row_of(const struct taxel_boot_packet *packet)
 {
     return taxel_get_u16(packet->data + TAXEL_BOOT_ROW_ADDRESS_OFFSET_ROW);
 }
 
-/* Status with which a packet's flash row address must be answered: OK, or an error for an array other than 0 or a
- * row that does not exist. */
+/* Return the status with which a packet's flash row address must be answered: OK, ARRAY for an array other than 0, or
+ * ROW for a row that does not exist. */
 static uint8_t address_status(const struct taxel_boot_packet *packet)
 {
     if (packet->data[TAXEL_BOOT_ROW_ADDRESS_OFFSET_ARRAY] != 0) {
@@ -37,14 +38,16 @@ static uint8_t address_status(const struct taxel_boot_packet *packet)
     return row_of(packet) < TAXEL_BOOT_ROW_COUNT ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_ROW;
 }
 
-/* True if flash row `row` belongs to `slot` (0 or 1). The unsigned difference also rejects rows before the slot. */
+/* Return whether flash row `row` belongs to `slot` (0 or 1). The unsigned difference also rejects rows before the
+ * slot. */
 static bool is_in_slot(const struct taxel_boot *boot, uint8_t slot, unsigned row)
 {
     const struct taxel_boot_layout *const layout = boot->config->flash.layout;
     return row - layout->first_rows[slot] < layout->slot_rows;
 }
 
-/* Write boot->row to flash, and mark it as empty. */
+/* Write the row buffer to the flash row of the packet, if this row belongs to the free slot, and mark the buffer as
+ * empty. Returns the status of the response. */
 static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet)
 {
     const uint16_t row = row_of(packet);
@@ -61,8 +64,8 @@ static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet
     return taxel_boot_write_row(&boot->config->flash, row, boot->row) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
 }
 
-/* Command PROGRAM_ROW: write one flash row from the data of earlier SEND_DATA packets and of this packet, which must
- * fill the row exactly. */
+/* Execute the command PROGRAM_ROW: write one flash row from the data of earlier SEND_DATA packets and of this packet,
+ * which must fill the row exactly (otherwise status LENGTH). Returns the status of the response, which has no data. */
 uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
@@ -78,7 +81,8 @@ uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_
     return status ? status : write_row(boot, packet);
 }
 
-/* Command ERASE_ROW: writes zeros to one flash row. Returns the status of the response, which has no data. */
+/* Execute the command ERASE_ROW: write zeros to one flash row. Returns the status of the response, which has no
+ * data. */
 uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
@@ -86,7 +90,8 @@ uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_pa
     return write_row(boot, packet);
 }
 
-/* Command VERIFY_ROW: low byte of the two's-complement sum of a stored flash row. */
+/* Execute the command VERIFY_ROW: reply with the low byte of the two's complement of the sum of a flash row's bytes.
+ * Returns the status of the row address. */
 uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t status = address_status(packet);
@@ -97,8 +102,9 @@ uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_p
     return status;
 }
 
-/* Command VERIFY_APPLICATION: whether the target slot contains a valid image. A valid image that was programmed in this
- * session becomes the pending image. */
+/* Execute the command VERIFY_APPLICATION: reply with 1 if the free slot contains a valid image, otherwise 0. A valid
+ * image that was programmed in this session becomes the pending image. Returns status VERIFY if this cannot be
+ * recorded, otherwise OK. */
 uint8_t taxel_boot_verify_application(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

@@ -2,7 +2,7 @@
  * responding. */
 #include "bootloader/internal.h"
 
-/* Whether a unique id begins with the first `bits` bits of `prefix`, most significant bit of each byte first. */
+/* Return whether a unique id begins with the first `bits` bits of `prefix`, most significant bit of each byte first. */
 static bool begins_with(const uint8_t *id, const uint8_t *prefix, uint8_t bits)
 {
     for (unsigned i = 0; i < bits; i++) {
@@ -13,9 +13,9 @@ static bool begins_with(const uint8_t *id, const uint8_t *prefix, uint8_t bits)
     return true;
 }
 
-/* Command SEARCH: the boards whose unique id begins with the given bits respond with their id; all others become silent
- * until the next SEARCH. A host thus distinguishes boards that share one I2C address; the complement of the id reveals
- * simultaneous responses. */
+/* Execute the command SEARCH: a board whose unique id begins with the given bits replies with its id and the complement
+ * of the id; all others become silent until the next SEARCH. A host thus distinguishes boards that share one I2C
+ * address; the complement reveals simultaneous replies. Returns status DATA for more than 64 bits, otherwise OK. */
 uint8_t taxel_boot_search(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_hal *const hal = boot->config->flash.hal;

@@ -5,15 +5,16 @@
 
 #define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
-/* Initialises the UART connection `uart` of the bootloader `boot`. No byte has been received. */
+/* Initialise the UART connection `uart` of the bootloader `boot`: no byte has been received. */
 void taxel_boot_uart_init(struct taxel_boot_uart *uart, struct taxel_boot *boot)
 {
     memset(uart, 0, sizeof *uart);
     uart->boot = boot;
 }
 
-/* UART interrupt: store a byte of a packet. A packet ends at the length stated in its header; after a silence of
- * TAXEL_BOOT_GAP_US a new packet begins. */
+/* Store a byte of a packet (UART interrupt). A packet ends at the length stated in its header; after a silence longer
+ * than TAXEL_BOOT_GAP_US a new packet begins. Bytes are ignored while a packet waits for the main loop, before a start
+ * byte, and after a packet with an impossible length. */
 void taxel_boot_uart_on_byte(struct taxel_boot_uart *uart, uint8_t byte)
 {
     const struct taxel_boot_hal *const hal = uart->boot->config->flash.hal;
@@ -42,7 +43,7 @@ void taxel_boot_uart_on_byte(struct taxel_boot_uart *uart, uint8_t byte)
     uart->has_packet = uart->received >= size || uart->skipping;
 }
 
-/* UART interrupt: copy up to `size` bytes of the response; returns their number. */
+/* Copy up to `size` bytes of the response to `bytes` (UART interrupt); returns their number. */
 size_t taxel_boot_uart_pull(struct taxel_boot_uart *uart, uint8_t *bytes, size_t size)
 {
     size_t taken = 0;
@@ -52,7 +53,8 @@ size_t taxel_boot_uart_pull(struct taxel_boot_uart *uart, uint8_t *bytes, size_t
     return taken;
 }
 
-/* Main loop: execute a received packet and queue the response for the UART interrupt. */
+/* Run one pass of the main loop: execute a received packet and queue its response for the UART interrupt, then run the
+ * bootloader, which may start an image. */
 void taxel_boot_uart_run(struct taxel_boot_uart *uart)
 {
     if (uart->has_packet) {

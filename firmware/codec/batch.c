@@ -13,32 +13,33 @@
 
 #define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* CRC register that held all ones, after four zero bytes */
 
-/* Size of struct taxel_batch in bytes, for a caller in another language that allocates the struct. */
+/* Return the size of struct taxel_batch in bytes, for a caller in another language that allocates the struct. */
 size_t taxel_batch_struct_size(void)
 {
     return sizeof(struct taxel_batch);
 }
 
-/* Size of struct taxel_batch_row in bytes: a caller in another language checks its own definition against it. */
+/* Return the size of struct taxel_batch_row in bytes: a caller in another language checks its own definition against
+ * it. */
 size_t taxel_batch_row_size(void)
 {
     return sizeof(struct taxel_batch_row);
 }
 
-/* Number of taxel frames of a board that are missing between two received frames, from the advances of the poll
- * cycle number (`cycles`) and of the board's scan number (`scans`). A board that scans more slowly than it is
- * polled has no new snapshot in some cycles: no more frames can be missing than scans were skipped. */
+/* Return the number of taxel frames of a board that are missing between two received frames, from the advances of the
+ * poll cycle number (`cycles`) and of the board's scan number (`scans`). A board that scans more slowly than it is
+ * polled has no new snapshot in some cycles, so at most `scans` - 1 frames can be missing. */
 static uint16_t missing_between(uint16_t cycles, uint16_t scans)
 {
     const uint16_t steps = cycles < scans ? cycles : scans;
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* Fill the members of a row that come from the header of a taxel frame, and count missing poll cycles. A board that
- * is polled while it encodes a compact snapshot delivers nothing in this cycle and a newer snapshot in the next
- * cycle: `skipped` is the number of such skipped scans, which are no loss. */
-static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
-                    uint16_t skipped)
+/* Fill the members of a row that come from the header of a taxel frame, count missing frames of its board, and store
+ * the poll cycle and scan numbers for the next frame. A board that is polled while it encodes a compact snapshot
+ * delivers nothing in this cycle and a newer snapshot in the next cycle: `skipped` such scans are no loss. */
+static void fill_header_and_count_missing(struct taxel_batch *batch, struct taxel_batch_row *row,
+                                          const struct taxel_taxel_header *header, uint16_t skipped)
 {
     const uint8_t address = header->address;
     row->address = address;
@@ -84,11 +85,10 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
         batch->totals.damaged[header.address]++;
         break;
     }
-    account(batch, row, &header, 1);
+    fill_header_and_count_missing(batch, row, &header, 1);
 }
 
-/* Converts `size` little-endian counts of 2 bytes each to numbers. restrict lets the compiler vectorise the
- * loop. */
+/* Convert `size` little-endian counts of 2 bytes each to numbers. restrict lets the compiler vectorise the loop. */
 static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -96,9 +96,9 @@ static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict byt
     }
 }
 
-/* The table that advances a CRC over `size` zero bytes, built at the first use of this size. Returns NULL if
- * TAXEL_BATCH_SIZES tables are in use. */
-static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_t size)
+/* Return the table that advances a CRC over `size` zero bytes; it is built at the first use of this size. Returns NULL
+ * if all TAXEL_BATCH_SIZES tables are in use for other sizes. */
+static const struct taxel_crc32_zeros *get_zeros_table(struct taxel_batch *batch, size_t size)
 {
     for (size_t i = 0; i < batch->size_count; i++) {
         if (batch->after_header[i].size == size) {
@@ -113,17 +113,18 @@ static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_
     return zeros;
 }
 
-/* Whether the board's CRC is right, in a frame whose own CRC is right. The frame's CRC covers header, snapshot and
- * the board's CRC b; the board's CRC covers its address a and the same snapshot. After n common bytes, the registers
- * of header h and address a differ by the effect of n zero bytes on h ^ a. If b is right, it is the inverted
- * register of a and snapshot; the frame's register before b then differs from b by all ones and that effect, and
- * four zero bytes later it gives the frame's CRC. So no byte of the snapshot is read a second time. */
-static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
+/* Return whether the board's CRC is correct, in a frame whose own CRC is correct, without reading the snapshot again.
+ * The frame's CRC covers header, snapshot and the board's CRC b; the board's CRC covers its I2C address and the same
+ * snapshot. Let h and a be the CRC registers after the header and after the address. After the n bytes of the snapshot,
+ * both registers differ by the effect of n zero bytes on h ^ a, because a CRC is linear. If b is correct, it is the
+ * inverted register of address and snapshot: the frame's register before b then differs from b by all ones and this
+ * effect, and four zero bytes later it gives the frame's CRC. */
+static bool is_board_crc_correct(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
 {
     const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE,
                   *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
     const size_t size = (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE; /* with the board's CRC */
-    const struct taxel_crc32_zeros *zeros = zeros_of(batch, size);
+    const struct taxel_crc32_zeros *zeros = get_zeros_table(batch, size);
     if (!zeros) {
         return taxel_crc32(taxel_crc32(0, &address, 1), snapshot, size - 4u) == taxel_get_u32(snapshot + size - 4u);
     }
@@ -147,24 +148,26 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     row->size = header.taxel_count;
     unpack_counts(output->counts + output->count_count, bytes + TAXEL_SNAPSHOT_HEADER_SIZE, header.taxel_count);
     output->count_count += header.taxel_count;
-    if (board_crc_is_right(batch, frame, header.address)) {
+    if (is_board_crc_correct(batch, frame, header.address)) {
         batch->totals.received[header.address]++;
     } else {
         row->flags |= TAXEL_BATCH_BOARD_CRC_BAD;
         batch->totals.damaged[header.address]++;
     }
-    account(batch, row, &header, 0);
+    fill_header_and_count_missing(batch, row, &header, 0);
 }
 
-/* Whether a frame is the first frame of a restarted hub: an unrequested HUB_HANDSHAKE with sequence 0 and tag 0. */
+/* Return whether a frame is the first frame of a restarted hub: an unrequested HUB_HANDSHAKE with sequence 0 and tag
+ * 0. */
 static bool is_start_of_hub(const struct taxel_frame *frame)
 {
     return frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && frame->sequence == 0 &&
            frame->payload[TAXEL_HUB_HANDSHAKE_OFFSET_TAG] == 0;
 }
 
-/* Whether the uptime in a HUB_HANDSHAKE is less than in the frame before it that contains the uptime. It reveals a
- * restart whose first frame was lost, for example because the port was closed. Stores the uptime. */
+/* Return whether a HUB_HANDSHAKE contains a shorter uptime of the hub than the last frame with an uptime (HUB_HANDSHAKE
+ * or HUB_STATUS). This reveals a restart whose first frame was lost, for example because the port was closed. Also
+ * stores the uptime of both frame types for the next call. */
 static bool uptime_decreases(struct taxel_batch *batch, const struct taxel_frame *frame)
 {
     size_t offset = TAXEL_HUB_HANDSHAKE_OFFSET_UPTIME_US;
@@ -182,14 +185,14 @@ static bool uptime_decreases(struct taxel_batch *batch, const struct taxel_frame
     return decreases;
 }
 
-/* Discards the last poll cycle number of every board, so that the next frame of a board counts no missing
- * cycles. */
+/* Discard the last poll cycle number of every board, so that no frames count as missing before the next frame of a
+ * board. */
 void taxel_batch_forget_cycles(struct taxel_batch *batch)
 {
     memset(batch->has_cycle, 0, sizeof batch->has_cycle);
 }
 
-/* Count a received frame and `lost` frames before it. */
+/* Count a received frame and `lost` frames before it, and store the sequence number expected next. */
 static void count_frame(struct taxel_batch *batch, const struct taxel_frame *frame, uint16_t lost)
 {
     batch->totals.frames++;
@@ -198,13 +201,15 @@ static void count_frame(struct taxel_batch *batch, const struct taxel_frame *fra
     batch->next_sequence = (uint16_t)(frame->sequence + 1u);
 }
 
-/* Number of frames that are missing before a frame, from the 16-bit frame sequence. */
-static uint16_t lost_before(const struct taxel_batch *batch, const struct taxel_frame *frame)
+/* Return the number of frames that are missing before a frame, from the 16-bit sequence number; 0 for the first
+ * frame. */
+static uint16_t compute_lost_before(const struct taxel_batch *batch, const struct taxel_frame *frame)
 {
     return batch->has_sequence ? (uint16_t)(frame->sequence - batch->next_sequence) : 0;
 }
 
-/* Count the frame and the frames lost before it. A restart of the hub begins a new sequence without loss. */
+/* Count a frame that this version defines and the frames lost before it, and set the loss and restart members of its
+ * row. A restart of the hub begins a new sequence, without a loss. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     const bool has_less_uptime = uptime_decreases(batch, frame);
@@ -214,22 +219,23 @@ static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *ro
         batch->totals.restarts += batch->has_sequence;
         count_frame(batch, frame, 0);
     } else {
-        const uint16_t lost = lost_before(batch, frame);
+        const uint16_t lost = compute_lost_before(batch, frame);
         row->lost_before = (uint16_t)(lost + batch->lost_before_unknown);
         count_frame(batch, frame, lost);
     }
     batch->lost_before_unknown = 0;
 }
 
-/* Handler of the deframer for a frame that this version does not define. It takes a number of the sender's sequence, and
- * is therefore no loss; a frame of the other direction has the sequence of another sender. */
+/* Handler of the deframer for a frame that this version does not define: count it. The frame has a sequence number of
+ * its sender, and is therefore no loss; a frame of the other direction has the sequence of another sender and is
+ * skipped. */
 static void count_unknown(void *context, const struct taxel_frame *frame)
 {
     struct taxel_batch *batch = context;
     const uint8_t direction = frame->type & 0x80u ? TAXEL_DIRECTION_TO_HUB : TAXEL_DIRECTION_TO_HOST;
     batch->totals.unknown++;
     if (batch->deframer.config.directions & direction) {
-        const uint16_t lost = lost_before(batch, frame);
+        const uint16_t lost = compute_lost_before(batch, frame);
         batch->lost_before_unknown = (uint16_t)(batch->lost_before_unknown + lost);
         count_frame(batch, frame, lost);
     }
@@ -279,15 +285,15 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
     taxel_deframer_init(&batch->deframer, &config);
 }
 
-/* Selects the arrays that receive the results of the next call and marks them as empty. */
+/* Select the arrays that receive the results of this call and mark them as empty. */
 static void set_output(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     batch->output = output;
     output->taxel_count = output->message_count = output->count_count = output->payload_count = 0;
 }
 
-/* Whether the output arrays have space for all that one call of the deframer can deliver: n stuffed bytes decode to
- * fewer than n bytes of payload. */
+/* Return whether the output arrays have space for everything that one call of the deframer can deliver. No space for
+ * more payload bytes than searched bytes is needed: n stuffed bytes decode to fewer than n bytes of payload. */
 static bool has_space(const struct taxel_batch *batch)
 {
     const struct taxel_batch_output *output = batch->output;
@@ -322,20 +328,22 @@ bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *ou
     return true;
 }
 
-/* The numbers of frames, losses and errors since the initialisation. The pointer stays valid as long as `batch`. */
+/* Return the numbers of frames, losses and errors since the initialisation. The pointer stays valid as long as
+ * `batch`. */
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch)
 {
     return &batch->totals;
 }
 
-/* Number of stream bytes since the initialisation that belonged to no valid frame. */
+/* Return the number of stream bytes since the initialisation that belonged to no valid frame; delimiters do not
+ * count. */
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
 {
     return batch->deframer.discarded_bytes;
 }
 
 /* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. Returns its
- * size in bytes, 0 if none are pending. */
+ * size in bytes, 0 if none are pending. Answers that exceed `capacity` stay pending. */
 size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
 {
     size_t size = 0;

@@ -24,7 +24,7 @@
 #include "generated/taxel_protocol.h"
 
 enum taxel_batch_flag {
-    TAXEL_BATCH_BOARD_CRC_BAD = 1, /* the frame's CRC is right, the board's own CRC-32 is wrong */
+    TAXEL_BATCH_BOARD_CRC_BAD = 1, /* the frame's CRC is correct, the board's own CRC-32 is wrong */
     TAXEL_BATCH_HUB_RESTARTED = 2, /* a HUB_HANDSHAKE with sequence 0: the hub restarted, its sequences begin at 0 */
     TAXEL_BATCH_NO_KEY_FRAME = 4,  /* a delta frame whose key frame this host does not have: no counts */
 };
@@ -68,7 +68,7 @@ struct taxel_batch_totals {
     uint64_t frames;
     uint64_t lost;     /* frames that the hub sent and that were not received intact: gaps in their sequence */
     uint64_t restarts; /* of the hub */
-    uint64_t unknown;  /* whole frames with a type or a length that this version does not define; part of `frames` */
+    uint64_t unknown;  /* complete frames with a type or a length that this version does not define; part of `frames` */
     uint64_t received[TAXEL_BATCH_ADDRESSES];  /* taxel frames of each board */
     uint64_t missing[TAXEL_BATCH_ADDRESSES];   /* frames missing between two received frames */
     uint64_t damaged[TAXEL_BATCH_ADDRESSES];   /* the board's own CRC was wrong */
@@ -79,7 +79,7 @@ struct taxel_batch {
     struct taxel_batch_totals totals;
     struct taxel_deframer deframer;
     struct taxel_batch_output *output;
-    bool has_sequence;
+    bool has_sequence; /* next_sequence is known: a frame has been received */
     uint16_t next_sequence;
     uint64_t uptime_us;           /* of the hub, in the last frame that contains it */
     uint16_t lost_before_unknown; /* frames lost before unknown frames since the last row */
@@ -103,7 +103,8 @@ size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_
                           struct taxel_batch_output *output);
 /* The stream has ended: decode the remaining bytes. Returns false, and does nothing, if the arrays may be too small. */
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
-/* Call it when the host restarts a stopped stream: frames of the interrupted cycle then do not count as missing. */
+/* To be called when the host restarts a stopped stream: frames of the interrupted poll cycle then do not count as
+ * missing. */
 void taxel_batch_forget_cycles(struct taxel_batch *batch);
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);

@@ -6,7 +6,7 @@
  * provides the space for the excess bytes. */
 #define PACKET 64u
 
-/* Reads a little-endian number of `size` bytes: captures have this byte order on every machine. */
+/* Read a little-endian number of `size` bytes: captures have this byte order on every machine. */
 static uint64_t get_uint(const uint8_t *bytes, size_t size)
 {
     uint64_t value = 0;
@@ -16,8 +16,8 @@ static uint64_t get_uint(const uint8_t *bytes, size_t size)
     return value;
 }
 
-/* Move `length` bytes from `from` to a lower address. `readable`: bytes that may be read at `from`; with enough of them
- * a copy of fixed size is faster. */
+/* Move `length` bytes from `from` to the lower address `to`. If PACKET bytes are `readable` at `from`, and the record
+ * head between both addresses leaves space for the excess bytes, a copy of fixed size is used, which is faster. */
 static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t readable)
 {
     if (length <= PACKET && length + TAXEL_CAPTURE_RECORD_HEAD >= PACKET && readable >= PACKET) {
@@ -29,8 +29,9 @@ static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t re
     }
 }
 
-/* Join the payloads of the capture records in `bytes`, in place, and list the arrival time (ns) of each with its end
- * position in the stream (`position`: before these bytes). An incomplete last record stays; its size is in `block`. */
+/* Join the payloads of the capture records in `bytes`, in place, and list for each record its arrival time (ns) and the
+ * stream position of its end. `position` is the stream position before the first payload. An incomplete last record
+ * stays unchanged; `block` returns its size, the bytes used, the payload bytes and the number of records. */
 void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,
                           struct taxel_capture_block *block)
 {

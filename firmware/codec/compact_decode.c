@@ -1,4 +1,5 @@
-/* Bytes to counts, for the host. For any bytes, nothing is read beyond their end and every count has 16 bits. */
+/* Decoding of compact snapshots on the host: bytes to counts. For any bytes, nothing is read beyond their end and every
+ * count has 16 bits. */
 #include "codec/compact.h"
 
 #define TOP 0x1000000u
@@ -8,9 +9,9 @@
 struct range_decoder {
     const uint8_t *bytes;
     size_t size;
-    size_t position;
-    uint32_t code;
-    uint32_t range;
+    size_t position; /* of the next byte to shift in; may exceed `size` */
+    uint32_t code;   /* position of the code inside the present range */
+    uint32_t range;  /* width of the present range */
 };
 
 /* Shift the next byte of the code into the range decoder; 0 after the end of the bytes. */
@@ -21,8 +22,8 @@ static void shift(struct range_decoder *decoder)
     decoder->code = decoder->code << 8 | byte;
 }
 
-/* The share of the range decoder's present range, out of 2^bits equal shares, to which the next symbol belongs.
- * Nothing is removed. */
+/* Divide the range decoder's present range into 2^bits equal shares and return the index of the share to which the next
+ * symbol belongs. The state of the decoder does not change. */
 static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
@@ -43,7 +44,7 @@ static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, u
     }
 }
 
-/* Decode `bits` bits of equal probability. */
+/* Decode a number of `bits` bits, all values of which are equally probable. */
 static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t value = peek(decoder, bits);
@@ -52,8 +53,8 @@ static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
 }
 
 /* Decode an escape: a count that is too far from the predicted count for the modelled distribution. Its distance
- * from the predicted count (the centre) is coded as sign, exponent and mantissa. Returns false if the count is not
- * in 0 to 65535, which only damaged bytes cause. */
+ * from the predicted count (the centre) is coded as sign, exponent and mantissa. Returns false if the count is
+ * outside 0 to 65535, which only damaged bytes cause. */
 static bool take_escape(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     take(decoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS);
@@ -68,8 +69,8 @@ static bool take_escape(struct range_decoder *decoder, taxel_compact_state state
     return true;
 }
 
-/* Decode one count with the model `state` of its taxel, by bisection of the cumulative distribution. Returns false for
- * bytes that no encoder produces. */
+/* Decode one count with the model `state` of its taxel: an escape, or the symbol that a bisection of the cumulative
+ * distribution finds, followed by the uncoded low bits. Returns false for bytes that no encoder produces. */
 static bool take_count(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     const uint32_t target = peek(decoder, TAXEL_COMPACT_TOTAL_BITS);
@@ -102,8 +103,8 @@ static bool take_count(struct range_decoder *decoder, taxel_compact_state state,
     return true;
 }
 
-/* Decode the counts of a delta frame with the taxels' states at the key frame. Returns false if the bytes are no valid
- * code; bytes beyond `size` read as 0. */
+/* Decode the counts of a delta frame with the taxels' states at the key frame. Returns false if no encoder produces
+ * these bytes. Bytes beyond `size` read as 0. */
 bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, const uint8_t *bytes, size_t size,
                           uint16_t *counts)
 {

@@ -1,20 +1,19 @@
-/* Counts to bytes: a range coder (Martin, 1979) of 32 bits without division; carries propagate into the bytes
- * already written. */
+/* Encoding of compact snapshots on the board: counts to bytes, with a 32-bit range coder (Martin, 1979) without
+ * division. Carries propagate into the bytes already written. */
 #include "codec/compact.h"
 
-#define TOP 0x1000000u /* the range stays above it */
+#define TOP 0x1000000u /* the range never stays below this value */
 #define EXPONENT_BITS 4u
 
 struct range_encoder {
     uint8_t *bytes;
     size_t size;
     size_t capacity;
-    uint32_t low;
-    uint32_t range;
+    uint32_t low;   /* lower end of the present interval */
+    uint32_t range; /* width of the present interval */
 };
 
-/* Add 1 to the number formed by the bytes already written: the carry of the range encoder, whose output is one long
- * number. */
+/* Propagate a carry of the range encoder: add 1 to the long number that the bytes already written form. */
 static void carry(struct range_encoder *encoder)
 {
     for (size_t i = encoder->size; i > 0; i--) {
@@ -124,7 +123,7 @@ bool taxel_compact_encode(const taxel_compact_state *states, const uint8_t *coun
     return true;
 }
 
-/* Number of bits (1 to 16) of the largest count; `counts`: 2 bytes each, little-endian. */
+/* Return the number of bits (1 to 16) that the largest count needs; `counts`: 2 bytes each, little-endian. */
 uint8_t taxel_compact_width(const uint8_t *counts, size_t taxels)
 {
     unsigned all = 1;
@@ -138,7 +137,7 @@ uint8_t taxel_compact_width(const uint8_t *counts, size_t taxels)
     return width;
 }
 
-/* Number of bytes for `taxels` counts of `width` bits each, rounded up. */
+/* Return the number of bytes for `taxels` counts of `width` bits each, rounded up. */
 size_t taxel_compact_packed_size(uint8_t width, size_t taxels)
 {
     return (width * taxels + 7u) >> 3;

@@ -11,28 +11,28 @@ static const uint16_t cumulative[] = TAXEL_COMPACT_CUMULATIVE;
 static const uint16_t multipliers[] = TAXEL_COMPACT_MULTIPLIERS;
 static const uint8_t gains[] = TAXEL_COMPACT_GAINS;
 
-/* The predicted count of a taxel, in units of 1/64 count, from its packed state. */
+/* Return the predicted count of a taxel, in units of 1/64 count, from its packed state. */
 static uint32_t mean_of(taxel_compact_state state)
 {
     return state >> TAXEL_COMPACT_LEVEL_BITS;
 }
 
-/* The logarithm of the expected spread of a taxel (0 to 1023, 64 steps per factor of two), from its packed
- * state. */
+/* Return the logarithm of the expected spread of a taxel's counts (0 to 1023, 64 steps per factor of two), from the
+ * taxel's packed state. */
 static uint32_t level_of(taxel_compact_state state)
 {
     return state & TAXEL_COMPACT_LEVEL_MAX;
 }
 
-/* The ratio of a difference (in 1/64 count) to the expected spread of the taxel, in units of 1/1024. */
+/* Return the ratio of a difference (in 1/64 count) to the expected spread of the taxel, in units of 1/1024. */
 static uint32_t distance(taxel_compact_state state, uint32_t difference)
 {
     const uint32_t level = level_of(state);
     return (difference * multipliers[(level >> 3) & 7u]) >> (level >> 6);
 }
 
-/* State of a taxel after a packed key frame: the mean is the count; the scale (level) follows from the start bits of
- * `format`. */
+/* Return the state of a taxel after a packed key frame: the predicted count is the count itself, and the level
+ * (logarithm of the expected spread) follows from the start bits of the snapshot's `format` byte. */
 taxel_compact_state taxel_compact_initial_state(uint16_t count, uint8_t format)
 {
     const uint32_t start = (format & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
@@ -40,23 +40,24 @@ taxel_compact_state taxel_compact_initial_state(uint16_t count, uint8_t format)
            (TAXEL_COMPACT_LEVEL_START + TAXEL_COMPACT_LEVEL_START_STEP * start);
 }
 
-/* The predicted count of a taxel, rounded to a whole number of counts. */
+/* Return the predicted count of a taxel, rounded to a whole number of counts, at most 65535. */
 uint16_t taxel_compact_centre(taxel_compact_state state)
 {
     const uint32_t centre = (mean_of(state) + HALF_COUNT) >> TAXEL_COMPACT_FRACTION_BITS;
     return (uint16_t)(centre > COUNT_MAX ? COUNT_MAX : centre);
 }
 
-/* The number of low bits of a count that are sent uncoded, because the expected spread of the taxel is large. */
+/* Return the number of low bits of a count that are sent uncoded, because the expected spread of the taxel is so large
+ * that their values are equally probable. */
 uint8_t taxel_compact_raw_bits(taxel_compact_state state)
 {
     const uint32_t octave = level_of(state) >> 6;
     return (uint8_t)(octave > TAXEL_COMPACT_COARSE_OCTAVE ? octave - TAXEL_COMPACT_COARSE_OCTAVE : 0u);
 }
 
-/* Cumulative frequency, out of 2^TAXEL_COMPACT_TOTAL_BITS, of all symbols below `symbol`. The distribution is symmetric
- * about the mean of the state and scales with its level; a table is interpolated linearly. The lowest share is the
- * escape. */
+/* Return the cumulative frequency, out of 2^TAXEL_COMPACT_TOTAL_BITS, of all symbols below `symbol`. A symbol is a
+ * count without its uncoded low bits. The distribution is symmetric about the predicted count and scales with the
+ * expected spread; a table is interpolated linearly. The lowest frequencies belong to the escape. */
 uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
 {
     const uint32_t middle = TAXEL_COMPACT_ESCAPE + cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
@@ -73,8 +74,8 @@ uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
     return below ? middle - share : middle + share;
 }
 
-/* Interval of a count in the cumulative distribution, and the number of its low bits that are coded without the model.
- */
+/* Return the interval of a count in the cumulative distribution, and the number of its low bits that are sent uncoded.
+ * The interval is empty for a count that needs an escape. */
 struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, uint16_t count)
 {
     const uint8_t raw_bits = taxel_compact_raw_bits(state);
@@ -83,9 +84,9 @@ struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, 
     return (struct taxel_compact_interval){first, taxel_compact_cumulative(state, symbol + 1u) - first, raw_bits};
 }
 
-/* Difference of a count from the predicted count, coded in one byte: sign bit, then exact up to 63 counts and above
- * that in quarters of an octave. The board stores only this byte per taxel until the host acknowledges the key
- * frame. */
+/* Encode the difference of a count from the predicted count in one byte: sign bit, then exact up to 63 counts, and
+ * above that rounded down to quarters of an octave (factor of two). The board stores only this byte per taxel until the
+ * host acknowledges the key frame. */
 uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
 {
     const uint16_t centre = taxel_compact_centre(state);
@@ -102,7 +103,7 @@ uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
     return (uint8_t)(sign | (code + ((size >> 4) & 3u)));
 }
 
-/* The magnitude of a residual, in counts, from its code of one byte: the middle of the range that the code
+/* Decode the magnitude of a residual, in counts, from its one-byte code: the middle of the range that the code
  * represents. */
 static uint32_t size_of(uint8_t residual)
 {
@@ -113,7 +114,7 @@ static uint32_t size_of(uint8_t residual)
     return (72u + 16u * (code & 3u)) << ((code - EXACT_RESIDUALS) >> 2);
 }
 
-/* `value` moved down or up by `by`, limited to 0 to `largest`. */
+/* Return `value` moved down or up by `by`, clipped to 0 ... `largest`. */
 static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest)
 {
     if (down) {
@@ -122,8 +123,10 @@ static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest
     return by < largest - value ? value + by : largest;
 }
 
-/* State of a taxel after one more key frame: mean and scale (level) move towards the residual by a gain that falls with
- * the number of `updates`. A residual beyond TAXEL_COMPACT_JUMP scales, such as a contact, sets the mean only. */
+/* Return the state of a taxel after one more key frame. The predicted count and the level (logarithm of the expected
+ * spread) move towards the residual by a gain that decreases with the number of `updates`. A residual of
+ * TAXEL_COMPACT_JUMP spreads or more, such as the onset of a contact, replaces the predicted count and keeps the
+ * level. */
 taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t residual, uint8_t updates)
 {
     const uint32_t gain = gains[updates - 1u], mean = mean_of(state);

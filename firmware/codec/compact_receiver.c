@@ -7,24 +7,24 @@
 #define WIDTH_MAX 16u
 #define TIME_LOW_MASK 0xFFFFFFu
 
-/* Selects the message that the host sends to the board, at once and again after REPEAT_AFTER snapshots. */
+/* Select the message that the host sends to the board, and schedule its repetition after REPEAT_AFTER snapshots. */
 static void set_answer(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
 {
     receiver->answer = (uint8_t)answer;
     receiver->snapshots_until_repeat = REPEAT_AFTER;
 }
 
-/* True if the byte `format` of a compact snapshot has a permitted width, and bits of the initial scale only in a
- * packed key frame. */
+/* Return whether the `format` byte of a compact snapshot is valid: its width is permitted, and bits of the initial
+ * spread are set in a packed key frame only. */
 static bool format_is_valid(uint8_t format)
 {
     const bool has_start = format & TAXEL_COMPACT_KEY_FRAME && format & TAXEL_COMPACT_WIDTH_MASK;
     return (format & TAXEL_COMPACT_WIDTH_MASK) <= WIDTH_MAX && (has_start || !(format & TAXEL_COMPACT_START_MASK));
 }
 
-/* Called for each snapshot that shows no effect of the answer sent to the board, which may have been lost: sends
- * the answer again after some snapshots. */
-static void repeat_answer(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
+/* Select the answer again when its repetition is due. Called for each snapshot that shows no effect of the answer sent
+ * to the board, which may have been lost. */
+static void repeat_answer_if_due(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
 {
     if (receiver->snapshots_until_repeat) {
         receiver->snapshots_until_repeat--;
@@ -33,20 +33,21 @@ static void repeat_answer(struct taxel_compact_receiver *receiver, enum taxel_co
     }
 }
 
-/* Discard the key frames and request a new one from the board with a FORGET answer, repeated at intervals. Returns
- * TAXEL_COMPACT_NO_KEY_FRAME. */
+/* Discard current and pending key frame, and request a new one from the board with a FORGET answer, which is repeated
+ * at intervals. Always returns TAXEL_COMPACT_NO_KEY_FRAME. */
 static enum taxel_compact_result reject_without_key_frame(struct taxel_compact_receiver *receiver)
 {
     if (receiver->key_frame.is_valid || receiver->pending.is_valid) {
         receiver->key_frame.is_valid = receiver->pending.is_valid = false;
         receiver->snapshots_until_repeat = 0;
     }
-    repeat_answer(receiver, TAXEL_COMPACT_ANSWER_FORGET);
+    repeat_answer_if_due(receiver, TAXEL_COMPACT_ANSWER_FORGET);
     return TAXEL_COMPACT_NO_KEY_FRAME;
 }
 
-/* Decode a packed snapshot, which needs no key frame. A packed snapshot marked as a key frame replaces all states of
- * the board. */
+/* Decode a packed snapshot, which needs no key frame, into `snapshot`. A packed snapshot marked as a key frame fills
+ * the pending key frame and makes the current one invalid. Returns TAXEL_COMPACT_OK, or TAXEL_COMPACT_DAMAGED for too
+ * few bytes. */
 static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *receiver, uint8_t taxels,
                                                 const uint8_t *bytes, size_t size,
                                                 struct taxel_compact_snapshot *snapshot)
@@ -85,8 +86,10 @@ static void update_pending(struct taxel_compact_receiver *receiver, const uint16
     pending->updates = (uint8_t)(key_frame->updates + (key_frame->updates < TAXEL_COMPACT_UPDATES_MAX));
 }
 
-/* Decode a delta frame with the key frame whose id the frame contains. The first frame that refers to the pending key
- * frame proves that the board received the acknowledgement. */
+/* Decode a delta frame with the key frame whose id the frame contains, into `snapshot`. The first delta frame that
+ * refers to the pending key frame proves that the board received the acknowledgement: the pending key frame becomes the
+ * current one. Returns TAXEL_COMPACT_OK, or TAXEL_COMPACT_NO_KEY_FRAME if the key frame is missing or does not fit the
+ * bytes. */
 static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *receiver, uint8_t taxels,
                                                const uint8_t *bytes, size_t size,
                                                struct taxel_compact_snapshot *snapshot)
@@ -109,13 +112,14 @@ static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *re
     if (head.format & TAXEL_COMPACT_KEY_FRAME) {
         update_pending(receiver, snapshot->counts);
     } else if (receiver->pending.is_valid) {
-        repeat_answer(receiver, TAXEL_COMPACT_ANSWER_ACKNOWLEDGE);
+        repeat_answer_if_due(receiver, TAXEL_COMPACT_ANSWER_ACKNOWLEDGE);
     }
     return TAXEL_COMPACT_OK;
 }
 
-/* Decode one compact snapshot (`size` bytes with CRC) of a board into time and counts, and prepare the answer that the
- * host is to send. The CRC covers the I2C address; its low half is the id of a key frame. */
+/* Decode one compact snapshot (`size` bytes with CRC) of a board into sequence number, time and counts, and prepare the
+ * answer that the host is to send. The CRC-32 covers the I2C address and the bytes; its low 16 bits are the id of a key
+ * frame. */
 enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address,
                                                 uint8_t taxels, const uint8_t *bytes, size_t size,
                                                 struct taxel_compact_snapshot *snapshot)

@@ -17,21 +17,21 @@
 #define FOLD_HALF _mm_set_epi64x(0, 0x163CD6124)
 #define REDUCE _mm_set_epi64x(0x1F7011641, 0x1DB710641)
 
-/* True if this processor has the carry-less multiplication (PCLMULQDQ) and SSE 4.1, which taxel_crc32_clmul()
+/* Return whether this processor has the carry-less multiplication (PCLMULQDQ) and SSE 4.1, which taxel_crc32_clmul()
  * needs. */
 bool taxel_crc32_has_clmul(void)
 {
     return __builtin_cpu_supports("pclmul") && __builtin_cpu_supports("sse4.1");
 }
 
-/* Loads 16 bytes from any address into a vector register. */
+/* Load 16 bytes from any address into a vector register. */
 CLMUL __m128i load(const uint8_t *bytes)
 {
     return _mm_loadu_si128((const __m128i *)(const void *)bytes);
 }
 
-/* Move the remainder over the distance that `constants` stand for (x^n modulo the polynomial) and add the block there.
- */
+/* Advance the remainder of a message by the distance for which `constants` (x^n modulo the polynomial) are computed,
+ * and add the block at this position. */
 CLMUL __m128i fold(__m128i remainder, __m128i constants, __m128i block)
 {
     const __m128i low = _mm_clmulepi64_si128(remainder, constants, 0x00);
@@ -49,7 +49,7 @@ CLMUL uint32_t reduce(__m128i remainder)
     return (uint32_t)_mm_extract_epi32(_mm_xor_si128(x, _mm_clmulepi64_si128(quotient, REDUCE, 0x00)), 1);
 }
 
-/* Bytes of a vector shifted up by n positions (negative: down), with zeros shifted in. */
+/* Shift the bytes of a vector up by n positions (negative: down), with zeros shifted in. */
 CLMUL __m128i shifted(__m128i vector, int n)
 {
     const __m128i indices = _mm_set_epi8(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
@@ -59,8 +59,9 @@ CLMUL __m128i shifted(__m128i vector, int n)
     return _mm_shuffle_epi8(vector, _mm_or_si128(from, outside));
 }
 
-/* CRC-32 of at least TAXEL_CRC32_CLMUL_MIN bytes by carry-less multiplication (x86 PCLMULQDQ): blocks of 16 bytes are
- * folded, in four independent streams for long messages. `crc`: CRC of the preceding bytes, 0 at the start. */
+/* Compute the CRC-32 of at least TAXEL_CRC32_CLMUL_MIN bytes by carry-less multiplication (x86 PCLMULQDQ): blocks of 16
+ * bytes are folded, in four independent streams for long messages. `crc`: CRC of the preceding bytes, 0 at the
+ * start. */
 __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     /* The first block holds the bytes beyond whole blocks at its upper end; zeros before them have no effect. The

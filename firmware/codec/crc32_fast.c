@@ -8,7 +8,7 @@
 static uint32_t tables[SLICES][256];
 static bool has_clmul;
 
-/* Computes the look-up tables of the CRC-32 when the library is loaded: a check at each call would be slow, because
+/* Compute the look-up tables of the CRC-32 when the library is loaded: a check at each call would be slow, because
  * many calls add only two bytes. */
 __attribute__((constructor)) static void fill_tables(void)
 {
@@ -27,14 +27,14 @@ __attribute__((constructor)) static void fill_tables(void)
     }
 }
 
-/* Reads a little-endian 32-bit number from 4 bytes. */
+/* Read a little-endian 32-bit number from 4 bytes. */
 static uint32_t little_endian_u32(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
 }
 
-/* CRC-32 with 16 look-up tables, 16 bytes per step, for processors without carry-less multiplication and for short
- * messages. `crc`: CRC of the preceding bytes, 0 at the start. */
+/* Compute the CRC-32 with 16 look-up tables, 16 bytes per step, for processors without carry-less multiplication and
+ * for short messages. `crc`: CRC of the preceding bytes, 0 at the start. */
 uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     crc = ~crc;
@@ -67,8 +67,8 @@ uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
     return ~crc;
 }
 
-/* The CRC-32 of zlib, continued: `crc` is the CRC of the bytes before `bytes`, or 0. Uses the fastest method for
- * this processor and size. */
+/* Compute the CRC-32 (the one of zlib) with the fastest method for this processor and size. `crc`: CRC of the preceding
+ * bytes, 0 at the start. */
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     return has_clmul && size >= TAXEL_CRC32_CLMUL_MIN ? taxel_crc32_clmul(crc, bytes, size)

@@ -7,7 +7,7 @@ static const uint32_t nibble_table[16] = {
     0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
 };
 
-/* CRC-32 (IEEE 802.3, reflected) of the bytes. `crc`: CRC of the preceding bytes, 0 at the start. */
+/* Compute the CRC-32 (IEEE 802.3, reflected) of the bytes. `crc`: CRC of the preceding bytes, 0 at the start. */
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     crc = ~crc;

@@ -4,8 +4,8 @@
 
 #define BLOCK 64u
 
-/* CRC register after `size` zero bytes, from the register `state`. */
-static uint32_t after_zeros(uint32_t state, size_t size)
+/* Return the content of the CRC register after `size` zero bytes, if it contained `state` before them. */
+static uint32_t advance_over_zeros(uint32_t state, size_t size)
 {
     static const uint8_t zeros[BLOCK];
     uint32_t crc = ~state; /* taxel_crc32() inverts its argument and its result */
@@ -24,7 +24,7 @@ void taxel_crc32_zeros_init(struct taxel_crc32_zeros *zeros, size_t size)
         uint32_t *const table = zeros->table[byte];
         table[0] = 0;
         for (unsigned bit = 0; bit < 8; bit++) {
-            const uint32_t column = after_zeros(1u << (8u * byte + bit), size);
+            const uint32_t column = advance_over_zeros(1u << (8u * byte + bit), size);
             for (unsigned value = 0; value < 1u << bit; value++) {
                 table[(1u << bit) + value] = table[value] ^ column;
             }

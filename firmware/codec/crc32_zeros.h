@@ -15,13 +15,13 @@
 
 struct taxel_crc32_zeros {
     size_t size;
-    uint32_t table[4][256]; /* for each byte of the register */
+    uint32_t table[4][256]; /* for each byte of the register and each of its values: the effect on the register */
 };
 
 /* Fill the table for any `size`. Takes some microseconds. */
 void taxel_crc32_zeros_init(struct taxel_crc32_zeros *zeros, size_t size);
 
-/* The register after the zero bytes. */
+/* Return the content of the CRC register after the zero bytes, if it contained `state` before them. */
 static inline uint32_t taxel_crc32_zeros_after(const struct taxel_crc32_zeros *zeros, uint32_t state)
 {
     return zeros->table[0][state & 0xFFu] ^ zeros->table[1][(state >> 8) & 0xFFu] ^

@@ -7,10 +7,11 @@
 #include "codec/whitening.h"
 #include "generated/taxel_protocol.h"
 
+/* Permitted payloads of a frame type. */
 struct rule {
     uint8_t type;
-    uint8_t has_address;
-    uint16_t minimum;
+    uint8_t has_address; /* the payload begins with an I2C address */
+    uint16_t minimum;    /* length of the payload in bytes */
     uint16_t maximum;
 };
 
@@ -18,8 +19,7 @@ struct rule {
 static const struct rule rules[] = {TAXEL_FRAME_RULES(RULE)};
 #undef RULE
 
-/* Initialises a deframer, which finds frames in a stream of bytes. `config` is copied; its buffers must stay
- * valid. */
+/* Initialise a deframer, which finds frames in a stream of bytes. `config` is copied; its buffers must stay valid. */
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config)
 {
     deframer->config = *config;
@@ -30,8 +30,8 @@ void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_def
     deframer->unknown_frames = 0;
 }
 
-/* Permitted lengths of a frame type, or NULL if the type is undefined or belongs to a direction that is not accepted.
- * Bit 7 of the type: from host to hub. */
+/* Return the rule of a frame type, or NULL if the type is undefined or belongs to a direction that is not accepted. Bit
+ * 7 of the type is set in frames from host to hub. */
 static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t type)
 {
     const uint8_t direction = type & 0x80u ? TAXEL_DIRECTION_TO_HUB : TAXEL_DIRECTION_TO_HOST;
@@ -46,8 +46,9 @@ static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t
     return NULL;
 }
 
-/* Length of the body that begins with this header, or 0 if the payload is longer than any payload. The frame type is
- * not checked: a newer sender may use types and lengths that this version does not define. */
+/* Return the length in bytes of the body (header, payload, CRC) that begins with this header, or 0 if the stated
+ * payload is longer than the longest accepted one. The frame type is not checked: a newer sender may use types and
+ * lengths that this version does not define. */
 static size_t expected_length(const struct taxel_deframer *deframer, const uint8_t *header)
 {
     const uint16_t length = taxel_get_u16(header + 3);
@@ -57,13 +58,14 @@ static size_t expected_length(const struct taxel_deframer *deframer, const uint8
     return TAXEL_FRAME_HEADER_SIZE + (size_t)length + TAXEL_FRAME_CRC_SIZE;
 }
 
-/* Whether the CRC of an unstuffed body is right. `size`: header, payload and CRC. */
-static bool body_is_whole(const uint8_t *body, size_t size)
+/* Return whether the CRC of an unstuffed body is correct. `size`: bytes of header, payload and CRC. */
+static bool is_body_crc_correct(const uint8_t *body, size_t size)
 {
     return taxel_crc32(0, body, size - TAXEL_FRAME_CRC_SIZE) == taxel_get_u32(body + size - TAXEL_FRAME_CRC_SIZE);
 }
 
-/* Whether this version defines a whole frame: its type, its length, its I2C address and its number of taxels. */
+/* Return whether this protocol version defines a complete frame: its type, its length, its I2C address and its number
+ * of taxels. */
 static bool frame_is_known(const struct taxel_deframer *deframer, const struct taxel_frame *frame)
 {
     const uint8_t *payload = frame->payload;
@@ -78,8 +80,8 @@ static bool frame_is_known(const struct taxel_deframer *deframer, const struct t
            frame->length == TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1];
 }
 
-/* Call the handler with the whole frame in the body buffer, or count a frame that this version does not define. `size`:
- * header, payload and CRC. */
+/* Count the complete frame in the body buffer and call the handler; a frame that this version does not define has its
+ * own counter and handler. `size`: bytes of header, payload and CRC. */
 static void deliver(struct taxel_deframer *deframer, size_t size)
 {
     const uint8_t *body = deframer->config.body;
@@ -100,9 +102,9 @@ static void deliver(struct taxel_deframer *deframer, size_t size)
     }
 }
 
-/* Take the whole frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A
- * frame ends with the block at which the unstuffed length equals the length stated in the header: no delimiter is
- * needed. */
+/* Decode and deliver the frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no complete frame
+ * with a correct CRC begins there. A frame ends with the COBS block at which the unstuffed length equals the length
+ * stated in the header: no delimiter is needed. */
 static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     uint8_t *body = deframer->config.body;
@@ -126,7 +128,7 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
             }
         }
         if (expected && length >= expected) {
-            if (length > expected || !body_is_whole(body, length)) {
+            if (length > expected || !is_body_crc_correct(body, length)) {
                 return 0;
             }
             deliver(deframer, length);
@@ -144,7 +146,8 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
     return 0;
 }
 
-/* Try every byte before `until` as the start of a frame; returns where the search stopped. */
+/* Try every byte before position `until` as the start of a frame, deliver the frames found, and count all other bytes
+ * as discarded. Returns the position behind the last byte used, which may exceed `until`. */
 static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size_t size, size_t until)
 {
     size_t start = 0;
@@ -158,8 +161,8 @@ static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size
     return start;
 }
 
-/* Makes space in the full chunk buffer, which contains no delimiter: searches all but the last bytes for frames,
- * and keeps the last bytes, at which an incomplete frame may begin. */
+/* Make space in the full chunk buffer, which contains no delimiter: search all but the last bytes for frames, and keep
+ * the last bytes, at which an incomplete frame may begin. */
 static void make_space(struct taxel_deframer *deframer)
 {
     const size_t keep = taxel_encoded_size_max(deframer->config.payload_max);
@@ -185,8 +188,7 @@ static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t
     }
 }
 
-/* Searches the bytes of the stream that are still buffered for frames, as if the stream ended here with a
- * delimiter. */
+/* Search the bytes of the stream that are still buffered for frames, as if the stream ended here with a delimiter. */
 void taxel_deframer_finish(struct taxel_deframer *deframer)
 {
     (void)search(deframer, deframer->config.chunk, deframer->fill, deframer->fill);

@@ -1,6 +1,6 @@
-/* Frames out of a byte stream. A chunk between two zeros that is not exactly one frame is searched at every byte, so
- * that no valid frame is lost because of a damaged neighbour. A whole frame whose type or length this version does not
- * define is skipped and counted. Allocates no memory, and uses no length before it has checked it.
+/* Extraction of frames from a byte stream. A chunk between two zeros that is not exactly one frame is searched at every
+ * byte, so that no valid frame is lost because of a damaged neighbour. A complete frame whose type or length this
+ * version does not define is skipped and counted. Allocates no memory, and uses no length before it has checked it.
  *
  * Integration:
  *
@@ -54,18 +54,18 @@ struct taxel_deframer_config {
     taxel_frame_handler handler;
     void *context;
 
-    /* Called for each whole frame that this version does not define, with `context`. NULL: such frames are only
+    /* Called for each complete frame that this version does not define, with `context`. NULL: such frames are only
      * counted. */
     taxel_frame_handler unknown_handler;
 };
 
 struct taxel_deframer {
     struct taxel_deframer_config config;
-    size_t fill;
+    size_t fill;              /* bytes in the chunk buffer */
     uint64_t position;        /* bytes of the stream processed so far */
     uint64_t discarded_bytes; /* bytes that belong to no frame; delimiters do not count */
     uint64_t frames;
-    uint64_t unknown_frames; /* whole frames with an undefined type or length, or of a direction not accepted */
+    uint64_t unknown_frames; /* complete frames with an undefined type or length, or of a direction not accepted */
 };
 
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config);
@@ -75,7 +75,7 @@ void taxel_deframer_push(struct taxel_deframer *deframer, const uint8_t *bytes, 
  * frames. */
 size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size);
 
-/* The stream has ended: search the remaining bytes. */
+/* Search the buffered bytes for frames after the end of the stream. */
 void taxel_deframer_finish(struct taxel_deframer *deframer);
 
 #endif

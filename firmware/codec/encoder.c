@@ -5,8 +5,8 @@
 #include "codec/crc32.h"
 #include "generated/taxel_protocol.h"
 
-/* Largest encoded size in bytes of a frame with this payload length: body, one COBS code byte per 254 bytes or part of
- * it, two delimiters. */
+/* Return the largest encoded size in bytes of a frame with this payload length: body, one COBS code byte per 254 bytes
+ * of the body or part of them, two delimiters. */
 size_t taxel_encoded_size_max(size_t payload_length)
 {
     const size_t body = TAXEL_FRAME_HEADER_SIZE + payload_length + TAXEL_FRAME_CRC_SIZE;
@@ -17,28 +17,29 @@ size_t taxel_encoded_size_max(size_t payload_length)
 
 #define FULL_BLOCK 0xFFu
 
-/* The position after `at` in the ring buffer of the encoder; the position after the last byte is the first byte. */
-static uint8_t *after(const struct taxel_encoder *encoder, uint8_t *at)
+/* Return the position after `at` in the ring buffer of the encoder; the position after the last byte is the first
+ * byte. */
+static uint8_t *position_after(const struct taxel_encoder *encoder, uint8_t *at)
 {
     return at + 1 == encoder->limit ? encoder->ring : at + 1;
 }
 
-/* Begins a COBS block: reserves the byte `at` for the code of the block, which is written when the block is closed.
+/* Begin a COBS block: reserve the byte `at` for the code of the block, which is written when the block is closed.
  * Returns the position after it. */
 static uint8_t *open_block(struct taxel_encoder *encoder, uint8_t *at)
 {
     encoder->code_at = at;
-    return after(encoder, at);
+    return position_after(encoder, at);
 }
 
-/* Writes one byte at the current position of the ring buffer and advances the position. */
+/* Write one byte at the current position of the ring buffer and advance the position. */
 static void put(struct taxel_encoder *encoder, uint8_t byte)
 {
     *encoder->at = byte;
-    encoder->at = after(encoder, encoder->at);
+    encoder->at = position_after(encoder, encoder->at);
 }
 
-/* Appends bytes to the body of the frame: whitening, then byte stuffing (COBS). Values that change with every byte
+/* Append bytes to the body of the frame: whitening, then byte stuffing (COBS). Values that change with every byte
  * are kept in registers: memory accesses are slow on a Cortex-M0. */
 static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
@@ -110,7 +111,7 @@ size_t taxel_encoder_end(struct taxel_encoder *encoder)
     return (size_t)(written > 0 ? written : written + (encoder->limit - encoder->ring));
 }
 
-/* The index in the ring buffer at which the encoder writes its next byte. */
+/* Return the index in the ring buffer at which the encoder writes its next byte. */
 size_t taxel_encoder_position(const struct taxel_encoder *encoder)
 {
     return (size_t)(encoder->at - encoder->ring);

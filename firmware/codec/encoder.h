@@ -1,4 +1,5 @@
-/* Frames onto a wire: header, payload in pieces, CRC-32, whitening, byte stuffing and delimiters in one pass.
+/* Encoding of frames for the wire: header, payload in pieces, CRC-32, whitening, byte stuffing and delimiters in one
+ * pass.
  *
  * Integration (`wire` has at least taxel_encoded_size_max(payload_size) bytes):
  *
@@ -17,14 +18,15 @@
 
 /* Writes into a ring of any size (a linear buffer is a ring that does not wrap). The members belong to the encoder. */
 struct taxel_encoder {
-    uint8_t *ring, *limit;
-    uint8_t *start, *at, *code_at;
+    uint8_t *ring, *limit; /* first byte of the ring, and the address behind its last byte */
+    uint8_t *start, *at;   /* first byte of the frame, and the next byte to write */
+    uint8_t *code_at;      /* code byte of the open COBS block */
     uint32_t crc;
     uint8_t code;
     uint8_t whitening;
 };
 
-/* Largest number of bytes on the wire for a payload of that length, delimiters included. */
+/* Return the largest number of bytes on the wire for a payload of this length, delimiters included. */
 size_t taxel_encoded_size_max(size_t payload_length);
 
 /* Begin a frame at ring[position]. The ring must have space for taxel_encoded_size_max(payload_length) bytes. */
@@ -32,10 +34,10 @@ void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t ca
                          uint16_t sequence, uint16_t payload_length);
 void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size);
 
-/* Finish the frame; returns its bytes on the wire. */
+/* Finish the frame; returns its number of bytes on the wire, delimiters included. */
 size_t taxel_encoder_end(struct taxel_encoder *encoder);
 
-/* Position in the ring of the next byte. */
+/* Return the position in the ring at which the next byte will be written. */
 size_t taxel_encoder_position(const struct taxel_encoder *encoder);
 
 #endif

@@ -5,7 +5,8 @@
 #define LENGTH_MAX 255u
 #define MISSING SIZE_MAX /* the answer depends on bytes that have not arrived */
 
-/* The length field of a message counts start, length, address, timestamp, words and end. */
+/* Return the length in bytes of a complete message of this board, which is also the value of its length field: start,
+ * length, address, timestamp, words and end. 0: the format has no such board. */
 size_t taxel_original_length(const struct taxel_original_format *format, uint8_t address)
 {
     if (address >= TAXEL_ORIGINAL_ADDRESSES || !format->taxels[address]) {
@@ -18,12 +19,14 @@ size_t taxel_original_length(const struct taxel_original_format *format, uint8_t
     return TAXEL_ORIGINAL_HEADER_SIZE + (format->has_timestamp ? TAXEL_ORIGINAL_TIMESTAMP_SIZE : 0u) + 2u * words + 1u;
 }
 
+/* Return count or acceleration number `index` of a message, in the byte order of its format. */
 uint16_t taxel_original_word(const struct taxel_original_message *message, size_t index)
 {
     const uint8_t *word = message->words + 2u * index;
     return (uint16_t)(message->is_big_endian ? word[0] << 8 | word[1] : word[1] << 8 | word[0]);
 }
 
+/* Initialise a decoder. Returns 0, or -1 if the buffer is too small or a message would be longer than 255 bytes. */
 int taxel_original_init(struct taxel_original_decoder *decoder, const struct taxel_original_config *config)
 {
     memset(decoder, 0, sizeof *decoder);
@@ -39,14 +42,15 @@ int taxel_original_init(struct taxel_original_decoder *decoder, const struct tax
     return 0;
 }
 
-/* Timestamp of the candidate that begins at `start` in the buffer. */
+/* Read the timestamp (ms, big-endian) of the candidate that begins at `start` in the buffer. */
 static uint32_t time_of(const struct taxel_original_decoder *decoder, size_t start)
 {
     const uint8_t *bytes = decoder->config.buffer + start + TAXEL_ORIGINAL_HEADER_SIZE;
     return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
 }
 
-/* Whether a time follows one of the last messages' times. Time 0, the start of the hub, is always a reference. */
+/* Return whether a time is at most TAXEL_ORIGINAL_TIME_STEP_MAX_MS after the time of one of the last messages, or after
+ * time 0, the start of the hub. */
 static bool is_plausible(const struct taxel_original_decoder *decoder, uint32_t time_ms)
 {
     if (time_ms <= TAXEL_ORIGINAL_TIME_STEP_MAX_MS) {
@@ -60,7 +64,7 @@ static bool is_plausible(const struct taxel_original_decoder *decoder, uint32_t 
     return false;
 }
 
-/* Whether a message of any board has this length. */
+/* Return whether the messages of any board have this length. */
 static bool is_length(const struct taxel_original_format *format, uint8_t length)
 {
     for (uint8_t address = 0; address < TAXEL_ORIGINAL_ADDRESSES; address++) {
@@ -71,8 +75,8 @@ static bool is_length(const struct taxel_original_format *format, uint8_t length
     return false;
 }
 
-/* Length of the message whose header begins at `start` in the buffer; 0: no header begins there; MISSING: the header is
- * incomplete. */
+/* Return the length of the message whose header begins at `start` in the buffer; 0: no header begins there; MISSING:
+ * the buffer ends inside a possible header. */
 static size_t match_header(const struct taxel_original_decoder *decoder, size_t start)
 {
     const struct taxel_original_format *format = decoder->config.format;
@@ -88,7 +92,7 @@ static size_t match_header(const struct taxel_original_decoder *decoder, size_t 
     return available < 2u || is_length(format, bytes[1]) ? MISSING : 0;
 }
 
-/* Call the handler with an accepted candidate; update counters and reference times. */
+/* Call the handler with an accepted candidate as a message. Also updates the counters and the reference times. */
 static void accept(struct taxel_original_decoder *decoder, const struct taxel_original_candidate *candidate)
 {
     const struct taxel_original_format *format = decoder->config.format;
@@ -121,7 +125,8 @@ static void accept(struct taxel_original_decoder *decoder, const struct taxel_or
     decoder->config.handler(decoder->config.context, &message);
 }
 
-/* Without timestamps, a header or the end of the stream directly behind a candidate is its evidence. Returns false if bytes are missing. */
+/* Determine the evidence of a candidate in a format without timestamps: a header, or the end of the stream, directly
+ * behind the candidate. Returns false, without a result, if the bytes behind it have not arrived. */
 static bool find_follower(const struct taxel_original_decoder *decoder, struct taxel_original_candidate *candidate,
                           bool is_end)
 {
@@ -136,7 +141,9 @@ static bool find_follower(const struct taxel_original_decoder *decoder, struct t
     return true;
 }
 
-/* Compare a complete candidate with those that overlap it. Returns false if bytes are missing. */
+/* Compare a complete candidate with those before it that overlap it, and keep the best one as `current`. A candidate
+ * with evidence is better than one without; of two equal candidates, the later one is better. Each candidate that loses
+ * is counted as ambiguous. Returns false, without a change, if bytes are missing for the decision. */
 static bool resolve(struct taxel_original_decoder *decoder, struct taxel_original_candidate candidate, bool is_end)
 {
     struct taxel_original_candidate *current = decoder->has_current ? &decoder->current : NULL;
@@ -167,7 +174,8 @@ static bool resolve(struct taxel_original_decoder *decoder, struct taxel_origina
     return true;
 }
 
-/* Examine the start byte at `scan`, and step over it. Returns false if bytes are missing. */
+/* Examine the start byte at `scan` (no header, a rejected or a complete candidate), and step over it. Returns false if
+ * bytes are missing for the decision; at the end of the stream (`is_end`) none are missing. */
 static bool examine_start(struct taxel_original_decoder *decoder, bool is_end)
 {
     const size_t start = decoder->scan;
@@ -189,7 +197,7 @@ static bool examine_start(struct taxel_original_decoder *decoder, bool is_end)
     return true;
 }
 
-/* Search to the end of the buffer, or until bytes are missing. */
+/* Search the buffer for candidates and accept the best ones, to its end or until bytes are missing for a decision. */
 static void search(struct taxel_original_decoder *decoder, bool is_end)
 {
     for (;;) {
@@ -212,7 +220,8 @@ static void search(struct taxel_original_decoder *decoder, bool is_end)
     }
 }
 
-/* Nothing in a stream without frames marks a start: each `record_size` bytes are one message. */
+/* Accept each `record_size` bytes of the buffer as one message: nothing in a stream without frames marks a start. Bytes
+ * of an incomplete record at the end of the stream are skipped. */
 static void split_records(struct taxel_original_decoder *decoder, bool is_end)
 {
     const size_t size = decoder->config.format->record_size;
@@ -226,8 +235,9 @@ static void split_records(struct taxel_original_decoder *decoder, bool is_end)
     }
 }
 
-/* Count the bytes before the search position as discarded and remove them from the buffer. */
-static void forget(struct taxel_original_decoder *decoder)
+/* Remove the bytes before the search position, or before the current candidate, from the buffer. Those that belong to
+ * no accepted message are counted as discarded. */
+static void remove_settled_bytes(struct taxel_original_decoder *decoder)
 {
     const size_t settled = decoder->has_current ? decoder->current.start : decoder->scan;
     if (!settled) {
@@ -248,7 +258,7 @@ static void forget(struct taxel_original_decoder *decoder)
     }
 }
 
-/* Decode the bytes in the buffer, and remove those that are settled. */
+/* Decode the bytes in the buffer, and remove those for which the decision is final. */
 static void process(struct taxel_original_decoder *decoder, bool is_end)
 {
     if (decoder->config.format->record_size) {
@@ -256,14 +266,14 @@ static void process(struct taxel_original_decoder *decoder, bool is_end)
     } else {
         search(decoder, is_end);
     }
-    forget(decoder);
+    remove_settled_bytes(decoder);
 }
 
 /* Take any number of stream bytes; each accepted message is passed to the handler. */
 void taxel_original_push(struct taxel_original_decoder *decoder, const uint8_t *bytes, size_t size)
 {
     while (size) {
-        /* At most TAXEL_ORIGINAL_BUFFER_MIN - 1 bytes wait for a decision, so that there is always space. */
+        /* At most TAXEL_ORIGINAL_BUFFER_MIN - 1 bytes wait for a decision, so there is always space. */
         const size_t space = decoder->config.capacity - decoder->fill;
         const size_t step = size < space ? size : space;
         memcpy(decoder->config.buffer + decoder->fill, bytes, step);
@@ -274,6 +284,7 @@ void taxel_original_push(struct taxel_original_decoder *decoder, const uint8_t *
     }
 }
 
+/* Decode the bytes that wait for a decision, as at the end of the stream. */
 void taxel_original_finish(struct taxel_original_decoder *decoder)
 {
     process(decoder, true);

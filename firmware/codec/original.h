@@ -1,5 +1,5 @@
-/* Messages out of the byte stream of the original hub (protocol/SPEC.md, part 7). Start and end values also occur in
- * data, so that candidates may overlap: the decoder accepts those that no better candidate overlaps. Its result
+/* Extraction of messages from the byte stream of the original hub (protocol/SPEC.md, part 7). Start and end values also
+ * occur in data, so candidates may overlap: the decoder accepts those that no better candidate overlaps. Its result
  * depends only on the bytes of the stream, not on the pieces in which they arrive. Allocates no memory.
  *
  * Integration:
@@ -28,7 +28,7 @@
  * follows the second. */
 #define TAXEL_ORIGINAL_BUFFER_MIN 512u
 
-/* One variant of the message. */
+/* One variant of the original hub's messages. */
 struct taxel_original_format {
     uint8_t taxels[TAXEL_ORIGINAL_ADDRESSES];        /* by I2C address; 0: no such board */
     uint8_t accelerations[TAXEL_ORIGINAL_ADDRESSES]; /* numbers after the counts, by I2C address: 0 or 3 */
@@ -70,8 +70,8 @@ struct taxel_original_config {
 /* A complete candidate: positions in the buffer of its first byte and behind its last byte. */
 struct taxel_original_candidate {
     size_t start, end;
-    bool is_known; /* whether has_evidence has been determined */
-    bool has_evidence;
+    bool is_known;     /* whether has_evidence has been determined */
+    bool has_evidence; /* its time is plausible; without timestamps: a header or the end of the stream follows it */
 };
 
 struct taxel_original_decoder {
@@ -95,14 +95,14 @@ struct taxel_original_decoder {
 int taxel_original_init(struct taxel_original_decoder *decoder, const struct taxel_original_config *config);
 void taxel_original_push(struct taxel_original_decoder *decoder, const uint8_t *bytes, size_t size);
 
-/* The stream has ended, or the hub pauses: incomplete candidates are rejected. Later bytes begin a new stream with the
- * same counters and reference times. */
+/* To be called at the end of the stream or in a pause of the hub: incomplete candidates are rejected. Later bytes begin
+ * a new stream with the same counters and reference times. */
 void taxel_original_finish(struct taxel_original_decoder *decoder);
 
-/* Length of a whole message of this board in bytes; 0: no such board. */
+/* Return the length in bytes of a complete message of this board; 0: the format has no such board. */
 size_t taxel_original_length(const struct taxel_original_format *format, uint8_t address);
 
-/* Count `index` of a message; the accelerations follow the counts. */
+/* Return word number `index` of a message; the accelerations follow the counts. */
 uint16_t taxel_original_word(const struct taxel_original_message *message, size_t index);
 
 #endif

@@ -2,10 +2,10 @@
 
 #include "generated/taxel_protocol.h"
 
-/* The sequence for the longest body, so that the compiler can vectorise the XOR below. */
+/* The whitening sequence for the longest body, so that the compiler can vectorise the XOR below. */
 static uint8_t sequence[TAXEL_BODY_MAX + 1u];
 
-/* Computes the whitening sequence when the program or library is loaded: a check at each frame costs as much as the
+/* Compute the whitening sequence when the program or library is loaded: a check at each frame costs as much as the
  * XOR of a short frame. */
 __attribute__((constructor)) static void fill_sequence(void)
 {
@@ -16,8 +16,8 @@ __attribute__((constructor)) static void fill_sequence(void)
     }
 }
 
-/* Whiten, or restore, `size` bytes of a frame body that begin at position `first` of the body: XOR with the whitening
- * sequence. */
+/* XOR `size` bytes of a frame body, which begin at position `first` of the body, with the whitening sequence. The first
+ * call whitens the bytes, a second one restores them. */
 void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size)
 {
     for (size_t i = 0; i < size; i++) {

@@ -2,9 +2,10 @@
 
 #include "generated/taxel_protocol.h"
 
-/* Element number `index` (modulo 256) of the whitening sequence. Factor and increment of n steps together, for n =
- * 1, 2, 4 ... 128, give any element in at most eight steps. */
-static uint8_t element(size_t index)
+/* Compute element number `index` (modulo 256, the period) of the whitening sequence k[i+1] = factor * k[i] + increment.
+ * The loop has one pass per bit of `index`. In the pass for bit b, factor and increment are those of 2^b elements at
+ * once, so a set bit skips 2^b elements. */
+static uint8_t compute_element(size_t index)
 {
     uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;
     uint8_t factor = (uint8_t)TAXEL_WHITENING_FACTOR;
@@ -19,11 +20,11 @@ static uint8_t element(size_t index)
     return value;
 }
 
-/* Whiten, or restore, `size` bytes of a frame body that begin at position `first` of the body: XOR with the whitening
- * sequence, which is computed to save RAM. */
+/* XOR `size` bytes of a frame body, which begin at position `first` of the body, with the whitening sequence, which is
+ * computed to save RAM. The first call whitens the bytes, a second one restores them. */
 void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size)
 {
-    uint8_t value = element(first);
+    uint8_t value = compute_element(first);
     for (size_t i = 0; i < size; i++) {
         out[i] = bytes[i] ^ value;
         value = (uint8_t)(TAXEL_WHITENING_FACTOR * value + TAXEL_WHITENING_INCREMENT);

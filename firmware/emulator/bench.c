@@ -21,8 +21,8 @@ struct taxel_bench {
     struct host_script script;
 };
 
-/* Open an emulated hand for a test program. `uart`: endpoint of the host; `counts`: the stimulus is in counts instead
- * of forces. Returns NULL after an error line on stderr. */
+/* Open an emulated hand for a test program. uart: endpoint of the host. counts: the stimulus is in counts instead of
+ * forces. Returns NULL after an error line on stderr. */
 struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts)
 {
     struct taxel_bench *bench = calloc(1, sizeof *bench);
@@ -57,19 +57,19 @@ void taxel_bench_close(struct taxel_bench *bench)
     }
 }
 
-/* The path of the pseudo-terminal to which a host connects; empty if the bench uses memory. */
+/* Return the path of the pseudo-terminal to which a host connects; empty if the bench uses memory. */
 const char *taxel_bench_pty_name(const struct taxel_bench *bench)
 {
     return bench->endpoint.pty_name;
 }
 
-/* Number of taxels of all boards in the world file. */
+/* Return the number of taxels of all boards in the world file. */
 size_t taxel_bench_taxel_count(const struct taxel_bench *bench)
 {
     return world_taxel_count(&bench->description);
 }
 
-/* The virtual time of the world in picoseconds. */
+/* Return the virtual time of the world in picoseconds. */
 uint64_t taxel_bench_now(const struct taxel_bench *bench)
 {
     return bench->world.now;
@@ -91,39 +91,40 @@ int taxel_bench_run(struct taxel_bench *bench, uint64_t until)
     return 0;
 }
 
-/* Sends bytes from the host to the hub, from the present virtual time on. Returns the number of bytes that fit into
+/* Send bytes from the host to the hub, from the present virtual time on. Returns the number of bytes that fit into
  * the adapter's buffer. */
 size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size)
 {
     return uart_send_from_host(&bench->world.uart, bytes, size, bench->world.now);
 }
 
-/* Copies up to `size` bytes that the hub has sent to the host to `bytes` and removes them. Returns their number. */
+/* Copy up to `size` bytes that the hub has sent to the host to `bytes`, and remove them from the buffer. Returns their
+ * number. */
 size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size)
 {
     return endpoint_read_memory(&bench->endpoint, bytes, size);
 }
 
-/* Number of bytes from the hub that the host's side has received so far. */
+/* Return the number of bytes from the hub that the host's side has received so far. */
 uint64_t taxel_bench_bytes_delivered(const struct taxel_bench *bench)
 {
     return bench->endpoint.bytes_delivered;
 }
 
-/* 1 if the RTS output of the hub is wired in this world, else 0. */
+/* Return 1 if the RTS output of the hub is wired in this world, otherwise 0. */
 int taxel_bench_has_flow_control(const struct taxel_bench *bench)
 {
     return bench->description.flow_control;
 }
 
-/* Sets the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
+/* Set the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
  * boards. Returns 0, or -1 on an error. */
 int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values)
 {
     return world_set_stimulus(&bench->world, values);
 }
 
-/* Board with this I2C address in the world, or NULL. */
+/* Return the board with this I2C address in the world, or NULL. */
 static const struct board_node *find_board(const struct taxel_bench *bench, uint8_t address)
 {
     for (size_t i = 0; i < bench->description.board_count; i++) {
@@ -134,8 +135,8 @@ static const struct board_node *find_board(const struct taxel_bench *bench, uint
     return NULL;
 }
 
-/* Inject the fault with this name and its parameters, at once. `address` is used by faults of a board. Returns 0 or a
- * TAXEL_BENCH_... error. */
+/* Inject the fault with this name and its parameters at once. address: used by faults of a board, a branch or a
+ * transfer. Returns 0 or enum taxel_bench_error. */
 int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value,
                              double second_value)
 {
@@ -154,7 +155,8 @@ int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_
 }
 
 /* Execute an I2C transfer as a second master on the bus, and run the emulation until its end. Returns enum
- * taxel_i2c_result; TIMEOUT after the virtual time `timeout`. */
+ * taxel_i2c_result: TAXEL_I2C_TIMEOUT after the virtual time `timeout`, TAXEL_I2C_BUS_ERROR after an error of the
+ * emulation. */
 int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
                              uint8_t *read_bytes, size_t read_size, uint64_t timeout)
 {
@@ -182,7 +184,7 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
     return world->adapter.result;
 }
 
-/* Drive the lines of the bus for half a clock of the adapter's bus recovery. */
+/* Drive the lines of the bus and run the world for half a clock of the adapter's bus recovery. */
 static void drive_half_clock(struct world *world, bool scl_high, bool sda_high)
 {
     bus_drive_lines(&world->bus, scl_high, sda_high);
@@ -206,8 +208,8 @@ void taxel_bench_recover_bus(struct taxel_bench *bench)
     drive_half_clock(world, true, true);
 }
 
-/* Copy up to `size` entries of the fault log from number `first` on; returns how many. `lost`: entries that had already
- * been overwritten. */
+/* Copy up to `size` entries of the fault log from number `first` on. Returns how many were copied. *lost becomes the
+ * number of entries from `first` on that had already been overwritten. */
 size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,
                                   size_t size, uint64_t *lost)
 {
@@ -221,41 +223,41 @@ size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t firs
     return written;
 }
 
-/* Writes the statistics of the world as a file at `path`. Returns 0, or -1 on an error. */
+/* Write the statistics of the world as a file at `path`. Returns 0, or -1 on an error. */
 int taxel_bench_write_statistics(const struct taxel_bench *bench, const char *path)
 {
     return world_write_statistics(&bench->world, path, 0.0);
 }
 
-/* The flash of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if there is no such board. */
+/* Return the flash of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if there is no such board. */
 static const struct flash *find_flash(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
     return board ? &board->boot->flash : address == HUB_ADDRESS ? &bench->world.hub.boot.flash : NULL;
 }
 
-/* The content of the flash (32 KiB) of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
+/* Return the content of the flash (32 KiB) of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
 const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->bytes : NULL;
 }
 
-/* The number of writes of each flash row of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
+/* Return the number of writes of each flash row of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
 const uint32_t *taxel_bench_flash_wear(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->wear : NULL;
 }
 
-/* Number of flash row writes of a board or of the hub that a power cut interrupted. */
+/* Return the number of flash row writes of a board or of the hub that a power cut interrupted. */
 uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->torn_count : 0;
 }
 
-/* The emulated chip of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if the firmware is
+/* Return the emulated chip of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if the firmware is
  * compiled natively. */
 static struct psoc *find_processor(const struct taxel_bench *bench, uint8_t address)
 {
@@ -263,7 +265,8 @@ static struct psoc *find_processor(const struct taxel_bench *bench, uint8_t addr
     return board ? board->psoc : address == HUB_ADDRESS ? bench->world.hub.psoc : NULL;
 }
 
-/* The emulated processor of a board or of the hub, advanced to the present time; NULL as for find_processor(). */
+/* Return the emulated processor of a board or of the hub, advanced to the present time; NULL as for
+ * find_processor(). */
 static const struct psoc *find_current_processor(struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
@@ -273,8 +276,8 @@ static const struct psoc *find_current_processor(struct taxel_bench *bench, uint
     return find_processor(bench, address);
 }
 
-/* State of the emulated processor at an I2C address (HUB_ADDRESS: the hub): cycles, sleep time, faults, lowest stack
- * pointer. Only with instruction-level emulation; otherwise NO_SUCH_BOARD. */
+/* Read the state of the emulated processor at an I2C address (HUB_ADDRESS: the hub): cycles, sleep time, faults, lowest
+ * stack pointer. Returns 0, or TAXEL_BENCH_NO_SUCH_BOARD if no image is executed there. */
 int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor)
 {
     const struct psoc *psoc = find_current_processor(bench, address);
@@ -299,8 +302,9 @@ int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struc
     return 0;
 }
 
-/* Measured cost of an exception handler of an emulated processor, in CPU cycles: own time, time with nested handlers,
- * and latency. */
+/* Read the measured cost of an exception handler of an emulated processor, in CPU cycles: without and with the handlers
+ * that preempted it, and latency. Returns 0, or TAXEL_BENCH_NO_SUCH_BOARD if no image is executed there or the
+ * exception does not exist. */
 int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception,
                                   struct taxel_bench_cost *cost)
 {
@@ -322,8 +326,7 @@ int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, un
     return 0;
 }
 
-/* Program that runs on a board or the hub (enum program: bootloader, application, hanging), or -1 for an unknown
- * address. */
+/* Return the program that runs on a board or the hub (enum running_program), or -1 for an unknown address. */
 int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
@@ -335,7 +338,7 @@ int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address
     return board ? (int)board->program : address == HUB_ADDRESS ? (int)bench->world.hub.program : -1;
 }
 
-/* Plans a power cut of a board or of the hub (HUB_ADDRESS) during its flash write number `write_number`, `delay`
+/* Plan a power cut of a board or of the hub (HUB_ADDRESS) during its flash write number `write_number`, `delay`
  * after the start of this write; the power returns after `off_time` (both in picoseconds). Returns 0 or a
  * TAXEL_BENCH_... error. */
 int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay,
@@ -351,14 +354,14 @@ int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint6
     return world_plan_power_cut(&bench->world, node, &plan) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
 }
 
-/* Number of planned power cuts that have occurred on a board or on the hub. */
+/* Return the number of planned power cuts that have occurred on a board or on the hub. */
 uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->cut_count : 0;
 }
 
-/* Reads the record of power cut `number` of a board or of the hub (HUB_ADDRESS): flash row, delay after the start
+/* Read the record of power cut `number` of a board or of the hub (HUB_ADDRESS): flash row, delay after the start
  * of the write in picoseconds, and the 128 bytes that were to be written. Returns 0, or TAXEL_BENCH_NO_SUCH_BOARD
  * if there is no such record. */
 int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,

@@ -29,8 +29,8 @@ enum taxel_bench_error {
     TAXEL_BENCH_NO_SUCH_BRANCH = -4, /* the board belongs to no branch, or the fault has no such line */
 };
 
-/* `uart`: the host's end of the UART: memory, pty or none. `counts`: the stimulus consists of raw counts, otherwise of
- * newtons. Returns NULL after an error line on stderr. */
+/* Open a world. uart: the host's end of the UART: memory, pty or none. counts: the stimulus consists of raw counts,
+ * otherwise of newtons. Returns NULL after an error line on stderr. */
 struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts);
 void taxel_bench_close(struct taxel_bench *bench);
 const char *taxel_bench_pty_name(const struct taxel_bench *bench);
@@ -41,29 +41,29 @@ uint64_t taxel_bench_now(const struct taxel_bench *bench);
 /* Advance the world. Returns 0, or -1 after an error line on stderr. */
 int taxel_bench_run(struct taxel_bench *bench, uint64_t until);
 
-/* Bytes from the host to the hub; returns how many fit into the buffer. With a pseudo-terminal its client sends
- * them. */
+/* Send bytes from the host to the hub. Returns the number of bytes for which the buffer had space. With a
+ * pseudo-terminal, the client of the terminal sends the bytes instead. */
 size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size);
 
-/* Bytes that the host has received and not read yet (memory only). */
+/* Read bytes that the host has received (uart `memory` only). Returns their number. */
 size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size);
 
-/* Total number of bytes that the USB adapter has delivered to the host. */
+/* Return the total number of bytes that the USB adapter has delivered to the host. */
 uint64_t taxel_bench_bytes_delivered(const struct taxel_bench *bench);
 
-/* Whether the hub stops the adapter by RTS before its receive ring is full (flow_control of the world). */
+/* Return whether the hub stops the adapter by RTS before its receive ring is full (flow_control of the world). */
 int taxel_bench_has_flow_control(const struct taxel_bench *bench);
 
-/* The force or raw count of each taxel from now on, in the order of the world's boards. Returns 0, or -1 after an error
- * line. */
+/* Set the force or raw count of each taxel from now on, in the order of the world's boards. Returns 0, or -1 after an
+ * error line. */
 int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values);
 
-/* Inject a fault of README.md. Returns 0 or enum taxel_bench_error. */
+/* Inject a fault that README.md describes. Returns 0 or enum taxel_bench_error. */
 int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value,
                              double second_value);
 
-/* A transfer by the I2C adapter of the test rig. Advances the world until the transfer has ended, by `timeout` at most.
- * Returns enum taxel_i2c_result. */
+/* Execute a transfer by the I2C adapter of the test rig. Advances the world until the transfer has ended, by `timeout`
+ * at most. Returns enum taxel_i2c_result. */
 int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
                              uint8_t *read_bytes, size_t read_size, uint64_t timeout);
 
@@ -71,19 +71,20 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
  * nine clocks at 100 kHz, then a stop condition. Advances the world. Does nothing while a board holds SCL low. */
 void taxel_bench_recover_bus(struct taxel_bench *bench);
 
-/* Copy entries of the fault log, starting at number `first`; returns how many were copied. `*lost`: entries from
- * `first` on that the log no longer contains. */
+/* Copy entries of the fault log, starting at number `first`. Returns how many were copied. *lost becomes the number of
+ * entries from `first` on that the log no longer contains. */
 size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,
                                   size_t size, uint64_t *lost);
 
-/* The flash of a board, or of the hub (address 0): its 256 rows of 128 bytes, the number of writes of each row, and the
- * number of writes that a power cut has torn. `address` is that of the world file, also after the board was configured
- * with another one. NULL (or 0) if there is no such board. */
+/* Return the flash of a board, or of the hub (address 0): its 256 rows of 128 bytes; the number of writes of each row;
+ * and the number of writes that a power cut has torn. address: as in the world file, also after the board was
+ * configured with another address. The results are NULL and 0 if there is no such board. */
 const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address);
 const uint32_t *taxel_bench_flash_wear(const struct taxel_bench *bench, uint8_t address);
 uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t address);
 
-/* 0: an application runs, 1: the bootloader, 2: an image that does not respond; -1: no such board. */
+/* Return which program a board, or the hub (address 0), runs: 0 an application, 1 the bootloader, 2 an image that does
+ * not respond; -1 if there is no such board. */
 int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address);
 
 /* Counters of an executed processor (psoc4200/) since its first power-up. */
@@ -100,13 +101,15 @@ struct taxel_bench_processor {
     uint32_t is_application;
 };
 
-/* Cycles of the handler of one exception: number of calls; cycles without those of exceptions that preempted it (sum,
- * minimum, maximum); cycles with them (sum, maximum); cycles up to its first instruction (sum, maximum). */
+/* Cycles of the handler of one exception. count: calls. own: cycles without those of exceptions that preempted the
+ * handler (sum, minimum, maximum). inclusive: cycles with them (sum, maximum). latency: cycles from pending to the
+ * first cycle of the entry (sum, maximum). */
 struct taxel_bench_cost {
     uint64_t count, own, own_min, own_max, inclusive, inclusive_max, latency, latency_max;
 };
 
-/* Counters of a board, or of the hub (address 0). Return 0, or TAXEL_BENCH_NO_SUCH_BOARD where no image is executed. */
+/* Read the counters of the processor of a board, or of the hub (address 0); or the cycles of one of its exception
+ * handlers. Both return 0, or TAXEL_BENCH_NO_SUCH_BOARD where no image is executed. */
 int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor);
 int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception,
                                   struct taxel_bench_cost *cost);
@@ -117,9 +120,11 @@ int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, un
 int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay,
                                uint64_t off_time);
 
-/* The number of planned power cuts that took place; and, for one of the latest eight (numbered from 0), its row, its
- * delay after the start of the write, and the 128 bytes that were to be written. */
+/* Return the number of planned power cuts that took place; 0 for an unknown address. */
 uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t address);
+
+/* Read one of the latest eight power cuts (numbered from 0): its row, its delay after the start of the write, and the
+ * 128 bytes that were to be written. Returns 0, or TAXEL_BENCH_NO_SUCH_BOARD if there is no such record. */
 int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,
                                uint64_t *delay, uint8_t *new_bytes);
 

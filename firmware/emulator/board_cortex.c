@@ -7,7 +7,7 @@
 #include "emulator/board_internal.h"
 #include "emulator/base/reset_bits.h"
 
-/* Applies the settings of this conversion, which the program has written to registers, to the front end. */
+/* Apply the settings of this conversion, which the program has written to registers, to the front end. */
 static void apply_conversion_settings(struct board_node *board, const struct psoc_conversion *conversion)
 {
     const struct front_end_settings settings = {
@@ -30,8 +30,8 @@ static void update_clock_rate(struct board_node *board, vtime now)
     }
 }
 
-/* Callback of the board's chip: the result of a conversion, as the number of sample clocks in which the current
- * source was on. */
+/* Compute the result of a conversion, as the number of sample clocks in which the current source was on; callback of
+ * the board's chip. */
 static uint16_t on_convert(void *context, const struct psoc_conversion *conversion)
 {
     struct board_node *board = context;
@@ -78,7 +78,7 @@ int board_cortex_open(struct board_node *board, const struct world_description *
     return 0;
 }
 
-/* Releases the emulated chip of a board that executes an image; does nothing for a board with native firmware. */
+/* Free the emulated chip of a board that executes an image; does nothing for a board with native firmware. */
 void board_cortex_close(struct board_node *board)
 {
     if (board->psoc) {
@@ -88,8 +88,8 @@ void board_cortex_close(struct board_node *board)
     }
 }
 
-/* Switches a board that executes an image off and, if `on`, on again at the virtual time `now`. reset_cause: enum
- * of reset causes. */
+/* Switch a board that executes an image off and, if `on`, on again at the virtual time `now`. reset_cause: reset cause
+ * of the protocol. */
 void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(board->psoc);

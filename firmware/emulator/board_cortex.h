@@ -8,7 +8,8 @@
 
 #include "emulator/board_node.h"
 
-/* For a board whose description has an image. Returns 0, or -1 after an error line on stderr (out of memory). */
+/* Create the emulated chip of a board whose description has an image. Returns 0, or -1 after an error line on stderr
+ * (out of memory). */
 int board_cortex_open(struct board_node *board, const struct world_description *world);
 void board_cortex_close(struct board_node *board);
 

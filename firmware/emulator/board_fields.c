@@ -8,15 +8,15 @@
 #define CONVERSION_MARGIN (VTIME_SECOND / 10u) /* longer than a conversion */
 #define UNCHANGED_STEPS_MAX 2u                 /* beyond it, the skin does not compute the fields of a board again */
 
-/* `until` is VTIME_NEVER while no change of the fields is scheduled. */
+/* Time between two samples of the fields. `until` is VTIME_NEVER while no change of the fields is scheduled. */
 struct interval {
     vtime from, until;
     bool is_constant; /* the fields do not change before `until` */
 };
 
-/* Time interval that the current pair of field samples (relative rises of the taxels' capacitances) covers, and
- * whether the fields are constant in it. */
-static struct interval present_interval(const struct board_fields *fields)
+/* Return the time interval that the current pair of field samples (relative rises of the taxels' capacitances) covers,
+ * and whether the fields are constant in it. */
+static struct interval get_present_interval(const struct board_fields *fields)
 {
     const struct skin *skin = fields->skin;
     const struct stimulus *stimulus = fields->stimulus;
@@ -28,20 +28,20 @@ static struct interval present_interval(const struct board_fields *fields)
     return interval;
 }
 
-/* Position of a virtual time in the present interval, 0 at its start to 1 at its end; 0 while the fields are constant.
- */
+/* Return the position of a virtual time in the present interval, 0 at its start to 1 at its end; 0 while the fields are
+ * constant. */
 double board_fields_fraction(const struct board_fields *fields, vtime time)
 {
-    const struct interval interval = present_interval(fields);
+    const struct interval interval = get_present_interval(fields);
     if (interval.is_constant || time <= interval.from) {
         return 0.0;
     }
     return (double)(time - interval.from) / (double)(interval.until - interval.from);
 }
 
-/* The relative rise of a taxel's capacitance under a force in newtons; 0 without force. The rise depends on the
- * pressure: the force counts relative to the area of the taxel's square. */
-static double rise_at_force(const struct board_fields *fields, size_t taxel, double force)
+/* Return the relative rise of a taxel's capacitance under a force in newtons; 0 without force. The rise depends on the
+ * pressure, so the force is scaled to the area of a nominal taxel. */
+static double compute_rise_at_force(const struct board_fields *fields, size_t taxel, double force)
 {
     if (force <= 0.0) {
         return 0.0;
@@ -52,9 +52,10 @@ static double rise_at_force(const struct board_fields *fields, size_t taxel, dou
     return layer_rise_at_force(force * (TAXEL_PITCH_M * TAXEL_PITCH_M / area));
 }
 
-/* Relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains forces, which
- * are converted; other histories contain rises. */
-static double past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel, vtime from)
+/* Return the relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains
+ * forces, which are converted; other histories contain rises. */
+static double compute_past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel,
+                                vtime from)
 {
     const struct taxel_field *before = &span->before[taxel];
     struct taxel_field after = *before;
@@ -67,17 +68,18 @@ static double past_rise(const struct board_fields *fields, const struct late_spa
     }
     return fields->skin->boards
                ? before->rise + span->fraction * (after.rise - before->rise)
-               : rise_at_force(fields, taxel, before->force + span->fraction * (after.force - before->force));
+               : compute_rise_at_force(fields, taxel, before->force + span->fraction * (after.force - before->force));
 }
 
-/* Relative capacitance rises of all taxels at a past time, for effects that delay the response. `from`: start of the
- * present interval. */
-static void past_rises(const struct board_fields *fields, const struct late_span *span, vtime from, double *rise)
+/* Compute the relative capacitance rises of all taxels at a past time, for effects that delay the response. from: start
+ * of the present interval. */
+static void compute_past_rises(const struct board_fields *fields, const struct late_span *span, vtime from,
+                               double *rise)
 {
     const struct taxel_field *before = span->before, *after = span->fraction != 0.0 ? span->after : span->before;
     if (!fields->skin->boards || !after) { /* forces, or fields that are not in the history yet */
         for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
-            rise[taxel] = past_rise(fields, span, taxel, from);
+            rise[taxel] = compute_past_rise(fields, span, taxel, from);
         }
         return;
     }
@@ -93,7 +95,7 @@ static bool find_past_span(const struct board_fields *fields, vtime *time, struc
     if (!fields->history) {
         return false;
     }
-    const vtime from = present_interval(fields).from;
+    const vtime from = get_present_interval(fields).from;
     *time -= vtime_min(*time, fields->history->delay);
     if (*time >= from || fields->history->count == 0) {
         return false;
@@ -102,23 +104,23 @@ static bool find_past_span(const struct board_fields *fields, vtime *time, struc
     return true;
 }
 
-/* Relative rise of the capacitance of one taxel at a virtual time, from the history, the skin model or the force of the
- * stimulus. */
+/* Return the relative rise of the capacitance of one taxel at a virtual time, from the history, the skin model or the
+ * force of the stimulus. */
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time)
 {
     struct late_span span;
     if (find_past_span(fields, &time, &span)) {
-        return past_rise(fields, &span, taxel, present_interval(fields).from);
+        return compute_past_rise(fields, &span, taxel, get_present_interval(fields).from);
     }
     if (fields->skin->boards) {
         return skin_field(fields->skin, fields->source, taxel, time).rise;
     }
-    return rise_at_force(fields, taxel, stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
+    return compute_rise_at_force(fields, taxel, stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
 }
 
-/* Relative capacitance rises of all taxels in the present interval, interpolated linearly in force (stimulus) or in
- * rise (skin model). */
-static void present_rises(const struct board_fields *fields, vtime time, double *rise)
+/* Compute the relative capacitance rises of all taxels at a time in the present interval, interpolated linearly in
+ * force (stimulus) or in rise (skin model). */
+static void compute_present_rises(const struct board_fields *fields, vtime time, double *rise)
 {
     const struct skin *skin = fields->skin;
     const double fraction = board_fields_fraction(fields, time);
@@ -128,7 +130,7 @@ static void present_rises(const struct board_fields *fields, vtime time, double 
         for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
             const double first = (double)before[taxel];
             const double force = fraction == 0.0 ? first : first + fraction * ((double)after[taxel] - first);
-            rise[taxel] = rise_at_force(fields, taxel, force);
+            rise[taxel] = compute_rise_at_force(fields, taxel, force);
         }
         return;
     }
@@ -139,35 +141,35 @@ static void present_rises(const struct board_fields *fields, vtime time, double 
     }
 }
 
-/* Relative capacitance rises of all taxels of the board at a virtual time. */
+/* Compute the relative capacitance rises of all taxels of the board at a virtual time. */
 void board_fields_all_rises(const struct board_fields *fields, vtime time, double *rise)
 {
     struct late_span span;
     if (!find_past_span(fields, &time, &span)) {
-        present_rises(fields, time, rise);
+        compute_present_rises(fields, time, rise);
         return;
     }
-    past_rises(fields, &span, present_interval(fields).from, rise);
+    compute_past_rises(fields, &span, get_present_interval(fields).from, rise);
 }
 
-/* Whether the fields of the board (relative rises of its taxels' capacitances), with the delay of its history, do
- * not change around this virtual time. */
+/* Return whether the fields of the board (relative rises of its taxels' capacitances), with the delay of its history,
+ * do not change around this virtual time. */
 bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 {
     if (fields->history && time < fields->last_change + fields->history->delay + CONVERSION_MARGIN) {
         return false;
     }
-    return fields->are_equal || present_interval(fields).is_constant;
+    return fields->are_equal || get_present_interval(fields).is_constant;
 }
 
-/* Capacitance (farad) that contacts add to all taxels together, at the start or the end of the present interval.
- * `fringe_f`: fringe capacitances, `stride` bytes apart. */
+/* Return the capacitance (farad) that contacts add to all taxels together, at the start or the end of the present
+ * interval. `fringe_f`: fringe capacitances, `stride` bytes apart. */
 double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
                                         size_t stride)
 {
-    const struct interval interval = present_interval(fields);
+    const struct interval interval = get_present_interval(fields);
     double rise[TAXEL_TAXELS_MAX], farad = 0.0;
-    present_rises(fields, at_end && !interval.is_constant ? interval.until : interval.from, rise);
+    compute_present_rises(fields, at_end && !interval.is_constant ? interval.until : interval.from, rise);
     for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
         farad += *(const double *)((const char *)fringe_f + taxel * stride) * rise[taxel];
     }
@@ -178,7 +180,7 @@ double board_fields_added_capacitance_f(const struct board_fields *fields, bool 
  * if an effect needs one. Returns 0, or -1 without memory. */
 int board_fields_remember(struct board_fields *fields, vtime now)
 {
-    const struct interval interval = present_interval(fields);
+    const struct interval interval = get_present_interval(fields);
     const struct skin *skin = fields->skin;
     if (!fields->history) {
         return 0;
@@ -199,7 +201,7 @@ int board_fields_remember(struct board_fields *fields, vtime now)
     return 0;
 }
 
-/* Whether the fields (relative rises of the taxels' capacitances) are the same at both ends of the present
+/* Return whether the fields (relative rises of the taxels' capacitances) are the same at both ends of the present
  * interval, so that unchanged conversions need no new computation. */
 static bool ends_are_equal(const struct board_fields *fields)
 {
@@ -211,7 +213,7 @@ static bool ends_are_equal(const struct board_fields *fields)
     return stimulus->until != VTIME_NEVER && memcmp(before, after, fields->taxels * sizeof *before) == 0;
 }
 
-/* Updates, at the start of a new interval, the count of changes of the board's fields (relative rises of its
+/* Update, at the start of a new interval, the count of changes of the board's fields (relative rises of its
  * taxels' capacitances). Conversions of unchanged fields reuse earlier results. */
 void board_fields_update(struct board_fields *fields, vtime now)
 {

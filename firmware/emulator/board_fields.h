@@ -26,25 +26,27 @@ struct board_fields {
     vtime last_change;            /* start of the latest of these intervals */
 };
 
-/* Relative rise of the permittivity above one taxel, and above all taxels: rise[taxels]. */
+/* Compute the relative rise of the permittivity above one taxel, or above all taxels (rise[taxels]), at a time. */
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time);
 void board_fields_all_rises(const struct board_fields *fields, vtime time, double *rise);
 
-/* Whether all rises are constant around `time`. Needs `tracks_changes`. */
+/* Return whether all rises are constant around `time`. Needs `tracks_changes`. */
 bool board_fields_are_constant(const struct board_fields *fields, vtime time);
 
-/* Position of `time` in the present interval, 0 (start) to 1 (end). */
+/* Return the position of `time` in the present interval, 0 (start) to 1 (end). */
 double board_fields_fraction(const struct board_fields *fields, vtime time);
 
-/* Capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval. `fringe_f`
- * points to the fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next taxel. */
+/* Return the capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval.
+ * `fringe_f` points to the fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next
+ * taxel. */
 double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
                                         size_t stride);
 
-/* Before the fields are replaced: store them in the history of a late board. Returns 0, or -1 if out of memory. */
+/* Store the fields in the history of a late board. Call before the fields are replaced. Returns 0, or -1 if out of
+ * memory. */
 int board_fields_remember(struct board_fields *fields, vtime now);
 
-/* After the fields have been replaced: update the tracking of changes. */
+/* Update the tracking of changes. Call after the fields have been replaced. */
 void board_fields_update(struct board_fields *fields, vtime now);
 
 #endif

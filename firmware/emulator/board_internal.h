@@ -5,7 +5,7 @@
 
 #include "emulator/board_node.h"
 
-/* The duration of CPU cycles under the board's clock rate. */
+/* Return the duration of CPU cycles under the board's clock rate. */
 static inline vtime board_cycles_to_time(const struct board_node *board, unsigned count)
 {
     return (vtime)(int64_t)(count * board->cycle);
@@ -17,17 +17,19 @@ static inline vtime board_cycles_to_time(const struct board_node *board, unsigne
  * `now`. Returns when the interrupt begins, which is later than `now` while the CPU is busy. */
 vtime board_begin_interrupt(struct board_node *board, vtime now, unsigned cycles);
 
-/* The raw count of the conversion that board->conversion_... describe. */
+/* Return the raw count of the conversion that board->conversion_... describe. */
 uint16_t board_run_conversion(struct board_node *board);
 
 /* board_power.c */
 
+/* Continue after the bootloader has run: start the application, hang, restart, or stay in the bootloader. */
 void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outcome);
 
-/* For an application whose scan has stalled: report it, and reset the board by its watchdog, up to `until`. */
+/* Store the fault of an application whose scan has stalled, and reset the board by its watchdog, if these are due by
+ * `until`. */
 void board_run_stall(struct board_node *board, vtime until);
 
-/* For a board that runs no application: process the bootloader's timeout and the watchdog up to `until`. */
+/* Process the bootloader's timeout and the watchdog up to `until`, for a board that runs no application. */
 void board_advance_bootloader(struct board_node *board, vtime until);
 
 /* Confirm an image on trial once it has scanned and a snapshot was read. */

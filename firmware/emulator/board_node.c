@@ -9,7 +9,7 @@
 #include "emulator/board_internal.h"
 #include "emulator/base/costs.h"
 
-/* HAL function of the emulated board: sets up front end and electronics with new scan settings. */
+/* Set up front end and electronics with new scan settings; HAL function of the emulated board. */
 static void on_front_end_configure(void *context, const struct taxel_scan_settings *settings)
 {
     struct board_node *board = context;
@@ -19,14 +19,14 @@ static void on_front_end_configure(void *context, const struct taxel_scan_settin
     }
 }
 
-/* Seconds by which the drifting clock of the board leads a clock of constant rate at a virtual time. */
-static double clock_drift_lead_s(const struct board_node *board, vtime time)
+/* Return the seconds by which the drifting clock of the board leads a clock of constant rate at a virtual time. */
+static double compute_clock_drift_lead_s(const struct board_node *board, vtime time)
 {
     return clock_drift_offset(&board->clock_drift, (double)time / (double)VTIME_SECOND);
 }
 
-/* CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion. */
-static unsigned conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
+/* Return the CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion. */
+static unsigned compute_conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
 {
     static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
     const uint16_t settle_cycles = board->sensor.settings.settle_cycles;
@@ -37,8 +37,9 @@ static unsigned conversion_start_cycles(const struct board_node *board, uint16_t
     return board->is_first_of_scan ? cost + COST_SCAN : cost;
 }
 
-/* Virtual time by which interrupts of the timer SysTick delay code that runs from `from` to `to`. */
-static vtime systick_delay(struct board_node *board, vtime from, vtime to)
+/* Return the virtual time by which an interrupt of the timer SysTick delays code that runs from `from` to `to`; 0 if no
+ * interrupt falls into this time. */
+static vtime compute_systick_delay(struct board_node *board, vtime from, vtime to)
 {
     const vtime period = board->tick_period, length = board->tick_length;
     if (to - board->last_tick >= period) { /* rarely true, because a conversion is much shorter than the period */
@@ -48,17 +49,17 @@ static vtime systick_delay(struct board_node *board, vtime from, vtime to)
     return last == board->clock_origin || last + length <= from ? 0 : last > from ? length : last + length - from;
 }
 
-/* HAL function of the emulated board: start of a conversion. Schedules its end from the processor time until the
- * start, interrupts of the system tick, and the drift of the board's clock. */
+/* Start a conversion; HAL function of the emulated board. Schedules the end of the conversion from the processor time
+ * until its start, interrupts of the system tick, and the drift of the board's clock. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct board_node *board = context;
     const uint16_t crossing = (uint16_t)(tx * board->description->columns + rx);
     board->conversion_taxel = board->taxel_at[tx][rx];
     board->is_first_of_scan = board->conversion_taxel == 0;
-    const vtime busy = board_cycles_to_time(board, conversion_start_cycles(board, crossing, tx));
-    const vtime begin =
-        board->interrupt_begin + busy + systick_delay(board, board->interrupt_begin, board->interrupt_begin + busy);
+    const vtime busy = board_cycles_to_time(board, compute_conversion_start_cycles(board, crossing, tx));
+    const vtime begin = board->interrupt_begin + busy +
+                        compute_systick_delay(board, board->interrupt_begin, board->interrupt_begin + busy);
     vtime duration = begin - board->interrupt_begin + board->front_end.conversion_time;
     board->cpu_free =
         begin + board_cycles_to_time(board, COST_AFTER_START + (board->is_first_of_scan ? COST_AFTER_SCAN : 0u));
@@ -75,7 +76,7 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     board->conversion_end = board->interrupt_begin + duration;
 }
 
-/* HAL function of the emulated board: its clock in microseconds, with its rate error and drift. */
+/* Return the board's clock in microseconds, with its rate error and drift; HAL function of the emulated board. */
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
@@ -84,31 +85,32 @@ static uint32_t on_clock_us(void *context)
     if (board->clock_drift.amplitude == 0.0) {
         return (uint32_t)(uint64_t)us;
     }
-    const double lead_s = clock_drift_lead_s(board, board->now) - clock_drift_lead_s(board, board->clock_origin);
+    const double lead_s =
+        compute_clock_drift_lead_s(board, board->now) - compute_clock_drift_lead_s(board, board->clock_origin);
     return (uint32_t)(uint64_t)(us + 1e6 * lead_s);
 }
 
-/* HAL function of the emulated board: has no effect. */
+/* Do nothing and return 0; HAL function of the emulated board. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context; /* emulated interrupts do not preempt each other */
     return 0;
 }
 
-/* HAL function of the emulated board: has no effect. */
+/* Do nothing; HAL function of the emulated board. */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
-/* HAL function of the emulated board: requests a restart, which the event loop makes. */
+/* Request a restart, which the event loop makes; HAL function of the emulated board. */
 static void on_restart(void *context)
 {
     ((struct board_node *)context)->restart_requested = true;
 }
 
-/* HAL function of the emulated board: requests a restart into the bootloader, which the event loop makes. */
+/* Request a restart into the bootloader, which the event loop makes; HAL function of the emulated board. */
 static void on_enter_bootloader(void *context)
 {
     struct board_node *board = context;
@@ -257,21 +259,22 @@ int board_node_init(struct board_node *board, const struct board_description *de
     return 0;
 }
 
-/* Callback of the electronics: the relative rise of the capacitance of one taxel at a virtual time; `context` is
- * the board's fields. */
+/* Return the relative rise of the capacitance of one taxel at a virtual time; callback of the electronics. context: the
+ * board's fields. */
 static double get_rise(const void *context, size_t taxel, vtime time)
 {
     return board_fields_rise(context, taxel, time);
 }
 
-/* Callback of the electronics: the relative rises of the capacitance of all taxels at a virtual time, in `rise`. */
+/* Write the relative rises of the capacitance of all taxels at a virtual time to `rise`; callback of the
+ * electronics. */
 static void get_all_rises(const void *context, vtime time, double *rise)
 {
     board_fields_all_rises(context, time, rise);
 }
 
-/* Raw count of the conversion that ends now, with the fields in the middle of the conversion. A stimulus in counts is
- * returned directly. */
+/* Return the raw count of the conversion that ends now, with the fields in the middle of the conversion. A stimulus in
+ * counts is returned directly. */
 uint16_t board_run_conversion(struct board_node *board)
 {
     const vtime middle = board->conversion_end - board->front_end.conversion_time / 2u;
@@ -302,14 +305,14 @@ uint16_t board_run_conversion(struct board_node *board)
     return electronics_convert(board->electronics, &conversion);
 }
 
-/* Virtual time at which an interrupt that is raised at `time` begins. After another interrupt it begins earlier by
- * the tail-chaining saving, because the CPU does not return to the main program in between. */
+/* Return the virtual time at which an interrupt that is raised at `time` begins. After another interrupt it begins
+ * earlier by the tail-chaining saving, because the CPU does not return to the main program in between. */
 static vtime interrupt_begin_time(const struct board_node *board, vtime time)
 {
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);
 }
 
-/* Delays the work of the main loop by the duration of an interrupt. */
+/* Delay the work of the main loop by the duration of an interrupt. */
 static void delay_main_loop(struct board_node *board, vtime duration)
 {
     if (board->compact_end != VTIME_NEVER) {
@@ -317,7 +320,7 @@ static void delay_main_loop(struct board_node *board, vtime duration)
     }
 }
 
-/* Starts pending work of the main loop once the CPU is free. Coding a compact snapshot takes time; exchanging
+/* Start pending work of the main loop once the CPU is free. Coding a compact snapshot takes time; exchanging
  * buffers does not. */
 static void start_main_loop(struct board_node *board)
 {

@@ -84,7 +84,7 @@ struct board_node {
     unsigned nacks_left;
 };
 
-/* Returns 0, or -1 after an error line on stderr. `first_taxel`: of the board whose skin is measured, in the
+/* Return 0, or -1 after an error line on stderr. `first_taxel`: of the board whose skin is measured, in the
  * stimulus. */
 int board_node_init(struct board_node *board, const struct board_description *description,
                     const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
@@ -94,26 +94,30 @@ void board_node_free(struct board_node *board);
 /* Switch the power on (which resets the board) or off. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
 
-/* Faults of a natively compiled program or of an executed image, at the time to which the board was advanced: the
- * interrupt of the conversion in progress is lost; the processor takes a HardFault (native: with these registers). */
+/* Inject a fault of a natively compiled program or of an executed image, at the time to which the board was advanced:
+ * lose the interrupt of the conversion in progress; or let the processor take a HardFault (native: with these
+ * registers). */
 void board_lose_conversion(struct board_node *board, vtime now);
 void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program_counter, uint32_t link_register);
 
 /* Run everything that happens in the board up to `until`. */
 void board_advance(struct board_node *board, vtime until);
 
-/* The time of the next planned power cut (flash.h) or of its end; and execution of all that are due by `until`. */
+/* Return the time of the next planned power cut (flash.h) or of its end; VTIME_NEVER if there is none. */
 vtime board_next_power_event(const struct board_node *board);
+
+/* Execute all planned power cuts, and their ends, that are due by `until`. */
 void board_run_power_events(struct board_node *board, vtime until);
 
-/* I2C events, at the end of the byte that causes them. A returned time is when the board releases SCL. */
+/* Report an I2C event to the board, at the end of the byte that causes it. A returned time is when the board releases
+ * SCL. */
 vtime board_on_address(struct board_node *board, vtime now, uint8_t address, bool reading, bool *acknowledge);
 vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
 vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte);
 void board_on_stop(struct board_node *board, vtime now);
 void board_on_bus_error(struct board_node *board, vtime now);
 
-/* Whether the board is ready and responds to this address: board_on_address() may be called. */
+/* Return whether the board is ready and responds to this address: board_on_address() may be called. */
 bool board_can_respond(struct board_node *board, vtime now, uint8_t address);
 
 #endif

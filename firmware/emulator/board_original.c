@@ -7,6 +7,8 @@
 
 #define GENERAL_CALL_ADDRESS 0u
 
+/* Create the original firmware of a board, and set up its front end with the world's scan settings. Returns 0, or -1
+ * after an error line on stderr. */
 int board_original_open(struct board_node *board, const struct world_description *world)
 {
     board->original = malloc(sizeof *board->original);
@@ -25,12 +27,14 @@ int board_original_open(struct board_node *board, const struct world_description
     return 0;
 }
 
+/* Free the original firmware of a board; does nothing for other boards. */
 void board_original_close(struct board_node *board)
 {
     free(board->original);
     board->original = NULL;
 }
 
+/* Switch the power off and, if `on`, on again: the first scan begins after the boot time. */
 void board_original_set_power(struct board_node *board, bool on, vtime now)
 {
     boot_node_power_off(board->boot, now);
@@ -41,7 +45,7 @@ void board_original_set_power(struct board_node *board, bool on, vtime now)
     }
 }
 
-/* Raw count of the taxel whose conversion ends next. The conversion is preceded by the settling time. */
+/* Compute the raw count of the taxel whose conversion ends next. */
 static uint16_t run_conversion(struct board_node *board)
 {
     const uint8_t taxel = board->original->scan_taxel;
@@ -55,6 +59,7 @@ static uint16_t run_conversion(struct board_node *board)
     return raw;
 }
 
+/* Execute conversions and copies in order of time up to `until`. */
 void board_original_advance(struct board_node *board, vtime until)
 {
     struct original_board *original = board->original;
@@ -67,12 +72,15 @@ void board_original_advance(struct board_node *board, vtime until)
     }
 }
 
+/* Return whether the board has booted and this address is its own or the general call address. */
 bool board_original_can_respond(struct board_node *board, vtime now, uint8_t address)
 {
     board_original_advance(board, now);
     return now >= board->boot_end && (address == board->address || address == GENERAL_CALL_ADDRESS);
 }
 
+/* Begin a transfer with this board. Returns whether the board acknowledges; it refuses to be read at the general call
+ * address. */
 bool board_original_on_address(struct board_node *board, vtime now, uint8_t address, bool reading)
 {
     board_original_advance(board, now);

@@ -7,17 +7,18 @@
 
 #include "emulator/board_node.h"
 
-/* For a world with `protocol original`. Returns 0, or -1 after an error line on stderr (out of memory). */
+/* Create the original firmware of a board, in a world with `protocol original`. Returns 0, or -1 after an error line on
+ * stderr (out of memory). */
 int board_original_open(struct board_node *board, const struct world_description *world);
 void board_original_close(struct board_node *board);
 
-/* The application starts `boot_ms` after power-up or reset. */
+/* Switch the power on (or reset) or off. The application starts `boot_ms` after power-up or reset. */
 void board_original_set_power(struct board_node *board, bool on, vtime now);
 
 /* Execute conversions and copies up to `until`. */
 void board_original_advance(struct board_node *board, vtime until);
 
-/* Whether the board acknowledges this address: its own, or for writing the general call address 0. */
+/* Return whether the board acknowledges this address: its own, or for writing the general call address 0. */
 bool board_original_can_respond(struct board_node *board, vtime now, uint8_t address);
 bool board_original_on_address(struct board_node *board, vtime now, uint8_t address, bool reading);
 

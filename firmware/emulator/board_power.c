@@ -87,7 +87,7 @@ void board_lose_conversion(struct board_node *board, vtime now)
     }
 }
 
-/* HardFault of a board: it does not respond until the watchdog resets it. */
+/* Let the processor of a board take a HardFault: the board does not respond until the watchdog resets it. */
 void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program_counter, uint32_t link_register)
 {
     if (board->psoc) {
@@ -103,6 +103,8 @@ void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program
     }
 }
 
+/* Store the fault of an application whose scan has stalled, and reset the board by its watchdog, if these are due by
+ * `until`. */
 void board_run_stall(struct board_node *board, vtime until)
 {
     if (board->program == PROGRAM_APPLICATION && board->stalled_at <= until) {
@@ -117,7 +119,7 @@ void board_run_stall(struct board_node *board, vtime until)
     }
 }
 
-/* Switch a board's power off, or reset it at virtual time `now`; `reset_cause`: enum taxel_reset_cause. All pending
+/* Switch a board's power off, or reset it at virtual time `now`. reset_cause: reset cause of the protocol. All pending
  * conversions and held lines end. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
@@ -154,7 +156,7 @@ void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset
     board_handle_boot_outcome(board, boot_node_reset(board->boot, now, reset_cause));
 }
 
-/* The virtual time of the next planned power cut or return of power of a board; VTIME_NEVER if there is none. */
+/* Return the virtual time of the next planned power cut or return of power of a board; VTIME_NEVER if there is none. */
 vtime board_next_power_event(const struct board_node *board)
 {
     return vtime_min(board->boot->flash.cut_time, board->power_return_time);

@@ -14,8 +14,8 @@ static void run_bootloader(struct board_node *board, vtime now)
     }
 }
 
-/* Whether the board would acknowledge this I2C address now: power on, address equal (or the general call, for an original
- * board), and neither booting nor writing flash. */
+/* Return whether the board would acknowledge this I2C address now: power on, address equal (or the general call, for an
+ * original board), and neither booting nor writing flash. Advances the board to `now`. */
 bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
 {
     if (!board->is_powered) {
@@ -43,7 +43,7 @@ bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
     return board->program == PROGRAM_BOOTLOADER && now >= board->boot->reset_at && now >= board->boot->busy_until;
 }
 
-/* Adds the effect of a fault on this board to the fault log, if there is one. */
+/* Add the effect of a fault on this board to the fault log, if there is one. */
 static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
 {
     if (board->log) {
@@ -51,8 +51,8 @@ static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
     }
 }
 
-/* The board is addressed on the bus. Returns the time at which it releases SCL; `acknowledge`: whether it acknowledges.
- * Injected faults apply first. */
+/* Address the board on the bus. Injected faults apply first. Returns the time at which the board releases SCL;
+ * *acknowledge becomes whether it acknowledges. */
 vtime board_on_address(struct board_node *board, vtime now, uint8_t address, bool reading, bool *acknowledge)
 {
     if (board->nacks_left) {
@@ -90,8 +90,8 @@ vtime board_on_address(struct board_node *board, vtime now, uint8_t address, boo
     return ready;
 }
 
-/* The master has written a byte. Returns the time at which the board releases SCL; `acknowledge`: whether it
- * acknowledges. */
+/* Deliver a byte that the master has written to the board. Returns the time at which the board releases SCL;
+ * *acknowledge becomes whether it acknowledges. */
 vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
 {
     if (board->psoc) {
@@ -112,7 +112,7 @@ vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *ac
     return begin + board_cycles_to_time(board, COST_SLAVE_BYTE_HOLD);
 }
 
-/* The master reads a byte. Returns the time at which the board releases SCL. An injected fault may flip a bit. */
+/* Read a byte from the board. Returns the time at which the board releases SCL. An injected fault may flip a bit. */
 vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
 {
     vtime released = now;
@@ -142,7 +142,7 @@ vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
     return released;
 }
 
-/* Handles a start or stop condition at a wrong position, which ends the transfer of this board. */
+/* Handle a start or stop condition at a wrong position, which ends the transfer of this board. */
 void board_on_bus_error(struct board_node *board, vtime now)
 {
     if (board->psoc) {
@@ -163,7 +163,7 @@ void board_on_bus_error(struct board_node *board, vtime now)
     taxel_sensor_on_bus_error(&board->sensor);
 }
 
-/* Handles a stop condition: the firmware executes the bytes written, and a requested restart takes place now. */
+/* Handle a stop condition: the firmware executes the bytes written, and a requested restart takes place now. */
 void board_on_stop(struct board_node *board, vtime now)
 {
     if (board->psoc) {

@@ -11,8 +11,8 @@
 #define VERIFY_TIME (12u * VTIME_MS)  /* estimate: CRC-32 of 12 KiB, four bits at a time */
 #define SLOT_A 0u
 
-/* HAL function of the emulated bootloader: writes one flash row. The board is busy until the virtual time at which
- * the write ends. Returns 0. */
+/* Write one flash row; HAL function of the emulated bootloader. The board is busy until the virtual time at which the
+ * write ends. Returns 0. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     struct boot_node *boot = context;
@@ -20,15 +20,15 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     return 0;
 }
 
-/* HAL function of the emulated bootloader: the time since the last reset in microseconds, modulo 2^32. */
+/* Return the time since the last reset in microseconds, modulo 2^32; HAL function of the emulated bootloader. */
 static uint32_t on_clock_us(void *context)
 {
     const struct boot_node *boot = context;
     return (uint32_t)((boot->now - boot->reset_at) / VTIME_US);
 }
 
-/* HAL function of the emulated bootloader: the cause of the last reset, changed so that the bootloader waits for a
- * host only in worlds with `boot_listens 1` or after a watchdog reset. */
+/* Return the cause of the last reset; HAL function of the emulated bootloader. The cause is changed so that the
+ * bootloader waits for a host only in worlds with `boot_listens 1` or after a watchdog reset. */
 static uint8_t on_reset_cause(void *context)
 {
     const struct boot_node *boot = context;
@@ -37,8 +37,8 @@ static uint8_t on_reset_cause(void *context)
                                                                             : TAXEL_RESET_CAUSE_COMMAND;
 }
 
-/* HAL function of the emulated bootloader: true once after the application requested that the bootloader keeps
- * running. */
+/* Return true once after the application has requested that the bootloader keeps running; HAL function of the emulated
+ * bootloader. */
 static bool on_stay_requested(void *context)
 {
     struct boot_node *boot = context;
@@ -47,8 +47,8 @@ static bool on_stay_requested(void *context)
     return stay_requested;
 }
 
-/* HAL function of the emulated bootloader: starts the image with this vector table, whose address identifies the
- * slot. */
+/* Start the image with this vector table, whose address identifies the slot; HAL function of the emulated
+ * bootloader. */
 static void on_start(void *context, uint32_t vectors)
 {
     struct boot_node *boot = context;
@@ -57,20 +57,20 @@ static void on_start(void *context, uint32_t vectors)
     boot->start_requested = true;
 }
 
-/* HAL function of the emulated bootloader: requests a restart, which the event loop makes. */
+/* Request a restart, which the event loop makes; HAL function of the emulated bootloader. */
 static void on_restart(void *context)
 {
     ((struct boot_node *)context)->restart_requested = true;
 }
 
-/* HAL function of the emulated bootloader: copies the unique id of the processor, 8 bytes, to `id`. */
+/* Copy the unique id of the processor, 8 bytes, to `id`; HAL function of the emulated bootloader. */
 static void on_unique_id(void *context, uint8_t *id)
 {
     const struct boot_node *boot = context;
     memcpy(id, boot->unique_id, sizeof boot->unique_id);
 }
 
-/* The flash content of `slot` (0 or 1). */
+/* Return the flash content of `slot` (0 or 1). */
 static uint8_t *get_slot_bytes(struct boot_node *boot, uint8_t slot)
 {
     return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[slot] * FLASH_ROW_SIZE;
@@ -185,16 +185,16 @@ void boot_node_init_hub(struct boot_node *boot, const struct world_description *
     finish_production(boot);
 }
 
-/* True if the code of the started image begins with the characters HANG: such an image stands for one that does not
- * respond. */
+/* Return whether the code of the started image begins with the characters HANG: such an image emulates one that does
+ * not respond. */
 static bool is_hanging_image(struct boot_node *boot)
 {
     const uint8_t *const image = get_slot_bytes(boot, boot->slot);
     return memcmp(image + TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE, HANG, sizeof HANG - 1u) == 0;
 }
 
-/* One pass of the bootloader's main loop at virtual time `now`. The node is then busy for the time that packet, CRC
- * check or flash write take. Returns what happens next. */
+/* Run one pass of the bootloader's main loop at virtual time `now`. The node is then busy for the time that packet, CRC
+ * check or flash write takes. Returns what happens next. */
 enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
 {
     const bool has_packet = boot->is_hub ? boot->uart.has_packet : boot->i2c.has_packet;
@@ -221,7 +221,7 @@ enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
     return BOOT_STAYS_IN_BOOTLOADER;
 }
 
-/* The virtual time at which the bootloader stops waiting for a host; VTIME_NEVER if it is not waiting. */
+/* Return the virtual time at which the bootloader stops waiting for a host; VTIME_NEVER if it is not waiting. */
 vtime boot_node_next_deadline(const struct boot_node *boot)
 {
     return boot->boot.stay == TAXEL_BOOT_STAY_LISTENING ? boot->reset_at + (TAXEL_BOOT_LISTEN_US + 1u) * VTIME_US
@@ -241,27 +241,27 @@ enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t res
     return boot_node_run(boot, boot->now);
 }
 
-/* Removes the power at the virtual time `now`: a flash write in progress is interrupted. */
+/* Remove the power at the virtual time `now`: a flash write in progress is interrupted. */
 void boot_node_power_off(struct boot_node *boot, vtime now)
 {
     flash_cut_power(&boot->flash, now);
     boot->stay_requested = false;
 }
 
-/* The firmware version in the header of the started image: 3 bytes, major, minor, patch. */
+/* Return the firmware version in the header of the started image: 3 bytes, major, minor, patch. */
 const uint8_t *boot_node_get_version(const struct boot_node *boot)
 {
     return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[boot->slot] * FLASH_ROW_SIZE +
            TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR;
 }
 
-/* The 7-bit I2C address in the configuration of the board; 0x77 without a configuration. */
+/* Return the 7-bit I2C address in the configuration of the board; 0x77 without a configuration. */
 uint8_t boot_node_get_address(const struct boot_node *boot)
 {
     return taxel_boot_i2c_address(&boot->config.flash);
 }
 
-/* The kind (design) of the board in its configuration; 0 without a configuration. */
+/* Return the kind (design) of the board in its configuration; 0 without a configuration. */
 uint8_t boot_node_get_kind(const struct boot_node *boot)
 {
     const uint8_t *const configuration = taxel_boot_configuration(&boot->config.flash);

@@ -44,23 +44,25 @@ struct boot_node {
     bool start_requested, restart_requested;
 };
 
-/* The state after production: a confirmed image in slot A and a configuration with address, kind and serial number; or,
- * for a blank board, nothing but the bootloader. */
+/* Set up a board as after production: a confirmed image in slot A and a configuration with address, kind and serial
+ * number; or, for a blank board, nothing but the bootloader. */
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description);
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8]);
 
-/* Power-up or reset. The outcome holds at boot->now. */
+/* Perform a power-up or reset. Returns what happens next, at the time boot->now. */
 enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t reset_cause);
 void boot_node_power_off(struct boot_node *boot, vtime now);
 
-/* When boot_node_run() must be called without a packet: the end of the 100 ms. VTIME_NEVER: not at all. */
+/* Return when boot_node_run() must be called although no packet has arrived: at the end of the 100 ms. VTIME_NEVER: not
+ * at all. */
 vtime boot_node_next_deadline(const struct boot_node *boot);
 
-/* One pass of the bootloader's main loop. The outcome holds at boot->now. */
+/* Run one pass of the bootloader's main loop. Returns what happens next, at the time boot->now. */
 enum boot_outcome boot_node_run(struct boot_node *boot, vtime now);
 
-/* Version (3 bytes) of the image that runs or was started last; configured address and kind. */
+/* Return the version (3 bytes) of the image that runs or was started last, the configured address, and the configured
+ * kind. */
 const uint8_t *boot_node_get_version(const struct boot_node *boot);
 uint8_t boot_node_get_address(const struct boot_node *boot);
 uint8_t boot_node_get_kind(const struct boot_node *boot);

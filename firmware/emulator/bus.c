@@ -14,20 +14,20 @@ void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, do
     bus->log = log;
 }
 
-/* True if no device holds the clock line low at the virtual time `now`. */
+/* Return whether no device holds the clock line low at the virtual time `now`. */
 bool bus_is_scl_high(const struct bus *bus, vtime now)
 {
     return bus->scl_high && now >= bus_scl_held_until(bus);
 }
 
-/* True if no device holds the data line low. */
+/* Return whether no device holds the data line low. */
 bool bus_is_sda_high(const struct bus *bus)
 {
     return bus->sda_high && !bus_sda_is_held(bus);
 }
 
-/* Levels of SCL and SDA driven by the hub during bus recovery. Each falling edge of SCL brings a board that holds SDA
- * one clock closer to releasing it. */
+/* Set the levels of SCL and SDA that the hub drives during bus recovery. Each falling edge of SCL brings a board that
+ * holds SDA one clock closer to releasing it. */
 void bus_drive_lines(struct bus *bus, bool scl_high, bool sda_high)
 {
     if (bus->scl_high && !scl_high) {
@@ -110,7 +110,7 @@ static void finish_command(struct bus *bus, enum bus_event event, vtime released
     bus->next = vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus)));
 }
 
-/* Virtual time at which the master continues after a byte whose clock line the slaves have released at
+/* Return the virtual time at which the master continues after a byte whose clock line the slaves have released at
  * `released`. */
 static vtime resume_time(const struct bus *bus, vtime released)
 {
@@ -118,7 +118,7 @@ static vtime resume_time(const struct bus *bus, vtime released)
     return bus_add_time(vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus))), hold);
 }
 
-/* Starts a byte of 9 clocks in the given phase; it begins when the clock line, released at time `released`,
+/* Start a byte of 9 clocks in the given phase; it begins when the clock line, released at time `released`,
  * rises. */
 void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
@@ -126,14 +126,14 @@ void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released)
     bus->next = bus_add_time(resume_time(bus, released), BUS_CLOCKS_PER_BYTE * bus->scl_period);
 }
 
-/* Starts a stop condition, one clock after the clock line, released at time `released`, rises. */
+/* Start a stop condition, one clock after the clock line, released at time `released`, rises. */
 void bus_begin_stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;
     bus->next = bus_add_time(resume_time(bus, released), bus->scl_period);
 }
 
-/* Ends the transfer with `result`, because the master has lost the bus in the middle of it; there is no stop
+/* End the transfer with `result`, because the master has lost the bus in the middle of it; there is no stop
  * condition. */
 static void lose_bus(struct bus *bus, int8_t result)
 {
@@ -148,7 +148,8 @@ static void lose_bus(struct bus *bus, int8_t result)
     bus->next += bus->scl_period;
 }
 
-/* Counts a byte of the transfer and returns the damage that injected faults do to this byte. */
+/* Count a byte of the transfer and return the damage that injected faults do to it. A brown-out resets the addressed
+ * board. */
 static struct byte_damage apply_byte_faults(struct bus *bus)
 {
     const unsigned position = bus->byte_number++;
@@ -170,7 +171,7 @@ static struct byte_damage apply_byte_faults(struct bus *bus)
     return damage;
 }
 
-/* Ends the transfer if the damage of a byte is a lost arbitration or a bus error; returns whether it has ended. */
+/* End the transfer if the damage of a byte is a lost arbitration or a bus error. Returns whether it has ended. */
 static bool abort_if_bus_lost(struct bus *bus, const struct byte_damage *damage)
 {
     if (damage->arbitration || damage->bus_error) {
@@ -180,7 +181,7 @@ static bool abort_if_bus_lost(struct bus *bus, const struct byte_damage *damage)
     return false;
 }
 
-/* Sends an address byte to all boards; each board receives the byte as the wiring of its branch delivers it. Returns
+/* Send an address byte to all boards; each board receives the byte as the wiring of its branch delivers it. Returns
  * whether a slave acknowledges; *released is the time at which all slaves have released SCL. */
 static bool address_slaves(struct bus *bus, uint8_t address_byte, vtime *released)
 {
@@ -210,13 +211,13 @@ static bool address_slaves(struct bus *bus, uint8_t address_byte, vtime *release
     return bus->slave_count > 0;
 }
 
-/* Whether a slave has power and the wiring connects it to the hub. */
+/* Return whether a slave has power and the wiring connects it to the hub. */
 static bool is_connected(const struct bus *bus, const struct board_node *slave)
 {
     return slave->is_powered && bus_wiring_connects(&bus->wiring, slave->description->address);
 }
 
-/* Continues a transfer after its last written byte: with a read, or with a stop condition. */
+/* Continue a transfer after its last written byte: with a read, or with a stop condition. */
 static void continue_after_write(struct bus *bus, vtime released)
 {
     if (bus->transfer.read_size) {
@@ -226,7 +227,7 @@ static void continue_after_write(struct bus *bus, vtime released)
     }
 }
 
-/* Ends a transfer in which master and board drive the bus at the same time: the master loses the bus and the boards
+/* End a transfer in which master and board drive the bus at the same time: the master loses the bus and the boards
  * remain in the middle of a byte, holding SDA until it is clocked out. */
 void bus_handle_collision(struct bus *bus, int8_t result)
 {
@@ -237,8 +238,8 @@ void bus_handle_collision(struct bus *bus, int8_t result)
     lose_bus(bus, result);
 }
 
-/* End of an address byte: address the boards that match and continue with data, a stop condition or a NACK. Injected
- * faults may change the address or its read bit. */
+/* End an address byte: address the boards that match, and continue with data, or with a stop condition after a NACK.
+ * Injected faults may change the address or its read bit. */
 static void end_address(struct bus *bus, bool reading)
 {
     vtime released;
@@ -272,8 +273,8 @@ static void end_address(struct bus *bus, bool reading)
     }
 }
 
-/* End of a byte from the master: deliver it to all addressed boards. SDA is a wired AND, so that one acknowledge is
- * enough; a board that transmits meanwhile causes lost arbitration. */
+/* End a byte from the master: deliver it to all addressed boards. SDA is a wired AND, so one acknowledge is enough; a
+ * board that transmits meanwhile causes lost arbitration. */
 static void end_write(struct bus *bus)
 {
     bool acknowledged = false;
@@ -310,7 +311,8 @@ static void end_write(struct bus *bus)
     }
 }
 
-/* The byte that the slaves transmit. Slaves that were addressed for writing receive the byte on the line instead. */
+/* Return the byte that the slaves transmit; *released is raised to the time at which all of them have released SCL.
+ * Slaves that were addressed for writing receive the byte on the line instead. */
 static uint8_t transmit_from_slaves(struct bus *bus, vtime *released)
 {
     uint8_t line = 0xFF; /* open drain: a zero wins */
@@ -331,7 +333,7 @@ static uint8_t transmit_from_slaves(struct bus *bus, vtime *released)
     return line;
 }
 
-/* End of a byte to the master: the wired AND of all transmitting boards, 0 while SDA is held low. The first byte of a
+/* End a byte to the master: the wired AND of all transmitting boards, 0 while SDA is held low. The first byte of a
  * length-prefixed transfer sets the number of bytes that follow. */
 static void end_read(struct bus *bus)
 {
@@ -359,7 +361,7 @@ static void end_read(struct bus *bus)
     }
 }
 
-/* End of a stop condition: inform the addressed boards. If SDA is held low, the result is TAXEL_I2C_BUS_ERROR. */
+/* End a stop condition: inform the addressed boards. If SDA is held low, the result is TAXEL_I2C_BUS_ERROR. */
 static void end_stop(struct bus *bus)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {
@@ -374,8 +376,8 @@ static void end_stop(struct bus *bus)
     bus->phase = BUS_DONE;
 }
 
-/* Process the bus events until virtual time `horizon`. Returns whether a transfer has ended or, byte by byte, the hub
- * must give the next command. */
+/* Process the bus events until virtual time `horizon`. Returns whether a transfer has ended, or a command of a bytewise
+ * master, at the time bus->next. */
 bool bus_run(struct bus *bus, vtime horizon)
 {
     while (bus->next <= horizon) {

@@ -78,7 +78,7 @@ struct bus {
 
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log);
 
-/* The transfer begins at `now`, or when the other master has ended its own. */
+/* Start a transfer of a master at `now`, or as soon as the other master has ended its own. */
 void bus_start_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now);
 void bus_abort(struct bus *bus, enum bus_master master, vtime now);
 
@@ -86,17 +86,17 @@ void bus_abort(struct bus *bus, enum bus_master master, vtime now);
  * bytewise master) has ended, at bus->next, with the result in bus->result (bus->event). */
 bool bus_run(struct bus *bus, vtime horizon);
 
-/* After a whole transfer: begin the transfer that the other master is waiting for. */
+/* Release the bus after a whole transfer, and begin the transfer for which the other master is waiting. */
 void bus_release(struct bus *bus, vtime now);
 
-/* Commands of a bytewise master; for each of them bus_run() returns true once. Start or repeated start with an address
- * byte; a byte to write; a byte to read; stop. */
+/* Give a command of a bytewise master: start or repeated start with an address byte; a byte to write; a byte to read;
+ * stop. For each command, bus_run() returns true once. */
 void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now);
 void bus_bytewise_write(struct bus *bus, uint8_t byte, vtime now);
 void bus_bytewise_read(struct bus *bus, vtime now);
 void bus_bytewise_stop(struct bus *bus, vtime now);
 
-/* Bus recovery: the hub drives the lines and reads their levels. */
+/* Drive the lines, or read their levels, as the hub does in a bus recovery. */
 void bus_drive_lines(struct bus *bus, bool scl_high, bool sda_high);
 bool bus_is_scl_high(const struct bus *bus, vtime now);
 bool bus_is_sda_high(const struct bus *bus);

@@ -24,7 +24,7 @@ void bus_bytewise_begin(struct bus *bus, uint8_t address_byte, vtime now)
     }
 }
 
-/* Event with which the end of a byte-wise transfer is reported to the hub. */
+/* Return the event with which the end of a byte-wise transfer is reported to the hub. */
 enum bus_event bus_bytewise_result(const struct bus *bus)
 {
     switch (bus->result) {
@@ -37,8 +37,8 @@ enum bus_event bus_bytewise_result(const struct bus *bus)
     }
 }
 
-/* Command of the hub: start or repeated start condition with this address byte. Waits if the other master uses the bus.
- */
+/* Begin a start or repeated start condition with this address byte, on the command of the hub. Waits if the other
+ * master uses the bus. */
 void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now)
 {
     if (bus->phase == BUS_HELD) {
@@ -52,7 +52,7 @@ void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now)
     }
 }
 
-/* Starts one byte at the virtual time `now`, on the command of an executed program that controls the bus byte by
+/* Start one byte at the virtual time `now`, on the command of an executed program that controls the bus byte by
  * byte. */
 static void begin_commanded_byte(struct bus *bus, enum bus_phase phase, vtime now)
 {
@@ -60,21 +60,21 @@ static void begin_commanded_byte(struct bus *bus, enum bus_phase phase, vtime no
     bus_begin_byte(bus, phase, now);
 }
 
-/* Writes one byte to the addressed slave, from the virtual time `now` on. */
+/* Write one byte to the addressed slave, from the virtual time `now` on. */
 void bus_bytewise_write(struct bus *bus, uint8_t byte, vtime now)
 {
     bus->byte = byte;
     begin_commanded_byte(bus, BUS_WRITE, now);
 }
 
-/* Reads one byte from the addressed slave, from the virtual time `now` on. */
+/* Read one byte from the addressed slave, from the virtual time `now` on. */
 void bus_bytewise_read(struct bus *bus, vtime now)
 {
     begin_commanded_byte(bus, BUS_READ, now);
 }
 
-/* Command of the hub: stop condition. If a board transmits although the master writes, the stop condition collides with
- * its data. */
+/* Begin a stop condition, on the command of the hub. If a board transmits although the master writes, the stop
+ * condition collides with its data. */
 void bus_bytewise_stop(struct bus *bus, vtime now)
 {
     bus->next = now;

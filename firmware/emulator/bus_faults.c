@@ -42,8 +42,8 @@ static void add_damage(struct byte_damage *damage, enum fault_kind kind, double 
     }
 }
 
-/* Damage of the byte at `position` of a transfer with the board at `address`; a fault with address 0 applies to any
- * board. Faults that have applied are removed and logged. */
+/* Return the damage of the byte at `position` of a transfer with the board at `address`; a fault with address 0 applies
+ * to any board. Faults that have applied are removed and logged. */
 struct byte_damage bus_faults_apply(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
                                     struct fault_log *log)
 {

@@ -25,8 +25,9 @@ struct byte_damage {
     vtime off_time; /* length of the brown-out */
 };
 
-/* The position of the byte is the fault's `value`; its `second_value` is a bit (0 to 7), microseconds of clock
- * stretching or milliseconds without power. Returns false if BUS_FAULTS_MAX faults are pending. */
+/* Schedule a fault of a later transfer. The fault's `value` is the position of the byte; its `second_value` is a bit (0
+ * to 7), microseconds of clock stretching or milliseconds without power. Returns false if BUS_FAULTS_MAX faults are
+ * pending. */
 bool bus_faults_add(struct bus_faults *faults, const struct fault_description *fault);
 
 /* Remove the pending faults of byte `position` of a transfer with `address`, log them and return their sum. */

@@ -6,7 +6,7 @@
 
 #define BUS_CLOCKS_PER_BYTE 9u /* eight bits and the acknowledge */
 
-/* Whether a board holds SDA low. */
+/* Return whether a board holds SDA low. */
 static inline bool bus_sda_is_held(const struct bus *bus)
 {
     if (bus_wiring_is_low(&bus->wiring, WIRING_SDA)) {
@@ -23,7 +23,7 @@ static inline bool bus_sda_is_held(const struct bus *bus)
     return false;
 }
 
-/* Until when a board holds SCL low; 0: none does; VTIME_NEVER: a short of the wiring holds SCL low. */
+/* Return until when a board holds SCL low; 0: none does; VTIME_NEVER: a short of the wiring holds SCL low. */
 static inline vtime bus_scl_held_until(const struct bus *bus)
 {
     vtime until = bus_wiring_is_low(&bus->wiring, WIRING_SCL) ? VTIME_NEVER : 0;
@@ -35,7 +35,7 @@ static inline vtime bus_scl_held_until(const struct bus *bus)
     return until;
 }
 
-/* The time `wait` after `time`; a line that stays low postpones an event for ever. */
+/* Return the time `wait` after `time`; a line that stays low postpones an event for ever. */
 static inline vtime bus_add_time(vtime time, vtime wait)
 {
     return time == VTIME_NEVER ? VTIME_NEVER : time + wait;
@@ -49,8 +49,9 @@ void bus_begin_transfer(struct bus *bus, enum bus_master master, const struct ta
 void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released);
 void bus_begin_stop(struct bus *bus, vtime released);
 
-/* Slaves that a damaged address byte has addressed for reading transmit while the master writes or stops: the master
- * reads a level that it does not drive and gives up, and each slave is left in the middle of its byte. */
+/* End a transfer in which slaves transmit while the master writes or stops, because a damaged address byte has
+ * addressed them for reading: the master reads a level that it does not drive and gives up, and each slave remains in
+ * the middle of its byte. */
 void bus_handle_collision(struct bus *bus, int8_t result);
 
 /* bus_bytewise.c */
@@ -58,7 +59,7 @@ void bus_handle_collision(struct bus *bus, int8_t result);
 /* Begin a transfer with its address byte. The start condition waits until the lines are free. */
 void bus_bytewise_begin(struct bus *bus, uint8_t address_byte, vtime now);
 
-/* The event that reports the end of the transfer. */
+/* Return the event that reports the end of the transfer. */
 enum bus_event bus_bytewise_result(const struct bus *bus);
 
 #endif

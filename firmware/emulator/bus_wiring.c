@@ -13,7 +13,8 @@ enum {
     SELECT_SUPPLY = 3,
 };
 
-/* The slower of both lines at the hub (0) or at the boards of a branch, by number from 1. */
+/* Return the longer rise time (seconds) of SCL and SDA at the hub (number 0), or at the boards of a branch (number from
+ * 1). */
 static double find_rise_s(const struct bus_wiring *wiring, size_t number)
 {
     const struct star *scl = &wiring->stars[WIRING_SCL], *sda = &wiring->stars[WIRING_SDA];
@@ -21,7 +22,8 @@ static double find_rise_s(const struct bus_wiring *wiring, size_t number)
                   : fmax(scl->hub_rise_s, sda->hub_rise_s);
 }
 
-/* Whether the levels of hub and boards reach each other on one line; branches by number from 1, 0: boards at the hub. */
+/* Return whether the levels of hub and boards reach each other on one line. number: of the branch from 1, or 0: boards
+ * at the hub. */
 static bool line_connects(const struct star *star, size_t number)
 {
     if (!star->is_high || !star->can_be_low) {
@@ -83,6 +85,7 @@ static void apply_to_line(struct line_fault *line, const struct fault_descriptio
     }
 }
 
+/* Apply a fault of a branch, or end all its faults (FAULT_BRANCH_RESTORE), and recompute levels and rise times. */
 void bus_wiring_apply_fault(struct bus_wiring *wiring, size_t branch, const struct fault_description *fault)
 {
     const unsigned selection = (unsigned)fault->value;
@@ -103,9 +106,9 @@ void bus_wiring_apply_fault(struct bus_wiring *wiring, size_t branch, const stru
     solve(wiring);
 }
 
-/* The byte with each rising bit misread as 0 with a probability. The bit before the byte is a 0: start condition or
- * acknowledge. `number`: of the branch from 1. */
-static uint8_t misread(struct bus_wiring *wiring, size_t number, double probability, uint8_t byte)
+/* Return a byte in which each rising bit is misread as 0 with this probability, and count the misread bits. The bit
+ * before the byte is a 0: start condition or acknowledge. number: of the branch from 1. */
+static uint8_t apply_misreads(struct bus_wiring *wiring, size_t number, double probability, uint8_t byte)
 {
     uint8_t received = byte;
     for (unsigned mask = 0x80u, previous = 0u; mask; previous = byte & mask, mask >>= 1) {
@@ -117,16 +120,18 @@ static uint8_t misread(struct bus_wiring *wiring, size_t number, double probabil
     return received;
 }
 
+/* Return the byte that the board receives if the hub sends `byte`. */
 uint8_t bus_wiring_deliver_to_board(struct bus_wiring *wiring, uint8_t address, uint8_t byte)
 {
     const size_t number = wiring->description ? wiring->description->branch_of[address] : 0u;
     const double probability = wiring->misread_at_board[number];
-    return probability > 0.0 ? misread(wiring, number, probability, byte) : byte;
+    return probability > 0.0 ? apply_misreads(wiring, number, probability, byte) : byte;
 }
 
+/* Return the byte that the hub receives if the board sends `byte`. */
 uint8_t bus_wiring_deliver_to_hub(struct bus_wiring *wiring, uint8_t address, uint8_t byte)
 {
     const size_t number = wiring->description ? wiring->description->branch_of[address] : 0u;
     const double probability = wiring->misread_at_hub[number];
-    return probability > 0.0 ? misread(wiring, number, probability, byte) : byte;
+    return probability > 0.0 ? apply_misreads(wiring, number, probability, byte) : byte;
 }

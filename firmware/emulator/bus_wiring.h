@@ -29,7 +29,7 @@ struct bus_wiring {
 void bus_wiring_init(struct bus_wiring *wiring, const struct wiring_description *description, double scl_hz,
                      uint64_t seed);
 
-/* Number of the branch of an I2C address from 0; -1: the board is connected at the hub. */
+/* Return the number of the branch of an I2C address from 0; -1: the board is connected at the hub. */
 static inline int bus_wiring_find_branch(const struct bus_wiring *wiring, uint8_t address)
 {
     return wiring->description ? (int)wiring->description->branch_of[address] - 1 : -1;
@@ -38,20 +38,20 @@ static inline int bus_wiring_find_branch(const struct bus_wiring *wiring, uint8_
 /* Apply a fault of a branch (base/faults.h) to lines and supply. */
 void bus_wiring_apply_fault(struct bus_wiring *wiring, size_t branch, const struct fault_description *fault);
 
-/* Whether a line reads low at the hub although every driver has released it. */
+/* Return whether a line reads low at the hub although every driver has released it. */
 static inline bool bus_wiring_is_low(const struct bus_wiring *wiring, enum wiring_line line)
 {
     return wiring->description && !wiring->stars[line].is_high;
 }
 
-/* Whether the levels of hub and board reach each other on both lines. */
+/* Return whether the levels of hub and board reach each other on both lines. */
 static inline bool bus_wiring_connects(const struct bus_wiring *wiring, uint8_t address)
 {
     return !wiring->description || wiring->connects[wiring->description->branch_of[address]];
 }
 
-/* The byte that a board receives from the hub, and the byte that the hub receives from a board: rising bits may be
- * misread as 0 if the rise time exceeds the limit of the clock rate. */
+/* Return the byte that a board receives from the hub, or that the hub receives from a board: rising bits may be misread
+ * as 0 if the rise time exceeds the limit of the clock rate. */
 uint8_t bus_wiring_deliver_to_board(struct bus_wiring *wiring, uint8_t address, uint8_t byte);
 uint8_t bus_wiring_deliver_to_hub(struct bus_wiring *wiring, uint8_t address, uint8_t byte);
 

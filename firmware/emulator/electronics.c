@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Whether the effect `dead` concerns a taxel of this board. */
+/* Return whether the effect `dead` applies to a taxel of board number `board`. */
 static bool has_dead_taxel(const struct dead_effect *dead, size_t board)
 {
     for (size_t i = 0; i < dead->count; i++) {
@@ -14,7 +14,7 @@ static bool has_dead_taxel(const struct dead_effect *dead, size_t board)
     return false;
 }
 
-/* Whether two lines of this board are exchanged. */
+/* Return whether the effect `exchange` swaps two different lines of board number `board`. */
 static bool has_exchanged_lines(const struct exchange_effect *exchange, size_t board)
 {
     for (size_t i = 0; i < exchange->count; i++) {
@@ -26,8 +26,8 @@ static bool has_exchanged_lines(const struct exchange_effect *exchange, size_t b
     return false;
 }
 
-/* Whether any effect of the world requires the detailed electronics for this board. Otherwise, the faster front end
- * alone computes the counts. */
+/* Return whether any effect of the world requires the detailed electronics for this board. Otherwise, the faster front
+ * end alone computes the counts. */
 bool electronics_are_needed(const struct world_description *world, size_t board)
 {
     const struct effects *effects = &world->effects;
@@ -39,7 +39,9 @@ bool electronics_are_needed(const struct world_description *world, size_t board)
            droop_is_on(&effects->droop);
 }
 
-/* Copies the wiring of lines and taxels, and the dead taxels, from the description of the board. */
+/* Set which electrode line each line of the firmware is wired to (effect `exchange`), the taxel at each crossing of
+ * electrode lines (from the board's crossing map), and the sensitivity or constant count of dead taxels (effect
+ * `dead`). */
 static void init_wiring(struct electronics *electronics, const struct board_description *description)
 {
     const struct effects *effects = electronics->effects;
@@ -58,15 +60,15 @@ static void init_wiring(struct electronics *electronics, const struct board_desc
         }
     }
     for (uint16_t i = 0; i < description->taxel_count; i++) {
-        const struct dead_taxel *rest = dead_find_taxel(&effects->dead, electronics->board, i, false);
+        const struct dead_taxel *detached = dead_find_taxel(&effects->dead, electronics->board, i, false);
         const struct dead_taxel *stuck = dead_find_taxel(&effects->dead, electronics->board, i, true);
-        electronics->sensitivity[i] = rest ? 1.0 - rest->strength : 1.0;
+        electronics->sensitivity[i] = detached ? 1.0 - detached->strength : 1.0;
         electronics->stuck_count[i] = stuck ? stuck->value : -1;
     }
 }
 
-/* Update the capacitance of each taxel at rest and its change per relative rise (farad) for the present drift of
- * the board. */
+/* Update, for each taxel, the capacitance without contact and the capacitance that a relative rise of 1 adds (both in
+ * farad), with the present drift of the board. */
 static void update_rest_capacitances(struct electronics *electronics)
 {
     for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
@@ -79,8 +81,8 @@ static void update_rest_capacitances(struct electronics *electronics)
     }
 }
 
-/* Create the detailed electronics of a board (index `board`) with the effects of the world. Returns NULL without
- * memory. */
+/* Create the electronics of board number `board` with the effects of the world. Changes the settings of the front end
+ * to those of the world. Returns NULL if out of memory. */
 struct electronics *electronics_open(const struct world_description *world, size_t board, struct front_end *front_end)
 {
     struct electronics *electronics = calloc(1, sizeof *electronics);
@@ -113,7 +115,8 @@ struct electronics *electronics_open(const struct world_description *world, size
     return electronics;
 }
 
-/* Update everything that depends on the scan settings; called after the front end was configured. */
+/* Update everything that depends on the scan settings: parameters and calibration of the network of the lines. Call
+ * after the front end was configured. */
 void electronics_configure(struct electronics *electronics)
 {
     coupling_configure(&electronics->coupling, &electronics->effects->coupling.board[electronics->board],
@@ -129,8 +132,8 @@ void electronics_configure(struct electronics *electronics)
     }
 }
 
-/* Computes the capacitances of all crossings at this conversion; they are used for all conversions of the TX line
- * in this scan. */
+/* Compute the capacitances of all crossings at the time of this conversion. They are used for all conversions of the TX
+ * line in this scan. */
 static void compute_crossings(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
     double rise[TAXEL_TAXELS_MAX];
@@ -154,8 +157,9 @@ static void compute_crossings(struct electronics *electronics, const struct elec
     }
 }
 
-/* Whether the solved currents of all crossings of TX line `tx` can be reused for this conversion, because no
- * capacitance has changed since. */
+/* Return whether the capacitances of all crossings, computed for an earlier conversion, can be used for this conversion
+ * of TX line `tx`: no field has changed since, or the earlier conversion belongs to the same TX line and scan. Drift
+ * changes the capacitances at the start of every scan. */
 static bool are_crossings_valid(const struct electronics *electronics, const struct electronics_conversion *conversion,
                                 int tx)
 {
@@ -169,7 +173,8 @@ static bool are_crossings_valid(const struct electronics *electronics, const str
     return electronics->mutual_tx == tx && !conversion->is_first_of_scan;
 }
 
-/* Capacitance (farad) that the converter measures at the crossing of electrode lines `tx` and `rx`. */
+/* Return the capacitance (farad) that the converter measures at the crossing of electrode lines `tx` and `rx`; 0 for a
+ * crossing without a taxel, unless crossings influence each other. */
 static double sensed_capacitance(struct electronics *electronics, const struct electronics_conversion *conversion,
                                  int tx, int rx)
 {
@@ -188,8 +193,8 @@ static double sensed_capacitance(struct electronics *electronics, const struct e
                                      : electronics->mutual[tx][rx];
 }
 
-/* Count before noise, saturation and quantisation: capacitance of the crossing with crosstalk, droop of the supply, and
- * lag. `seconds`: virtual time. */
+/* Return the count before noise, saturation and quantisation, in the order of the signal path: capacitance of the
+ * crossing with crosstalk, droop of the supply, and lag. seconds: virtual time. */
 static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion,
                              double seconds)
 {
@@ -219,8 +224,9 @@ static double hardware_count(struct electronics *electronics, const struct elect
     return count;
 }
 
-/* Raw count of a conversion with all effects of the board, in the order of the signal path. Noise is taken from the
- * requested crossing, the signal from the crossing that exchanged lines connect. */
+/* Return the raw count of a conversion with all effects of the board, in the order of the signal path. Noise and a
+ * constant count belong to the crossing that the firmware requests; the signal belongs to the crossing of the electrode
+ * lines to which the requested lines are wired. */
 uint16_t electronics_convert(struct electronics *electronics, const struct electronics_conversion *conversion)
 {
     const struct effects *effects = electronics->effects;
@@ -241,9 +247,9 @@ uint16_t electronics_convert(struct electronics *electronics, const struct elect
     if (electronics->has_noise) {
         count += noise_counts(&electronics->noise, seconds, conversion->tx, conversion->rx, requested_taxel);
     }
-    const double rest =
+    const double rest_count =
         measured_taxel == ELECTRONICS_NO_TAXEL ? 0.0 : front_end->taxels[measured_taxel].rest_hardware_count;
-    count = saturation_limit(&effects->saturation.board[board], rest, count);
+    count = saturation_limit(&effects->saturation.board[board], rest_count, count);
     if (nonlinear_is_on(&effects->nonlinear, board)) {
         count = nonlinear_count(&effects->nonlinear, board, front_end->max_count, count);
     }

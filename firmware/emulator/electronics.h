@@ -17,15 +17,19 @@
 
 #define ELECTRONICS_NO_TAXEL 0xFFu /* a crossing without taxel */
 
+/* Electronics of one board. "Electrode lines" are the lines of the sensor; a line of the firmware is wired to another
+ * electrode line if the effect `exchange` swaps lines. */
 struct electronics {
     const struct effects *effects;
     size_t board; /* index in the world */
     struct front_end *front_end;
     int tx_count, rx_count;
-    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];       /* of the electrodes, or ELECTRONICS_NO_TAXEL */
+    /* taxel at a crossing of electrode lines, or ELECTRONICS_NO_TAXEL */
+    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
     int tx_of[TAXEL_LINES_MAX], rx_of[TAXEL_LINES_MAX];       /* electrode line that the firmware's line is wired to */
     uint8_t tx_at[TAXEL_TAXELS_MAX], rx_at[TAXEL_TAXELS_MAX]; /* electrode lines of each taxel */
-    double sensitivity[TAXEL_TAXELS_MAX];  /* share of the rise that reaches the electrode (effect `dead`) */
+    /* share of the relative rise under contact that reaches the electrode (effect `dead`) */
+    double sensitivity[TAXEL_TAXELS_MAX];
     double rest_f[TAXEL_TAXELS_MAX];       /* capacitance without contact (farad), with the drift of this scan */
     double swing_f[TAXEL_TAXELS_MAX];      /* capacitance (farad) that a rise of 1 adds */
     int32_t stuck_count[TAXEL_TAXELS_MAX]; /* raw count of a stuck taxel, or -1 */
@@ -48,7 +52,8 @@ struct electronics {
     struct first_order reference, lag[TAXEL_TAXELS_MAX];
 };
 
-/* One conversion: the firmware's lines, the time, and the fields at that time. */
+/* One conversion: the TX and RX line that the firmware selects, the time, and access to the relative rises of the
+ * taxels' fringe capacitances at that time. */
 struct electronics_conversion {
     int tx, rx;
     bool is_first_of_scan;
@@ -62,16 +67,16 @@ struct electronics_conversion {
     unsigned change_count;    /* of the fields: equal to an earlier value if no field has changed since then */
 };
 
-/* Whether any effect of the world requires a `struct electronics` for the board. */
+/* Return whether any effect of the world requires a `struct electronics` for board number `board`. */
 bool electronics_are_needed(const struct world_description *world, size_t board);
 
-/* Call after front_end_init() and gain_apply(). Returns NULL if out of memory. */
+/* Create the electronics of a board. Call after front_end_init() and gain_apply(). Returns NULL if out of memory. */
 struct electronics *electronics_open(const struct world_description *world, size_t board, struct front_end *front_end);
 
-/* Call after each change of the front end's settings. */
+/* Update everything that depends on the scan settings. Call after each change of the front end's settings. */
 void electronics_configure(struct electronics *electronics);
 
-/* The raw count of one conversion. */
+/* Return the raw count of one conversion. */
 uint16_t electronics_convert(struct electronics *electronics, const struct electronics_conversion *conversion);
 
 #endif

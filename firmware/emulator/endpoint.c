@@ -13,21 +13,21 @@
 
 volatile sig_atomic_t endpoint_stop_waiting;
 
-/* Prints an error message with the name of the endpoint (terminal, socket or file) to stderr. Returns -1. */
+/* Print an error message with the name of the endpoint (terminal, socket or file) to stderr. Returns -1. */
 static int report_error(const char *target, const char *message)
 {
     fprintf(stderr, "endpoint %s: %s\n", target, message);
     return -1;
 }
 
-/* Makes reads and writes of the file descriptor return at once. Returns 0, or -1 on an error. */
+/* Make reads and writes of the file descriptor return at once. Returns 0, or -1 on an error. */
 static int set_nonblocking(int fd)
 {
     const int flags = fcntl(fd, F_GETFL);
     return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
 }
 
-/* Opens a pseudo-terminal for a host. Returns 0, or -1 on an error. The slave side is set to raw mode before a
+/* Open a pseudo-terminal for a host. Returns 0, or -1 on an error. The slave side is set to raw mode before a
  * client opens it, because otherwise the terminal would echo the first bytes. It is then closed here, so that
  * POLLHUP reports that the client has closed its end. */
 static int open_pty(struct endpoint *endpoint)
@@ -54,8 +54,8 @@ static void put_le(uint8_t *bytes, uint64_t value, size_t size)
     }
 }
 
-/* Opens a capture file (format: protocol/SPEC.md) for writing and writes its header. baud: rate of the UART in
- * bit/s. Returns 0, or -1 on an error. */
+/* Open a capture file (format: protocol/SPEC.md) for writing and write its header. baud: rate of the UART in bit/s.
+ * Returns 0, or -1 after an error line on stderr. */
 static int open_capture(struct endpoint *endpoint, const char *path, double baud)
 {
     char header[64];
@@ -119,7 +119,7 @@ void endpoint_close(struct endpoint *endpoint)
     free(endpoint->memory);
 }
 
-/* Appends bytes to the memory of the endpoint. Returns the number of bytes for which there was space. */
+/* Append bytes to the memory of the endpoint. Returns the number of bytes for which there was space. */
 static size_t store_in_memory(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
 {
     const size_t space = ENDPOINT_MEMORY_SIZE - endpoint->memory_fill;
@@ -152,7 +152,7 @@ static void write_capture_record(struct endpoint *endpoint, const uint8_t *bytes
     fwrite(bytes, size, 1, endpoint->capture);
 }
 
-/* True if a host has opened the other side of the pseudo-terminal or socket. */
+/* Return whether a host has opened the other side of the pseudo-terminal or socket. */
 static bool has_client(const struct endpoint *endpoint)
 {
     struct pollfd state = {.fd = endpoint->fd, .events = POLLOUT};

@@ -36,8 +36,8 @@ struct endpoint {
 /* Set by a signal handler: stop waiting for a reader. */
 extern volatile sig_atomic_t endpoint_stop_waiting;
 
-/* `target`: none, pty, fd:N, capture:FILE or memory. `baud` is stored in the header of a capture. Returns 0, or -1
- * after one error line on stderr. */
+/* Open the host's end of the UART. target: none, pty, fd:N, capture:FILE or memory. baud: stored in the header of a
+ * capture. Returns 0, or -1 after one error line on stderr. */
 int endpoint_open(struct endpoint *endpoint, const char *target, double baud);
 void endpoint_close(struct endpoint *endpoint);
 
@@ -45,10 +45,10 @@ void endpoint_close(struct endpoint *endpoint);
  * read. */
 size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now);
 
-/* Read bytes that the host has sent, without waiting. */
+/* Read bytes that the host has sent, without waiting. Returns their number. */
 size_t endpoint_receive(struct endpoint *endpoint, uint8_t *bytes, size_t size);
 
-/* Memory only: remove and return the oldest bytes that were sent. */
+/* Remove the oldest bytes that were sent to a memory endpoint, and copy them to `bytes`. Returns their number. */
 size_t endpoint_read_memory(struct endpoint *endpoint, uint8_t *bytes, size_t size);
 
 #endif

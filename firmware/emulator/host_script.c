@@ -3,14 +3,14 @@
 #include <errno.h>
 #include <string.h>
 
-/* Prints an error message with the path of the file of host bytes to stderr. Returns -1. */
+/* Print an error message with the path of the file of host bytes to stderr. Returns -1. */
 static int report_error(const struct host_script *script, const char *message)
 {
     fprintf(stderr, "host input %s: %s\n", script->path, message);
     return -1;
 }
 
-/* Reads a little-endian number from `size` bytes, at most 8. */
+/* Read a little-endian number from `size` bytes, at most 8. */
 static uint64_t get_le(const uint8_t *bytes, size_t size)
 {
     uint64_t value = 0;
@@ -65,7 +65,7 @@ int host_script_advance(struct host_script *script)
     return 0;
 }
 
-/* Closes the file of host bytes, if one is open. */
+/* Close the file of host bytes, if one is open. */
 void host_script_close(struct host_script *script)
 {
     if (script->file) {

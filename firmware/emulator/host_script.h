@@ -17,7 +17,7 @@ struct host_script {
     size_t size;
 };
 
-/* `path` NULL: no script. Returns 0, or -1 after one error line on stderr. */
+/* Open a capture file as script; `path` NULL: no script. Returns 0, or -1 after one error line on stderr. */
 int host_script_open(struct host_script *script, const char *path);
 
 /* Read the next record. Returns 0, or -1 after one error line on stderr. */

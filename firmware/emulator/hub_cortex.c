@@ -6,8 +6,8 @@
 
 #include "emulator/base/reset_bits.h"
 
-/* Callback of the hub's chip: the program sends a start condition and an address byte. clock: period of SCL in
- * picoseconds. */
+/* Start an address byte on the bus after a start condition, as the program commands; callback of the hub's chip. clock:
+ * period of SCL in picoseconds. */
 static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
 {
     struct hub_node *node = context;
@@ -15,57 +15,57 @@ static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime
     bus_bytewise_start(node->bus, address_byte, now);
 }
 
-/* Callback of the hub's chip: the program writes one byte to the bus. */
+/* Write one byte to the bus, as the program commands; callback of the hub's chip. */
 static void on_i2c_write(void *context, uint8_t byte, vtime now)
 {
     bus_bytewise_write(((struct hub_node *)context)->bus, byte, now);
 }
 
-/* Callback of the hub's chip: the program reads one byte from the bus. */
+/* Read one byte from the bus, as the program commands; callback of the hub's chip. */
 static void on_i2c_read(void *context, vtime now)
 {
     bus_bytewise_read(((struct hub_node *)context)->bus, now);
 }
 
-/* Callback of the hub's chip: the program sends a stop condition. */
+/* Send a stop condition, as the program commands; callback of the hub's chip. */
 static void on_i2c_stop(void *context, vtime now)
 {
     bus_bytewise_stop(((struct hub_node *)context)->bus, now);
 }
 
-/* Callback of the hub's chip: the program disables its I2C block, which aborts the transfer in progress. */
+/* Abort the transfer in progress, because the program has disabled its I2C block; callback of the hub's chip. */
 static void on_i2c_abort(void *context, vtime now)
 {
     bus_abort(((struct hub_node *)context)->bus, BUS_HUB, now);
 }
 
-/* Callback of the hub's chip: the program sets the levels of SCL and SDA by hand; true releases a line. */
+/* Set the levels of SCL and SDA that the program drives by hand; true releases a line; callback of the hub's chip. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
-/* Callback of the hub's chip: true if the clock line is high at the virtual time `now`. */
+/* Return whether the clock line is high at the virtual time `now`; callback of the hub's chip. */
 static bool on_i2c_scl(void *context, vtime now)
 {
     return bus_is_scl_high(((struct hub_node *)context)->bus, now);
 }
 
-/* Callback of the hub's chip: true if the data line is high. */
+/* Return whether the data line is high; callback of the hub's chip. */
 static bool on_i2c_sda(void *context, vtime now)
 {
     (void)now;
     return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
-/* Callback of the hub's chip: its UART has bytes to send. */
+/* Start the UART's transmitter, because the chip has bytes to send; callback of the hub's chip. */
 static void on_uart_kick(void *context, vtime now)
 {
     uart_start_transmit(((struct hub_node *)context)->uart, now);
 }
 
-/* Callback of the hub's chip: the program changes RTS; `hold` requests that the host pauses. Has no effect if RTS
- * is not wired. */
+/* Set RTS as the program commands; `hold` requests that the host pauses; callback of the hub's chip. Has no effect if
+ * RTS is not wired. */
 static void on_uart_hold(void *context, bool hold, vtime now)
 {
     struct hub_node *node = context;
@@ -74,8 +74,8 @@ static void on_uart_hold(void *context, bool hold, vtime now)
     }
 }
 
-/* A byte of the host has arrived at the RX pin of the hub. The emulated processor of the hub first executes its program up
- * to the arrival time of the byte; its UART block then receives the byte. */
+/* Deliver a byte of the host that has arrived at the RX pin of the hub. The emulated processor of the hub first
+ * executes its program up to the arrival time of the byte; its UART block then receives the byte. */
 static void on_uart_byte(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
@@ -83,8 +83,8 @@ static void on_uart_byte(void *context, uint8_t byte)
     psoc_uart_receive(node->psoc, byte);
 }
 
-/* Callback of the emulated UART: takes at most one byte to send from the hub's chip, because the shift register
- * reads the FIFO byte by byte. Returns the number of bytes. */
+/* Take at most one byte to send from the hub's chip, because the shift register reads the FIFO byte by byte; callback
+ * of the emulated UART. Returns the number of bytes. */
 static size_t pull_uart_byte(void *context, uint8_t *bytes, size_t size)
 {
     struct hub_node *node = context;
@@ -128,7 +128,7 @@ int hub_cortex_open(struct hub_node *node, const struct world_description *world
     return 0;
 }
 
-/* Releases the emulated chip of a hub that executes an image; does nothing for a hub with native firmware. */
+/* Free the emulated chip of a hub that executes an image; does nothing for a hub with native firmware. */
 void hub_cortex_close(struct hub_node *node)
 {
     if (node->psoc) {
@@ -138,7 +138,7 @@ void hub_cortex_close(struct hub_node *node)
     }
 }
 
-/* Switch the hub's processor off, or reset it at virtual time `now`; `reset_cause`: enum taxel_reset_cause. */
+/* Switch the hub's processor off, or reset it at virtual time `now`. reset_cause: reset cause of the protocol. */
 void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(node->psoc);
@@ -149,7 +149,7 @@ void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t res
     }
 }
 
-/* Runs the hub's chip up to the virtual time `until`, also after each action of the program on a wire. */
+/* Run the hub's chip up to the virtual time `until`, also after each action of the program on a wire. */
 void hub_cortex_run(struct hub_node *node, vtime until)
 {
     while (node->is_powered && psoc_run(node->psoc, until)) {
@@ -171,13 +171,13 @@ void hub_cortex_on_bus_event(struct hub_node *node, vtime now)
     psoc_i2c_on_event(node->psoc, now, events[node->bus->event], node->bus->byte);
 }
 
-/* Suspends the hub's main program up to the virtual time `until`; interrupts are served. */
+/* Suspend the hub's main program up to the virtual time `until`; interrupts are served. */
 void hub_cortex_stall(struct hub_node *node, vtime until)
 {
     psoc_stall(node->psoc, until);
 }
 
-/* The processor of the executed hub takes a HardFault. */
+/* Let the processor of the executed hub take a HardFault. */
 void hub_cortex_take_hard_fault(struct hub_node *node)
 {
     psoc_inject_hard_fault(node->psoc);

@@ -7,7 +7,8 @@
 
 #include "emulator/hub_node.h"
 
-/* For a world with a hub image. Returns 0, or -1 after an error line on stderr (out of memory). */
+/* Create the emulated chip of the hub, in a world with a hub image. Returns 0, or -1 after an error line on stderr (out
+ * of memory). */
 int hub_cortex_open(struct hub_node *node, const struct world_description *world);
 void hub_cortex_close(struct hub_node *node);
 
@@ -16,11 +17,11 @@ void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t res
 /* Execute up to `until`, also if the processor drives its wires before. */
 void hub_cortex_run(struct hub_node *node, vtime until);
 
-/* The bus has completed a command of the hub's I2C master. */
+/* Report to the hub's I2C master that the bus has completed its command. */
 void hub_cortex_on_bus_event(struct hub_node *node, vtime now);
 void hub_cortex_stall(struct hub_node *node, vtime until);
 
-/* Fault: the processor takes a HardFault. */
+/* Inject a fault: the processor takes a HardFault. */
 void hub_cortex_take_hard_fault(struct hub_node *node);
 
 #endif

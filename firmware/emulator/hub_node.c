@@ -9,80 +9,80 @@
 
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
-/* The virtual time, in picoseconds, that the hub needs for `count` CPU cycles. */
+/* Return the virtual time, in picoseconds, that the hub needs for `count` CPU cycles. */
 static vtime cycles_to_time(const struct hub_node *node, double count)
 {
     return (vtime)(count / CPU_HZ / node->clock_rate * (double)VTIME_SECOND);
 }
 
-/* Moves the time at which the hub's main loop runs next to `time`, if that is earlier. */
+/* Move the time at which the hub's main loop runs next to `time`, if that is earlier. */
 static void wake_not_after(struct hub_node *node, vtime time)
 {
     node->wake = vtime_min(node->wake, time);
 }
 
-/* HAL function of the emulated hub: starts an I2C transfer on the emulated bus. */
+/* Start an I2C transfer on the emulated bus; HAL function of the emulated hub. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct hub_node *node = context;
     bus_start_transfer(node->bus, BUS_HUB, transfer, node->now);
 }
 
-/* HAL function of the emulated hub: aborts its I2C transfer. */
+/* Abort the hub's I2C transfer; HAL function of the emulated hub. */
 static void on_i2c_abort(void *context)
 {
     struct hub_node *node = context;
     bus_abort(node->bus, BUS_HUB, node->now);
 }
 
-/* HAL function of the emulated hub: sets the levels of SCL and SDA by hand; true releases a line. */
+/* Set the levels of SCL and SDA by hand; true releases a line; HAL function of the emulated hub. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
-/* HAL function of the emulated hub: true if the clock line is high. */
+/* Return whether the clock line is high; HAL function of the emulated hub. */
 static bool on_i2c_scl(void *context)
 {
     const struct hub_node *node = context;
     return bus_is_scl_high(node->bus, node->now);
 }
 
-/* HAL function of the emulated hub: true if the data line is high. */
+/* Return whether the data line is high; HAL function of the emulated hub. */
 static bool on_i2c_sda(void *context)
 {
     return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
-/* HAL function of the emulated hub: starts the transmission of queued bytes to the host. */
+/* Start the transmission of queued bytes to the host; HAL function of the emulated hub. */
 static void on_uart_kick(void *context)
 {
     struct hub_node *node = context;
     uart_start_transmit(node->uart, node->now);
 }
 
-/* HAL function of the emulated hub: requests with RTS that the host pauses (`hold` true) or continues. */
+/* Request with RTS that the host pauses (`hold` true) or continues; HAL function of the emulated hub. */
 static void on_uart_hold(void *context, bool hold)
 {
     struct hub_node *node = context;
     uart_set_hold(node->uart, hold, node->now);
 }
 
-/* HAL function of the emulated hub: its clock in microseconds, with its rate error and start value. */
+/* Return the hub's clock in microseconds, with its rate error and start value; HAL function of the emulated hub. */
 static uint64_t on_clock_us(void *context)
 {
     const struct hub_node *node = context;
     return (uint64_t)((double)(node->now - node->booted) * node->clock_rate / (double)VTIME_US + node->clock_start_us);
 }
 
-/* HAL function of the emulated hub: lets the given time in microseconds elapse for the hub. */
+/* Let the given time in microseconds elapse for the hub; HAL function of the emulated hub. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     ((struct hub_node *)context)->now += microseconds * VTIME_US;
 }
 
-/* HAL function of the emulated hub: requests that the main loop runs at the latest when the hub's clock reaches
- * this value. */
+/* Request that the main loop runs at the latest when the hub's clock reaches this value; HAL function of the emulated
+ * hub. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct hub_node *node = context;
@@ -91,13 +91,13 @@ static void on_wake_at(void *context, uint64_t clock_us)
     wake_not_after(node, vtime_max(time, node->now));
 }
 
-/* HAL function of the emulated hub: requests a restart, which the event loop makes. */
+/* Request a restart, which the event loop makes; HAL function of the emulated hub. */
 static void on_restart(void *context)
 {
     ((struct hub_node *)context)->restart_requested = true;
 }
 
-/* HAL function of the emulated hub: requests a restart into the bootloader, which the event loop makes. */
+/* Request a restart into the bootloader, which the event loop makes; HAL function of the emulated hub. */
 static void on_enter_bootloader(void *context)
 {
     struct hub_node *node = context;
@@ -105,20 +105,20 @@ static void on_enter_bootloader(void *context)
     node->restart_requested = true;
 }
 
-/* Callback of the emulated UART: passes a byte from the host to the application of the hub. */
+/* Pass a byte from the host to the application of the hub; callback of the emulated UART. */
 static void on_byte_for_hub(void *context, uint8_t byte)
 {
     taxel_hub_on_uart_byte(context, byte);
 }
 
-/* Callback of the emulated UART: copies up to `size` bytes to send from the application of the hub. Returns their
+/* Copy up to `size` bytes to send from the application of the hub; callback of the emulated UART. Returns their
  * number. */
 static size_t pull_from_hub(void *context, uint8_t *bytes, size_t size)
 {
     return taxel_hub_uart_pull(context, bytes, size);
 }
 
-/* Callback of the emulated UART: passes a byte from the host to the bootloader of the hub. */
+/* Pass a byte from the host to the bootloader of the hub; callback of the emulated UART. */
 static void on_byte_for_bootloader(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
@@ -127,7 +127,7 @@ static void on_byte_for_bootloader(void *context, uint8_t byte)
     taxel_boot_uart_on_byte(&node->boot.uart, byte);
 }
 
-/* Callback of the emulated UART: copies up to `size` bytes to send from the bootloader of the hub. Returns their
+/* Copy up to `size` bytes to send from the bootloader of the hub; callback of the emulated UART. Returns their
  * number. */
 static size_t pull_from_bootloader(void *context, uint8_t *bytes, size_t size)
 {
@@ -178,13 +178,14 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
     return world->hub_image ? hub_cortex_open(node, world) : 0;
 }
 
-/* Releases the memory of the emulated hub. */
+/* Free the memory of the emulated hub. */
 void hub_node_free(struct hub_node *node)
 {
     hub_cortex_close(node);
     hub_original_close(node);
 }
 
+/* Return whether the hub sends its measurements: after a command of the host, or always (original hub). */
 bool hub_node_is_streaming(const struct hub_node *node)
 {
     return node->original || node->hub.streaming;
@@ -226,8 +227,8 @@ static void handle_boot_outcome(struct hub_node *node, enum boot_outcome outcome
     }
 }
 
-/* Reset the hub at virtual time `now`; `reset_cause`: enum taxel_reset_cause. A transfer in progress is aborted and RTS
- * is released. */
+/* Reset the hub at virtual time `now`. reset_cause: reset cause of the protocol. A transfer in progress is aborted and
+ * RTS is released. */
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
     bus_abort(node->bus, BUS_HUB, now);
@@ -255,7 +256,7 @@ void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
     handle_boot_outcome(node, boot_node_reset(&node->boot, now, reset_cause));
 }
 
-/* One pass of the bootloader's main loop; then transmit its response. Or reset a hanging image. */
+/* Run one pass of the bootloader's main loop, then transmit its response; or reset a hanging image. */
 static void run_bootloader(struct hub_node *node, vtime now)
 {
     node->now = now;
@@ -295,7 +296,7 @@ void hub_node_stall(struct hub_node *node, vtime until)
     node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
-/* Fault: the processor of the hub takes a HardFault. */
+/* Let the processor of the hub take a HardFault. A native hub stores the fault in its record and restarts at once. */
 void hub_node_take_hard_fault(struct hub_node *node, vtime now, uint32_t program_counter, uint32_t link_register)
 {
     if (node->psoc) {
@@ -313,7 +314,7 @@ void hub_node_take_hard_fault(struct hub_node *node, vtime now, uint32_t program
     }
 }
 
-/* Handles the end of the hub's I2C transfer: interrupt of the firmware, and a pass of its main loop after the
+/* Handle the end of the hub's I2C transfer: interrupt of the firmware, and a pass of its main loop after the
  * interrupt's processor time. */
 void hub_node_on_i2c_done(struct hub_node *node, vtime now)
 {
@@ -330,7 +331,7 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now)
     wake_not_after(node, now + cycles_to_time(node, COST_MASTER_DONE));
 }
 
-/* Handles a byte that has arrived at the hub: adds the time of its interrupt, then a pass of the main loop. */
+/* Handle a byte that has arrived at the hub: add the time of its interrupt, then request a pass of the main loop. */
 void hub_node_on_uart_received(struct hub_node *node, vtime now)
 {
     if (node->psoc || node->original) {
@@ -340,7 +341,7 @@ void hub_node_on_uart_received(struct hub_node *node, vtime now)
     wake_not_after(node, node->cpu_free);
 }
 
-/* Adds the CPU time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
+/* Add the CPU time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
     if (node->psoc || node->original) {
@@ -361,7 +362,7 @@ static void confirm_image(struct hub_node *node)
     node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm_image(&node->boot, node->now));
 }
 
-/* Virtual time at which hub_node_run() must be called next. */
+/* Return the virtual time at which hub_node_run() must be called next. */
 vtime hub_node_next_time(const struct hub_node *node)
 {
     if (node->psoc) {
@@ -373,8 +374,8 @@ vtime hub_node_next_time(const struct hub_node *node)
     return node->wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(node->wake, node->cpu_free);
 }
 
-/* One pass of the hub's main loop or, with an emulated processor, its instructions until `horizon`. The time to frame a
- * snapshot occupies the CPU after the pass. */
+/* Run one pass of the hub's main loop or, with an emulated processor, its instructions until `horizon`. The time to
+ * frame a snapshot occupies the CPU after the pass. */
 void hub_node_run(struct hub_node *node, vtime horizon)
 {
     if (node->psoc) {

@@ -43,33 +43,35 @@ struct hub_node {
     bool is_powered;
 };
 
-/* Returns 0, or -1 after an error line on stderr (out of memory). */
+/* Create the hub of the world, without power. Returns 0, or -1 after an error line on stderr (out of memory). */
 int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world);
 void hub_node_free(struct hub_node *node);
 
-/* Power-up or reset. */
+/* Perform a power-up or reset. reset_cause: reset cause of the protocol. */
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
 
-/* Power loss. */
+/* Switch the power off. */
 void hub_node_unplug(struct hub_node *node, vtime now);
 
-/* Whether the hub sends its measurements: after a command of the host, or always (original hub). */
+/* Return whether the hub sends its measurements: after a command of the host, or always (original hub). */
 bool hub_node_is_streaming(const struct hub_node *node);
 
-/* Fault: other work occupies the CPU until then. */
+/* Inject a fault: other work occupies the CPU until then. */
 void hub_node_stall(struct hub_node *node, vtime until);
 
-/* Fault: the processor takes a HardFault. A native hub stores these registers and restarts at once. */
+/* Inject a fault: the processor takes a HardFault. A native hub stores these registers and restarts at once. */
 void hub_node_take_hard_fault(struct hub_node *node, vtime now, uint32_t program_counter, uint32_t link_register);
 
-/* Interrupts, at the time at which they are raised. */
+/* Execute an interrupt of the hub, at the time at which it is raised. */
 void hub_node_on_i2c_done(struct hub_node *node, vtime now);
 void hub_node_on_uart_received(struct hub_node *node, vtime now);
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes);
 
-/* When the main loop next has work; and one pass of it at that time. An executed hub runs up to `horizon`, or until it
- * drives a wire. */
+/* Return when the main loop next has work. */
 vtime hub_node_next_time(const struct hub_node *node);
+
+/* Run one pass of the main loop at hub_node_next_time(). An executed hub runs up to `horizon`, or until it drives a
+ * wire. */
 void hub_node_run(struct hub_node *node, vtime horizon);
 
 #endif

@@ -2,24 +2,28 @@
 
 #include <stdlib.h>
 
+/* Start an I2C transfer on the emulated bus; HAL function of the original hub. */
 static void on_start_transfer(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct hub_node *node = context;
     bus_start_transfer(node->bus, BUS_HUB, transfer, node->now);
 }
 
+/* Start the UART's transmitter; HAL function of the original hub. */
 static void on_start_transmit(void *context)
 {
     struct hub_node *node = context;
     uart_start_transmit(node->uart, node->now);
 }
 
+/* Ignore a byte from the host; callback of the emulated UART. */
 static void on_uart_byte(void *context, uint8_t byte)
 {
     (void)context; /* the original hub takes no commands */
     (void)byte;
 }
 
+/* Copy the next bytes to send from the hub's UART driver; callback of the emulated UART. Returns their number. */
 static size_t pull_uart_bytes(void *context, uint8_t *bytes, size_t size)
 {
     struct hub_node *node = context;
@@ -27,6 +31,7 @@ static size_t pull_uart_bytes(void *context, uint8_t *bytes, size_t size)
     return original_hub_pull(node->original, bytes, size, node->now);
 }
 
+/* Create the original firmware of the hub. Returns 0, or -1 after an error line on stderr. */
 int hub_original_open(struct hub_node *node, const struct world_description *world)
 {
     const struct original_hub_hal hal = {
@@ -40,12 +45,14 @@ int hub_original_open(struct hub_node *node, const struct world_description *wor
     return 0;
 }
 
+/* Free the original firmware of the hub; does nothing for other hubs. */
 void hub_original_close(struct hub_node *node)
 {
     free(node->original);
     node->original = NULL;
 }
 
+/* Reset the hub at virtual time `now`. */
 void hub_original_boot(struct hub_node *node, vtime now)
 {
     node->program = PROGRAM_APPLICATION;
@@ -54,29 +61,34 @@ void hub_original_boot(struct hub_node *node, vtime now)
     original_hub_reset(node->original, now);
 }
 
+/* Report the end of a transfer to the hub's firmware. */
 void hub_original_on_i2c_done(struct hub_node *node, vtime now)
 {
     node->now = vtime_max(node->now, now);
     original_hub_on_transfer_done(node->original, node->bus->result, now);
 }
 
+/* Return when the hub's firmware must run next; VTIME_NEVER without power or work. */
 vtime hub_original_next_time(const struct hub_node *node)
 {
     const vtime next = node->is_powered ? original_hub_next_time(node->original, node->now) : VTIME_NEVER;
     return next == VTIME_NEVER ? VTIME_NEVER : vtime_max(next, node->cpu_free);
 }
 
+/* Run the hub's firmware once at virtual time `now`. */
 void hub_original_run(struct hub_node *node, vtime now)
 {
     node->now = vtime_max(node->now, now);
     original_hub_run(node->original, node->now);
 }
 
+/* Convert a virtual time to seconds. */
 static double to_seconds(vtime time)
 {
     return (double)time / (double)VTIME_SECOND;
 }
 
+/* Write the account of the hub's cycles as the member `original` of a JSON object, followed by a comma. */
 void hub_original_write_statistics(const struct hub_node *node, FILE *file)
 {
     const struct original_account account = original_hub_measure_cycles(node->original);

@@ -7,7 +7,8 @@
 
 #include "emulator/hub_node.h"
 
-/* For a world with `protocol original`. Returns 0, or -1 after an error line on stderr (out of memory). */
+/* Create the original firmware of the hub, in a world with `protocol original`. Returns 0, or -1 after an error line on
+ * stderr (out of memory). */
 int hub_original_open(struct hub_node *node, const struct world_description *world);
 void hub_original_close(struct hub_node *node);
 

@@ -17,6 +17,7 @@
 #define DURATION_MAX_S 1e7        /* below the 213 days that a vtime can represent */
 #define FAST_STEP (2u * VTIME_MS) /* in fast mode, virtual time between two checks for bytes from the host */
 
+/* Options of the command line. */
 struct options {
     const char *world;
     const char *stimulus;
@@ -31,7 +32,7 @@ struct options {
 
 static volatile sig_atomic_t stop_requested;
 
-/* Signal handler: requests that the emulator writes its statistics and ends. */
+/* Request that the emulator writes its statistics and ends; signal handler. */
 static void on_signal(int number)
 {
     (void)number;
@@ -96,7 +97,7 @@ static int parse_options(struct options *options, int argc, char **argv)
     return options->world ? 0 : report_usage("--world: expected the path of a world file");
 }
 
-/* Open the stimulus file, or a file descriptor given as fd:N; `taxels`: number of values per record. Returns 0, or -1
+/* Open the stimulus file, or a file descriptor given as fd:N. taxels: number of values per record. Returns 0, or -1
  * after an error line on stderr. */
 static int open_stimulus(struct stimulus *stimulus, const struct options *options, size_t taxels)
 {
@@ -118,7 +119,7 @@ static int open_stimulus(struct stimulus *stimulus, const struct options *option
     return stimulus_open(stimulus, fd, options->stimulus ? options->stimulus : "none", taxels, options->live);
 }
 
-/* The time of the PC's monotonic clock in seconds. */
+/* Return the time of the PC's monotonic clock in seconds. */
 static double read_clock_s(void)
 {
     struct timespec time;
@@ -126,14 +127,14 @@ static double read_clock_s(void)
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-/* Suspends the emulator for the given time; a signal ends the sleep. */
+/* Suspend the emulator for the given time; a signal ends the sleep. */
 static void sleep_ms(int milliseconds)
 {
     (void)poll(NULL, 0, milliseconds);
 }
 
-/* Whether virtual time may run faster than real time. With an interactive host it may only while the hub streams:
- * otherwise virtual time would advance without limit while the host prepares its next command. */
+/* Return whether virtual time may run faster than real time. With an interactive host it may only while the hub
+ * streams: otherwise virtual time would advance without limit while the host prepares its next command. */
 static bool can_run_fast(const struct options *options, const struct world *world)
 {
     const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;
@@ -164,7 +165,7 @@ static int run(struct world *world, const struct options *options)
     return 0;
 }
 
-/* Command line taxel-emulator. Exit status: 0, 1 after an error, 2 for a wrong command line. */
+/* Run the command line taxel-emulator. Exit status: 0, 1 after an error, 2 for a wrong command line. */
 int main(int argc, char **argv)
 {
     static struct world_description description;

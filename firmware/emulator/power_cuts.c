@@ -1,12 +1,13 @@
 #include "emulator/power_cuts.h"
 
-/* The virtual time of the next planned power cut or return of power of the hub; VTIME_NEVER if there is none. */
+/* Return the virtual time of the next planned power cut or return of power of the hub; VTIME_NEVER if there is none. */
 static vtime next_hub_power_event(const struct hub_node *hub)
 {
     return vtime_min(hub->boot.flash.cut_time, hub->power_return_time);
 }
 
-/* The virtual time of the next planned power cut or return of power in the world; VTIME_NEVER if there is none. */
+/* Return the virtual time of the next planned power cut or return of power in the world; VTIME_NEVER if there is
+ * none. */
 vtime power_cuts_next_time(const struct world *world)
 {
     vtime next = next_hub_power_event(&world->hub);
@@ -42,8 +43,8 @@ void power_cuts_run(struct world *world, vtime now)
     }
 }
 
-/* Plans a power cut during a flash write of `board`, or of the hub if `board` is NULL. Returns 0, or -1 if the plan
- * is invalid. */
+/* Plan a power cut during a flash write of `board`, or of the hub if `board` is NULL. Returns 0, or -1 if
+ * FLASH_CUTS_MAX cuts are planned. */
 int world_plan_power_cut(struct world *world, struct board_node *board, const struct flash_cut_plan *plan)
 {
     world->has_power_cuts = true;

@@ -4,7 +4,7 @@
 
 #include "emulator/world.h"
 
-/* The time of the next cut, or of the next return of power. */
+/* Return the time of the next cut, or of the next return of power. */
 vtime power_cuts_next_time(const struct world *world);
 
 /* Switch off and on everything that is due at `now`. */

@@ -20,7 +20,7 @@ void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_
     uart->transmit_next = uart->packet_deadline = uart->receive_next = VTIME_NEVER;
 }
 
-/* The hub has bytes to send: start its transmitter if idle. */
+/* Start the hub's transmitter if it is idle, because the hub has bytes to send. */
 void uart_start_transmit(struct uart *uart, vtime now)
 {
     if (uart->transmit_next == VTIME_NEVER && !uart->is_blocked) {
@@ -28,7 +28,7 @@ void uart_start_transmit(struct uart *uart, vtime now)
     }
 }
 
-/* Stops the transmission of the hub, for example because the hub has no power. */
+/* Stop the transmission of the hub, for example because the hub has no power. */
 void uart_stop_transmit(struct uart *uart)
 {
     uart->transmit_next = VTIME_NEVER;
@@ -70,8 +70,8 @@ static void transmit_to_adapter(struct uart *uart, uint8_t sent, vtime arrival)
     }
 }
 
-/* Fill the hub's transmit FIFO and send its bytes, one FIFO at a time; returns their number. While the adapter has no
- * space, nothing is taken from the hub. */
+/* Fill the hub's transmit FIFO and send its bytes, one FIFO at a time. Returns their number. While the adapter has no
+ * space, nothing is taken from the hub; without CTS, the bytes are taken and lost. */
 size_t uart_refill_transmitter(struct uart *uart)
 {
     uint8_t bytes[UART_FIFO_SIZE];
@@ -92,20 +92,20 @@ size_t uart_refill_transmitter(struct uart *uart)
     return size;
 }
 
-/* Number of bytes for which the buffer from the host to the hub has space. */
+/* Return the number of bytes for which the buffer from the host to the hub has space. */
 size_t uart_host_free_space(const struct uart *uart)
 {
     return UART_RECEIVE_BUFFER_SIZE - (uart->receive_head - uart->receive_tail);
 }
 
-/* Whether the hub's RTS has stopped the USB adapter. After RTS was deasserted, the adapter still sends
+/* Return whether the hub's RTS has stopped the USB adapter. After RTS was deasserted, the adapter still sends
  * UART_BYTES_AFTER_HOLD bytes. */
 static bool is_adapter_stopped(const struct uart *uart)
 {
     return uart->is_held && uart->sent_while_held >= UART_BYTES_AFTER_HOLD;
 }
 
-/* Schedules the adapter's next byte to the hub: at `start`, or when it has arrived from the host. */
+/* Schedule the adapter's next byte to the hub: at `start`, or when it has arrived from the host. */
 static void schedule_next_byte(struct uart *uart, vtime start)
 {
     const vtime ready = uart->receive_ready[uart->receive_tail % UART_RECEIVE_BUFFER_SIZE];
@@ -113,7 +113,7 @@ static void schedule_next_byte(struct uart *uart, vtime start)
     uart->receive_next = is_empty || is_adapter_stopped(uart) ? VTIME_NEVER : vtime_max(start, ready) + uart->byte_time;
 }
 
-/* Queue bytes from the host to the hub in the USB adapter; returns the number accepted, less than `size` if its buffer
+/* Queue bytes from the host to the hub in the USB adapter. Returns the number accepted, less than `size` if its buffer
  * is full. */
 size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now)
 {
@@ -129,7 +129,8 @@ size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size,
     return accepted;
 }
 
-/* Level of RTS from the hub: while held, the adapter sends only the bytes that its transmitter already contains. */
+/* Set the level of RTS from the hub: while held, the adapter sends only the bytes that its transmitter already
+ * contains. */
 void uart_set_hold(struct uart *uart, bool hold, vtime now)
 {
     const bool was_stopped = is_adapter_stopped(uart);

@@ -64,26 +64,26 @@ struct uart {
 void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world,
                struct fault_log *log);
 
-/* The hub has bytes to transmit: start the transmitter unless it runs or is blocked. */
+/* Start the hub's transmitter, unless it runs or is blocked, because the hub has bytes to transmit. */
 void uart_start_transmit(struct uart *uart, vtime now);
 
-/* The hub has lost its power. */
+/* Stop the hub's transmitter, because the hub has lost its power. */
 void uart_stop_transmit(struct uart *uart);
 
-/* At `transmit_next`: refill the transmit FIFO from the hub. Returns the number of bytes taken. */
+/* Refill the transmit FIFO from the hub, at the time `transmit_next`. Returns the number of bytes taken. */
 size_t uart_refill_transmitter(struct uart *uart);
 
 /* Send the bytes in the adapter's buffer to the host. */
 void uart_flush_packet(struct uart *uart, vtime now);
 
-/* Bytes that the host sends at `now`. Returns how many fit into the buffer. */
+/* Send bytes from the host at `now`. Returns the number of bytes for which the buffer has space. */
 size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now);
 size_t uart_host_free_space(const struct uart *uart);
 
-/* The hub deasserts (true) or asserts (false) RTS. */
+/* Set the hub's RTS: deasserted, so that the adapter pauses (true), or asserted (false). */
 void uart_set_hold(struct uart *uart, bool hold, vtime now);
 
-/* At `receive_next`: one byte reaches the hub's receiver; the byte is lost if the hub has no power. */
+/* Deliver one byte to the hub's receiver, at the time `receive_next`. The byte is lost if the hub has no power. */
 void uart_deliver_to_hub(struct uart *uart, bool hub_is_powered);
 
 #endif

@@ -1,12 +1,12 @@
 #include "emulator/uart_faults.h"
 
-/* True if a UART fault of this kind inverts a bit. */
+/* Return whether a UART fault of this kind inverts a bit. */
 static bool is_flip(enum fault_kind kind)
 {
     return kind == FAULT_UP_FLIP || kind == FAULT_DOWN_FLIP;
 }
 
-/* True if a UART fault of this kind removes bytes. */
+/* Return whether a UART fault of this kind removes bytes. */
 static bool removes_byte(enum fault_kind kind)
 {
     return kind == FAULT_UP_DROP || kind == FAULT_DOWN_DROP;
@@ -33,7 +33,7 @@ bool uart_faults_add(struct uart_faults *line, const struct fault_description *f
     return true;
 }
 
-/* Apply the pending faults to one byte; returns the number of bytes in `out`: 0 (removed), 1 or 2 (doubled). */
+/* Apply the pending faults to one byte. Returns the number of bytes in `out`: 0 (removed), 1 or 2 (doubled). */
 size_t uart_faults_apply(struct uart_faults *line, uint8_t byte, uint8_t out[2], vtime now, struct fault_log *log)
 {
     const uint64_t position = line->position++;

@@ -17,12 +17,13 @@ struct uart_faults {
     } pending[UART_FAULTS_MAX];
 };
 
-/* The fault's `value` is the number of bytes that pass before it takes effect; `second_value` is the bit (flip) or the
- * number of affected bytes (up_drop, up_double and their down_ counterparts; 0 counts as 1). The `value` of a delay
- * is in milliseconds, and the delay starts at `now`. Returns false if UART_FAULTS_MAX faults are pending. */
+/* Schedule a fault. Its `value` is the number of bytes that pass before it takes effect; `second_value` is the bit
+ * (flip) or the number of affected bytes (up_drop, up_double and their down_ counterparts; 0 is treated as 1). The
+ * `value` of a delay is in milliseconds, and the delay starts at `now`. Returns false if UART_FAULTS_MAX faults are
+ * pending. */
 bool uart_faults_add(struct uart_faults *line, const struct fault_description *fault, vtime now);
 
-/* Transmit one byte: writes the 0 to 2 bytes that arrive to `out` and returns their number. */
+/* Transmit one byte: write the 0, 1 or 2 bytes that arrive to `out`. Returns their number. */
 size_t uart_faults_apply(struct uart_faults *line, uint8_t byte, uint8_t out[2], vtime now, struct fault_log *log);
 
 #endif

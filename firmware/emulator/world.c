@@ -10,7 +10,7 @@
 /* with threads, all boards are advanced in parallel this often, ahead of reads that need it */
 #define ADVANCE_STEP (4u * VTIME_MS)
 
-/* Number of taxels of all boards in the description of a world. */
+/* Return the number of taxels of all boards in the description of a world. */
 size_t world_taxel_count(const struct world_description *description)
 {
     size_t taxels = 0;
@@ -20,7 +20,7 @@ size_t world_taxel_count(const struct world_description *description)
     return taxels;
 }
 
-/* The index of a board's first taxel in the stimulus. */
+/* Return the index of a board's first taxel in the stimulus. */
 static size_t find_first_taxel(const struct world_description *description, size_t board)
 {
     size_t first = 0;
@@ -64,13 +64,13 @@ int world_init(struct world *world, const struct world_description *description,
     return 0;
 }
 
-/* Lets the world compute boards and skin in the threads of a pool; NULL: in the calling thread only. */
+/* Let the world compute boards and skin in the threads of a pool; NULL: in the calling thread only. */
 void world_use_thread_pool(struct world *world, struct thread_pool *thread_pool)
 {
     world->thread_pool = world->skin.thread_pool = thread_pool;
 }
 
-/* Releases boards, hub and skin of the world. The caller owns the struct itself. */
+/* Free boards, hub and skin of the world. The caller owns the struct itself. */
 void world_free(struct world *world)
 {
     for (size_t i = 0; i < world->board_count; i++) {
@@ -80,7 +80,7 @@ void world_free(struct world *world)
     skin_free(&world->skin);
 }
 
-/* The virtual time of the next fault of the world file; VTIME_NEVER after the last fault. */
+/* Return the virtual time of the next fault of the world file; VTIME_NEVER after the last fault. */
 static vtime next_fault_time(const struct world *world)
 {
     if (world->next_fault == world->description->fault_count) {
@@ -104,7 +104,7 @@ enum event {
     EVENT_COUNT,
 };
 
-/* Virtual time of the next event of each kind, VTIME_NEVER if none is scheduled. */
+/* Write the virtual time of the next event of each kind; VTIME_NEVER if none is scheduled. */
 static void list_event_times(const struct world *world, vtime times[EVENT_COUNT])
 {
     times[EVENT_STIMULUS] = world->stimulus->until;
@@ -119,8 +119,8 @@ static void list_event_times(const struct world *world, vtime times[EVENT_COUNT]
     times[EVENT_HUB] = hub_node_next_time(&world->hub);
 }
 
-/* Kind and virtual time of the next event. Of several events at the same time, the first kind in the enum has
- * precedence, so that runs are reproducible. */
+/* Return the kind and virtual time of the next event. Of several events at the same time, the first kind in the enum
+ * has precedence, so that runs are reproducible. */
 static enum event find_earliest_event(const struct world *world, vtime *time)
 {
     vtime times[EVENT_COUNT];
@@ -135,8 +135,9 @@ static enum event find_earliest_event(const struct world *world, vtime *time)
     return first;
 }
 
-/* Virtual time up to which bus or hub (`running`) may run in one call: the next event of another kind. The order of
- * events matters, because the end of a transfer and a UART interrupt occupy the same CPU of the hub. */
+/* Return the virtual time up to which the bus or the hub (`running`) may run in one call: just before the next event of
+ * another kind, at most `until`. The order of events matters, because the end of a transfer and a UART interrupt occupy
+ * the same CPU of the hub. */
 static vtime run_limit(const struct world *world, enum event running, vtime now, vtime until)
 {
     vtime times[EVENT_COUNT];
@@ -149,7 +150,7 @@ static vtime run_limit(const struct world *world, enum event running, vtime now,
     return vtime_max(now, until);
 }
 
-/* Handles the end of a transfer, or of one command of a bytewise master. The result is passed on before the bus is
+/* Handle the end of a transfer, or of one command of a bytewise master. The result is passed on before the bus is
  * released, because the next transfer overwrites the result. */
 static void end_transfer(struct world *world)
 {
@@ -230,7 +231,7 @@ int world_run(struct world *world, vtime until)
     return 0;
 }
 
-/* Sets the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
+/* Set the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
  * boards. Returns 0, or -1 on an error. */
 int world_set_stimulus(struct world *world, const float *values)
 {
@@ -253,7 +254,7 @@ int world_poll_inputs(struct world *world)
     return 0;
 }
 
-/* A rise time in nanoseconds as a JSON value; null for a line that does not become high. */
+/* Write a rise time in nanoseconds as a JSON value with this name; null for a line that does not become high. */
 static void write_rise(FILE *file, const char *name, double rise_s)
 {
     if (rise_s < 1.0) {
@@ -286,8 +287,8 @@ static void write_branches(const struct world *world, FILE *file)
     fprintf(file, "\n  ]");
 }
 
-/* Write the counters of the run as a JSON object to a file. `wall_seconds`: elapsed time of the wall clock. Returns 0
- * or -1. */
+/* Write the counters of the run as a JSON object to a file. wall_seconds: elapsed time of the wall clock. Returns 0, or
+ * -1 after an error line on stderr. */
 int world_write_statistics(const struct world *world, const char *path, double wall_seconds)
 {
     const double seconds = (double)world->now / (double)VTIME_SECOND;

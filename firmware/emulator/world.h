@@ -43,11 +43,11 @@ struct world {
     uint64_t events;
 };
 
-/* The number of taxels of all boards. */
+/* Return the number of taxels of all boards. */
 size_t world_taxel_count(const struct world_description *description);
 
-/* The arguments must outlive the world. Returns 0, or -1 after an error line on stderr; call world_free() in both
- * cases. */
+/* Create the world. The arguments must outlive it. Returns 0, or -1 after an error line on stderr; call world_free() in
+ * both cases. */
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script);
 
@@ -60,14 +60,16 @@ void world_free(struct world *world);
  * invalid. */
 int world_run(struct world *world, vtime until);
 
-/* Read the bytes that the host has sent, and complete records of a live stimulus. Returns 0 or -1 as above. */
+/* Read the bytes that the host has sent, and complete records of a live stimulus. Returns 0, or -1 after an error line
+ * on stderr if the stimulus is invalid. */
 int world_poll_inputs(struct world *world);
 
-/* Without a stimulus stream: the values that act on the skin from now on. Returns 0 or -1 as above. */
+/* Set the values that act on the skin from now on, in a world without a stimulus stream. Returns 0, or -1 after an
+ * error line on stderr if a value is invalid. */
 int world_set_stimulus(struct world *world, const float *values);
 
-/* Inject a fault at once (`time_s` is ignored). Returns 0; -1 if too many faults are pending, or for a fault of a branch
- * that does not exist or has no such line. */
+/* Inject a fault at once (`time_s` is ignored). Returns 0, or -1 if too many faults are pending, or for a fault of a
+ * branch that does not exist or has no such line. */
 int world_inject_fault(struct world *world, const struct fault_description *fault);
 
 /* Plan a power cut during a flash write of a board, or of the hub (board NULL). Returns 0, or -1 if too many cuts are

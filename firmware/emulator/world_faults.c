@@ -1,15 +1,16 @@
 /* Injects faults: faults of boards, hub and host take effect at once, faults at a byte are passed to bus and UART. */
 #include "emulator/world.h"
 
-/* Whether the open supply of a branch keeps a board without power. */
+/* Return whether the open supply of a branch keeps a board without power. */
 static bool has_open_supply(const struct world *world, const struct board_node *board)
 {
     const int branch = bus_wiring_find_branch(&world->bus.wiring, board->description->address);
     return branch >= 0 && world->bus.wiring.is_supply_open[branch];
 }
 
-/* Apply a fault to one board, which is first advanced to the current time; `value`: clocks, microseconds, bytes or
- * number of NACKs, depending on the kind. */
+/* Apply a fault to one board, which is first advanced to the current time. The value of the fault is a number of
+ * clocks, microseconds, bytes or NACKs, depending on its kind. A board without supply cannot be plugged in or
+ * restarted. */
 static void apply_to_board(struct world *world, struct board_node *board, const struct fault_description *fault)
 {
     const vtime now = world->now;
@@ -114,7 +115,8 @@ static int apply_fault(struct world *world, const struct fault_description *faul
     }
 }
 
-/* Apply a fault now and log it. Returns 0; -1 if too many faults are pending, or if a fault of a branch is invalid. */
+/* Apply a fault now and log it. Returns 0, or -1 if too many faults are pending, or if a fault of a branch is
+ * invalid. */
 int world_inject_fault(struct world *world, const struct fault_description *fault)
 {
     fault_log_add(&world->log, world->now, fault->kind, fault->address);

@@ -8,13 +8,13 @@ struct board_task {
     bool has_failed[WORLD_BOARDS_MAX];
 };
 
-/* Calls `function` once for each board number, in the threads of the pool, and waits for the end. */
+/* Call `function` once for each board number, in the threads of the pool, and wait for the end. */
 static void run_for_all_boards(struct board_task *task, thread_pool_task function)
 {
     thread_pool_run(task->world->thread_pool, task->world->board_count, function, task);
 }
 
-/* Task of the thread pool: simulates board number `board` up to the time of the task. */
+/* Simulate board number `board` up to the time of the task; task of the thread pool. */
 static void advance_board(void *context, size_t board)
 {
     const struct board_task *task = context;
@@ -29,7 +29,7 @@ void world_advance_boards(struct world *world, vtime until)
     world->boards_advanced_until = until;
 }
 
-/* Task of one board at the end of a field interval: advance the board and store its fields in the history. */
+/* Advance the board and store its fields in the history; task of one board at the end of a field interval. */
 static void finish_board_field(void *context, size_t index)
 {
     struct board_task *task = context;
@@ -38,7 +38,7 @@ static void finish_board_field(void *context, size_t index)
     task->has_failed[index] = board_fields_remember(&board->fields, task->time) != 0;
 }
 
-/* Advances the boards to `now` under the present fields, and stores these fields where a late board needs them.
+/* Advance the boards to `now` under the present fields, and store these fields where a late board needs them.
  * Returns 0, or -1 without memory. */
 static int finish_fields(struct world *world, vtime now)
 {
@@ -55,8 +55,8 @@ static int finish_fields(struct world *world, vtime now)
     return 0;
 }
 
-/* Task of one board at the start of a field interval: count changes of its fields and, for voltage droop, compute its
- * TX load at both ends of the interval (farad). */
+/* Count changes of its fields and, for voltage droop, compute its TX load at both ends of the interval (farad); task of
+ * one board at the start of a field interval. */
 static void start_board_field(void *context, size_t index)
 {
     const struct board_task *task = context;

@@ -7,28 +7,30 @@
 #define FLAG_SATURATED 0x08u
 #define FLAG_READ_ONLY 0x10u
 
-/* Increments a counter, which stays at 65535. */
-static void count(uint16_t *counter)
+/* Increment a 16-bit counter, which stays at 65535 once it has reached this value. */
+static void increment_saturating(uint16_t *counter)
 {
     *counter = (uint16_t)(*counter + (*counter < 0xFFFF));
 }
 
-/* Number of bytes of a snapshot of the modelled board. */
+/* Return the number of bytes of a snapshot of the modelled board: 6 bytes of header, 2 bytes per taxel, 4 bytes of
+ * CRC. */
 static size_t snapshot_size(const struct board_model *model)
 {
     return 10u + 2u * (size_t)model->taxel_count;
 }
 
-/* True if a board must accept these 8 bytes of scan settings: the largest count is 1 to 65535, and divider and
- * current code are not 0. */
+/* Return whether a board must accept these 8 bytes of scan settings: the largest possible raw count (sub-conversions
+ * times sense clock divider, both 16 bits) is 1 to 65535, and modulator clock divider and IDAC code are not 0. */
 bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE])
 {
     const uint64_t largest = (uint64_t)(settings[0] | settings[1] << 8) * (uint64_t)(settings[2] | settings[3] << 8);
     return largest >= 1 && largest <= 65535 && settings[4] && settings[5];
 }
 
-/* Reset of the model of a sensor board: identity register and settings as after power-on; wiring and clock are kept.
- * The byte layout is written out here, independently of the generated code under test. */
+/* Reset the model of a sensor board. Afterwards identity register and settings are those after power-on; I2C address,
+ * reset cause, wiring, boot settings and clock are kept. The byte layout of the identity register is written out here,
+ * independently of the generated code under test. */
 void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kind, const uint8_t unique_id[8])
 {
     const struct board_model old = *model;
@@ -52,16 +54,17 @@ void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kin
     fuzz_put_u16(id + 20, (uint32_t)snapshot_size(model));
     memcpy(id + 22, model->crossing_map, 32);
     fuzz_put_u32(id + 54, fuzz_crc32(0, id, 54));
-    model->configured = 1;
+    model->front_end_configurations = 1;
 }
 
-/* Model of the start of a scan: pending settings take effect and the first conversion begins. */
+/* Start a scan of the model: pending settings take effect, sequence number and start time are stored in the snapshot,
+ * and the conversion of the first taxel begins. */
 static void begin_scan(struct board_model *model)
 {
     if (model->settings_pending) {
         model->settings_pending = false;
         model->settings_generation++;
-        model->configured++;
+        model->front_end_configurations++;
         memcpy(model->settings, model->next_settings, sizeof model->settings);
     }
     model->taxel = 0;
@@ -72,7 +75,8 @@ static void begin_scan(struct board_model *model)
     model->conversions_started++;
 }
 
-/* Model of the start of continuous scans. A conversion that is still running is discarded at its end. */
+/* Start continuous scans of the model, unless they are running. The result of a conversion that still runs since before
+ * an earlier stop will be discarded; the first scan then begins at the end of this conversion. */
 void model_start(struct board_model *model)
 {
     if (model->scanning) {
@@ -86,7 +90,8 @@ void model_start(struct board_model *model)
     }
 }
 
-/* Index (tx * columns + rx) of the crossing of the taxel being converted, or 0xFFFF if the map has no such taxel. */
+/* Return the index (tx * columns + rx) of the crossing of the taxel being converted, or 0xFFFF if the crossing map has
+ * fewer taxels. */
 uint16_t model_crossing(const struct board_model *model)
 {
     unsigned remaining = model->taxel;
@@ -98,7 +103,7 @@ uint16_t model_crossing(const struct board_model *model)
     return 0xFFFF;
 }
 
-/* Model of the end of a scan: CRC over I2C address and snapshot, and a copy as the newest snapshot. */
+/* Complete a scan of the model: append the CRC over I2C address and snapshot, and copy the snapshot to `newest`. */
 static void complete_scan(struct board_model *model)
 {
     uint8_t *const bytes = model->being_scanned.bytes;
@@ -110,7 +115,8 @@ static void complete_scan(struct board_model *model)
     model->newest.exists = true;
 }
 
-/* Model of the end of a conversion with this raw count; 0 counts as saturated. */
+/* End the running conversion of the model with this raw count; 0 means a saturated conversion. The next conversion
+ * begins, in a new scan after the last taxel; a stopped board discards the raw count and starts none. */
 void model_conversion(struct board_model *model, uint16_t raw_count)
 {
     const bool is_dropped = model->dropped_conversion;
@@ -124,7 +130,7 @@ void model_conversion(struct board_model *model, uint16_t raw_count)
     }
     fuzz_put_u16(model->being_scanned.bytes + 6u + 2u * model->taxel, raw_count);
     if (raw_count == 0) {
-        count(&model->saturated_conversions);
+        increment_saturating(&model->saturated_conversions);
         model->error_flags |= FLAG_SATURATED;
     }
     if (++model->taxel < model->taxel_count) {
@@ -136,7 +142,7 @@ void model_conversion(struct board_model *model, uint16_t raw_count)
     begin_scan(model);
 }
 
-/* Prepares the register content that the next reads return: `size` bytes, from byte `position` on. */
+/* Prepare the register content that the next reads return: byte `position` of `bytes` first. */
 static void answer_with(struct board_model *model, const uint8_t *bytes, size_t size, size_t position)
 {
     memcpy(model->answer, bytes, size);
@@ -144,7 +150,7 @@ static void answer_with(struct board_model *model, const uint8_t *bytes, size_t 
     model->answer_position = position;
 }
 
-/* Model of a read of the status registers from 0x40 on. */
+/* Prepare the answer to a read of the status registers, 0x40 to 0x5B, from the byte on that the pointer selects. */
 static void answer_with_status(struct board_model *model)
 {
     uint8_t bytes[28] = {model->scanning, model->error_flags, model->reset_cause, model->settings_generation};
@@ -158,8 +164,8 @@ static void answer_with_status(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x40u);
 }
 
-/* Prepares the answer to a read of the settings register: settings and CRC, from the byte on that the pointer
- * selects. */
+/* Prepare the answer to a read of the settings register: settings and CRC, from the byte on that the pointer selects.
+ * Settings that wait for the next scan are returned instead of those in use. */
 static void answer_with_settings(struct board_model *model)
 {
     uint8_t bytes[12];
@@ -168,7 +174,7 @@ static void answer_with_settings(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x60u);
 }
 
-/* Model of a read of the fault register 0x90: no fault, and the CRC. */
+/* Prepare the answer to a read of the fault register 0x90: 12 zero bytes, which mean no fault, and their CRC. */
 static void answer_with_no_fault(struct board_model *model)
 {
     uint8_t bytes[16] = {0};
@@ -176,8 +182,9 @@ static void answer_with_no_fault(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, 0);
 }
 
-/* Model of a read of the snapshot registers 0x80 to 0x8F, 32 bytes apart. Register 0x80 latches the newest snapshot.
- * Returns false (NACK) if no scan has been completed. */
+/* Prepare the answer to a read of the snapshot registers: 0x80 + n returns the latched snapshot from byte 32 n on. A
+ * read of register 0x80 is counted, and first latches the newest snapshot if there is one. Returns false (the board
+ * answers with NACK) if no snapshot is latched. */
 static bool answer_with_snapshot(struct board_model *model)
 {
     if (model->pointer == 0x80 && model->newest.exists) {
@@ -193,7 +200,8 @@ static bool answer_with_snapshot(struct board_model *model)
     return true;
 }
 
-/* Model of the board being addressed. Returns whether it acknowledges. */
+/* Address the model for a read (`reading`) or a write. A read prepares the content of the register at the pointer; the
+ * first byte of a write will be the pointer. Returns whether the board acknowledges. */
 bool model_address(struct board_model *model, bool reading)
 {
     model->refused = false;
@@ -219,20 +227,21 @@ bool model_address(struct board_model *model, bool reading)
     return true;
 }
 
-/* The next byte that the board must send to the master; 0xFF after the end of the answer. */
+/* Return the next byte that the board must send to the master; 0xFF after the end of the register content. */
 uint8_t model_read(struct board_model *model)
 {
     return model->answer_position < model->answer_size ? model->answer[model->answer_position++] : 0xFF;
 }
 
-/* Counts a rejected write and sets `flag` in the error flags of the model. */
+/* Count a rejected write and set `flag` in the error flags of the model. */
 static void reject(struct board_model *model, uint8_t flag)
 {
-    count(&model->rejected_writes);
+    increment_saturating(&model->rejected_writes);
     model->error_flags |= flag;
 }
 
-/* Model of a byte written by the master. Returns whether the board acknowledges. */
+/* Write a byte of the master to the model: the register pointer, or data that take effect at the stop condition. Data
+ * of more than MODEL_WRITE_MAX bytes are a rejected write. Returns whether the board acknowledges. */
 bool model_write(struct board_model *model, uint8_t byte)
 {
     if (model->pointer_next) {
@@ -253,7 +262,8 @@ bool model_write(struct board_model *model, uint8_t byte)
     return true;
 }
 
-/* Model of a write to the settings register 0x60: 8 bytes of settings and a CRC that covers the I2C address. */
+/* Execute a write to the settings register 0x60: 8 bytes of settings and a CRC that covers I2C address and settings.
+ * Valid settings wait for the next scan; others are a rejected write. */
 static void take_settings(struct board_model *model)
 {
     uint8_t crc[4];
@@ -267,8 +277,9 @@ static void take_settings(struct board_model *model)
     model->settings_pending = true;
 }
 
-/* Model of a write to the command register 0x70: code and complement. 1 start, 2 stop, 3 clear counters, 4 restart, 5
- * bootloader, with a key behind both. */
+/* Execute a write to the command register 0x70: command code and its complement. Codes: 1 start scans, 2 stop scans, 3
+ * clear counters, 4 restart, 5 enter the bootloader. Code 5 needs the four characters BOOT after the complement.
+ * Anything else is a rejected write. */
 static void take_command(struct board_model *model)
 {
     const bool has_key = model->written_size == 6 && memcmp(model->written + 2, "BOOT", 4) == 0;
@@ -298,7 +309,8 @@ static void take_command(struct board_model *model)
     }
 }
 
-/* Model of a stop condition, at which written bytes take effect. */
+/* End a transfer of the model with a stop condition, at which written bytes take effect. Bytes written to a register
+ * other than 0x60 (settings) and 0x70 (command) are a rejected write. */
 void model_stop(struct board_model *model)
 {
     if (model->written_size && model->pointer == 0x60) {
@@ -312,11 +324,11 @@ void model_stop(struct board_model *model)
     model->pointer_next = false;
 }
 
-/* Models a start or stop condition at a wrong position: it is counted, and the bytes of this write are
+/* Model a start or stop condition at a wrong position: the bus error is counted, and the bytes of this write are
  * discarded. */
 void model_bus_error(struct board_model *model)
 {
-    count(&model->bus_errors);
+    increment_saturating(&model->bus_errors);
     model->written_size = 0;
     model->pointer_next = false;
 }

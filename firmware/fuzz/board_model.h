@@ -26,18 +26,21 @@ struct board_model {
     uint8_t identity[58];
 
     /* the scan */
-    bool scanning, converting, dropped_conversion; /* dropped: the conversion began before a stop */
-    uint16_t taxel;
+    bool scanning, converting;
+    bool dropped_conversion; /* the running conversion began before a stop: its raw count is discarded */
+    uint16_t taxel;          /* index of the taxel being converted */
     uint8_t settings[MODEL_SETTINGS_SIZE], next_settings[MODEL_SETTINGS_SIZE];
     bool settings_pending;
     uint8_t settings_generation;
     uint32_t clock_us, started_us, scan_time_us, scans;
     struct model_snapshot being_scanned, newest, latched;
-    unsigned conversions_started, configured;
+    unsigned conversions_started;
+    unsigned front_end_configurations; /* number of times that the front end received settings, including the boot */
 
     /* the registers */
     uint8_t pointer, error_flags;
-    bool pointer_next, refused;
+    bool pointer_next; /* the next byte written is the register pointer */
+    bool refused;      /* the write was too long: all further bytes are not acknowledged */
     uint8_t written[MODEL_WRITE_MAX];
     size_t written_size;
     uint32_t snapshot_reads;
@@ -55,7 +58,7 @@ bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE]);
 
 void model_start(struct board_model *model);
 void model_conversion(struct board_model *model, uint16_t raw_count);
-/* TX * columns + RX of the conversion that must be in progress. */
+/* Return the crossing, TX * columns + RX, of the conversion that must be in progress; 0xFFFF if there is none. */
 uint16_t model_crossing(const struct board_model *model);
 
 bool model_address(struct board_model *model, bool reading);

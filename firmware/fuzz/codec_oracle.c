@@ -3,8 +3,9 @@
 #include "fuzz/fuzz.h"
 
 struct type_rule {
-    uint8_t type, has_address;
-    uint16_t minimum, maximum;
+    uint8_t type;
+    uint8_t has_address;       /* the payload begins with the I2C address of a board */
+    uint16_t minimum, maximum; /* length of the payload in bytes */
 };
 
 /* SPEC.md, "Frame types". */
@@ -14,7 +15,8 @@ static const struct type_rule type_rules[] = {
     {0x81, 0, 3, 3},   {0x82, 0, 2, 68},   {0x83, 0, 3, 66},
 };
 
-/* Permitted lengths of a frame type in the accepted directions, or NULL. Types from 0x80 on are sent by the host. */
+/* Return the rule of a frame type, or NULL if the type is undefined or is not sent in one of the accepted `directions`.
+ * Types from 0x80 on are sent by the host. */
 static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
 {
     for (size_t i = 0; i < sizeof type_rules / sizeof type_rules[0]; i++) {
@@ -26,27 +28,27 @@ static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
     return NULL;
 }
 
-/* True if frames of this type and direction may have a payload of `length` bytes. */
+/* Return whether the frame type is sent in one of `directions` and permits a payload of `length` bytes. */
 bool oracle_allows(uint8_t type, uint8_t directions, size_t length)
 {
     const struct type_rule *rule = rule_of(type, directions);
     return rule && length >= rule->minimum && length <= rule->maximum;
 }
 
-/* Reads a little-endian 32-bit number from 4 bytes. */
+/* Read a little-endian 32-bit number from 4 bytes. */
 static uint32_t u32_at(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
 }
 
-/* Reads a little-endian 16-bit number from 2 bytes. */
+/* Read a little-endian 16-bit number from 2 bytes. */
 static uint16_t u16_at(const uint8_t *bytes)
 {
     return (uint16_t)(bytes[0] | bytes[1] << 8);
 }
 
-/* Whether this version defines a whole body: type, length, I2C address and number of taxels. Independent of the
- * deframer under test. */
+/* Return whether a body (a frame without stuffing: type, sequence, length, payload, CRC) is valid in this protocol
+ * version: type, length, I2C address and number of taxels are checked. Independent of the deframer under test. */
 static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 {
     const struct type_rule *rule = rule_of(body[0], directions);
@@ -57,8 +59,8 @@ static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
     return body[0] != 0x02 || length == 18u + 2u * body[6];
 }
 
-/* Unstuff and unwhiten a whole frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none
- * begins there. */
+/* Unstuff and unwhiten the complete frame that begins at `bytes`. Returns the length of its body and, in `taken`, the
+ * number of stuffed bytes; 0 if no frame with a valid CRC begins there. */
 static size_t body_at(const uint8_t *bytes, size_t size, uint8_t *body, size_t *taken)
 {
     size_t length = 0, expected = 0, position = 0;
@@ -98,7 +100,7 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t *body, size_t *
     return 0;
 }
 
-/* Append a whole frame to the expected frames. */
+/* Append a complete frame to the expected frames, and its payload to the expected payloads. */
 static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size, uint8_t directions)
 {
     FUZZ_CHECK(oracle->frame_count < ORACLE_FRAMES_MAX);
@@ -138,8 +140,9 @@ struct board_history {
     uint16_t cycle, scan;
 };
 
-/* Fills in the expected counters and flags of a frame with taxel data: wrong CRC of the board, and missing cycles
- * since the board's last frame. */
+/* Compute the flags and the number of missing cycles of a frame with taxel data, and add both to the totals of its
+ * board. A snapshot with a wrong CRC of the board is damaged. Missing cycles are those since the board's last frame,
+ * whose cycle and scan numbers are in `history`, indexed by I2C address. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -163,7 +166,7 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     history[address] = (struct board_history){true, cycle, scan};
 }
 
-/* Uptime of the hub at `payload`, microseconds. */
+/* Read the hub's uptime in microseconds, 8 little-endian bytes at `payload`. */
 static uint64_t read_uptime(const uint8_t *payload)
 {
     uint64_t uptime_us = 0;
@@ -173,8 +176,8 @@ static uint64_t read_uptime(const uint8_t *payload)
     return uptime_us;
 }
 
-/* Whether a known frame states a restart of the hub: a handshake with sequence 0 and tag 0, or with an uptime less than
- * before. */
+/* Return whether a known frame reports a restart of the hub: a handshake with sequence number 0 and tag 0, or a
+ * handshake with a shorter uptime than before. Also updates `last_uptime_us` from handshakes and hub status frames. */
 static bool is_restart(const struct oracle *oracle, const struct oracle_frame *frame, uint64_t *last_uptime_us)
 {
     const uint8_t *payload = oracle->payloads + frame->offset;
@@ -188,8 +191,8 @@ static bool is_restart(const struct oracle *oracle, const struct oracle_frame *f
     return restarts;
 }
 
-/* Fills in the expected number of lost frames from the frame sequence. Unknown frames of the sender have sequence numbers
- * too; frames of the other direction have not. */
+/* Compute the expected number of lost frames from the sequence numbers, and all totals. Unknown frames of the same
+ * sender share its sequence numbers; frames of the other direction do not and are skipped. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
@@ -236,8 +239,8 @@ static void remove_unknown(struct oracle *oracle)
     oracle->frame_count = kept;
 }
 
-/* Decode a stream in the simplest possible way. The result is the expectation with which the optimised decoders are
- * compared. */
+/* Decode a stream in the simplest possible way. The result in `oracle` (frames, payloads, totals, discarded bytes) is
+ * the expectation with which the optimised decoders are compared. */
 void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions)
 {
     size_t start = 0;

@@ -12,10 +12,11 @@
 struct oracle_frame {
     uint8_t type;
     uint16_t sequence, length;
-    size_t offset; /* of its payload in `payloads` */
-    uint16_t lost_before, missing_before;
-    uint8_t flags; /* enum taxel_batch_flag */
-    bool is_unknown;
+    size_t offset;           /* of its payload in `payloads` */
+    uint16_t lost_before;    /* frames of the hub lost before this frame */
+    uint16_t missing_before; /* poll cycles without a frame of this board before this frame */
+    uint8_t flags;           /* enum taxel_batch_flag */
+    bool is_unknown;         /* type, length or address is not defined in this protocol version */
     bool is_of_other_direction;
 };
 
@@ -29,7 +30,7 @@ struct oracle {
     struct taxel_batch_totals totals;
 };
 
-/* Whether the type allows a payload of that length and is sent in one of these directions. */
+/* Return whether the frame type permits a payload of `length` bytes and is sent in one of `directions`. */
 bool oracle_allows(uint8_t type, uint8_t directions, size_t length);
 
 /* Decode every frame of the stream, in order, and count the losses between them. */

@@ -28,6 +28,7 @@ struct fuzz_input {
     size_t remaining;
 };
 
+/* Take one byte from the input; 0 after its end. */
 static inline uint8_t fuzz_u8(struct fuzz_input *input)
 {
     if (!input->remaining) {
@@ -37,6 +38,7 @@ static inline uint8_t fuzz_u8(struct fuzz_input *input)
     return *input->bytes++;
 }
 
+/* Take a little-endian 16-bit number from the input. */
 static inline uint16_t fuzz_u16(struct fuzz_input *input)
 {
     const uint8_t low = fuzz_u8(input);
@@ -68,6 +70,7 @@ static inline uint8_t fuzz_next(uint64_t *state)
 
 static uint32_t fuzz_crc_table[256];
 
+/* Continue the CRC-32 `crc` (0 at the start) over `size` bytes. The table is computed at the first call. */
 static inline uint32_t fuzz_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     if (!fuzz_crc_table[1]) {

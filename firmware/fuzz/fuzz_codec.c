@@ -1,4 +1,4 @@
-/* Bytes through every decoder of the codec.
+/* Fuzz target: compares every decoder of the codec with an independent oracle on arbitrary streams.
  *
  * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes,
  * and damage (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC.
@@ -55,8 +55,9 @@ static void append(const uint8_t *bytes, size_t size)
     stream_size += taken;
 }
 
-/* A payload that the type allows in most cases; its first bytes come from the input, the messages from a seed, a
- * constant or the stream. */
+/* Fill `payload`, mostly with a length that the frame type permits, and return the length. The first 0 to 12 bytes come
+ * from the input; the others are pseudo-random, bytes of the stream, or a constant. Bits of the input select a valid
+ * I2C address and a valid CRC of the board. */
 static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payload)
 {
     const uint8_t filling = fuzz_u8(input);
@@ -85,8 +86,9 @@ static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payl
     return length;
 }
 
-/* Append one encoded frame with payload from the fuzz input to the stream; bits of `op` select its type and omit a
- * delimiter. Also checks that the encoded frame contains no inner zero and fits the stated maximum. */
+/* Append one encoded frame with a payload from the fuzz input to the stream. `op` selects the type (bits 4 to 7) and
+ * omits the first (bit 2) or last (bit 3) delimiter. Also checks that the encoded frame has no zero between the
+ * delimiters, that it is no longer than the stated maximum, and that a shorter buffer is refused. */
 static void append_frame(struct fuzz_input *input, uint8_t op)
 {
     static const uint8_t types[16] = {0x01, 0x02, 0x08, 0x09, 0x0A, 0x0B, 0x0C, 0x0D,
@@ -104,8 +106,8 @@ static void append_frame(struct fuzz_input *input, uint8_t op)
     append(wire + (op & 4u ? 1u : 0u), size - (op & 4u ? 1u : 0u) - (op & 8u ? 1u : 0u));
 }
 
-/* Damage the stream at a position from the fuzz input: change, remove or insert a byte, repeat a part, truncate, or add
- * to a run of bytes. */
+/* Damage the stream at a position from the fuzz input. Bits 4 to 6 of `op` select the damage: change, remove or insert
+ * a byte, repeat a part, truncate, or add a constant to a run of bytes. */
 static void damage_stream(struct fuzz_input *input, uint8_t op)
 {
     const size_t back = fuzz_u16(input);
@@ -150,7 +152,7 @@ static void damage_stream(struct fuzz_input *input, uint8_t op)
     }
 }
 
-/* Append bytes that are no frame: from the fuzz input, or pseudo-random. */
+/* Append bytes that are not encoded as a frame: from the fuzz input (bit 2 of `op`), or pseudo-random. */
 static void append_random_bytes(struct fuzz_input *input, uint8_t op)
 {
     uint64_t state = fuzz_u16(input);
@@ -226,13 +228,14 @@ static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size
     FUZZ_CHECK(deframer.discarded_bytes == oracle.discarded_bytes && deframer.fill == 0);
 }
 
-/* True if frames of this type carry the counts of a board. */
-static bool is_taxels(uint8_t type)
+/* Return whether frames of this type carry the raw counts of a board. */
+static bool carries_taxels(uint8_t type)
 {
     return type == TAXEL_FRAME_TYPE_TAXELS || type == TAXEL_FRAME_TYPE_COMPACT_TAXELS;
 }
 
-/* Compare a decoded row, its counts or its payload with the frame that the oracle expects. */
+/* Compare a row of the batch decoder (one decoded frame), and its counts or its payload, with the frame that the oracle
+ * expects. */
 static void check_row(const struct taxel_batch_row *row, const struct oracle_frame *expected,
                       const struct taxel_batch_output *output)
 {
@@ -240,7 +243,7 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
     FUZZ_CHECK(row->type == expected->type && row->sequence == expected->sequence && row->flags == expected->flags);
     FUZZ_CHECK(row->lost_before == expected->lost_before && row->missing_before == expected->missing_before);
     FUZZ_CHECK(row->stream_position <= stream_size);
-    if (!is_taxels(row->type)) {
+    if (!carries_taxels(row->type)) {
         FUZZ_CHECK(row->size == expected->length && row->offset + row->size <= output->payload_count);
         FUZZ_CHECK(memcmp(payloads + row->offset, payload, row->size) == 0);
         return;
@@ -255,21 +258,21 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
     }
 }
 
-/* Checks the two tables of one call of the batch decoder: taxel rows and messages, each in the order of the
- * stream. */
+/* Check the two tables of one call of the batch decoder, taxel rows and message rows, each in the order of the stream.
+ * `taxels` and `messages` are the indices of the next expected frame of each table, and are advanced. */
 static void check_rows(const struct taxel_batch_output *output, size_t *taxels, size_t *messages)
 {
     FUZZ_CHECK(output->taxel_count <= output->row_capacity && output->message_count <= output->row_capacity);
     FUZZ_CHECK(output->count_count <= output->count_capacity && output->payload_count <= output->payload_capacity);
     for (size_t i = 0; i < output->taxel_count; i++, (*taxels)++) {
-        while (*taxels < oracle.frame_count && !is_taxels(oracle.frames[*taxels].type)) {
+        while (*taxels < oracle.frame_count && !carries_taxels(oracle.frames[*taxels].type)) {
             (*taxels)++;
         }
         FUZZ_CHECK(*taxels < oracle.frame_count);
         check_row(&taxel_rows[i], &oracle.frames[*taxels], output);
     }
     for (size_t i = 0; i < output->message_count; i++, (*messages)++) {
-        while (*messages < oracle.frame_count && is_taxels(oracle.frames[*messages].type)) {
+        while (*messages < oracle.frame_count && carries_taxels(oracle.frames[*messages].type)) {
             (*messages)++;
         }
         FUZZ_CHECK(*messages < oracle.frame_count);
@@ -277,8 +280,8 @@ static void check_rows(const struct taxel_batch_output *output, size_t *taxels, 
     }
 }
 
-/* Decode the stream with the batch decoder in pieces, with space for `rows` rows, and compare rows and totals with the
- * oracle. */
+/* Decode the stream with the batch decoder in pieces whose sizes derive from `sizes`, into tables with space for `rows`
+ * rows, and compare rows and totals with the oracle. */
 static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
 {
     struct taxel_batch_output output = {
@@ -302,7 +305,8 @@ static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, s
     FUZZ_CHECK(taxel_batch_discarded_bytes(&batch) == oracle.discarded_bytes);
 }
 
-/* Checks that each decoded frame, encoded again into a ring that wraps at any position, is decoded again. */
+/* Encode each frame of the oracle again, into a ring buffer from position `wrap` (modulo its size) on, and check that
+ * the deframer decodes the same frame and that the linear encoder gives the same bytes. */
 static void check_encoded_again(size_t wrap)
 {
     uint8_t ring[WIRE_MAX], wire[WIRE_MAX], again[WIRE_MAX];
@@ -339,8 +343,8 @@ static void check_encoded_again(size_t wrap)
     }
 }
 
-/* Compare the fast CRC-32 and whitening of the host with the small ones of the boards and, for the CRC, with a bitwise
- * computation. */
+/* Check that the fast CRC-32 and whitening of the host give the results of the small implementations of the boards; the
+ * CRC is also compared with a third implementation (fuzz.h). */
 static void check_arithmetic(void)
 {
     uint8_t fast[TAXEL_BODY_MAX], small[TAXEL_BODY_MAX];
@@ -355,7 +359,7 @@ static void check_arithmetic(void)
     FUZZ_CHECK(memcmp(fast, small, size) == 0);
 }
 
-/* Checks that each packed struct of the protocol is unpacked and packed to the same bytes. */
+/* Check for each packed struct of the protocol that unpacking and packing restores the same bytes. */
 static void check_layouts(void)
 {
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
@@ -372,8 +376,8 @@ static void check_layouts(void)
     }
 }
 
-/* One fuzz input: build or take a stream, decode it with oracle, deframer and batch decoder, and compare the results.
- * `data` ends at the end of its array, so that a sanitizer detects reads behind it. */
+/* Run one fuzz input: build or take a stream, decode it with oracle, deframer and batch decoder, and compare the
+ * results. The stream ends at the end of its array, so that a sanitizer detects reads beyond the stream. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

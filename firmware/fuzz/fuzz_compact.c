@@ -1,4 +1,4 @@
-/* A board that codes compact snapshots and a host that decodes them, over a faulty connection.
+/* Fuzz target: a board that encodes compact snapshots and a host that decodes them, over a faulty connection.
  *
  * The first bytes of the input configure the board; the other bytes are events: scans (quiet, noisy, with jumps,
  * with any counts), passes of the main loop, polls with and without the pointer, answers that arrive, are lost or
@@ -34,14 +34,14 @@ static uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
 static uint32_t now_us;
 static uint8_t late_answer[3], late_size;
 
-/* HAL function of the simulated board: accepts scan settings without effect. */
+/* HAL function of the simulated board: ignore scan settings. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     (void)settings;
 }
 
-/* HAL function of the simulated board: starts a conversion, whose result the target reports later. */
+/* HAL function of the simulated board: start a conversion. Does nothing, because run_scan() reports the result. */
 static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -49,28 +49,28 @@ static void on_start(void *context, uint8_t tx, uint8_t rx)
     (void)rx;
 }
 
-/* HAL function of the simulated board: the simulated time in microseconds. */
+/* HAL function of the simulated board: return the simulated time in microseconds. */
 static uint32_t on_clock(void *context)
 {
     (void)context;
     return now_us;
 }
 
-/* HAL function of the simulated board: masks interrupts, which do not exist here. */
+/* HAL function of the simulated board: mask interrupts, which do not exist here. */
 static uint32_t on_disable(void *context)
 {
     (void)context;
     return 1;
 }
 
-/* HAL function of the simulated board: restores the interrupt mask, which does not exist here. */
+/* HAL function of the simulated board: restore the interrupt mask, which does not exist here. */
 static void on_restore(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
-/* HAL function of the simulated board: ignores the request for a restart. */
+/* HAL function of the simulated board: ignore the request for a restart or for the bootloader. */
 static void on_restart(void *context)
 {
     (void)context;
@@ -86,7 +86,7 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_restart,
 };
 
-/* Starts the sensor firmware anew and clears the history of its scans. */
+/* Restart the sensor firmware, clear the history of its scans, and start continuous scans. */
 static void boot(void)
 {
     FUZZ_CHECK(taxel_sensor_init(&sensor, &config) == 0);
@@ -94,9 +94,10 @@ static void boot(void)
     taxel_scan_start(&sensor);
 }
 
-/* One complete scan of the board with small changes of the counts, jumps (contacts), or unchanged counts, selected by
- * `kind`. */
-static void run_scan(uint8_t kind, uint64_t *state)
+/* Run one complete scan of the board and remember its counts in the history. The low two bits of `pattern` select
+ * unchanged counts (0), small changes (1), jumps of a few taxels as in a contact (2), or any counts (3); the higher
+ * bits are the time per taxel in microseconds, less one. */
+static void run_scan(uint8_t pattern, uint64_t *state)
 {
     struct scan *slot = &history[sensor.scan.scans % HISTORY];
     slot->exists = true;
@@ -105,15 +106,16 @@ static void run_scan(uint8_t kind, uint64_t *state)
     for (uint16_t i = 0; i < config.taxel_count; i++) {
         const uint8_t random_byte = fuzz_next(state);
         const uint16_t any = (uint16_t)(random_byte | fuzz_next(state) << 8);
-        const bool jumps = (kind & 3u) == 3u || ((kind & 3u) == 2u && random_byte < 16u);
-        counts[i] = jumps ? any : (uint16_t)(counts[i] + (kind & 3u ? (random_byte % 7u) : 0u) - (kind & 3u ? 3u : 0u));
+        const bool jumps = (pattern & 3u) == 3u || ((pattern & 3u) == 2u && random_byte < 16u);
+        counts[i] =
+            jumps ? any : (uint16_t)(counts[i] + (pattern & 3u ? (random_byte % 7u) : 0u) - (pattern & 3u ? 3u : 0u));
         slot->counts[i] = counts[i];
-        now_us += 1u + (kind >> 2);
+        now_us += 1u + (pattern >> 2);
         taxel_sensor_on_conversion(&sensor, counts[i]);
     }
 }
 
-/* I2C write to register `pointer` of the board, optionally without the stop condition. */
+/* Write bytes to register `pointer` of the board over I2C, with or without a stop condition at the end. */
 static void write_bytes(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
 {
     FUZZ_CHECK(taxel_sensor_on_address(&sensor, false));
@@ -126,8 +128,8 @@ static void write_bytes(uint8_t pointer, const uint8_t *bytes, size_t size, bool
     }
 }
 
-/* Deliver the host's answer to a key frame to the board: at once, late, or never, selected by the low bits of
- * `delivery`. */
+/* Take the host's answer to a key frame (acknowledge, or forget the key frame). The low two bits of `delivery` select:
+ * write it to the board now (0), lose it (1), keep it for later (2), or lose it and write the kept one (3). */
 static void send_answer(uint8_t delivery)
 {
     uint8_t bytes[3] = {0};
@@ -150,7 +152,7 @@ static void send_answer(uint8_t delivery)
     }
 }
 
-/* Checks that board and host have equal taxel states if they use the same key frame. */
+/* Check that board and host have equal taxel states if both use the same key frame. */
 static void check_states(void)
 {
     const struct taxel_compact *compact = &sensor.compact;
@@ -162,8 +164,8 @@ static void check_states(void)
     FUZZ_CHECK(memcmp(key_frame->states, config.compact.states, config.taxel_count * sizeof key_frame->states[0]) == 0);
 }
 
-/* Decode a compact snapshot as the host. Damaged bytes must be rejected without an effect; undamaged ones must give the
- * counts of the scan. */
+/* Decode a compact snapshot as the host. `damage` other than 0 changes one byte: the host must reject the snapshot and
+ * keep its state. An undamaged snapshot must give counts and timestamp of the scan with its sequence number. */
 static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
 {
     uint8_t *copy = malloc(size); /* exact size, so that a sanitizer detects an access behind it */
@@ -190,12 +192,13 @@ static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
     free(copy);
 }
 
-/* Read register COMPACT of the board as the hub does, with the main loop running in the middle of the read. `again`:
- * the register pointer is written first, which permits a repetition. */
-static void poll_board(bool again, uint8_t damage)
+/* Read register COMPACT of the board as the hub does, with a pass of the main loop in the middle of the read, and
+ * deliver the snapshot to the host. `with_pointer`: write the register pointer first, after which the board may repeat
+ * a snapshot. */
+static void poll_board(bool with_pointer, uint8_t damage)
 {
     uint8_t bytes[FRAME_MAX];
-    if (again) {
+    if (with_pointer) {
         write_bytes(TAXEL_REGISTER_COMPACT, NULL, 0, false);
     } else if (sensor.slave.pointer != TAXEL_REGISTER_COMPACT) {
         write_bytes(TAXEL_REGISTER_COMPACT, NULL, 0, true);
@@ -216,7 +219,8 @@ static void poll_board(bool again, uint8_t damage)
     }
 }
 
-/* Send a forged snapshot to the host, whose state is restored afterwards. */
+/* Send a forged snapshot (pseudo-random bytes with a valid CRC) to the host twice. The only expectation is that no
+ * access is out of bounds. The state of the host is restored afterwards. */
 static void forge(struct fuzz_input *input)
 {
     const struct taxel_compact_receiver before = host;
@@ -236,19 +240,21 @@ static void forge(struct fuzz_input *input)
     host = before;
 }
 
-/* Read the uncompressed snapshot through another register, which latches a newer scan. */
-static void read_uncompressed(uint8_t blocks)
+/* Read 8 * `count` bytes of the uncompressed snapshot, from register SNAPSHOT plus the low two bits of `count` on. A
+ * read of register SNAPSHOT itself latches a newer scan, which the encoder of compact snapshots must tolerate. */
+static void read_uncompressed(uint8_t count)
 {
-    write_bytes((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (blocks & 3u)), NULL, 0, false);
+    write_bytes((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (count & 3u)), NULL, 0, false);
     if (taxel_sensor_on_address(&sensor, true)) {
-        for (unsigned i = 0; i < 8u * blocks; i++) {
+        for (unsigned i = 0; i < 8u * count; i++) {
             (void)taxel_sensor_on_read(&sensor);
         }
     }
     taxel_sensor_on_stop(&sensor);
 }
 
-/* Execute one event from the fuzz input: scan, poll, answer, restart, elapsed time or damaged data. */
+/* Execute one event from the fuzz input (scan, pass of the main loop, poll, answer, restart, uncompressed read, forged
+ * snapshot or elapsed time), then compare the states of board and host. */
 static void run_event(struct fuzz_input *input, uint64_t *state)
 {
     const uint8_t op = fuzz_u8(input), high = op >> 4;
@@ -300,8 +306,8 @@ static void run_event(struct fuzz_input *input, uint64_t *state)
     check_states();
 }
 
-/* One fuzz input: a board with 1 to TAXELS_MAX taxels and a host exchange compact snapshots with lost, late and damaged
- * messages. All buffers have exactly the required size. */
+/* Run one fuzz input: a board with 1 to TAXELS_MAX taxels and a host exchange compact snapshots with lost, late and
+ * damaged messages. All buffers have exactly the required size. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

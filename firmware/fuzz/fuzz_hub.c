@@ -1,4 +1,4 @@
-/* The hub between a host that sends any bytes and a bus that returns any bytes.
+/* Fuzz target: the hub between a host that sends any bytes and a bus that returns any bytes.
  *
  * The first byte of the input selects a bus and the hub's state on it (hub_bench.h); the other bytes are events:
  * bytes from the host; valid, damaged and concatenated handshakes and commands; results and damage of transfers;
@@ -20,17 +20,19 @@
 #define QUIET_STEPS 8000u /* a board too large for the transmit ring takes 1000 steps per poll */
 #define WIRE_MAX 96u
 
-static unsigned steps;
+static unsigned steps;          /* events of the hub so far in this fuzz input, at most STEPS_MAX */
 static bool sent_invalid_bytes; /* bytes that are not exactly one frame between two delimiters */
 
-/* Run the hub for up to `count` events. */
-static void run(unsigned count)
+/* Run the hub for up to `count` of its events (ends of transfers and wake-ups). Stops earlier after STEPS_MAX events of
+ * one fuzz input, at a restart of the hub, or when no event is due. */
+static void run_hub(unsigned count)
 {
     while (count-- && steps < STEPS_MAX && !bench.restarted && bench_step(BENCH_NEVER - 2u)) {
         steps++;
     }
 }
 
+/* Send up to `size_max` raw bytes from the fuzz input to the hub, and remember that they may form no frame. */
 static void send_bytes(struct fuzz_input *input, size_t size_max)
 {
     uint8_t bytes[64];
@@ -39,8 +41,8 @@ static void send_bytes(struct fuzz_input *input, size_t size_max)
     bench_receive(bytes, size);
 }
 
-/* Encode a COMMAND frame with code and arguments from the fuzz input, some with a wrong length. Returns its size in
- * bytes. */
+/* Encode a COMMAND frame with code, tag and arguments from the fuzz input into `wire`, sometimes with excess bytes.
+ * Also remembers that a START command with the COMPACT flag was sent. Returns the frame's size in bytes. */
 static size_t make_command(struct fuzz_input *input, uint8_t *wire)
 {
     static const uint8_t lengths[16] = {0, 0, 0, 4, 0, 2, 9, 0, 0, 1, 0, 0, 0, 0, 0, 0};
@@ -54,12 +56,13 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     return bench_frame(TAXEL_FRAME_TYPE_COMMAND, payload, size, wire, WIRE_MAX);
 }
 
-/* Send one command to the hub, or (`variant`) two without a delimiter between them, or one with a damaged byte. */
+/* Send one command to the hub. Its `variant` 3 sends two commands without a delimiter between them, 2 damages one
+ * byte. */
 static void send_command(struct fuzz_input *input, uint8_t variant)
 {
     uint8_t wire[2u * WIRE_MAX];
     size_t size = make_command(input, wire);
-    if (variant & 1u && variant & 2u) { /* followed by a second command without a delimiter */
+    if (variant & 1u && variant & 2u) {
         uint8_t second[WIRE_MAX];
         const size_t more = make_command(input, second) - 1u;
         memcpy(wire + size - 1u, second + 1, more);
@@ -72,7 +75,8 @@ static void send_command(struct fuzz_input *input, uint8_t variant)
     bench_receive(wire, size);
 }
 
-/* Send an ACKNOWLEDGE frame with `count` entries for boards on the bus. */
+/* Send an ACKNOWLEDGE frame with `count` entries of three bytes for boards on the bus: I2C address with a flag in bit
+ * 7, and two bytes from the fuzz input. */
 static void send_acknowledge(struct fuzz_input *input, size_t count)
 {
     uint8_t wire[WIRE_MAX], payload[3u * 8u];
@@ -83,6 +87,7 @@ static void send_acknowledge(struct fuzz_input *input, size_t count)
     bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_ACKNOWLEDGE, payload, 3u * count, wire, sizeof wire));
 }
 
+/* Send a HOST_HANDSHAKE frame whose three payload bytes come from the fuzz input. */
 static void send_handshake(struct fuzz_input *input)
 {
     uint8_t wire[WIRE_MAX], payload[3];
@@ -90,8 +95,9 @@ static void send_handshake(struct fuzz_input *input)
     bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HANDSHAKE, payload, sizeof payload, wire, sizeof wire));
 }
 
-/* Select the result of the next I2C transfer: a fault, a damaged byte, random bytes, or a transfer that never ends. */
-static void choose_outcome(struct fuzz_input *input, uint8_t high)
+/* Select the result of the next I2C transfer (a fault, a damaged byte, random bytes, a transfer that never ends, or no
+ * fault) by the 4-bit number `selector`, then run the hub for one event, at which the result may take effect. */
+static void choose_outcome_and_run(struct fuzz_input *input, uint8_t selector)
 {
     static const int outcomes[16] = {
         BENCH_FLIP,
@@ -111,18 +117,19 @@ static void choose_outcome(struct fuzz_input *input, uint8_t high)
         TAXEL_I2C_BUS_ERROR,
         BENCH_PROCEED,
     };
-    bench.outcome = outcomes[high];
+    bench.outcome = outcomes[selector];
     bench.damage_position = fuzz_u8(input);
     bench.damage_value = fuzz_u8(input);
-    run(1);
+    run_hub(1);
 }
 
-/* Change a board or the bus as a fault would: unplug, restart, replace or exchange the board, or hold SDA or SCL low.
- */
-static void change_board(struct fuzz_input *input, uint8_t high)
+/* Change a board or the bus as a fault or a user would, selected by the 4-bit number `selector`: unplug or restart a
+ * board, let it reject settings or repeat its last scan, exchange it for another one, shift its clock, change its
+ * settings, or hold SDA or SCL low. */
+static void change_board_or_bus(struct fuzz_input *input, uint8_t selector)
 {
     struct bench_board *board = &bench.boards[fuzz_u8(input) % BENCH_BOARDS];
-    switch (high) {
+    switch (selector) {
     case 0:
     case 1:
         board->unplugged = !board->unplugged;
@@ -157,24 +164,25 @@ static void change_board(struct fuzz_input *input, uint8_t high)
         board->clock_offset_us += (uint32_t)fuzz_u8(input) << 16;
         break;
     default:
-        board->settings[high & 7u] ^= fuzz_u8(input);
+        board->settings[selector & 7u] ^= fuzz_u8(input);
         break;
     }
 }
 
-/* Execute one event from the fuzz input: elapsed time, a fault, a frame of the host, or a changed board. */
+/* Execute one event from the fuzz input: events of the hub, a fault of a transfer, bytes or a frame of the host, bytes
+ * that the host reads, elapsed time, or a changed board or bus. */
 static void run_event(struct fuzz_input *input)
 {
     const uint8_t op = fuzz_u8(input), high = op >> 4;
     switch (op & 15u) {
     case 0:
     case 1:
-        run(1u + high * 2u);
+        run_hub(1u + high * 2u);
         break;
     case 2:
     case 3:
     case 4:
-        choose_outcome(input, high);
+        choose_outcome_and_run(input, high);
         break;
     case 5:
         send_bytes(input, high + 1u);
@@ -183,7 +191,7 @@ static void run_event(struct fuzz_input *input)
     case 7:
     case 8:
         send_command(input, high & 3u);
-        run(high >> 2);
+        run_hub(high >> 2);
         break;
     case 9:
         if (high & 8u) {
@@ -201,18 +209,19 @@ static void run_event(struct fuzz_input *input)
         break;
     case 12:
     case 13:
-        change_board(input, high);
+        change_board_or_bus(input, high);
         break;
     case 14:
         bench.host_reads = high & 1u;
         break;
     default:
-        run(8u * high);
+        run_hub(8u * high);
         break;
     }
 }
 
-/* Remove all faults of the bus, let the host read, and run until the command in progress ends. */
+/* Remove all faults of the bus, let the host read, and run until the command in progress ends. It must end within
+ * QUIET_STEPS events, or by a restart that it requested. */
 static void run_without_faults(void)
 {
     bench.outcome = BENCH_PROCEED;
@@ -226,8 +235,9 @@ static void run_without_faults(void)
     FUZZ_CHECK(!bench.hub.command.active || bench.hub.restart_requested);
 }
 
-/* Final checks after all bytes were taken: counters of frames and bytes agree, and each command got a reply unless a
- * frame was dropped. */
+/* Take all bytes from the hub and check the final counters: frames and bytes pulled equal those sent. `lost` is the
+ * number of commands without a reply. It is 0 if the host sent only valid bytes, and otherwise at most the number of
+ * dropped frames. Rejected commands are those with a failure reply, plus some of the lost ones at most. */
 static void check_end(void)
 {
     const struct taxel_hub *hub = &bench.hub;
@@ -236,13 +246,14 @@ static void check_end(void)
     FUZZ_CHECK(bench.frames_pulled == hub->outbox.frames_sent && bench.bytes_pulled == hub->outbox.bytes_sent);
     const uint32_t lost = hub->inbox.commands - hub->command.active - bench.replies;
     FUZZ_CHECK(lost <= hub->outbox.frames_dropped && (sent_invalid_bytes || lost == 0));
-    FUZZ_CHECK(sent_invalid_bytes || bench.replies_busy == 0); /* separate commands wait instead */
+    FUZZ_CHECK(sent_invalid_bytes ||
+               bench.replies_busy == 0); /* a command in a frame of its own waits instead of BUSY */
     FUZZ_CHECK(hub->inbox.commands_rejected >= bench.replies_bad &&
                hub->inbox.commands_rejected <= bench.replies_bad + lost);
 }
 
-/* One fuzz input: a hub with simulated boards, started in one of several states, with faults and commands. It must then
- * run without faults again. */
+/* Run one fuzz input: a hub with simulated boards, started in one of several states, with faults and commands. After
+ * the faults are removed, a command in progress must end. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

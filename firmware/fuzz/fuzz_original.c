@@ -1,4 +1,4 @@
-/* The decoder for the original hub on arbitrary streams, against the definition of the framing rule.
+/* Fuzz target: compares the decoder for the original hub with the definition of its framing rule on arbitrary streams.
  *
  * The first byte of the input selects the format, the second the pieces in which the stream arrives; the other bytes
  * are parts of the stream: raw bytes, messages of a board with bytes of the input or with bytes that are frequent in
@@ -56,6 +56,7 @@ static uint64_t delivered, delivered_end;
 
 /* ---- the stream ---- */
 
+/* Append `size` bytes to the stream and return a pointer to them; NULL, and no change, if there is no space. */
 static uint8_t *reserve(size_t size)
 {
     if (size > STREAM_MAX - stream_size) {
@@ -65,13 +66,16 @@ static uint8_t *reserve(size_t size)
     return stream + stream_size - size;
 }
 
+/* Return a pseudo-random byte out of those that are frequent in headers: start and end bytes, addresses and lengths. */
 static uint8_t sample_frequent(uint64_t *state)
 {
     static const uint8_t frequent[] = {0x01, 0x0A, 0x00, 0x0C, 0x0E, 0x10, 0x12, 0x14, 0x1D, 0x24, 0x3E, 0xFA, 0x15};
     return frequent[fuzz_next(state) % sizeof frequent];
 }
 
-/* A message of some board. `fill`: bytes of the input, or bytes that are frequent in headers. */
+/* Append a message of a board whose address comes from the input; nothing if there is no space. The data are
+ * pseudo-random bytes or (`is_frequent`) bytes that are frequent in headers. Formats of fixed records without a header
+ * get no header. */
 static void append_message(struct fuzz_input *input, uint64_t *state, uint32_t time_ms, bool is_frequent)
 {
     uint8_t address = fuzz_u8(input) % TAXEL_ORIGINAL_ADDRESSES;
@@ -148,7 +152,7 @@ static void build_stream(struct fuzz_input *input)
 
 /* ---- the definition ---- */
 
-/* Length of the message whose header begins at `start`; 0: no header begins there. */
+/* Return the length in bytes of the message whose header begins at `start`; 0 if no header begins there. */
 static size_t header_length(size_t start)
 {
     if (start + HEADER > stream_size || stream[start] != 0x01 || stream[start + 2u] >= TAXEL_ORIGINAL_ADDRESSES) {
@@ -160,7 +164,8 @@ static size_t header_length(size_t start)
     return format->taxels[address] && length == stream[start + 1u] ? length : 0;
 }
 
-/* Whether a header, or the end of the stream, perhaps inside a header, follows position `end`. */
+/* Return whether position `end` is followed by a header, by the end of the stream, or by the beginning of a header that
+ * the end of the stream cuts. */
 static bool is_followed(size_t end)
 {
     if (end + HEADER <= stream_size) {
@@ -176,12 +181,14 @@ static bool is_followed(size_t end)
     return end == stream_size || stream[end] == 0x01;
 }
 
+/* Return whether two candidates have bytes in common. */
 static bool overlap(const struct candidate *a, const struct candidate *b)
 {
     return a->start < b->end && b->start < a->end;
 }
 
-/* Whether no candidate of those found so far has a greater rank and overlaps this one. */
+/* Return whether no candidate found so far overlaps this one and has a greater rank. A strong candidate has a greater
+ * rank than a weak one; of two equally strong candidates, the later one has the greater rank. */
 static bool is_best(const struct candidate *candidate)
 {
     for (size_t i = 0; i < expected.candidate_count; i++) {
@@ -195,7 +202,8 @@ static bool is_best(const struct candidate *candidate)
     return true;
 }
 
-/* Whether a time follows one of the last four messages that end before `start`, or the start of the hub. */
+/* Return whether a time in milliseconds is at most one minute after the hub's start, or after one of the last four
+ * messages that end before `start`. */
 static bool is_plausible(uint32_t time_ms, size_t start)
 {
     size_t references = 0;
@@ -210,7 +218,8 @@ static bool is_plausible(uint32_t time_ms, size_t start)
     return result;
 }
 
-/* Fill `expected` by the definition of the rule. */
+/* Fill `expected` by the definition of the framing rule: find all candidates, then accept those that no candidate of
+ * greater rank overlaps. */
 static void define_result(void)
 {
     memset(&expected, 0, sizeof expected);
@@ -245,7 +254,8 @@ static void define_result(void)
 
 /* ---- the decoder ---- */
 
-/* Compare a message with the stream, and with the next accepted candidate of the definition. */
+/* Handler of the decoder under test: compare a message with the stream, and with the next accepted candidate of the
+ * definition (formats of fixed records: with the position of the next record of 50 bytes). */
 static void on_message(void *context, const struct taxel_original_message *message)
 {
     (void)context;
@@ -273,7 +283,8 @@ static void on_message(void *context, const struct taxel_original_message *messa
     delivered++;
 }
 
-/* Decode the stream in pieces of `piece` bytes (0: of all sizes), and compare the counters. */
+/* Decode the stream in pieces of `piece` bytes (0: of 1, 2, 3, ... bytes), and compare the counters with those
+ * expected. */
 static void decode(size_t piece)
 {
     static uint8_t buffer[TAXEL_ORIGINAL_BUFFER_MIN];
@@ -305,6 +316,7 @@ static void decode(size_t piece)
     FUZZ_CHECK(decoder.ambiguous_candidates == expected.candidate_count - expected.accepted_count);
 }
 
+/* Run one fuzz input: select a format, build a stream, and decode it at once and in pieces. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {.bytes = bytes, .remaining = size};

@@ -1,4 +1,4 @@
-/* A sensor board's register machine and scan, driven by a script of bus events, conversions and time.
+/* Fuzz target: a sensor board's register machine and scan, driven by a script of bus events, conversions and time.
  *
  * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other
  * bytes are events: single bus events in any order, also impossible ones, and complete transfers with a valid CRC,
@@ -21,21 +21,21 @@ static struct taxel_sensor sensor;
 static struct taxel_sensor_config config;
 static struct board_model model;
 static uint8_t *snapshots[3];
-static unsigned started, configured, restarts, bootloader_entries, conversions;
+static unsigned conversions_started, front_end_configurations, restarts, bootloader_entries, conversions_ended;
 static bool converting;
-static uint16_t crossing;
-static uint8_t front_end[MODEL_SETTINGS_SIZE];
+static uint16_t crossing;                      /* TX * columns + RX of the last conversion that was started */
+static uint8_t front_end[MODEL_SETTINGS_SIZE]; /* the settings that the front end received last */
 
-/* HAL function of the simulated board: records the scan settings, which must not change during a conversion. */
+/* HAL function of the simulated board: record the scan settings, which must not change during a conversion. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     FUZZ_CHECK(!converting);
     taxel_scan_settings_pack(settings, front_end);
-    configured++;
+    front_end_configurations++;
 }
 
-/* HAL function of the simulated board: records the start of a conversion and checks that its lines exist and no
+/* HAL function of the simulated board: record the start of a conversion, and check that its lines exist and that no
  * conversion is in progress. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
@@ -43,38 +43,38 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     FUZZ_CHECK(!converting && tx < config.rows && rx < config.columns);
     converting = true;
     crossing = (uint16_t)(tx * config.columns + rx);
-    started++;
+    conversions_started++;
 }
 
-/* HAL function of the simulated board: the simulated time in microseconds. */
+/* HAL function of the simulated board: return the simulated time in microseconds. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return model.clock_us;
 }
 
-/* HAL function of the simulated board: returns a value that on_interrupts_restore() must receive. */
+/* HAL function of the simulated board: return a value that on_interrupts_restore() must receive. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context;
     return 7;
 }
 
-/* HAL function of the simulated board: checks that it receives the value of on_interrupts_disable(). */
+/* HAL function of the simulated board: check that it receives the value of on_interrupts_disable(). */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     FUZZ_CHECK(state == 7);
 }
 
-/* HAL function of the simulated board: counts the requests for a restart. */
+/* HAL function of the simulated board: count the requests for a restart. */
 static void on_restart(void *context)
 {
     (void)context;
     restarts++;
 }
 
-/* HAL function of the simulated board: counts the requests for the bootloader. */
+/* HAL function of the simulated board: count the requests for the bootloader. */
 static void on_bootloader(void *context)
 {
     (void)context;
@@ -91,12 +91,12 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_bootloader,
 };
 
-/* Checks that the state of the firmware equals the state of the model: counters, identity, settings, current
- * crossing, and three distinct snapshot buffers. */
+/* Check that the state of the firmware equals the state of the model (counters, identity, settings, current crossing),
+ * and that the three snapshot buffers are distinct. */
 static void check_state(void)
 {
-    FUZZ_CHECK(converting == model.converting && started == model.conversions_started &&
-               configured == model.configured);
+    FUZZ_CHECK(converting == model.converting && conversions_started == model.conversions_started &&
+               front_end_configurations == model.front_end_configurations);
     FUZZ_CHECK(memcmp(front_end, model.settings, sizeof front_end) == 0);
     FUZZ_CHECK(!converting || model.dropped_conversion || !model.scanning || crossing == model_crossing(&model));
     FUZZ_CHECK(sensor.slave.pointer == model.pointer && sensor.slave.written == model.written_size);
@@ -109,11 +109,12 @@ static void check_state(void)
                sensor.scan.latched != sensor.scan.scanning);
 }
 
-/* Initialise firmware and model and start scanning. Returns false if the configuration is rejected. */
+/* Initialise firmware and model, start scanning, and compare their states. Returns false if the firmware rejects the
+ * configuration. */
 static bool boot(void)
 {
     converting = false;
-    started = configured = 0;
+    conversions_started = front_end_configurations = 0;
     if (taxel_sensor_init(&sensor, &config)) {
         return false;
     }
@@ -124,19 +125,19 @@ static bool boot(void)
     return true;
 }
 
-/* Sends an address byte to firmware and model and checks that both give the same acknowledge. */
+/* Send an address byte, for a read or a write, to firmware and model and check that both give the same acknowledge. */
 static void address(bool reading)
 {
     FUZZ_CHECK(taxel_sensor_on_address(&sensor, reading) == model_address(&model, reading));
 }
 
-/* Sends one byte to firmware and model and checks that both give the same acknowledge. */
+/* Write one byte to firmware and model and check that both give the same acknowledge. */
 static void write(uint8_t byte)
 {
     FUZZ_CHECK(taxel_sensor_on_write(&sensor, byte) == model_write(&model, byte));
 }
 
-/* Reads `size` bytes from firmware and model and checks that they are equal. */
+/* Read `size` bytes from firmware and model and check that they are equal. */
 static void read(size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -144,7 +145,8 @@ static void read(size_t size)
     }
 }
 
-/* Sends a stop condition to firmware and model. A requested restart takes place at once. */
+/* Send a stop condition to firmware and model, and check that both request the same restart or bootloader. A requested
+ * restart takes place at once. */
 static void stop(void)
 {
     taxel_sensor_on_stop(&sensor);
@@ -156,11 +158,12 @@ static void stop(void)
     }
 }
 
-/* End up to `count` conversions with raw counts first, first + step, ...; `step` is also the elapsed time of each in
- * microseconds. */
+/* End up to `count` conversions, with raw counts `first`, `first` + `step`, ... in turn; each lasts `step`
+ * microseconds. Stops earlier when no conversion is in progress, or after CONVERSIONS_MAX conversions of one fuzz
+ * input. */
 static void convert(unsigned count, uint16_t first, uint8_t step)
 {
-    for (unsigned i = 0; i < count && conversions < CONVERSIONS_MAX && converting; i++, conversions++) {
+    for (unsigned i = 0; i < count && conversions_ended < CONVERSIONS_MAX && converting; i++, conversions_ended++) {
         const uint16_t value = (uint16_t)(first + i * step);
         model.clock_us += step;
         converting = false;
@@ -169,7 +172,7 @@ static void convert(unsigned count, uint16_t first, uint8_t step)
     }
 }
 
-/* Complete I2C write to register `pointer`. */
+/* Write bytes to register `pointer` in a complete I2C transfer: address, pointer, bytes and stop condition. */
 static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
 {
     address(false);
@@ -180,21 +183,22 @@ static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
     stop();
 }
 
-/* Write scan settings from the fuzz input; `flags` selects a wrong length, or a CRC for another I2C address. */
+/* Write scan settings from the fuzz input. `flags` 8 shortens the write by a byte, 15 computes the CRC for another I2C
+ * address, and odd values make the settings small enough to be valid. */
 static void write_settings(struct fuzz_input *input, uint8_t flags)
 {
     uint8_t bytes[12];
-    /* one in sixteen is addressed to another board */
     const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF));
     (void)fuzz_bytes(input, bytes, 8);
     if (flags & 1u) {
-        bytes[1] = bytes[3] = 0; /* small enough to be valid */
+        bytes[1] = bytes[3] = 0; /* both factors of the largest raw count are below 256 */
     }
     fuzz_put_u32(bytes + 8, fuzz_crc32(fuzz_crc32(0, &for_board, 1), bytes, 8));
     write_whole(0x60, bytes, sizeof bytes - (flags == 8));
 }
 
-/* Complete I2C read that starts at one of sixteen registers, `extra` bytes beyond its end. */
+/* Read in a complete I2C transfer from the register that `which` (0 to 15) selects: a snapshot or 64 bytes, and `extra`
+ * bytes more. */
 static void read_whole(uint8_t which, size_t extra)
 {
     static const uint8_t pointers[16] = {0x80, 0x80, 0x80, 0x81, 0x82, 0x8F, 0x00, 0x10,
@@ -269,7 +273,7 @@ static void run_event(struct fuzz_input *input)
     check_state();
 }
 
-/* Set all counters just below the value at which they saturate or wrap. */
+/* Set all counters of firmware and model just below the value at which they saturate or wrap. */
 static void fill_counters(void)
 {
     sensor.scan.scans = model.scans = 0xFFFFFFFEu;
@@ -282,7 +286,8 @@ static void fill_counters(void)
     sensor.scan.crc = fuzz_crc32(fuzz_crc32(0, &model.address, 1), sensor.scan.scanning, 6);
 }
 
-/* Choose the crossing map: all crossings, a pseudo-random half, or any 32 bytes. */
+/* Choose the crossing map of the model by the low two bits of `options`: all crossings (1), a pseudo-random half (2,
+ * 3), or any 32 bytes of the input (0). Also sets the number of taxels of the model. */
 static void choose_map(struct fuzz_input *input, uint8_t options)
 {
     const unsigned crossings = (unsigned)model.rows * model.columns;
@@ -298,7 +303,7 @@ static void choose_map(struct fuzz_input *input, uint8_t options)
     }
 }
 
-/* Whether taxel_sensor_init() must accept the configuration of the model. */
+/* Return whether taxel_sensor_init() must accept the configuration of the model with `claimed_taxels` taxels. */
 static bool config_is_valid(uint16_t claimed_taxels)
 {
     for (unsigned i = (unsigned)model.rows * model.columns; i < 256; i++) {
@@ -311,7 +316,8 @@ static bool config_is_valid(uint16_t claimed_taxels)
            model.address <= 0x77 && model_settings_are_valid(model.boot_settings);
 }
 
-/* Choose the configuration of the board, mostly a valid one. Returns whether its counters start near their limits. */
+/* Choose the configuration of model and firmware from the input, mostly a valid one. Returns whether their counters
+ * shall start just below their limits. */
 static bool choose_board(struct fuzz_input *input)
 {
     static const uint8_t usual[MODEL_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
@@ -336,7 +342,8 @@ static bool choose_board(struct fuzz_input *input)
         .unique_id = {options, 2, 3, 4, 5, 6, 7, 8},
         .rows = model.rows,
         .columns = model.columns,
-        .taxel_count = (uint16_t)(model.taxel_count + (options == 0x43)), /* one option claims a taxel too many */
+        .taxel_count =
+            (uint16_t)(model.taxel_count + (options == 0x43)), /* one value of the options claims a taxel too many */
         .crossing_map = model.crossing_map,
         .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
     };
@@ -344,11 +351,11 @@ static bool choose_board(struct fuzz_input *input)
     return options & 0x80u;
 }
 
-/* One fuzz input: the firmware of a sensor board and an independent model execute the same events. */
+/* Run one fuzz input: the firmware of a sensor board and an independent model execute the same events. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};
-    started = configured = restarts = bootloader_entries = conversions = 0;
+    conversions_started = front_end_configurations = restarts = bootloader_entries = conversions_ended = 0;
     const bool has_full_counters = choose_board(&input);
     const bool is_valid = config_is_valid(config.taxel_count);
     for (size_t i = 0; i < 3; i++) { /* of exactly the required size */

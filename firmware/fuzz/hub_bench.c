@@ -7,13 +7,15 @@
 
 struct bench bench;
 
-/* Memory of a bus, of exactly the configured sizes, so that a sanitizer detects an access behind it. */
+/* The hub's memory on one of the buses, in blocks of exactly the configured sizes, so that a sanitizer detects an
+ * access beyond a block. */
 struct blocks {
     struct taxel_hub_slot *slots;
     uint8_t *pool;
     uint8_t *ring;
 };
 
+/* A saved state of the bench and its memory blocks. */
 struct saved {
     bool exists;
     struct bench bench;
@@ -23,6 +25,8 @@ struct saved {
 static struct blocks blocks[BENCH_BUSES];
 static struct saved saved[BENCH_BUSES][BENCH_STATES];
 
+/* HAL function of the hub: return the simulated time, and check that one pass of the main loop does not read it
+ * forever. */
 static uint64_t on_clock_us(void *context)
 {
     (void)context;
@@ -30,8 +34,9 @@ static uint64_t on_clock_us(void *context)
     return bench.now_us;
 }
 
-/* End the hub's I2C transfer with the selected outcome, damage included. The bytes to write must be unchanged since its
- * start. */
+/* End the hub's I2C transfer with the selected outcome: a failure, or a transfer on the simulated bus, whose bytes read
+ * may be damaged. Checks that the bytes to write are unchanged since the start. The next transfer will have no
+ * fault. */
 static void end_transfer(void)
 {
     const struct taxel_i2c_transfer *transfer = &bench.transfer;
@@ -54,8 +59,8 @@ static void end_transfer(void)
     taxel_hub_on_i2c_done(&bench.hub, result);
 }
 
-/* Processor interface: start of a transfer. Checks address, sizes and buffer, and schedules the end after the time on
- * the bus. */
+/* HAL function of the hub: start a transfer. Checks address, sizes and buffer, and schedules the end after the time on
+ * the bus. A held line makes the transfer end as busy; the outcome BENCH_HANG makes it never end. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
@@ -83,6 +88,7 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     }
 }
 
+/* HAL function of the hub: abort the transfer in progress; there must be one. */
 static void on_i2c_abort(void *context)
 {
     (void)context;
@@ -90,8 +96,8 @@ static void on_i2c_abort(void *context)
     bench.done_us = BENCH_NEVER;
 }
 
-/* Processor interface: the hub drives SCL and SDA during bus recovery. Each falling edge of SCL advances a slave that
- * holds SDA. */
+/* HAL function of the hub: drive SCL and SDA during bus recovery, when no transfer may be in progress. Each falling
+ * edge of SCL brings a slave that holds SDA low one clock closer to its release. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     (void)context;
@@ -103,41 +109,48 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
     bench.sda = sda_high;
 }
 
+/* HAL function of the hub: return the level of SCL, which a board may hold low. */
 static bool on_i2c_scl(void *context)
 {
     (void)context;
     return bench.scl && !bench.scl_held;
 }
 
+/* HAL function of the hub: return the level of SDA, which a board may hold low. */
 static bool on_i2c_sda(void *context)
 {
     (void)context;
     return bench.sda && !bench.sda_held_clocks;
 }
 
+/* HAL function of the hub: start the UART. Does nothing, because bench_pull() takes the bytes. */
 static void on_uart_kick(void *context)
 {
     (void)context;
 }
 
+/* HAL function of the hub: flow control, which requests the host to pause (`hold`) or to continue. */
 static void on_uart_hold(void *context, bool hold)
 {
     (void)context;
     bench.host_is_held = hold;
 }
 
+/* HAL function of the hub: advance the simulated time. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     (void)context;
     bench.now_us += microseconds;
 }
 
+/* HAL function of the hub: request a pass of the main loop at a time; the earliest request of a pass counts. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     (void)context;
     bench.wake_us = clock_us < bench.wake_us ? clock_us : bench.wake_us;
 }
 
+/* HAL function of the hub: record a request for a restart or for the bootloader. */
 static void on_restart(void *context)
 {
     (void)context;
@@ -159,7 +172,8 @@ static const struct taxel_hub_hal hal = {
     .enter_bootloader = on_restart,
 };
 
-/* Take up to `size` bytes from the hub as the UART does and decode them as the host. No byte may belong to no frame. */
+/* Take up to `size` bytes from the hub as the UART does and decode them as the host. Each byte must belong to a valid
+ * frame. */
 void bench_pull(size_t size)
 {
     uint8_t bytes[64];
@@ -172,7 +186,8 @@ void bench_pull(size_t size)
     FUZZ_CHECK(bench.deframer.discarded_bytes == 0);
 }
 
-/* One pass of the hub's main loop, with checks. */
+/* Run one pass of the hub's main loop, which costs RUN_COST_US, and check the hub. If the host reads, it then takes all
+ * bytes from the UART. */
 void bench_pass(void)
 {
     bench.wake_us = BENCH_NEVER;
@@ -183,14 +198,13 @@ void bench_pass(void)
         bench_pull(SIZE_MAX);
     }
     bench_check_hub();
-    /* A hub that waits for a transfer, a reply or a board must have requested a wake-up: otherwise it never runs
-     * again. */
+    /* Without a wake-up request, a transfer in progress or an ended transfer, the main loop would never run again. */
     FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u ||
                bench.hub.job_done);
 }
 
-/* Advance the simulated time to the next event, at most to `until_us`, and run the hub. Returns false if no event is
- * due until then. */
+/* Advance the simulated time to the next event (end of a transfer or requested wake-up), at most to `until_us`, and run
+ * the hub. Returns false, without a change, if no event is due until then. */
 bool bench_step(uint64_t until_us)
 {
     const uint64_t next = bench.hub.job_done              ? bench.now_us
@@ -216,7 +230,7 @@ void bench_receive(const uint8_t *bytes, size_t size)
     bench_pass();
 }
 
-/* Encode a frame of the host with sequence number 0. Returns its length in bytes. */
+/* Encode a frame of the host with sequence number 0 into `wire`, including delimiters. Returns its length in bytes. */
 size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity)
 {
     struct taxel_encoder encoder;
@@ -226,7 +240,7 @@ size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *w
     return taxel_encoder_end(&encoder);
 }
 
-/* Reset bench and hub with the boards of bus number `bus`. */
+/* Reset bench and hub with the boards of bus number `bus`, and run the hub's main loop once. */
 static void boot(unsigned bus)
 {
     memset(&bench, 0, sizeof bench);
@@ -254,6 +268,7 @@ static void boot(unsigned bus)
     bench_pass();
 }
 
+/* Run the hub until the given simulated time has elapsed or no event is due. */
 static void run_for(uint64_t microseconds)
 {
     const uint64_t until = bench.now_us + microseconds;
@@ -261,7 +276,7 @@ static void run_for(uint64_t microseconds)
     }
 }
 
-/* Bring the hub into a state: started, handshake done, or streaming. */
+/* Bring a started hub into `state`: with handshake (BENCH_WARM), or streaming as well (BENCH_STREAMING). */
 static void warm_up(enum bench_state state)
 {
     static const uint8_t handshake[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
@@ -277,6 +292,7 @@ static void warm_up(enum bench_state state)
     }
 }
 
+/* Copy the content of the hub's memory blocks, whose sizes are those of the current configuration. */
 static void copy_blocks(const struct blocks *to, const struct blocks *from)
 {
     memcpy(to->slots, from->slots, bench.config.slot_capacity * sizeof *to->slots);
@@ -284,6 +300,7 @@ static void copy_blocks(const struct blocks *to, const struct blocks *from)
     memcpy(to->ring, from->ring, bench.config.transmit_ring_size);
 }
 
+/* Allocate zeroed memory blocks of the sizes in the current configuration. */
 static struct blocks new_blocks(void)
 {
     return (struct blocks){
@@ -293,8 +310,8 @@ static struct blocks new_blocks(void)
     };
 }
 
-/* Restore a hub that has already reached `state`. The state is reached once per bus and copied afterwards, which makes
- * each fuzz input faster. */
+/* Restore bench and hub on bus number `bus` in the given state. The first call for a bus and a state boots the hub and
+ * saves the result; later calls copy the saved state, which makes each fuzz input faster. */
 void bench_restore(unsigned bus, enum bench_state state)
 {
     struct saved *const snapshot = &saved[bus][state];

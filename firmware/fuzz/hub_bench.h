@@ -33,7 +33,8 @@ struct bench_board {
     uint8_t address; /* 0: no board */
     uint8_t taxel_count;
     bool foreign; /* a device that is not a sensor board */
-    bool unplugged, rejects_settings, holds_scan;
+    bool unplugged, rejects_settings;
+    bool holds_scan; /* repeats the last sequence number instead of a new snapshot */
     uint8_t map_version;
     uint8_t pointer;
     uint16_t sequence;
@@ -45,7 +46,10 @@ struct bench {
     struct taxel_hub hub;
     struct taxel_hub_config config;
     struct bench_board boards[BENCH_BOARDS];
-    uint64_t now_us, wake_us, done_us;
+    uint64_t now_us;
+    uint64_t wake_us; /* earliest wake-up that the hub requested; BENCH_NEVER: none */
+    uint64_t
+        done_us; /* end of the transfer in progress; BENCH_NEVER: none, BENCH_NEVER - 1: a transfer that never ends */
     unsigned clock_calls; /* in this pass of the main loop */
     bool ends_at_once;    /* transfers end inside i2c_start */
     struct taxel_i2c_transfer transfer;
@@ -68,17 +72,19 @@ struct bench {
 
 extern struct bench bench;
 
-/* Restore one of the buses in one of its states; deterministic. */
+/* Restore bench and hub on bus number `bus` (0 to BENCH_BUSES - 1) in one of its states. */
 void bench_restore(unsigned bus, enum bench_state state);
 
-/* bench_pass: one pass of the hub's main loop. bench_step: the next event and a pass; false if there is none until
- * `until_us`. */
+/* Run one pass of the hub's main loop. */
 void bench_pass(void);
+/* Advance to the next event and run one pass; false if no event is due until `until_us`. */
 bool bench_step(uint64_t until_us);
 
+/* Deliver bytes of the host to the hub and run one pass. */
 void bench_receive(const uint8_t *bytes, size_t size);
 /* Encode a frame of the host into `wire`, delimiters included; returns its size. */
 size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity);
+/* Take up to `size` bytes from the hub's UART and decode and check them as the host. */
 void bench_pull(size_t size);
 
 /* hub_checks.c: checks of the pool bytes of a transfer, of a frame for the host, and of the hub after a pass. */

@@ -1,14 +1,16 @@
-/* The devices on the bench's bus. */
+/* The devices on the bench's simulated I2C bus. */
 #include "fuzz/hub_bench.h"
 
 #define FOREIGN_BYTE 0x33u
 
+/* A configuration of the hub's memory with the devices on its I2C bus. */
 struct bus {
-    uint8_t slot_capacity;
-    size_t buffer_size, ring_size;
+    uint8_t slot_capacity; /* number of boards that the hub can manage */
+    size_t buffer_size;    /* of one of the two transfer buffers, in bytes */
+    size_t ring_size;      /* of the transmit ring, in bytes */
     struct {
         uint8_t address, taxel_count;
-        bool foreign;
+        bool foreign; /* not a sensor board */
     } devices[BENCH_BOARDS];
 };
 
@@ -30,7 +32,7 @@ static const struct bus buses[BENCH_BUSES] = {
     {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}},
 };
 
-/* Set the boards and the sizes of the hub's memory for bus number `bus`. */
+/* Set the boards, as after power-on, and the sizes of the hub's memory for bus number `bus` (index of `buses`). */
 void bench_populate(unsigned bus)
 {
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
@@ -49,7 +51,7 @@ void bench_populate(unsigned bus)
     }
 }
 
-/* Connected board with this I2C address, or NULL. */
+/* Return the connected board with this I2C address, or NULL if there is none. */
 static struct bench_board *board_at(uint8_t address)
 {
     for (size_t i = 0; i < BENCH_BOARDS; i++) {
@@ -60,12 +62,13 @@ static struct bench_board *board_at(uint8_t address)
     return NULL;
 }
 
+/* Compute the CRC-32 over the board's I2C address and `bytes`. */
 static uint32_t crc_with_address(const struct bench_board *board, const uint8_t *bytes, size_t size)
 {
     return fuzz_crc32(fuzz_crc32(0, &board->address, 1), bytes, size);
 }
 
-/* Content of a board's identity register: TAXEL_IDENTITY_SIZE bytes with CRC-32. */
+/* Write the content of a board's identity register to `bytes`: TAXEL_IDENTITY_SIZE bytes with CRC-32. */
 static void read_identity(const struct bench_board *board, uint8_t *bytes)
 {
     memset(bytes, 0, TAXEL_IDENTITY_SIZE);
@@ -79,7 +82,8 @@ static void read_identity(const struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + 54, fuzz_crc32(0, bytes, 54));
 }
 
-/* Next uncompressed snapshot of a board. A board that holds its scan repeats the last sequence number. */
+/* Write the next uncompressed snapshot of a board to `bytes` and advance its sequence number. A board that holds its
+ * scan repeats the last sequence number. */
 static void read_snapshot(struct bench_board *board, uint8_t *bytes)
 {
     const size_t size = 10u + 2u * (size_t)board->taxel_count;
@@ -90,7 +94,10 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + size - 4, crc_with_address(board, bytes, size - 4));
 }
 
-/* A packed frame of 16 bits, a delta frame, or no new snapshot: the hub forwards any bytes with a valid CRC. */
+/* Write the content of a board's register COMPACT to `bytes` (length byte, compact snapshot with CRC-32) and return its
+ * size. Odd sequence numbers give a delta frame, even ones a packed frame with 16 bits per count, and a board that
+ * holds its scan gives the single byte 0 (no new snapshot). The counts are arbitrary, because the hub checks only the
+ * CRC. */
 static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 {
     const bool is_delta = board->sequence & 1u;
@@ -110,8 +117,8 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
     return 1u + size;
 }
 
-/* Bytes that a board returns from its register pointer; beyond the register, or for an undefined one, 0xFF. A device of
- * another kind returns a constant byte. */
+/* Write the bytes to `bytes` that a board returns from the register at its pointer; 0xFF beyond the register's end and
+ * for an undefined register. A device that is not a sensor board returns a constant byte. */
 static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
 {
     /* a compact snapshot has a length byte and is padded to a multiple of four bytes */
@@ -150,7 +157,8 @@ static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
     }
 }
 
-/* Write to the settings register of a board; settings with a wrong CRC are ignored. */
+/* Execute a write of 8 bytes of settings and a CRC to a board's settings register. A wrong CRC, or a board that rejects
+ * settings, leaves the settings unchanged. */
 static void take_settings(struct bench_board *board, const uint8_t *bytes)
 {
     uint8_t crc[4];
@@ -160,7 +168,8 @@ static void take_settings(struct bench_board *board, const uint8_t *bytes)
     }
 }
 
-/* Execute a transfer on the simulated bus. Returns TAXEL_I2C_OK, or NACK_ADDRESS without a board at the address. */
+/* Execute a transfer of the hub on the simulated bus. Returns TAXEL_I2C_OK, or TAXEL_I2C_NACK_ADDRESS if no board has
+ * the address. */
 int8_t bench_transfer(const struct taxel_i2c_transfer *transfer)
 {
     struct bench_board *board = board_at(transfer->address);

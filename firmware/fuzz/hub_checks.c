@@ -1,16 +1,19 @@
-/* Checks of the hub on the bench: buffers of its transfers, frames that the host receives, slots, positions, counters and
- * flow control. */
+/* Checks of the hub on the bench: buffers of its transfers, frames that the host receives, slots, positions, counters
+ * and flow control. */
 #include "fuzz/hub_bench.h"
 
 #define ENDED_COUNTERS(s) \
     ((s)->forwarded + (s)->repeated + (s)->nacks + (s)->timeouts + (s)->crc_errors + (s)->bus_errors + (s)->dropped)
 
+/* Check that two ranges of bytes, each from its begin up to but not including its end, do not overlap. */
 static void check_disjoint(size_t begin, size_t end, size_t other_begin, size_t other_end)
 {
     FUZZ_CHECK(end <= other_begin || other_end <= begin);
 }
 
-/* The bytes read begin at `offset` of the pool: they, their headroom and their tailroom overlap no other buffer. */
+/* Check the buffer of a transfer that reads `size` bytes to `offset` of the transfer pool: the offset is that of the
+ * job's buffer, and the bytes with their headroom and tailroom (space for the frame around them) lie inside the pool
+ * and overlap no buffer that waits for transmission. */
 void bench_check_buffer(size_t offset, size_t size)
 {
     const struct taxel_hub *const hub = &bench.hub;
@@ -30,7 +33,8 @@ void bench_check_buffer(size_t offset, size_t size)
     }
 }
 
-/* Check one frame that the host receives. */
+/* Check one frame that the host receives (handler of the deframer): sequence number, CRCs of the board, counters of
+ * status frames. Replies to commands are counted. */
 void bench_check_frame(void *context, const struct taxel_frame *frame)
 {
     const uint8_t *payload = frame->payload;
@@ -62,7 +66,8 @@ void bench_check_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
-/* Check the hub's slots: sorted valid addresses, and every ended poll in exactly one outcome counter. */
+/* Check the hub's slots (one per known board): valid addresses in ascending order, every ended poll in exactly one
+ * outcome counter, at most one poll in progress, and a valid number of taxels while streaming. */
 static void check_slots(void)
 {
     const struct taxel_hub *hub = &bench.hub;
@@ -85,7 +90,8 @@ static void check_slots(void)
     }
 }
 
-/* Check the hub's positions, counters and flow control after a pass of its main loop. */
+/* Check the hub's slots, the positions and counters of its queues, and its flow control after a pass of its main
+ * loop. */
 void bench_check_hub(void)
 {
     const struct taxel_hub *hub = &bench.hub;

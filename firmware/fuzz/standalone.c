@@ -11,7 +11,8 @@
 
 static unsigned files;
 
-/* Run the fuzz target with the content of one file. Returns 1 if it cannot be read, otherwise 0. */
+/* Run the fuzz target with the content of one file and print its path. Returns 0, or 1 with a message if the file
+ * cannot be read. */
 static int replay_file(const char *path)
 {
     FILE *file = fopen(path, "rb");
@@ -58,7 +59,8 @@ static int replay_directory(const char *path)
     return failures;
 }
 
-/* Replay corpus files without libFuzzer; the arguments are files or directories. */
+/* Replay the files and directories of the arguments, and print the number of files replayed. Exit status 1: a file
+ * could not be read, or no file was replayed. */
 int main(int argc, char **argv)
 {
     int failures = 0;

@@ -43,7 +43,7 @@ struct taxel_i2c_transfer {
     bool length_prefixed;
 };
 
-/* For the port: bytes to read after the first byte of a length-prefixed transfer. */
+/* Return the number of bytes that the port must read after the first byte (`first`) of a length-prefixed transfer. */
 static inline size_t taxel_i2c_bytes_after_length(const struct taxel_i2c_transfer *transfer, uint8_t first)
 {
     const size_t size = taxel_compact_size(first);

@@ -1,5 +1,5 @@
-/* Frames from the host: handshake and commands. One command at a time, whose payload stays in the inbox until it is
- * answered. */
+/* Frames from the host: handshake, commands and acknowledgements. Only one command is in progress at a time; its
+ * payload stays in the inbox until the command is answered. */
 #include "hub/internal.h"
 
 #define VERSION_OF_COMPACT 2u
@@ -28,7 +28,7 @@ void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t versio
 }
 
 /* End the command in progress: queue its REPLY frame with `status` (enum taxel_reply_status) and `size` bytes of data.
- */
+ * A status other than OK is counted as a rejected command. */
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size)
 {
     uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
@@ -45,8 +45,8 @@ void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data,
     }
 }
 
-/* Answer a HOST_HANDSHAKE frame, which is in the inbox. The highest protocol version common to both sides is used; 0
- * means that there is none, and commands are then rejected. */
+/* Answer the HOST_HANDSHAKE frame in the inbox. The highest protocol version common to both sides is used; 0 means that
+ * there is none, and commands are then rejected. Compact snapshots end if the version does not define them. */
 void taxel_hub_handle_handshake(struct taxel_hub *hub)
 {
     struct taxel_host_handshake handshake;
@@ -59,13 +59,14 @@ void taxel_hub_handle_handshake(struct taxel_hub *hub)
     taxel_hub_send_handshake(hub, handshake.tag, hub->version);
 }
 
-/* Sends a REPLY frame with the status OK and no data for the command in progress. */
+/* Queue a REPLY frame with the status OK and no data for the command in progress. */
 static void reply_ok(struct taxel_hub *hub)
 {
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
 }
 
-/* Command SET_RATE: period of the poll cycle in microseconds; 0: as fast as possible. */
+/* Execute the command SET_RATE: set the period of the poll cycle in microseconds (0: as fast as possible), and
+ * reply. */
 static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
 {
     struct taxel_set_rate_arguments arguments;
@@ -74,8 +75,9 @@ static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
     reply_ok(hub);
 }
 
-/* Command I2C_TRANSFER: store the requested transfer for the scheduler, which starts it when the bus is free. The reply
- * follows at the end of the transfer. `bytes`, `size`: arguments of the command. */
+/* Execute the command I2C_TRANSFER: store the requested transfer for the scheduler, which starts it when the bus is
+ * free. The reply follows at the end of the transfer, or at once (BAD_ARGUMENTS) for an invalid address or read length.
+ * `bytes`, `size`: arguments of the command. */
 static void request_transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
 {
     struct taxel_command_in_progress *command = &hub->command;
@@ -91,7 +93,8 @@ static void request_transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t
     command->transfer_size = (uint8_t)(size - TAXEL_TRANSFER_ARGUMENTS_SIZE);
 }
 
-/* Command START: begin to poll the boards. The optional flags byte (protocol version 2) requests compact snapshots. */
+/* Execute the command START: begin to poll the boards, and reply. The optional flags byte (protocol version 2) requests
+ * compact snapshots; undefined flags are rejected. */
 static void execute_start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
 {
     const uint8_t flags = size ? bytes[TAXEL_START_ARGUMENTS_OFFSET_FLAGS] : 0;
@@ -104,9 +107,9 @@ static void execute_start(struct taxel_hub *hub, const uint8_t *bytes, size_t si
     reply_ok(hub);
 }
 
-/* Entry of an ACKNOWLEDGE frame: the host has decoded the board's key frame `key_frame_id`, or, with the flag
- * TAXEL_ACKNOWLEDGE_FORGET in `address`, has no key frame of the board. The entry is written to the board before its
- * next poll. */
+/* Store an entry of an ACKNOWLEDGE frame, which is written to the board before its next poll: the host has decoded the
+ * board's key frame `key_frame_id`, or, with the flag TAXEL_ACKNOWLEDGE_FORGET in `address`, has no key frame of the
+ * board. Entries for unknown boards, and all entries while the hub uses no compact snapshots, are ignored. */
 void taxel_hub_handle_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t key_frame_id)
 {
     const uint8_t slot = taxel_hub_slot_of(hub, address & (uint8_t)~TAXEL_ACKNOWLEDGE_FORGET);
@@ -119,14 +122,15 @@ void taxel_hub_handle_acknowledgement(struct taxel_hub *hub, uint8_t address, ui
     board->key_frame_id = key_frame_id;
 }
 
-/* True if a command with this address argument applies to `board`; address 0 selects every board. */
+/* Return whether a command with this address argument applies to `board`; address 0 selects every board. */
 static bool is_selected(uint8_t address, const struct taxel_hub_slot *board)
 {
     return address == 0 || board->address == address;
 }
 
-/* Command SET_SCAN_SETTINGS: mark the settings as to be written to the selected boards (address 0: all) that are
- * streaming. The reply follows when all of these boards have read them back. */
+/* Execute the command SET_SCAN_SETTINGS: store the settings for the selected boards (address 0: all) that are
+ * streaming; the scheduler writes them. The reply follows when the settings have been read back from all of these
+ * boards, or at once (UNKNOWN_BOARD) if no selected board is streaming. */
 static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
 {
     hub->command.address = bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS];
@@ -150,8 +154,9 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
     }
 }
 
-/* Command GET_BOARD_INFO: request the identity of the selected boards (address 0: all) to be read and forwarded as
- * BOARD_INFO frames. The reply follows after the last of them. */
+/* Execute the command GET_BOARD_INFO: request that the scheduler reads the identity of the selected boards (address 0:
+ * all) and forwards it as BOARD_INFO frames. The reply follows after the last of them, or at once (UNKNOWN_BOARD) if
+ * the single selected board is not streaming. */
 static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
 {
     bool any = false;
@@ -168,7 +173,8 @@ static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
     }
 }
 
-/* Send the reply of a command that is executed within the poll cycle, once all of its boards are done. */
+/* Queue the reply to SET_SCAN_SETTINGS or GET_BOARD_INFO, which are executed within the poll cycle, once all selected
+ * boards are done. Does nothing for other commands. */
 void taxel_hub_end_finished_command(struct taxel_hub *hub)
 {
     bool rejected = false;
@@ -189,7 +195,7 @@ void taxel_hub_end_finished_command(struct taxel_hub *hub)
     taxel_hub_reply(hub, settings && rejected ? TAXEL_REPLY_STATUS_REJECTED_BY_BOARD : TAXEL_REPLY_STATUS_OK, NULL, 0);
 }
 
-/* Command GET_TIME: replies with the clock of the hub in microseconds, 64 bits. */
+/* Execute the command GET_TIME: reply with the clock of the hub in microseconds, 64 bits. */
 TAXEL_OWN_FRAME static void get_time(struct taxel_hub *hub)
 {
     uint8_t bytes[TAXEL_GET_TIME_REPLY_SIZE];
@@ -198,7 +204,7 @@ TAXEL_OWN_FRAME static void get_time(struct taxel_hub *hub)
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, bytes, sizeof bytes);
 }
 
-/* Command GET_FAULT: replies with the fault record of the hub. */
+/* Execute the command GET_FAULT: reply with the fault record of the hub, or without data if the hub keeps none. */
 static void get_fault(struct taxel_hub *hub)
 {
     const uint8_t *record = taxel_hub_config_of(hub)->fault_record;
@@ -227,8 +233,8 @@ static const struct argument_rule argument_rules[] = {
     {TAXEL_COMMAND_GET_FAULT, 0, 0},
 };
 
-/* Status (enum taxel_reply_status) with which a command must be rejected, or OK: handshake done, command defined,
- * `size` of its arguments within the limits. */
+/* Return the status (enum taxel_reply_status) with which a command must be rejected, or OK if the handshake is done,
+ * the command is defined, and the `size` of its arguments is within the limits. */
 static uint8_t check_command(const struct taxel_hub *hub, uint8_t command, size_t size)
 {
     if (!hub->version) {
@@ -243,7 +249,7 @@ static uint8_t check_command(const struct taxel_hub *hub, uint8_t command, size_
     return TAXEL_REPLY_STATUS_UNKNOWN_COMMAND;
 }
 
-/* Request a reset of the processor after the reply to REBOOT or ENTER_BOOTLOADER has been sent. */
+/* Queue the reply to REBOOT or ENTER_BOOTLOADER, and request a reset of the processor after the reply has been sent. */
 static void restart(struct taxel_hub *hub)
 {
     hub->restart_requested = true;
@@ -251,8 +257,8 @@ static void restart(struct taxel_hub *hub)
     reply_ok(hub);
 }
 
-/* Command ENTER_BOOTLOADER: restart into the hub's bootloader. The key in the arguments prevents an accidental restart.
- */
+/* Execute the command ENTER_BOOTLOADER: restart into the hub's bootloader. The key in the arguments prevents an
+ * accidental restart; a hub without a bootloader rejects the command. */
 static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
 {
     if (!taxel_hub_hal_of(hub)->enter_bootloader) {

@@ -4,27 +4,28 @@
 
 #define DRAIN_POLL_US 1000u
 
-/* The time since the start of the hub in microseconds, 64 bits. */
+/* Return the time since the start of the hub in microseconds, 64 bits. */
 uint64_t taxel_hub_clock(const struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     return hal->clock_us(hal->context);
 }
 
-/* The time since the start of the hub in microseconds, modulo 2^32. */
+/* Return the time since the start of the hub in microseconds, modulo 2^32. */
 uint32_t taxel_hub_now(const struct taxel_hub *hub)
 {
     return (uint32_t)taxel_hub_clock(hub);
 }
 
-/* Requests that the main loop runs again in `microseconds` at the latest. */
+/* Request that the main loop runs again in `microseconds` at the latest. */
 void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     hal->wake_at(hal->context, taxel_hub_clock(hub) + microseconds);
 }
 
-/* Index of the slot of the board with this I2C address, or TAXEL_NO_SLOT. */
+/* Return the index of the slot of the board with this I2C address, or TAXEL_NO_SLOT. A slot is the hub's state of one
+ * known board. */
 uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -50,7 +51,8 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
     taxel_hub_start_bus_scan(hub, false);
 }
 
-/* I2C interrupt: the transfer has ended with `result` (enum taxel_i2c_result). The main loop evaluates it. */
+/* Record in the I2C interrupt that the transfer has ended with `result` (enum taxel_i2c_result). The main loop
+ * evaluates the result. */
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
 {
     hub->job_result = result;
@@ -86,7 +88,7 @@ static void process_job_outcome(struct taxel_hub *hub)
     taxel_hub_finish_job(hub, hub->job_result);
 }
 
-/* Moves a time (microseconds modulo 2^32) that has passed to `now`, because after 35 minutes it would count as a
+/* Move a time (microseconds modulo 2^32) that has passed to `now`, because 35 minutes later it would be treated as a
  * future time. */
 static void clamp_past_time(uint32_t now, uint32_t *time)
 {
@@ -109,7 +111,7 @@ static void restart_when_drained(struct taxel_hub *hub)
     }
 }
 
-/* One pass of the main loop: evaluate the last transfer, execute received commands, start the next transfer, send
+/* Run one pass of the main loop: evaluate the last transfer, execute received commands, start the next transfer, send
  * status frames, and request the time of the next pass. */
 TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
 {

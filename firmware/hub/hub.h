@@ -57,21 +57,21 @@ struct taxel_hub_slot {
     uint8_t address;
     uint8_t taxel_count;
     uint8_t last_fault;
-    uint8_t polls;     /* modulo 256; taxel_hub_polls() restores the upper bits */
-    uint8_t state : 2; /* enum taxel_board_state */
-    uint8_t attempts : 2;
-    bool retry_pending : 1;
-    bool info_requested : 1;
+    uint8_t polls;           /* modulo 256; taxel_hub_polls() restores the upper bits */
+    uint8_t state : 2;       /* enum taxel_board_state */
+    uint8_t attempts : 2;    /* failed polls in this cycle, or rejected identities in a row */
+    bool retry_pending : 1;  /* a second poll is due in this cycle */
+    bool info_requested : 1; /* the identity is to be read and forwarded as BOARD_INFO */
     /* the board's register pointer is at the polled register: a read needs no write before it */
     bool pointer_is_snapshot : 1;
-    bool has_sequence : 1;
+    bool has_sequence : 1;        /* last_sequence is valid */
     bool has_clock : 1;           /* last_timestamp_us is valid */
     bool has_compact : 1;         /* the board has compact snapshots */
     bool acknowledge_pending : 1; /* `key_frame_id` is to be written to the board */
     bool forget_pending : 1;      /* the host has no key frame of the board, which is to be written to the board */
     bool has_settings : 1;        /* the host set `settings`: they are written again after a restart of the board */
-    bool settings_dirty : 1;
-    bool settings_rejected : 1;
+    bool settings_dirty : 1;      /* `settings` are to be written to the board */
+    bool settings_rejected : 1;   /* the settings read back differ from those written */
     uint16_t consecutive_failures;
     uint16_t last_sequence;
     uint16_t key_frame_id;      /* of the key frame that the host has decoded */
@@ -116,18 +116,19 @@ struct taxel_hub_config {
     size_t transmit_ring_size;
 };
 
+/* Purpose of an I2C transfer. */
 enum taxel_job_kind {
     TAXEL_JOB_NONE = 0,
-    TAXEL_JOB_POLL,
-    TAXEL_JOB_PROBE_SLOT,
-    TAXEL_JOB_IDENTIFY,
+    TAXEL_JOB_POLL,           /* reads a snapshot */
+    TAXEL_JOB_PROBE_SLOT,     /* sends the address of a known board that is absent */
+    TAXEL_JOB_IDENTIFY,       /* reads the identity register */
     TAXEL_JOB_READ_SETTINGS,  /* after an identity, into the same buffer behind the identity */
     TAXEL_JOB_CHECK_SETTINGS, /* after settings were written */
     TAXEL_JOB_WRITE_SETTINGS,
-    TAXEL_JOB_ACKNOWLEDGE,
-    TAXEL_JOB_CLOCK,
-    TAXEL_JOB_PROBE_ADDRESS,
-    TAXEL_JOB_PASS_THROUGH,
+    TAXEL_JOB_ACKNOWLEDGE,   /* writes the host's answer to a key frame */
+    TAXEL_JOB_CLOCK,         /* reads the board's clock, for TIME_SYNC */
+    TAXEL_JOB_PROBE_ADDRESS, /* sends an address, to find unknown boards */
+    TAXEL_JOB_PASS_THROUGH,  /* the transfer of the command I2C_TRANSFER */
 };
 
 /* The transfer in progress, or the last one. */
@@ -157,23 +158,23 @@ struct taxel_unframed {
 };
 
 enum taxel_cycle_stage {
-    TAXEL_STAGE_POLLS = 0,
-    TAXEL_STAGE_CLOCK,
-    TAXEL_STAGE_PROBES,
-    TAXEL_STAGE_WAIT,
+    TAXEL_STAGE_POLLS = 0, /* every known board once */
+    TAXEL_STAGE_CLOCK,     /* one board's clock */
+    TAXEL_STAGE_PROBES,    /* a few addresses without a known board */
+    TAXEL_STAGE_WAIT,      /* until the period of the cycle has elapsed */
 };
 
 struct taxel_cycle {
-    uint8_t stage; /* enum taxel_cycle_stage */
-    uint8_t position;
-    uint8_t clock_slot;
-    uint8_t probes_left;
-    uint8_t probe_address;
-    bool has_launched; /* a transfer was started in this cycle */
-    uint16_t number;
-    uint32_t count;
-    uint32_t last_length_us;
-    uint32_t period_us;
+    uint8_t stage;           /* enum taxel_cycle_stage */
+    uint8_t position;        /* slot of the next board to poll */
+    uint8_t clock_slot;      /* slot whose clock was read last */
+    uint8_t probes_left;     /* in this cycle */
+    uint8_t probe_address;   /* probed last */
+    bool has_launched;       /* a transfer was started in this cycle */
+    uint16_t number;         /* of this cycle, sent with each snapshot; modulo 65536 */
+    uint32_t count;          /* of cycles since the start of the hub */
+    uint32_t last_length_us; /* duration of the last cycle */
+    uint32_t period_us;      /* shortest time between two starts; 0: as fast as possible */
     uint32_t last_upkeep_us; /* start of the last clock reading and probes */
     uint64_t started_us;
 };
@@ -274,22 +275,22 @@ struct taxel_hub {
 extern const struct taxel_hub_config taxel_hub_fixed_config;
 #endif
 
-/* Number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the slot
- * stores only the low bits of the number. */
+/* Return the number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the
+ * slot stores only the low bits of the number. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot);
 
 /* Initialise the hub and queue a HUB_HANDSHAKE frame. `config` must stay valid. */
 void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause);
-/* One pass of the main loop. */
+/* Run one pass of the main loop. */
 void taxel_hub_run(struct taxel_hub *hub);
 
-/* Called from interrupts: end of a transfer (`result`: enum taxel_i2c_result), and a received byte. */
+/* To be called from the interrupts: a transfer has ended (`result`: enum taxel_i2c_result), or a byte was received. */
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result);
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte);
 /* Copy up to `size` bytes that are to be sent to `bytes`; returns their number, 0 if none are queued. */
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size);
 
-/* Bytes queued for the UART. */
+/* Return the number of bytes queued for the UART. */
 size_t taxel_hub_uart_pending(const struct taxel_hub *hub);
 
 #endif

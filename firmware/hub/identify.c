@@ -4,8 +4,8 @@
 
 #define IDENTITY_ATTEMPTS 3u
 
-/* Reason why these 58 bytes are not the identity of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they
- * are. */
+/* Return the fault (enum taxel_board_fault) because of which these 58 bytes are not the identity of a board that this
+ * hub can poll; TAXEL_BOARD_FAULT_NONE if the hub can poll the board. */
 static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes)
 {
     const uint16_t taxel_count = taxel_get_u16(bytes + TAXEL_IDENTITY_OFFSET_TAXEL_COUNT);
@@ -27,8 +27,8 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     return TAXEL_BOARD_FAULT_NONE;
 }
 
-/* Ends the turn of a board that cannot be polled in this cycle: counts this as the outcome of its poll in
- * `counter`, sets the state, and continues with the next board. */
+/* End the turn of a board that cannot be polled in this poll cycle: record the fault, set the state of the board and,
+ * while streaming, increment `counter` as the outcome of its poll and continue with the next board. */
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault,
                      uint8_t state)
 {
@@ -42,8 +42,8 @@ static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32
     }
 }
 
-/* End the board's turn after a failed transfer: count the failure by its kind and mark the board as absent. A stuck bus
- * is freed first, unless the board only did not acknowledge. */
+/* End the board's turn after a failed transfer: count the failure by the kind of `result` and mark the board as absent.
+ * The bus is freed first, unless the board merely failed to acknowledge. */
 static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     if (result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
@@ -90,16 +90,16 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
              is_accepted ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
 
-/* True if the 12 bytes read from the settings register of `board` have a correct CRC, which begins with the board's
- * address. */
+/* Return whether the 12 bytes read from the settings register of `board` have a correct CRC, which covers the board's
+ * I2C address and the 8 bytes of settings. */
 static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)
 {
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
     return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
 }
 
-/* True if the 8 bytes of scan settings that were read from `board` equal the settings that the hub stored for this
- * board. */
+/* Return whether the 8 bytes of scan settings that were read from `board` equal the settings that the hub stored for
+ * this board. */
 static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *bytes)
 {
     uint8_t expected[TAXEL_SCAN_SETTINGS_SIZE];
@@ -107,8 +107,8 @@ static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *by
     return memcmp(bytes, expected, sizeof expected) == 0;
 }
 
-/* Evaluate the scan settings that were read back from a board after a write. Rejected settings are not written
- * again after the board's next restart. */
+/* Evaluate the scan settings that were read back from a board after a write. Settings that differ are reported as
+ * rejected and are not written again after the board's next restart; after a failed read-back they are. */
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);

@@ -12,8 +12,8 @@
 #define NO_BYTE (-1)
 #define WAIT (-1)
 
-/* Changes RTS, which makes the host pause (`is_hold`) or continue. The interrupt calls it to hold, the main loop to
- * release. The two thresholds are so far apart that the calls do not interleave. */
+/* Change RTS, which makes the host pause (`is_hold`) or continue. The interrupt calls this function to hold, the main
+ * loop to release. The two thresholds of free space are so far apart that the calls do not interleave. */
 static void hold(struct taxel_hub *hub, bool is_hold)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -23,7 +23,7 @@ static void hold(struct taxel_hub *hub, bool is_hold)
     }
 }
 
-/* Number of free bytes in the receive ring, which keeps one of its 256 bytes empty. */
+/* Return the number of free bytes in the receive ring, which keeps one of its 256 bytes empty. */
 static uint8_t free_space(const struct taxel_inbox *inbox)
 {
     return (uint8_t)(inbox->tail - inbox->head - 1u); /* the ring has 256 bytes: indices wrap by themselves */
@@ -46,13 +46,13 @@ void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
     }
 }
 
-/* A stuffed, whitened body in the ring, read byte by byte. */
+/* A reader of a stuffed, whitened body in the receive ring. A chunk is the bytes between two delimiters. */
 struct body {
     const uint8_t *ring;
-    uint8_t at;
+    uint8_t at;        /* index of the next byte */
     uint8_t ahead;     /* remaining bytes of the chunk */
-    uint8_t remaining; /* remaining bytes of the block */
-    uint8_t whitening;
+    uint8_t remaining; /* remaining bytes of the COBS block */
+    uint8_t whitening; /* element of the whitening sequence for the next byte */
 };
 
 /* Read the code byte of the next COBS block (its length plus 1). Returns false if the block does not fit in the bytes
@@ -69,7 +69,7 @@ static bool open_block(struct body *body)
     return true;
 }
 
-/* A reader of a frame body: it begins at the oldest byte of the receive ring, and the body has `size` bytes before
+/* Return a reader of the frame body that begins at the oldest byte of the receive ring and has `size` bytes before
  * unstuffing. */
 static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
 {
@@ -77,9 +77,9 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
         .ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-/* The next byte of a frame body in the receive ring, without stuffing and whitening; NO_BYTE if its block reaches
- * past the chunk. Every accepted body is shorter than a full block of 254 bytes, so a zero follows each block but
- * the last. */
+/* Return the next byte of a frame body in the receive ring, unstuffed and unwhitened; NO_BYTE if its block reaches past
+ * the chunk. Every accepted body is shorter than a full block of 254 bytes, so a zero follows each block but the
+ * last. */
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;
@@ -96,7 +96,7 @@ static int next_byte(struct body *body)
     return byte;
 }
 
-/* Whether a frame header contains a type that the host may send and a payload length that this type allows. */
+/* Return whether a frame header contains a type that the host may send and a payload length that this type allows. */
 static bool is_header_valid(const uint8_t *header)
 {
     const uint16_t length = taxel_get_u16(header + 3);
@@ -111,8 +111,9 @@ static bool is_header_valid(const uint8_t *header)
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
 
-/* Looks for a frame that begins at the oldest byte of the receive ring; `size`: bytes before the next delimiter.
- * Returns the length of the frame in the ring, and its header; 0 if no valid frame begins there. */
+/* Check whether a valid frame begins at the oldest byte of the receive ring; `size`: bytes before the next delimiter.
+ * Returns the length of the frame in the ring and, in `header`, its unstuffed header; 0 if no valid frame begins
+ * there. */
 TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8_t size, uint8_t *header)
 {
     struct body body = body_at_tail(inbox, size);
@@ -141,8 +142,9 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
     return body.remaining == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
-/* Copies the payload of the valid frame at the oldest byte of the receive ring; `header`: header of the frame.
- * Acknowledgements are handled one by one, because the payload buffer may still hold the command in progress. */
+/* Copy the payload of the valid frame at the oldest byte of the receive ring to the payload buffer, and remove the
+ * frame from the ring. Acknowledgements are handled here, one by one, because the payload buffer may still contain the
+ * command in progress. `size`: length of the frame in the ring; `header`: its header. */
 TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     struct taxel_inbox *inbox = &hub->inbox;
@@ -169,8 +171,9 @@ TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, co
     inbox->tail = (uint8_t)(inbox->tail + size);
 }
 
-/* Executes the valid frame at the oldest byte of the receive ring; `header`: header of the frame. Returns false if
- * it is a handshake or command that has to wait. */
+/* Execute the valid frame at the oldest byte of the receive ring; `header`: header of the frame. Returns false, and
+ * leaves the frame in the ring, if it is a handshake or command that must wait for the command in progress or for space
+ * for its reply. */
 static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     const bool is_acknowledge = header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE;
@@ -186,9 +189,9 @@ static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *heade
     return true;
 }
 
-/* Number of bytes before the next delimiter in the receive ring, 0 if a delimiter is next, or WAIT if no delimiter
- * has arrived. A chunk without a delimiter is returned once it is longer than any frame. The head is read only
- * once, because the interrupt changes it. */
+/* Return the number of bytes before the next delimiter in the receive ring, 0 if a delimiter is next, or WAIT if no
+ * delimiter has arrived. Without a delimiter, the number of bytes is returned once it is larger than any frame. The
+ * head is read only once, because the interrupt changes it. */
 static int chunk_at_tail(struct taxel_inbox *inbox)
 {
     const uint8_t head = inbox->head;
@@ -209,7 +212,7 @@ static void skip_byte(struct taxel_inbox *inbox)
     inbox->tail = (uint8_t)(inbox->tail + 1u);
 }
 
-/* Initialises the receive ring: lowers RTS, so that the host can send. */
+/* Initialise the receive side: lower RTS, so that the host can send. */
 void taxel_hub_inbox_init(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -218,8 +221,8 @@ void taxel_hub_inbox_init(struct taxel_hub *hub)
     }
 }
 
-/* Main loop: answer a command whose transfers have ended, then take complete frames out of the receive ring until one
- * must wait for the command in progress. Lets the host send again when enough space is free. */
+/* Answer a command whose transfers have ended, then take complete frames out of the receive ring until one must wait
+ * for the command in progress. Lets the host send again when enough space is free. Called from the main loop. */
 void taxel_hub_read_inbox(struct taxel_hub *hub)
 {
     struct taxel_inbox *inbox = &hub->inbox;

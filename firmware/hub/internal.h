@@ -33,22 +33,23 @@ static inline struct taxel_hub_slot *taxel_hub_slot_at(const struct taxel_hub *h
     return &taxel_hub_config_of(hub)->slots[slot];
 }
 
-/* Bytes read by the transfer whose buffer begins at `pool_offset`. */
+/* Return the bytes read by the transfer whose buffer begins at `pool_offset`. */
 static inline uint8_t *taxel_hub_bytes(const struct taxel_hub *hub, size_t pool_offset)
 {
     return taxel_hub_config_of(hub)->transfer_pool + pool_offset + TAXEL_HUB_HEADROOM;
 }
 
-/* Largest number of bytes that one transfer can read. */
+/* Return the largest number of bytes that one transfer can read. */
 static inline size_t taxel_hub_read_max(const struct taxel_hub *hub)
 {
     return taxel_hub_config_of(hub)->transfer_pool_size / 2u - TAXEL_HUB_BUFFER_SIZE(0u);
 }
 
 uint64_t taxel_hub_clock(const struct taxel_hub *hub);
-/* The clock modulo 2^32, which halves the work on a Cortex-M0. Past and future times are distinguishable for 35
+/* Return the clock modulo 2^32, which halves the work on a Cortex-M0. Past and future times are distinguishable for 35
  * minutes; clamp_past_time() in hub.c updates times that may be older. */
 uint32_t taxel_hub_now(const struct taxel_hub *hub);
+/* Return whether `time` has come, for times that differ by less than 35 minutes. */
 static inline bool taxel_hub_is_due(uint32_t now, uint32_t time)
 {
     return (int32_t)(now - time) >= 0;
@@ -64,7 +65,7 @@ uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address);
 void taxel_hub_start_next_job(struct taxel_hub *hub);
 void taxel_hub_start_streaming(struct taxel_hub *hub);
 void taxel_hub_set_compact(struct taxel_hub *hub, bool compact);
-/* Size of the longest compact snapshot of the board. */
+/* Return the size in bytes of the longest compact snapshot of the board. */
 static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
 {
     return (TAXEL_COMPACT_OVERHEAD_PACKED + 2u * (size_t)board->taxel_count + TAXEL_COMPACT_LENGTH_STEP - 1u) &
@@ -89,11 +90,11 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot);
 
 /* outcome.c */
 void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result);
-/* A poll succeeded: report the end of consecutive failures. */
+/* Record a successful poll: report the end of consecutive failures. */
 void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board);
 /* Schedule a second poll of the board in this cycle; false if this was the second. */
 bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board);
-/* A poll of the board failed: update its state, and report the first of consecutive failures. */
+/* Record a failed poll of the board: update its state, and report the first of consecutive failures. */
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
 /* Recover the bus and record a fault that remains. Returns this fault, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
@@ -103,7 +104,7 @@ void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
 /* snapshot.c */
 /* Record that the bytes read by the last transfer are to become a frame of this type. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
-/* As above, for the bytes read by a poll. */
+/* Record that the bytes read by the last poll are to become a frame. */
 void taxel_hub_keep_snapshot(struct taxel_hub *hub);
 /* Check the unframed snapshot, and forward it if it is valid and new. */
 void taxel_hub_process_snapshot(struct taxel_hub *hub);
@@ -119,6 +120,7 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slo
  * TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
+/* Return whether the transmit ring has space for the longest reply. */
 bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub);
 
 /* outbox.c: write one frame to `pool_offset`, or into the ring for TAXEL_HUB_IN_RING. The payload is `prefix` followed
@@ -140,12 +142,13 @@ bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, 
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                            uint16_t pool_offset, size_t size);
 /* stall.c */
-/* Whether the UART has taken nothing for 0.1 s and therefore has no reader. Call it repeatedly while waiting for the
- * UART. */
+/* Return whether the UART has taken nothing for 0.1 s and therefore has no reader. To be called repeatedly while
+ * waiting for the UART. */
 bool taxel_hub_uart_is_stalled(struct taxel_hub *hub);
 /* Discard the queued frames after the start of a stall. Called from the main loop itself, where enough stack is
  * free. */
 void taxel_hub_discard_queued(struct taxel_hub *hub);
+/* Return the index after `index` in the ring of large frames. */
 static inline uint8_t taxel_hub_after_large(uint8_t index)
 {
     return index == TAXEL_HUB_LARGE_MAX - 1u ? 0 : (uint8_t)(index + 1u);

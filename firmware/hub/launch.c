@@ -8,8 +8,8 @@
 
 #define slot_at taxel_hub_slot_at
 
-/* Time limit of a transfer in microseconds: twice the bus time of `bytes` data bytes and the address bytes, and a
- * constant for clock stretching. */
+/* Return the time limit of a transfer in microseconds: twice the bus time of `bytes` data bytes and the address bytes,
+ * and a constant for clock stretching. */
 static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
 {
     const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
@@ -17,7 +17,7 @@ static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
     return TIMEOUT_BASE_US + byte_us * (uint32_t)(ADDRESS_BYTES + bytes);
 }
 
-/* True if the hub polls compact snapshots from `board`: the host requested them and the board supports them. */
+/* Return whether the hub polls compact snapshots from `board`: the host requested them and the board supports them. */
 static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     return hub->use_compact && board->has_compact;
@@ -75,15 +75,15 @@ void taxel_hub_launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, ui
     taxel_hub_launch(hub, kind, slot, board->address, size);
 }
 
-/* Starts a probe, an I2C transfer of the address alone, as a job of the given kind (enum of jobs) for `slot` of the
- * board table. */
+/* Start a probe, an I2C transfer of the address alone, as a job of this `kind` (enum taxel_job_kind). `slot`: the board
+ * with this address, or TAXEL_NO_SLOT. */
 void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address)
 {
     hub->job.write_size = 0;
     taxel_hub_launch(hub, kind, slot, address, 0);
 }
 
-/* The largest number of bytes that a poll of `board` can read. */
+/* Return the largest number of bytes that a poll of `board` can read, without the length byte of a compact snapshot. */
 size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     return polls_compact(hub, board) ? taxel_hub_compact_max(board)

@@ -5,14 +5,14 @@
 #include "codec/encoder.h"
 #include "hub/internal.h"
 
-/* Number of bytes in the transmit ring that wait for the UART. */
+/* Return the number of bytes in the transmit ring that wait for the UART. */
 static size_t used_bytes(const struct taxel_hub *hub)
 {
     const size_t head = hub->outbox.head, tail = hub->outbox.tail;
     return head >= tail ? head - tail : head + taxel_hub_config_of(hub)->transmit_ring_size - tail;
 }
 
-/* Number of bytes queued for the UART, in the ring and in large frames. */
+/* Return the number of bytes queued for the UART, in the ring and in large frames (in the transfer pool). */
 TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 {
     size_t size = used_bytes(hub);
@@ -22,8 +22,8 @@ TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
     return size;
 }
 
-/* Copy up to `size` queued bytes for the UART to `bytes`; returns their number. Called from the UART interrupt. Large
- * frames come directly from the transfer pool when the ring has been sent up to their mark. */
+/* Copy up to `size` queued bytes for the UART to `bytes`; returns their number. Called from the UART interrupt. A
+ * large frame is copied from the transfer pool once the ring has been sent up to the frame's mark. */
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
@@ -57,16 +57,16 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 #define REPLY_MAX (TAXEL_REPLY_HEADER_SIZE + TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* of SCAN_BUS: the longest */
 #define REPLY_ENCODED_MAX taxel_encoded_size_max(REPLY_MAX)
 
-/* Number of bytes of the transmit ring that are reserved for the next frame of a status report in progress. Without
- * this reserve, shorter and more frequent taxel frames would use all free space, the report would never end, and
- * GET_STATUS would block all other commands. */
+/* Return the number of bytes of the transmit ring that are reserved for the next frame of a status report in progress.
+ * Without this reserve, shorter and more frequent taxel frames would use all free space, the report would never end,
+ * and GET_STATUS would block all other commands. */
 static size_t report_reserve(const struct taxel_hub *hub)
 {
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Number of bytes that a frame of this type must leave free in the transmit ring: every frame except a reply leaves
- * space for one reply; a frame that can wait also leaves space for the small frames that cannot wait. */
+/* Return the number of bytes that a frame of this type must leave free in the transmit ring: every frame except a reply
+ * leaves space for one reply; a frame that can wait also leaves space for the small frames that cannot wait. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
@@ -85,7 +85,7 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     }
 }
 
-/* True if the transmit ring has space for the longest REPLY frame. */
+/* Return whether the transmit ring has space for the longest REPLY frame. */
 bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
 {
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
@@ -182,8 +182,8 @@ void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *sl
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_FAULT, bytes, sizeof bytes, NULL, 0);
 }
 
-/* Queue a LOG frame with a text. `pool_offset`: position in the transfer pool, or TAXEL_HUB_IN_RING for the transmit
- * ring. */
+/* Queue a LOG frame with a text; without space it is dropped and counted. `pool_offset`: position in the transfer pool,
+ * or TAXEL_HUB_IN_RING for the transmit ring. */
 void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t pool_offset)
 {
     uint8_t bytes[TAXEL_LOG_HEADER_SIZE];
@@ -199,8 +199,8 @@ void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const
     }
 }
 
-/* Queues a LOG frame for the host. level: 0 debug to 3 error; code: enum of log codes; text: ASCII, at most 64
- * characters. */
+/* Queue a LOG frame for the host in the transmit ring. `level`: enum taxel_log_level; `code`: enum taxel_log_code;
+ * `text`: ASCII, at most 64 characters. */
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text)
 {
     taxel_hub_log_at(hub, level, code, text, TAXEL_HUB_IN_RING);

@@ -1,5 +1,4 @@
-/* Evaluation of a finished transfer. Every poll increments exactly one outcome counter, so that every loss has a
- * reason. */
+/* Evaluation of a finished transfer. Every poll increments exactly one outcome counter, so every loss has a reason. */
 #include "hub/internal.h"
 
 #define RETRIES 1u
@@ -79,8 +78,8 @@ void taxel_hub_note_result(struct taxel_hub *hub, int8_t result)
     }
 }
 
-/* Fault to be reported for a failed poll (enum taxel_board_fault): the bus fault that remains after the recovery, or a
- * fault derived from the transfer's result. */
+/* Return the fault to be reported for a failed poll (enum taxel_board_fault): the bus fault that remains after the
+ * recovery, or a fault derived from the transfer's result. */
 static uint8_t fault_of(int8_t result, uint8_t bus_fault)
 {
     if (bus_fault != TAXEL_BOARD_FAULT_NONE) {
@@ -106,8 +105,8 @@ bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
     return true;
 }
 
-/* Evaluates a poll whose transfer failed: schedules a second attempt, or counts the failure by its kind and frees
- * the bus if necessary. */
+/* Evaluate a poll whose transfer failed with `result`. After a NACK or a bus error, a second attempt is scheduled
+ * first; a timeout or a second failure is counted by its kind. The bus is freed after everything but a NACK. */
 static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     switch (result) {
@@ -231,8 +230,8 @@ static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *boa
     }
 }
 
-/* Evaluates the write of an acknowledgement to a board. A lost acknowledgement is not repeated here: the host sends
- * it again. */
+/* Evaluate the write of an acknowledgement to a board. A lost acknowledgement is not repeated here: the host sends it
+ * again. */
 static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     board->pointer_is_snapshot = result == TAXEL_I2C_OK;
@@ -243,7 +242,8 @@ static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *boa
 
 /* NOLINTEND(clang-analyzer-core.NullDereference) */
 
-/* Status of the reply to I2C_TRANSFER for a transfer result (enum taxel_i2c_result). */
+/* Return the status of the reply to I2C_TRANSFER (enum taxel_reply_status) for a transfer result (enum
+ * taxel_i2c_result). */
 static uint8_t reply_status_of(int8_t result)
 {
     switch (result) {

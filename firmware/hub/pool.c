@@ -5,9 +5,9 @@
 
 #include "hub/internal.h"
 
-/* Set hub->job.pool_offset to a free part of the transfer pool, the memory for bytes read on I2C, for a transfer of
- * `size` bytes. Returns false if there is none now. Occupied are queued large frames and the unframed bytes, in
- * order of time as in a ring. */
+/* Set hub->job.pool_offset to a free part of the transfer pool, the memory for bytes read over I2C, for a transfer that
+ * reads `size` bytes. Returns false if there is none at present. The occupied part consists of the queued large frames
+ * and the unframed bytes, which follow each other in order of time as in a ring. */
 bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size)
 {
     const struct taxel_outbox *outbox = &hub->outbox;

@@ -6,7 +6,7 @@
 #define STEP_US 100u      /* between two frames of a report */
 #define NO_SPACE_US 2000u /* before a frame without space is tried again */
 
-/* Number of boards in the state STREAMING. */
+/* Return the number of boards in the state STREAMING. */
 static uint8_t count_streaming_boards(const struct taxel_hub *hub)
 {
     uint8_t count = 0;
@@ -37,8 +37,8 @@ TAXEL_OWN_FRAME static bool send_hub_status(struct taxel_hub *hub)
     return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_HUB_STATUS, bytes, sizeof bytes, NULL, 0);
 }
 
-/* Number of polls of a board, modulo 2^32. The slot stores only the low 8 bits; the sum of the outcome counters, at
- * most one smaller, supplies the others. */
+/* Return the number of polls of a board, modulo 2^32. The slot stores only the low 8 bits; the sum of the outcome
+ * counters, at most one smaller, supplies the others. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot)
 {
     const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
@@ -76,8 +76,8 @@ void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
     hub->report.next = 0;
 }
 
-/* Queues the next frame of the status report in progress, and after the last frame the reply to GET_STATUS if one
- * is due. Returns false if there was no space for the frame. */
+/* Queue the next frame of the status report in progress, and after the last frame the reply to GET_STATUS if that
+ * command requested the report. Returns false if there is no space for the frame. */
 static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
@@ -96,7 +96,7 @@ static bool send_next(struct taxel_hub *hub)
     return true;
 }
 
-/* Send a LOG frame if bytes from the host were lost since the last report. */
+/* Queue a LOG frame if bytes from the host have been lost since the last such frame. */
 static void report_overruns(struct taxel_hub *hub)
 {
     if (hub->inbox.overruns_reported != hub->inbox.overruns) {
@@ -105,8 +105,8 @@ static void report_overruns(struct taxel_hub *hub)
     }
 }
 
-/* One step of the status report per pass of the main loop: begins a report every second while streaming, sends at most
- * one frame, and requests the next pass. */
+/* Execute one step of the status report in a pass of the main loop: begin a report every second while streaming, queue
+ * at most one frame of it, and request the next pass. Lost bytes from the host are reported, too. */
 void taxel_hub_report_step(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;

@@ -14,13 +14,15 @@
 
 #define slot_at taxel_hub_slot_at
 
-/* The idle bus is reserved for a host that is accessing boards, for example boards in their bootloaders. */
+/* Return whether the idle bus is reserved for the host, which has accessed boards in the last 0.1 s, for example boards
+ * in their bootloaders. */
 static bool host_owns_idle_bus(const struct taxel_hub *hub)
 {
     return !hub->streaming && !taxel_hub_is_due(taxel_hub_now(hub), hub->host_bus_until_us);
 }
 
-/* Start a transfer that the board needs before its poll; false if it needs none. */
+/* Start a transfer that the board needs before its poll: a read of its identity or a write of its scan settings.
+ * Returns false if it needs none. */
 static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -36,8 +38,8 @@ static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
     return false;
 }
 
-/* Start a transfer that any board needs apart from polls: identity or scan settings. Returns false if none is needed.
- */
+/* Start a transfer that the first of the boards needs apart from polls: a read of its identity or a write of its scan
+ * settings. Returns false if no board needs one. */
 static bool launch_any_upkeep(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -48,12 +50,13 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
     return false;
 }
 
-/* LAUNCH_WAIT: a poll is due but cannot start yet. */
+/* Result of an attempt to start a transfer. LAUNCH_NOTHING: no transfer is due; LAUNCH_STARTED: a transfer was started;
+ * LAUNCH_WAIT: a poll is due but cannot start yet. */
 enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
 
-/* Back-pressure: while the UART is slower than the bus, a poll waits for a free buffer, so that every board is
- * polled equally often. A UART without a reader must not stop the hub: a poll without a buffer then ends as dropped,
- * without a transfer. */
+/* Start the poll of a board, or make it wait. While the UART is slower than the bus, a poll waits for a free buffer
+ * (LAUNCH_WAIT), so that every board is polled equally often. A UART without a reader must not stop the hub: a poll
+ * without a buffer then ends as dropped, without a transfer (LAUNCH_NOTHING). */
 static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -70,7 +73,7 @@ static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
     return LAUNCH_NOTHING;
 }
 
-/* Start the second attempt of a poll that failed in this cycle. */
+/* Start the second attempt of a poll that failed in this cycle; LAUNCH_NOTHING if there is none. */
 static enum launch launch_retry(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; hub->has_retry && i < hub->slot_count; i++) {
@@ -87,8 +90,9 @@ static enum launch launch_retry(struct taxel_hub *hub)
     return LAUNCH_NOTHING;
 }
 
-/* One clock reading and a few probes take a twentieth of a fast cycle and are not needed in every cycle, except in
- * the first ones, until each board's clock has been reported. */
+/* Return whether this cycle includes the clock reading and the probes of unknown addresses. They take a twentieth of a
+ * fast cycle and are due every UPKEEP_PERIOD_US only, except in the first cycles, until each board's clock has been
+ * reported, and in cycles without any other transfer. */
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;
@@ -96,13 +100,15 @@ static bool upkeep_is_due(const struct taxel_hub *hub)
            taxel_hub_now(hub) - cycle->last_upkeep_us >= UPKEEP_PERIOD_US;
 }
 
+/* Return whether the snapshot of the last poll still waits for the check of its CRC. */
 static bool is_unchecked(const struct taxel_hub *hub)
 {
     return hub->unframed.size && !hub->unframed.is_checked;
 }
 
 /* Start the next transfer of the cycle's poll stage. Each known board is visited once: identity, settings or
- * acknowledgement first, then its poll, or a probe if the board is absent. */
+ * acknowledgement first, then its poll, or a probe if the board is absent. LAUNCH_NOTHING: all boards have been
+ * visited. */
 static enum launch launch_from_polls(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -162,6 +168,7 @@ static bool launch_clock(struct taxel_hub *hub)
     return false;
 }
 
+/* Return the usable I2C address after `address`; the first one after the last one. */
 static uint8_t next_address(uint8_t address)
 {
     const bool is_outside = address < TAXEL_ADDRESS_MIN || address >= TAXEL_ADDRESS_MAX;
@@ -185,6 +192,7 @@ static bool launch_unknown_probe(struct taxel_hub *hub)
     return false;
 }
 
+/* Begin a poll cycle. */
 static void begin_cycle(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -194,6 +202,7 @@ static void begin_cycle(struct taxel_hub *hub)
     cycle->started_us = taxel_hub_clock(hub);
 }
 
+/* End a poll cycle: measure its duration, advance the cycle number, and wait for the next one. */
 static void end_cycle(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -203,7 +212,8 @@ static void end_cycle(struct taxel_hub *hub)
     cycle->stage = TAXEL_STAGE_WAIT;
 }
 
-/* Advance through the stages of the cycle until a transfer starts or the cycle waits for the next one. */
+/* Advance through the stages of the poll cycle until a transfer starts, a poll must wait, or the cycle waits for the
+ * start of the next one. */
 static void launch_from_cycle(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -339,6 +349,7 @@ static void launch_from_idle(struct taxel_hub *hub)
     (void)launch_from_bus_scan(hub);
 }
 
+/* Return whether the command in progress is I2C_TRANSFER, a transfer of the host. */
 static bool pass_through_is_requested(const struct taxel_hub *hub)
 {
     return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
@@ -356,7 +367,8 @@ static void launch_pass_through(struct taxel_hub *hub)
     taxel_hub_launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
 }
 
-/* Whether a recent recovery left a fault. The clock is read only in that case, because reading takes time. */
+/* Return whether no transfer may start, because a recovery in the last 10 ms left a line low; the main loop is then
+ * requested for the end of this time. The clock is read only after such a recovery, because reading takes time. */
 static bool bus_is_down(const struct taxel_hub *hub)
 {
     if (hub->bus_fault == TAXEL_BOARD_FAULT_NONE) {

@@ -6,7 +6,7 @@
 #define CLOCK_SLACK_SHIFT 3    /* plus an eighth of the elapsed time, more than the error of any oscillator */
 #define HALF_CLOCK_RANGE 0x80000000u
 
-/* Whether the snapshot's CRC, which covers the I2C address and all bytes before it, is right. */
+/* Return whether the snapshot's CRC, which covers the I2C address and all bytes before it, is correct. */
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
     if (size < TAXEL_COMPACT_OVERHEAD_DELTA) {
@@ -16,8 +16,8 @@ static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t 
     return crc == taxel_get_u32(bytes + size - 4u);
 }
 
-/* Whether the board has restarted since its last snapshot: its clock went back, or did not advance as the hub's
- * clock did. */
+/* Return whether the board has restarted since its last snapshot: its clock (`timestamp_us`) went back, or did not
+ * advance as the hub's clock (`started_us`) did. Always false for a board without an earlier clock value. */
 static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t started_us, uint32_t timestamp_us)
 {
     const uint32_t elapsed = started_us - board->last_read_us;
@@ -55,8 +55,8 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
 }
 
-/* The board's clock (microseconds, 32 bits) in a snapshot. A delta frame holds its low 24 bits; the upper bits
- * follow from the hub's clock. */
+/* Return the board's clock (microseconds, 32 bits) in a snapshot. A delta frame contains its low 24 bits; the upper
+ * bits follow from the hub's clock. */
 static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed,
                              const uint8_t *bytes, bool is_delta)
 {
@@ -72,8 +72,8 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
-/* Queue the unframed bytes as a frame. Snapshots get a header with address, cycle and the hub's time at the start of
- * their poll. Returns false if the UART has no reader. */
+/* Queue the unframed bytes (read correctly, but not yet a frame) as a frame. Snapshots get a header with I2C address,
+ * poll cycle and the hub's time at the start of their poll. Returns false if the UART has no reader. */
 static bool send_unframed(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;
@@ -106,8 +106,9 @@ void taxel_hub_forward(struct taxel_hub *hub)
     unframed->size = 0;
 }
 
-/* Whether the snapshot that was just read is valid and is to be forwarded. A damaged snapshot is read again or
- * counted; a repeated one is counted. */
+/* Evaluate the snapshot of the last poll, and return whether it is valid and new and is to be forwarded. A damaged
+ * snapshot is read again or counted; a repeated one is counted. A restart of the board is reported, and its identity is
+ * read again. */
 static bool snapshot_is_new(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;

@@ -1,5 +1,5 @@
-/* A UART without a reader. It keeps only its partly sent frame in the pool; commands and polls use the remaining
- * space. */
+/* Handling of a UART without a reader. Only the partly sent frame stays in the transfer pool; commands and polls use
+ * the remaining space. */
 #include <stdatomic.h>
 
 #include "hub/internal.h"
@@ -27,8 +27,8 @@ static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
     }
 }
 
-/* Discard a queued frame, which begins with its delimiter. Returns its sequence number, which a LOG frame takes
- * over, because later frames are already numbered. */
+/* Count a queued frame, which begins with its delimiter, as dropped instead of forwarded. Returns its sequence number,
+ * which a LOG frame takes over, because later frames are already numbered. */
 static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
 {
     uint8_t prefix[PREFIX_SIZE];
@@ -45,7 +45,7 @@ static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
     return taxel_get_u16(prefix + PREFIX_SEQUENCE);
 }
 
-/* Discards the frames that wait in the transfer pool for a UART without reader. Called without a transfer in
+/* Discard the frames that wait in the transfer pool for a UART without a reader. Called without a transfer in
  * progress and without unframed bytes, so the whole pool is available; the interrupt is held. The partly sent frame
  * moves to the start of the pool. A short LOG frame takes the place and the sequence number of each other frame, so
  * that no number is missing. */
@@ -92,8 +92,8 @@ TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
     config->hal->uart_kick(config->hal->context);
 }
 
-/* Whether the UART has taken no byte for 0.1 s. Call it repeatedly: each call compares the number of taken bytes with
- * the previous call. The start of a stall requests that queued frames be discarded. */
+/* Return whether the UART has taken no byte for 0.1 s. To be called repeatedly: each call compares the number of bytes
+ * taken with that of the previous call. The start of a stall requests that queued frames be discarded. */
 bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
 {
     const uint32_t mark = hub->outbox.bytes_sent - (uint32_t)taxel_hub_uart_pending(hub);

@@ -2,12 +2,13 @@
 
 #include <string.h>
 
+/* Return the smaller of two sizes. */
 static size_t smaller(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
 
-/* Append up to `size` bytes. Returns how many fitted. */
+/* Append up to `size` bytes. Returns the number of bytes that fitted. */
 size_t byte_ring_write(struct byte_ring *ring, const uint8_t *bytes, size_t size)
 {
     size = smaller(size, byte_ring_space(ring));

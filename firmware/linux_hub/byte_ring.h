@@ -12,6 +12,7 @@ struct byte_ring {
     size_t count;
 };
 
+/* Return the number of free bytes. */
 static inline size_t byte_ring_space(const struct byte_ring *ring)
 {
     return ring->capacity - ring->count;

@@ -23,7 +23,7 @@ struct hub_thread {
     int failure;
 };
 
-/* Make the event readable. */
+/* Make the event readable, which wakes the host. */
 static void signal_host(const struct hub_thread *thread)
 {
     const uint64_t one = 1;
@@ -45,7 +45,8 @@ static void sleep_until(struct hub_thread *thread, uint64_t due_us)
     (void)pthread_cond_timedwait(&thread->changed, &thread->lock, &until);
 }
 
-/* The main loop. The lock is released during transfers, so that the host never waits for the bus. */
+/* Run the hub's main loop until the thread is stopped or the adapter fails (function of the thread; returns NULL). The
+ * lock is released during transfers, so that the host never waits for the bus. */
 static void *run(void *context)
 {
     struct hub_thread *thread = context;
@@ -66,7 +67,7 @@ static void *run(void *context)
     return NULL;
 }
 
-/* Create lock and condition; the condition's time limits use the monotonic clock. Returns 0 or an error number. */
+/* Create lock and condition variable, whose time limits use the monotonic clock. Returns 0 or an error number. */
 static int create_lock(struct hub_thread *thread)
 {
     pthread_condattr_t attributes;
@@ -80,7 +81,7 @@ static int create_lock(struct hub_thread *thread)
     return error ? error : pthread_mutex_init(&thread->lock, NULL);
 }
 
-/* Release everything but the thread itself. */
+/* Close the event and release the memory of hub and struct, but not the thread itself. */
 static void destroy(struct hub_thread *thread)
 {
     if (thread->event_fd >= 0) {
@@ -126,13 +127,14 @@ void hub_thread_stop(struct hub_thread *thread)
     destroy(thread);
 }
 
-/* File descriptor that is readable while bytes wait. */
+/* Return a file descriptor that is readable while bytes or a failure wait. */
 int hub_thread_fd(const struct hub_thread *thread)
 {
     return thread->event_fd;
 }
 
-/* Bytes for the host. Returns their number; the event stays readable while bytes or a failure wait. */
+/* Take up to `size` bytes for the host. Returns their number; the event stays readable while bytes or a failure
+ * wait. */
 size_t hub_thread_receive(struct hub_thread *thread, uint8_t *bytes, size_t size)
 {
     uint64_t count;
@@ -147,7 +149,7 @@ size_t hub_thread_receive(struct hub_thread *thread, uint8_t *bytes, size_t size
     return received;
 }
 
-/* Bytes of the host. Returns how many fitted into the buffer. */
+/* Append bytes of the host. Returns the number of bytes that fitted into the buffer. */
 size_t hub_thread_send(struct hub_thread *thread, const uint8_t *bytes, size_t size)
 {
     (void)pthread_mutex_lock(&thread->lock);
@@ -157,7 +159,7 @@ size_t hub_thread_send(struct hub_thread *thread, const uint8_t *bytes, size_t s
     return sent;
 }
 
-/* Error number with which the adapter has failed; 0 while the thread runs. */
+/* Return the error number with which the adapter has failed, after which the thread has ended; 0 while it runs. */
 int hub_thread_failure(struct hub_thread *thread)
 {
     (void)pthread_mutex_lock(&thread->lock);

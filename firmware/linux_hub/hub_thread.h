@@ -13,18 +13,19 @@
 
 struct hub_thread;
 
-/* Returns NULL with errno if thread or memory cannot be created. The file must stay open until hub_thread_stop(). */
+/* Start a hub on the open adapter `fd`, which must stay open until hub_thread_stop(). Returns NULL with errno if thread
+ * or memory cannot be created. */
 struct hub_thread *hub_thread_start(int fd, const struct linux_hub_settings *settings);
 /* Wait for the end of the transfer in progress, stop the thread and release the memory. */
 void hub_thread_stop(struct hub_thread *thread);
 
-/* A file descriptor that is readable while bytes wait, and after the end of the thread. */
+/* Return a file descriptor that is readable while bytes wait, and after the end of the thread. */
 int hub_thread_fd(const struct hub_thread *thread);
-/* Bytes for the host; returns their number. */
+/* Take up to `size` bytes for the host; returns their number. */
 size_t hub_thread_receive(struct hub_thread *thread, uint8_t *bytes, size_t size);
-/* Bytes of the host; returns how many fitted into the buffer. */
+/* Append bytes of the host; returns the number of bytes that fitted into the buffer. */
 size_t hub_thread_send(struct hub_thread *thread, const uint8_t *bytes, size_t size);
-/* Error number with which the adapter has failed, after which the thread has ended; 0: it runs. */
+/* Return the error number with which the adapter has failed, after which the thread has ended; 0 while it runs. */
 int hub_thread_failure(struct hub_thread *thread);
 
 #endif

@@ -32,7 +32,7 @@ void i2c_dev_release(const struct i2c_dev *device)
     (void)ioctl(device->fd, I2C_TIMEOUT, KERNEL_TIMEOUT);
 }
 
-/* Microseconds of the monotonic clock. */
+/* Return the time of the monotonic clock in microseconds. `context` is not used. */
 uint64_t i2c_dev_clock_us(void *context)
 {
     struct timespec now;
@@ -41,8 +41,9 @@ uint64_t i2c_dev_clock_us(void *context)
     return (uint64_t)now.tv_sec * 1000000u + (uint64_t)now.tv_nsec / 1000u;
 }
 
-/* Result (enum taxel_i2c_result) for an error number of the kernel (Documentation/i2c/fault-codes.rst). Drivers use
- * different numbers for one fault; `has_written`: the transfer contained bytes that a board may have rejected. */
+/* Convert an error number of the kernel (Documentation/i2c/fault-codes.rst) to a result (enum taxel_i2c_result).
+ * Drivers use different numbers for one fault. `has_written`: the transfer contained bytes that a board may have
+ * rejected. An error after which the adapter is unusable is stored in device->failure. */
 static int result_of(struct i2c_dev *device, int error, bool has_written)
 {
     switch (error) {
@@ -69,14 +70,15 @@ static int result_of(struct i2c_dev *device, int error, bool has_written)
     }
 }
 
-/* Execute one or two messages. Returns 0 or an error number. */
+/* Execute one or two messages in one I2C transfer. Returns 0 or an error number of the kernel. */
 static int execute(const struct i2c_dev *device, struct i2c_msg *messages, uint32_t count)
 {
     struct i2c_rdwr_ioctl_data request = {.msgs = messages, .nmsgs = count};
     return ioctl(device->fd, I2C_RDWR, &request) < 0 ? errno : 0;
 }
 
-/* Address a board without data. Adapters that reject such a transfer read one byte, from then on. */
+/* Address a board without data. An adapter that rejects such a transfer reads one byte instead, now and in all later
+ * probes. Returns enum taxel_i2c_result. */
 static int probe(struct i2c_dev *device, uint8_t address)
 {
     uint8_t byte = 0;
@@ -94,7 +96,8 @@ static int probe(struct i2c_dev *device, uint8_t address)
     return error ? result_of(device, error, false) : TAXEL_I2C_OK;
 }
 
-/* Execute a transfer of the hub. The adapter's own time limit applies instead of `timeout_us`. */
+/* Execute a transfer of the hub: write, read, write and read, or (both sizes 0) a probe. The adapter's own time limit
+ * applies instead of `timeout_us`. Returns enum taxel_i2c_result. */
 int i2c_dev_transfer(void *context, uint8_t address, const uint8_t *write_bytes, size_t write_size, uint8_t *read_bytes,
                      size_t read_size, uint32_t timeout_us)
 {

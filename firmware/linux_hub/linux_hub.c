@@ -38,7 +38,7 @@ struct linux_hub {
     uint8_t input_bytes[INPUT_SIZE];
 };
 
-/* HAL: keeps the transfer, which linux_hub_execute() executes after the pass. */
+/* HAL function: keep the transfer, which linux_hub_execute() executes after the pass. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct linux_hub *hub = context;
@@ -46,14 +46,16 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     hub->has_transfer = true;
 }
 
-/* HAL: discards the transfer. The bus ends transfers at their time limit, so the firmware has no reason to call it. */
+/* HAL function: discard the transfer. The bus ends transfers at their time limit, so the firmware has no reason to call
+ * this function. */
 static void on_i2c_abort(void *context)
 {
     ((struct linux_hub *)context)->has_transfer = false;
 }
 
-/* HAL: frees the bus as far as a master can that does not control single lines. Drivers of adapters with their own
- * recovery have already run it at the end of the transfer that failed. Returns the remaining fault. */
+/* HAL function: free the bus, as far as a master can that does not control single lines, by a read from an address
+ * without a device. Drivers of adapters with their own recovery have already run it at the end of the transfer that
+ * failed. Returns the remaining fault (enum taxel_board_fault). */
 static uint8_t on_i2c_recover(void *context)
 {
     const struct linux_hub *hub = context;
@@ -69,46 +71,46 @@ static uint8_t on_i2c_recover(void *context)
     }
 }
 
-/* HAL: moves queued bytes to the output after the pass. */
+/* HAL function: bytes are queued. Does nothing, because linux_hub_pass() moves queued bytes to the output. */
 static void on_uart_kick(void *context)
 {
     (void)context;
 }
 
-/* HAL: stops the transfer of the host's bytes into the firmware's receive ring, or continues it. */
+/* HAL function: pause (`hold`) or continue the transfer of the host's bytes into the firmware's receive ring. */
 static void on_uart_hold(void *context, bool hold)
 {
     ((struct linux_hub *)context)->is_held = hold;
 }
 
-/* HAL: the hub's clock in microseconds since its start. */
+/* HAL function: return the hub's clock in microseconds. */
 static uint64_t on_clock_us(void *context)
 {
     const struct linux_hub *hub = context;
     return hub->bus.clock_us(hub->bus.context) - hub->origin_us;
 }
 
-/* HAL: no wait; only the manual control of the lines needs it, which this port does not have. */
+/* HAL function: do not wait; only the manual control of the lines needs a delay, which this port does not have. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     (void)context;
     (void)microseconds;
 }
 
-/* HAL: requests that the next pass begins at the latest at this time of the hub's clock. */
+/* HAL function: request that the next pass begins at the latest at this time of the hub's clock. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct linux_hub *hub = context;
     hub->wake_us = clock_us < hub->wake_us ? clock_us : hub->wake_us;
 }
 
-/* HAL: requests a restart after this pass. */
+/* HAL function: request a restart after this pass. */
 static void on_restart(void *context)
 {
     ((struct linux_hub *)context)->restart_requested = true;
 }
 
-/* Start the hub. Returns NULL if the memory is insufficient. */
+/* Create and start a hub. The settings and the bus are copied. Returns NULL if the memory is insufficient. */
 struct linux_hub *linux_hub_create(const struct linux_hub_settings *settings, const struct linux_hub_bus *bus)
 {
     struct linux_hub *hub = calloc(1, sizeof *hub);
@@ -163,7 +165,7 @@ void linux_hub_restart(struct linux_hub *hub, uint8_t cause)
     taxel_hub_init(&hub->hub, &hub->config, cause);
 }
 
-/* Move bytes of the host into the firmware's receive ring, until it is nearly full. */
+/* Move bytes of the host into the firmware's receive ring, until the ring is nearly full or no bytes are left. */
 static void feed_input(struct linux_hub *hub)
 {
     uint8_t byte;
@@ -172,7 +174,7 @@ static void feed_input(struct linux_hub *hub)
     }
 }
 
-/* Move the firmware's queued bytes to the output, as far as they fit. Returns whether there were any. */
+/* Move the firmware's queued bytes to the output, as far as they fit. Returns whether any byte was moved. */
 static bool drain_output(struct linux_hub *hub)
 {
     uint8_t bytes[PULL_SIZE];
@@ -188,11 +190,14 @@ static bool drain_output(struct linux_hub *hub)
     }
 }
 
+/* Return whether the settings permit probes of this address. */
 static bool may_probe(const struct linux_hub *hub, uint8_t address)
 {
     return hub->settings.probed[address >> 3] & (1u << (address & 7u));
 }
 
+/* Execute a transfer with the address, read buffer and time limit of the firmware's transfer, but with these sizes and
+ * bytes to write. Returns enum taxel_i2c_result. */
 static int transfer(struct linux_hub *hub, const uint8_t *write_bytes, size_t write_size, size_t read_size)
 {
     const struct taxel_i2c_transfer *started = &hub->transfer;
@@ -201,8 +206,9 @@ static int transfer(struct linux_hub *hub, const uint8_t *write_bytes, size_t wr
                              read_size, timeout_us);
 }
 
-/* Execute the read of a compact snapshot: as many bytes as predicted, and again from its start while it is longer. A
- * board repeats a snapshot in a read that begins with a write of the register pointer. */
+/* Execute the read of a compact snapshot: read as many bytes as predicted, and read again from the start while the
+ * snapshot is longer. A board repeats a snapshot in a read that begins with a write of the register pointer. Returns
+ * enum taxel_i2c_result. */
 static int transfer_predicted(struct linux_hub *hub)
 {
     static const uint8_t pointer = TAXEL_REGISTER_COMPACT;
@@ -216,7 +222,8 @@ static int transfer_predicted(struct linux_hub *hub)
     return result;
 }
 
-/* Execute the transfer that the firmware has started. */
+/* Execute the transfer that the firmware has started, and report its result to the firmware. A probe of an address that
+ * must not be probed ends as not acknowledged. */
 static void execute_transfer(struct linux_hub *hub)
 {
     const struct taxel_i2c_transfer *started = &hub->transfer;
@@ -232,8 +239,8 @@ static void execute_transfer(struct linux_hub *hub)
     taxel_hub_on_i2c_done(&hub->hub, (int8_t)result);
 }
 
-/* One pass of the main loop, without the transfer that it starts: linux_hub_execute() executes the transfer. Returns the
- * time of the next pass on the bus's clock. */
+/* Run one pass of the main loop, without the transfer that the pass starts: linux_hub_execute() executes the transfer.
+ * Returns the time on the bus's clock at which the next pass is due at the latest. */
 uint64_t linux_hub_pass(struct linux_hub *hub)
 {
     feed_input(hub);
@@ -257,25 +264,25 @@ void linux_hub_execute(struct linux_hub *hub)
     }
 }
 
-/* Bytes from the host. Returns how many fitted into the buffer. */
+/* Append bytes of the host. Returns the number of bytes that fitted into the buffer. */
 size_t linux_hub_send(struct linux_hub *hub, const uint8_t *bytes, size_t size)
 {
     return byte_ring_write(&hub->input, bytes, size);
 }
 
-/* Bytes for the host. Returns their number. */
+/* Take up to `size` bytes for the host. Returns their number. */
 size_t linux_hub_receive(struct linux_hub *hub, uint8_t *bytes, size_t size)
 {
     return byte_ring_read(&hub->output, bytes, size);
 }
 
-/* Number of bytes that the host can receive. */
+/* Return the number of bytes that the host can receive. */
 size_t linux_hub_waiting(const struct linux_hub *hub)
 {
     return hub->output.count;
 }
 
-/* Number of bytes of the host that the firmware has not taken yet. */
+/* Return the number of bytes of the host that the firmware has not taken yet. */
 size_t linux_hub_unread(const struct linux_hub *hub)
 {
     return hub->input.count;

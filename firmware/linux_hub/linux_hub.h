@@ -1,5 +1,5 @@
-/* The hub's firmware (hub/hub.h) in a process of Linux: its I2C transfers are executed one after the other by a function,
- * its UART is a pair of buffers.
+/* The hub's firmware (hub/hub.h) in a process of Linux: its I2C transfers are executed one after the other by a
+ * function, its UART is a pair of buffers.
  *
  * Integration in virtual time; hub_thread.h shows the integration in real time:
  *
@@ -50,24 +50,24 @@ struct linux_hub *linux_hub_create(const struct linux_hub_settings *settings, co
 void linux_hub_free(struct linux_hub *hub);
 
 /* Reset, as after an interruption of the supply: the host's bytes that the hub has not taken are lost, the clock
- * begins again. `cause`: enum
- * taxel_reset_cause. */
+ * begins again. `cause`: enum taxel_reset_cause. */
 void linux_hub_restart(struct linux_hub *hub, uint8_t cause);
 
-/* One pass of the firmware's main loop. Returns the time (clock_us of the bus) at which the next pass is due at the
+/* Run one pass of the firmware's main loop. Returns the time (clock_us of the bus) at which the next pass is due at the
  * latest. Received bytes make a pass due at once. */
 uint64_t linux_hub_pass(struct linux_hub *hub);
 /* Execute the transfer that the last pass has started, if any. Uses neither the host's bytes nor those for the host. */
 void linux_hub_execute(struct linux_hub *hub);
 
-/* Bytes from the host; returns how many fitted into the buffer. The buffer empties while the hub runs. */
+/* Append bytes of the host; returns the number of bytes that fitted into the buffer, which empties while the hub
+ * runs. */
 size_t linux_hub_send(struct linux_hub *hub, const uint8_t *bytes, size_t size);
-/* Bytes for the host; returns their number. When the host does not receive, the hub discards and counts snapshots, as with
- * a UART without a reader. */
+/* Take up to `size` bytes for the host; returns their number. When the host does not receive, the hub discards and
+ * counts snapshots, as with a UART without a reader. */
 size_t linux_hub_receive(struct linux_hub *hub, uint8_t *bytes, size_t size);
-/* Bytes that linux_hub_receive() would return. */
+/* Return the number of bytes that wait for linux_hub_receive(). */
 size_t linux_hub_waiting(const struct linux_hub *hub);
-/* Bytes of the host that the hub has not taken yet. */
+/* Return the number of bytes of the host that the hub has not taken yet. */
 size_t linux_hub_unread(const struct linux_hub *hub);
 
 #endif

@@ -1,12 +1,13 @@
 #include "linux_hub/predicted_read.h"
 
+/* Return `size`, clipped to the upper limit of the transfer. */
 static size_t limit(size_t size, const struct taxel_i2c_transfer *transfer)
 {
     return size < transfer->read_size ? size : transfer->read_size;
 }
 
-/* Number of bytes with which the read of a length-prefixed transfer should begin: the largest of the latest sizes with
- * a margin, or the upper limit for a board that has not been read yet. */
+/* Return the number of bytes that the first read of a length-prefixed transfer should have: the largest of the board's
+ * latest sizes with a margin, or the upper limit for a board that has not been read yet. */
 size_t predicted_read_size(const struct predicted_read *prediction, const struct taxel_i2c_transfer *transfer)
 {
     const uint16_t *sizes = prediction->sizes[transfer->address % PREDICTED_READ_ADDRESSES];
@@ -17,9 +18,9 @@ size_t predicted_read_size(const struct predicted_read *prediction, const struct
     return largest ? limit(largest + PREDICTED_READ_MARGIN, transfer) : transfer->read_size;
 }
 
-/* Store the size of the snapshot in the history of its board. Returns 0 if the `size` bytes that were read contain all
- * of it, else the number of bytes of the next read. Length 0 means that the board has no new snapshot; it predicts
- * nothing. */
+/* Evaluate a read of `size` bytes, and store the size of the snapshot in the history of its board. Returns 0 if the
+ * bytes contain the whole snapshot, otherwise the number of bytes with which it must be read again. A length byte 0
+ * (the board has no new snapshot) is not stored. */
 size_t predicted_read_remainder(struct predicted_read *prediction, const struct taxel_i2c_transfer *transfer,
                                 size_t size)
 {

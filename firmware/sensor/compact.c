@@ -1,10 +1,10 @@
-/* Compact snapshots on the board: selection and acknowledgement of key frames, coding, and the two buffers. The main
- * loop codes into work_buffer and exchanges it with reader_buffer when no read is in progress, so that neither side
- * waits for the other. */
+/* Compact snapshots on the board: selection and acknowledgement of key frames, encoding, and the two buffers. The main
+ * loop encodes into work_buffer and exchanges it with reader_buffer when no read is in progress, so that neither side
+ * waits for the other. A key frame is a snapshot that host and board use as the reference of later delta frames. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
-#define IDLE_US 10000000u /* after this time without a read, coding stops */
+#define IDLE_US 10000000u /* after this time without a read, encoding stops */
 /* snapshots between key frames without touches: an acknowledgement costs 4 bytes on the bus */
 #define PERIOD 16u
 #define TIMEOUT_READS_FIRST 8u
@@ -12,31 +12,32 @@
 #define ELAPSED_MAX 0xFFFFFFu /* us since the key frame: a delta frame has only three bytes of the timestamp */
 #define CRC_SIZE 4u
 
-/* Masks all interrupts of the board and returns the state that unmask() restores. */
+/* Mask all interrupts of the board. Returns the state that unmask() restores. */
 static uint32_t mask(const struct taxel_sensor *sensor)
 {
     return sensor->config->hal->interrupts_disable(sensor->config->hal->context);
 }
 
-/* Restores the interrupt state that mask() returned. */
+/* Restore the interrupt state that mask() returned. */
 static void unmask(const struct taxel_sensor *sensor, uint32_t interrupts)
 {
     sensor->config->hal->interrupts_restore(sensor->config->hal->context, interrupts);
 }
 
-/* The clock of the board in microseconds, modulo 2^32. */
+/* Return the clock of the board in microseconds, modulo 2^32. */
 static uint32_t clock_us(const struct taxel_sensor *sensor)
 {
     return sensor->config->hal->clock_us(sensor->config->hal->context);
 }
 
-/* True if the board offers compact snapshots: it has memory for them and not too many taxels. */
+/* Return whether the board offers compact snapshots: it has memory for them and at most TAXEL_COMPACT_TAXELS_MAX
+ * taxels. */
 bool taxel_sensor_has_compact(const struct taxel_sensor *sensor)
 {
     return sensor->config->compact.states && sensor->config->taxel_count <= TAXEL_COMPACT_TAXELS_MAX;
 }
 
-/* Initialises the coding of compact snapshots: no snapshot is ready and no key frame exists. */
+/* Initialise the encoding of compact snapshots: no snapshot is ready and no key frame exists. */
 void taxel_sensor_compact_init(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -45,8 +46,8 @@ void taxel_sensor_compact_init(struct taxel_sensor *sensor)
     compact->pending.timeout_reads = TIMEOUT_READS_FIRST;
 }
 
-/* I2C interrupt: a read of register COMPACT begins. The reader gets length byte and newest compact snapshot, or a
- * single 0 if it has read this snapshot already; `again`: the same snapshot may be read twice. */
+/* Begin a read of register COMPACT (I2C interrupt). The reader gets length byte and newest compact snapshot, or a
+ * single 0 if it has read this snapshot already; `again`: a snapshot that was read already may be read once more. */
 void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
 {
     static const uint8_t nothing_new;
@@ -71,14 +72,14 @@ void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
     slave->source_size = 1u + (size_t)taxel_compact_size(compact->reader_buffer[0]);
 }
 
-/* Ends a read of the compact snapshot: its buffer may be replaced by a newer snapshot. */
+/* End a read of the compact snapshot: its buffer may be replaced by a newer snapshot. */
 void taxel_sensor_compact_end_read(struct taxel_sensor *sensor)
 {
     sensor->compact.read_in_progress = false;
 }
 
-/* I2C interrupt: a write to register COMPACT has ended. Two bytes acknowledge a key frame by its id; one zero byte
- * requests a new key frame. Returns whether the bytes are one of these. */
+/* Store a complete write to register COMPACT for the main loop (I2C interrupt). Two bytes acknowledge a key frame by
+ * its id; one zero byte requests a new key frame. Returns false for any other bytes, which are ignored. */
 bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *bytes, size_t size)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -113,8 +114,8 @@ static void accept_key_frame(struct taxel_sensor *sensor)
     compact->key_frame_us = compact->pending.timestamp_us;
 }
 
-/* Apply the acknowledgements that the host wrote since the last call. The states of the taxels change only here,
- * never while the coder uses them. */
+/* Apply the acknowledgement and the request for a new key frame that the host wrote since the last call. In this way
+ * the states of the taxels change only between two snapshots, never while the encoder uses them. */
 static void process_answers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -133,8 +134,9 @@ static void process_answers(struct taxel_sensor *sensor)
     }
 }
 
-/* Whether the coder may latch the newest scan. A reader of an uncompressed snapshot in blocks keeps its snapshot:
- * nothing is latched while the pointer is at those blocks. */
+/* Return whether the encoder may latch the newest scan: compact snapshots are being read, and there is a new scan. A
+ * reader of an uncompressed snapshot in blocks keeps its snapshot: nothing is latched while the register pointer is at
+ * these blocks. */
 static bool may_latch(const struct taxel_sensor *sensor)
 {
     const uint8_t pointer = sensor->slave.pointer;
@@ -142,8 +144,9 @@ static bool may_latch(const struct taxel_sensor *sensor)
            (pointer < TAXEL_REGISTER_SNAPSHOT || pointer > TAXEL_REGISTER_SNAPSHOT_LAST);
 }
 
-/* Latch the newest complete scan for coding; returns whether there is one to code. `latches` is set to the number of
- * this latch, by which a later latch of a reader is detected. A reader that was silent for IDLE_US is forgotten. */
+/* Latch the newest complete scan for encoding; returns whether there is one. `latches` receives the number of this
+ * latch, by which a later latch by a reader is detected. A reader of compact snapshots that has not read for IDLE_US is
+ * forgotten. */
 static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -160,8 +163,9 @@ static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
     return is_latched;
 }
 
-/* Whether the next compact snapshot must be marked as a key frame: none is acknowledged yet, the model still adapts,
- * the size has grown, the period has ended, or the acknowledgement of the pending key frame is overdue. */
+/* Return whether the next compact snapshot must be marked as a key frame: none is acknowledged yet, the model still
+ * adapts, the encoded size has grown, PERIOD snapshots were read since the last one, or the acknowledgement of the
+ * pending key frame is overdue. An overdue acknowledgement doubles its timeout, up to TIMEOUT_READS_MAX. */
 static bool needs_key_frame(struct taxel_compact *compact)
 {
     struct taxel_compact_pending_key_frame *pending = &compact->pending;
@@ -181,8 +185,9 @@ static bool needs_key_frame(struct taxel_compact *compact)
     return true;
 }
 
-/* Compares the size of the coded counts (bytes) with the usual size, a slowly adapted minimum, and records whether
- * it is clearly larger, which indicates a touch. */
+/* Record whether the `size` in bytes of the encoded counts is clearly larger than the usual size, which indicates a
+ * touch: by more than an eighth plus 2 bytes. Then adapt the usual size, downwards at once and upwards by 1/32 of the
+ * difference. */
 static void update_usual_size(struct taxel_compact *compact, size_t size)
 {
     const uint16_t now = (uint16_t)(16u * size);
@@ -194,8 +199,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Build a delta frame; returns its bytes from `sequence` up to the CRC, or 0 without a key frame or if a packed
- * frame is shorter. */
+/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC, or 0 without a usable key frame or if a
+ * packed frame (`packed_size` bytes) is not longer. */
 static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
                          const uint8_t *counts, size_t packed_size, uint8_t *bytes)
 {
@@ -231,7 +236,7 @@ static void pack_snapshot(const struct taxel_sensor *sensor, const struct taxel_
     taxel_compact_pack(counts, sensor->config->taxel_count, width, bytes + TAXEL_COMPACT_PACKED_SIZE);
 }
 
-/* Adds length byte, padding and CRC to the `size` bytes of a compact snapshot in `buffer`; returns the id of the
+/* Add length byte, padding and CRC to the `size` bytes of a compact snapshot in `buffer`; returns the id of the
  * snapshot, the low half of the CRC. */
 static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *buffer, size_t size)
 {
@@ -247,8 +252,8 @@ static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *b
     return (uint16_t)crc;
 }
 
-/* Stores what is needed when the host acknowledges this snapshot as a key frame: one byte per taxel, or, for a
- * packed key frame, the new states themselves. */
+/* Store the data that are needed when the host acknowledges this snapshot as a key frame: one residual byte per taxel,
+ * or, for a packed key frame, the new states themselves. */
 static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, bool is_delta)
 {
     const struct taxel_compact_memory *memory = &sensor->config->compact;
@@ -262,8 +267,8 @@ static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, 
     }
 }
 
-/* Discards the key frame, because a delta frame would be longer than a packed frame. If the key frame had few
- * updates, its initial scale was too small, and the next key frame begins with a larger scale. */
+/* Discard the key frame, because a delta frame would be longer than a packed frame. If the key frame had few updates,
+ * its initial scale (expected spread of the counts) was too small, and the next key frame begins with a larger one. */
 static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;
@@ -272,8 +277,9 @@ static void discard_key_frame(struct taxel_compact *compact)
     compact->has_key_frame = false;
 }
 
-/* Code a scan into the work buffer: as a delta frame if possible, otherwise packed. Decides whether it is a key frame;
- * its id, the low half of the CRC, must then differ from the ids in use. `bytes`: uncompressed snapshot. */
+/* Encode a scan into the work buffer: as a delta frame if possible, otherwise packed. Also decides whether it is a key
+ * frame, which then becomes the pending one; its id, the low half of the CRC, must differ from the ids in use. `bytes`:
+ * uncompressed snapshot. */
 static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -316,7 +322,7 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     compact->work_ready = true;
 }
 
-/* Makes the newly coded compact snapshot available for reading, unless a read is in progress. */
+/* Make the newly encoded compact snapshot available for reading, unless a read is in progress. */
 static void exchange_buffers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -333,8 +339,8 @@ static void exchange_buffers(struct taxel_sensor *sensor)
     unmask(sensor, interrupts);
 }
 
-/* Whether taxel_sensor_run() has work: an acknowledgement to process, a new scan to code, or coded bytes to exchange
- * while no read is in progress. */
+/* Return whether taxel_sensor_run() has work: an acknowledgement to process, a new scan to encode, or an encoded
+ * snapshot to make available while no read is in progress. */
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
 {
     const struct taxel_compact *compact = &sensor->compact;
@@ -342,7 +348,8 @@ bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
                                                 (compact->work_ready ? !compact->read_in_progress : may_latch(sensor)));
 }
 
-/* Main loop: process acknowledgements, code the newest scan, and exchange the buffers when no read is in progress. */
+/* Process acknowledgements, encode the newest scan, and exchange the buffers when no read is in progress (main loop).
+ * Does nothing if there is no work. */
 void taxel_sensor_run(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;

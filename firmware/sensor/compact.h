@@ -1,4 +1,4 @@
-/* Compact snapshots on the board: the main loop codes the newest scan, the I2C interrupt sends the result.
+/* Compact snapshots on the board: the main loop encodes the newest scan, the I2C interrupt sends the result.
  *
  * Integration: give the board memory for n taxels in struct taxel_sensor_config; everything else is called by
  * sensor.h's functions.
@@ -29,14 +29,14 @@ struct taxel_compact_memory {
 struct taxel_compact_pending_key_frame {
     bool is_pending;       /* not acknowledged yet */
     bool is_packed;        /* `states` already hold the new key frame */
-    uint8_t timeout_reads; /* number of later snapshots read after which the acknowledgement counts as lost */
+    uint8_t timeout_reads; /* number of later snapshots read after which the acknowledgement is treated as lost */
     uint16_t id;
     uint32_t timestamp_us;
 };
 
 struct taxel_compact {
     uint8_t *reader_buffer; /* buffer that a reader gets */
-    uint8_t *work_buffer;   /* buffer into which the main loop codes */
+    uint8_t *work_buffer;   /* buffer into which the main loop encodes */
 
     /* shared by interrupt and main loop */
     bool has_reader;       /* compact snapshots were read recently */
@@ -66,9 +66,9 @@ struct taxel_compact {
 void taxel_sensor_compact_init(struct taxel_sensor *sensor);
 bool taxel_sensor_has_compact(const struct taxel_sensor *sensor);
 
-/* From the I2C interrupt. begin_read: a read of the register begins; `again`: the pointer was written just before,
- * so that the last snapshot may be repeated. end_read: any other event on the bus. write: a write of `size` bytes
- * has ended; returns whether these bytes are defined. */
+/* To be called from the I2C interrupt. begin_read: a read of register COMPACT begins; `again`: the pointer was written
+ * just before, so the last snapshot may be repeated. end_read: any other event on the bus. write: a write of `size`
+ * bytes has ended; returns whether these bytes are defined. */
 void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again);
 void taxel_sensor_compact_end_read(struct taxel_sensor *sensor);
 bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *bytes, size_t size);

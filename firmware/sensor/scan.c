@@ -3,8 +3,8 @@
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
-/* Whether the largest raw count, sub-conversions times sense clock divider, fits in 16 bits, and no divider and current
- * code is 0. */
+/* Return whether scan settings are valid: the largest raw count, sub-conversions times sense clock divider, is 1 to
+ * 65535, and neither the modulator clock divider nor the current code is 0. */
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
 {
     const uint32_t largest_count = (uint32_t)settings->sub_conversions * settings->sense_clock_divider;
@@ -12,13 +12,13 @@ bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
            settings->idac_code >= 1u;
 }
 
-/* True if crossing number `crossing` (tx * columns + rx) of the board carries a taxel. */
+/* Return whether crossing number `crossing` (tx * columns + rx) of the board carries a taxel. */
 static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
 {
     return ((unsigned)sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
 }
 
-/* Start the conversion of the scan's next taxel. Crossings that are no taxels in the crossing map are skipped; a
+/* Start the conversion of the scan's next taxel. Crossings that are not taxels in the crossing map are skipped; a
  * crossing's index is tx * columns + rx. */
 static void convert_next(struct taxel_sensor *sensor)
 {
@@ -59,8 +59,8 @@ static void begin_scan(struct taxel_sensor *sensor)
     convert_next(sensor);
 }
 
-/* Complete the snapshot with its CRC and exchange it with the newest one. Interrupts are off meanwhile, because a
- * reader may latch the newest snapshot. */
+/* Complete the snapshot with its CRC and make it the newest one; the next scan uses the buffer of the previous newest
+ * one. Interrupts are off during the exchange, because a reader may latch the newest snapshot. */
 static void complete_scan(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;
@@ -91,14 +91,15 @@ void taxel_scan_start(struct taxel_sensor *sensor)
     begin_scan(sensor);
 }
 
-/* Stops scanning; the incomplete scan is discarded. */
+/* Stop scanning; the incomplete scan is discarded. */
 void taxel_scan_stop(struct taxel_sensor *sensor)
 {
     sensor->state = TAXEL_SENSOR_STOPPED;
 }
 
-/* End of a conversion (interrupt): store the raw count, then start the next conversion or complete the scan. A raw
- * count of 0 counts as saturated. */
+/* Store the raw count of a conversion that has ended (interrupt), then start the next conversion, or complete the scan
+ * and begin the next one. A raw count of 0 is counted as saturated. A conversion that began before a stop is
+ * discarded. */
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
 {
     struct taxel_scan *scan = &sensor->scan;
@@ -128,14 +129,15 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
     begin_scan(sensor);
 }
 
-/* A number that changes with every conversion of a scan and repeats after 256 scans. A check that falls on the same
- * number finds no progress; the next one does. */
+/* Return a number that changes with every conversion of a scan and repeats after 256 scans. A check that falls on a
+ * repeated number wrongly finds no progress, but the next check finds it. */
 static uint16_t scan_position(const struct taxel_scan *scan)
 {
     return (uint16_t)((scan->scans << 8) + scan->taxel);
 }
 
-/* Whether the scan advances, for the watchdog. A scan that stalls sets the error flag NOT_SCANNING. */
+/* Check whether the scan has advanced since the last call, for the watchdog. A scan without a conversion for
+ * TAXEL_SCAN_STALL_US is reported as STALLED once and sets the error flag NOT_SCANNING. */
 enum taxel_scan_progress taxel_scan_check(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;

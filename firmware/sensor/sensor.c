@@ -2,7 +2,7 @@
 
 #include "codec/crc32.h"
 
-/* Number of bits set in a crossing map of TAXEL_CROSSING_MAP_SIZE bytes: the number of taxels. */
+/* Count the bits set in a crossing map of TAXEL_CROSSING_MAP_SIZE bytes: the number of taxels. */
 static uint16_t count_bits(const uint8_t *map)
 {
     uint16_t bits = 0;
@@ -14,7 +14,7 @@ static uint16_t count_bits(const uint8_t *map)
     return bits;
 }
 
-/* Whether the crossing map has no bit set beyond the crossings of the board. */
+/* Return whether the crossing map has no bit set beyond the crossings of the board. */
 static bool map_fits(const struct taxel_sensor_config *config)
 {
     for (unsigned crossing = (unsigned)config->rows * config->columns; crossing < 8u * TAXEL_CROSSING_MAP_SIZE;
@@ -26,7 +26,7 @@ static bool map_fits(const struct taxel_sensor_config *config)
     return true;
 }
 
-/* True if the numbers of lines and taxels, the address, the crossing map and the scan settings are permitted and
+/* Return whether the numbers of lines and taxels, the address, the crossing map and the scan settings are permitted and
  * consistent. */
 static bool config_is_valid(const struct taxel_sensor_config *config)
 {
@@ -63,8 +63,8 @@ static void fill_identity(struct taxel_sensor *sensor)
     taxel_identity_pack(&identity, sensor->identity);
 }
 
-/* Initialise the board; it does not scan yet. Returns 0, or TAXEL_ERROR_INVALID if crossing map, sizes or settings are
- * invalid. */
+/* Initialise the board, which does not scan yet. `config` must stay valid. Returns 0, or TAXEL_ERROR_INVALID if
+ * address, crossing map, sizes or settings are invalid. */
 int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_config *config)
 {
     if (!config_is_valid(config)) {

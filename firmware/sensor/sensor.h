@@ -118,37 +118,37 @@ enum taxel_scan_progress {
 };
 
 struct taxel_scan {
-    uint8_t *scanning;
-    uint8_t *newest;
-    uint8_t *latched;
-    uint32_t crc;
-    uint32_t started_us;
-    uint32_t scans;
-    uint32_t scan_time_us;
-    uint32_t checked_us; /* clock of the last check that found progress */
+    uint8_t *scanning;     /* buffer of the scan in progress */
+    uint8_t *newest;       /* buffer of the newest complete scan */
+    uint8_t *latched;      /* buffer that a reader reads */
+    uint32_t crc;          /* of the I2C address and the bytes of `scanning` so far */
+    uint32_t started_us;   /* start of the scan in progress */
+    uint32_t scans;        /* complete scans; the low 16 bits are the sequence number */
+    uint32_t scan_time_us; /* duration of the last complete scan */
+    uint32_t checked_us;   /* clock of the last check that found progress */
     uint16_t checked_position;
-    uint16_t crossing;
-    uint16_t taxel;
+    uint16_t crossing; /* next crossing of the scan, tx * columns + rx */
+    uint16_t taxel;    /* index of the taxel being converted */
     uint16_t saturated_conversions;
     uint8_t latches; /* modulo 256 */
     bool has_newest;
     bool has_latched;
     bool settings_pending;
     bool converting;
-    bool begin_after_conversion;
+    bool begin_after_conversion; /* a conversion from before a stop still runs: the scan begins at its end */
     bool is_stalled;
 };
 
 struct taxel_slave {
-    const uint8_t *source;
-    size_t source_size;
-    size_t source_position;
+    const uint8_t *source;  /* content of the register that is being read */
+    size_t source_size;     /* in bytes */
+    size_t source_position; /* of the next byte */
     uint32_t snapshot_reads;
     uint16_t bus_errors;
     uint16_t rejected_writes;
-    uint8_t pointer;
-    uint8_t written;
-    bool pointer_next;
+    uint8_t pointer;      /* register pointer */
+    uint8_t written;      /* bytes in write_bytes */
+    bool pointer_next;    /* the next byte written is the register pointer */
     bool pointer_written; /* in this transaction, and nothing after it */
     bool refused; /* a byte of this write was not acknowledged: later bytes of the write are not accepted either */
     uint8_t write_bytes[TAXEL_SETTINGS_REGISTER_SIZE];
@@ -176,14 +176,14 @@ int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_con
 void taxel_scan_start(struct taxel_sensor *sensor);
 void taxel_scan_stop(struct taxel_sensor *sensor);
 void taxel_scan_latch(struct taxel_sensor *sensor);
-/* Whether the scan advances. Call it from the main loop at least every 100 ms, and feed the watchdog only for
- * TAXEL_SCAN_ADVANCED. */
+/* Check whether the scan has advanced since the last call. To be called from the main loop at least every 100 ms; the
+ * watchdog is fed only for TAXEL_SCAN_ADVANCED. */
 enum taxel_scan_progress taxel_scan_check(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
 
-/* Compact snapshots (compact.c). Call run() from the main loop after interrupts; has_work(): whether run() has work
- * now. */
+/* Compact snapshots (compact.c). taxel_sensor_run() is called from the main loop after interrupts;
+ * taxel_sensor_has_work() returns whether it has work now. */
 void taxel_sensor_run(struct taxel_sensor *sensor);
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor);
 

@@ -4,7 +4,7 @@
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
-/* Increment a counter that stops at its largest value. */
+/* Increment a counter, which stays at 65535 once it has reached this value. */
 static void count_u16(uint16_t *counter)
 {
     if (*counter < 0xFFFFu) {
@@ -33,7 +33,7 @@ static void fill_status(struct taxel_sensor *sensor)
     taxel_status_pack(&status, sensor->slave.shadow);
 }
 
-/* The CRC-32 of the board's address followed by the 8 bytes of scan settings in `bytes`. */
+/* Compute the CRC-32 of the board's I2C address followed by the 8 bytes of scan settings in `bytes`. */
 static uint32_t settings_crc(const struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     return taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
@@ -70,8 +70,9 @@ static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t si
     slave->source_position = skip;
 }
 
-/* Begin a read of the snapshot registers. The first register latches the newest snapshot; register n of them begins n
- * SMBus blocks later in the same snapshot. Returns false (NACK) before the first complete scan. */
+/* Begin a read of the snapshot registers. The first register (SNAPSHOT) latches the newest snapshot; register SNAPSHOT
+ * + n returns the latched snapshot from byte n * TAXEL_SMBUS_BLOCK on. Returns false (NACK) if no snapshot is
+ * latched. */
 static bool begin_snapshot_read(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -117,15 +118,15 @@ static bool begin_read(struct taxel_sensor *sensor)
     return true;
 }
 
-/* Counts a rejected write of the master and sets `flag` (a bit of enum board error flags) in the error flags. */
+/* Count a rejected write of the master and set `flag` (TAXEL_BOARD_ERROR_FLAG_...) in the error flags. */
 static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
 {
     count_u16(&sensor->slave.rejected_writes);
     sensor->error_flags |= flag;
 }
 
-/* Accept the scan settings written to register SETTINGS if length, range and CRC are right. They take effect at the
- * start of the next scan. */
+/* Accept the scan settings written to register SETTINGS if length, range and CRC are correct; otherwise count a
+ * rejected write. Accepted settings take effect at the start of the next scan. */
 static void write_settings(struct taxel_sensor *sensor)
 {
     const uint8_t *bytes = sensor->slave.write_bytes;
@@ -140,7 +141,8 @@ static void write_settings(struct taxel_sensor *sensor)
     sensor->scan.settings_pending = true;
 }
 
-/* Command CLEAR_COUNTERS: sets the error flags and all counters of the status block to 0. */
+/* Execute the command CLEAR_COUNTERS: set the error flags and the error and read counters of the status register to 0.
+ * The number of scans is kept. */
 static void clear_counters(struct taxel_sensor *sensor)
 {
     sensor->error_flags = 0;
@@ -150,8 +152,9 @@ static void clear_counters(struct taxel_sensor *sensor)
     sensor->scan.saturated_conversions = 0;
 }
 
-/* The command that the written bytes form, or 0: code and its complement, so that a damaged byte has no effect. The key
- * of ENTER_BOOTLOADER prevents that two bytes of a mistaken transfer stop the application. */
+/* Return the code of the command that the written bytes form, or 0 if they form none. A command is its code and the
+ * code's complement, so a damaged byte has no effect. The key of ENTER_BOOTLOADER prevents two bytes of a mistaken
+ * transfer from stopping the application. */
 static uint8_t written_command(const struct taxel_slave *slave)
 {
     const uint8_t *bytes = slave->write_bytes;
@@ -166,7 +169,7 @@ static uint8_t written_command(const struct taxel_slave *slave)
     return has_key ? bytes[0] : 0;
 }
 
-/* Execute the command written to register COMMAND. */
+/* Execute the command written to register COMMAND; an undefined one is a rejected write. */
 static void write_command(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -192,7 +195,8 @@ static void write_command(struct taxel_sensor *sensor)
     }
 }
 
-/* I2C interrupt: the board was addressed, for reading or for writing. Returns whether to acknowledge. */
+/* Handle the I2C interrupt of a start condition with the board's address, for reading or for writing. Returns whether
+ * to acknowledge. */
 bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -207,8 +211,8 @@ bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
     return true;
 }
 
-/* I2C interrupt: a byte was written. The first one is the register pointer; the others are kept until the stop
- * condition. Returns whether to acknowledge. */
+/* Handle the I2C interrupt of a byte that the master wrote. The first one is the register pointer; the others are kept
+ * until the stop condition. Too many bytes are a rejected write. Returns whether to acknowledge. */
 bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -232,7 +236,7 @@ bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
     return true;
 }
 
-/* I2C interrupt: next byte for the master; 0xFF beyond the end of the register. */
+/* Return the next byte for a master that reads (I2C interrupt); 0xFF beyond the end of the register. */
 uint8_t taxel_sensor_on_read(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -242,8 +246,8 @@ uint8_t taxel_sensor_on_read(struct taxel_sensor *sensor)
     return slave->source[slave->source_position++];
 }
 
-/* I2C interrupt: stop condition. Bytes written to SETTINGS, COMMAND or COMPACT take effect now; writes to other
- * registers are rejected and counted. */
+/* Handle the I2C interrupt of a stop condition. Bytes written to SETTINGS, COMMAND or COMPACT take effect now; writes
+ * to other registers are rejected and counted. */
 void taxel_sensor_on_stop(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -263,7 +267,8 @@ void taxel_sensor_on_stop(struct taxel_sensor *sensor)
     slave->pointer_written = false;
 }
 
-/* I2C interrupt: a start or stop condition at a wrong position. The bytes written in this transfer are discarded. */
+/* Handle the I2C interrupt of a start or stop condition at a wrong position: count it and discard the bytes written in
+ * this transfer. */
 void taxel_sensor_on_bus_error(struct taxel_sensor *sensor)
 {
     count_u16(&sensor->slave.bus_errors);

@@ -1,4 +1,5 @@
-/* Checks for the C tests. A test is a function; RUN() counts it as failed if any CHECK in it failed. */
+/* Checks for the C tests. A test is a function, which RUN() counts as failed if any CHECK in it failed. Each CHECK
+ * macro prints file, line, expected and found value after a failure, and returns whether the check passed. */
 #ifndef TAXEL_TESTS_CHECK_H
 #define TAXEL_TESTS_CHECK_H
 
@@ -17,6 +18,7 @@ struct check_state {
 
 static struct check_state check_state;
 
+/* Count a failure of the current test. Returns whether it is to be printed; then file and line have been printed. */
 static inline bool check_failed(const char *file, int line)
 {
     check_state.failures++;
@@ -27,6 +29,7 @@ static inline bool check_failed(const char *file, int line)
     return true;
 }
 
+/* Check that a condition is true; CHECK() calls this function. */
 static inline bool check_true(bool is_true, const char *file, int line, const char *expression)
 {
     if (!is_true && check_failed(file, line)) {
@@ -35,6 +38,7 @@ static inline bool check_true(bool is_true, const char *file, int line, const ch
     return is_true;
 }
 
+/* Check that two integers are equal; CHECK_EQUAL() calls this function. */
 static inline bool check_equal(long long actual, long long expected, const char *file, int line, const char *expression)
 {
     if (actual != expected && check_failed(file, line)) {
@@ -44,6 +48,7 @@ static inline bool check_equal(long long actual, long long expected, const char 
     return actual == expected;
 }
 
+/* Check that a number is in a closed interval; CHECK_BETWEEN() calls this function. */
 static inline bool check_between(double actual, double low, double high, const char *file, int line,
                                  const char *expression)
 {
@@ -54,6 +59,7 @@ static inline bool check_between(double actual, double low, double high, const c
     return is_inside;
 }
 
+/* Check that `size` bytes are equal; CHECK_BYTES() calls this function. */
 static inline bool check_bytes(const void *actual, const void *expected, size_t size, const char *file, int line,
                                const char *expression)
 {
@@ -75,6 +81,7 @@ static inline bool check_bytes(const void *actual, const void *expected, size_t 
 #define CHECK_BETWEEN(actual, low, high) check_between((double)(actual), (low), (high), __FILE__, __LINE__, #actual)
 #define CHECK_BYTES(actual, expected, size) check_bytes((actual), (expected), (size), __FILE__, __LINE__, #actual)
 
+/* Run a test and count it as passed or failed. */
 static inline void check_run(void (*test)(void), const char *name)
 {
     check_state.failures = 0;
@@ -89,7 +96,7 @@ static inline void check_run(void (*test)(void), const char *name)
 
 #define RUN(test) check_run(test, #test)
 
-/* The last line of every test, and its exit status. */
+/* Print the last line of every test. Returns its exit status. */
 static inline int check_summary(void)
 {
     printf("%u passed, %u failed\n", check_state.passed, check_state.failed);

@@ -19,6 +19,7 @@ static inline int read_effect(struct world_description *world, const char *text)
     return effects_read_line(&world->effects, &words, world->boards, world->board_count);
 }
 
+/* Electronics of one board of a described world, with inputs and results of a scan. */
 struct bench {
     struct world_description world;
     struct front_end front_end;
@@ -30,12 +31,14 @@ struct bench {
     double max_count, rest_count[TAXEL_TAXELS_MAX]; /* counts */
 };
 
+/* Return the rise of a taxel, which is constant over time; callback of the electronics. */
 static inline double bench_get_rise(const void *source, size_t taxel, vtime time)
 {
     (void)time;
     return ((const struct bench *)source)->rise[taxel];
 }
 
+/* Copy the rises of all taxels; callback of the electronics. */
 static inline void bench_get_all_rises(const void *source, vtime time, double *rise)
 {
     (void)time;
@@ -68,6 +71,7 @@ static inline void bench_describe(struct bench *bench, size_t boards, uint8_t ro
     }
 }
 
+/* Add an effect line, which must be valid, to the described world. */
 static inline void bench_effect(struct bench *bench, const char *text)
 {
     if (!CHECK(read_effect(&bench->world, text) == 0)) {
@@ -75,6 +79,7 @@ static inline void bench_effect(struct bench *bench, const char *text)
     }
 }
 
+/* Create the electronics of board number `board` of the described world, with all its effects. */
 static inline void bench_open(struct bench *bench, size_t board)
 {
     const struct board_description *description = &bench->world.boards[board];

@@ -3,7 +3,7 @@
 
 #include "codec/crc32.h"
 
-/* Sends the address to one simulated device. Returns whether it acknowledges; a device with injected NACKs does
+/* Send the address to one simulated device. Returns whether it acknowledges; a device with injected NACKs does
  * not. */
 static bool address_device(struct fake_device *device, bool reading)
 {
@@ -14,8 +14,8 @@ static bool address_device(struct fake_device *device, bool reading)
     return !device->sensor || taxel_sensor_on_address(&device->sensor->sensor, reading);
 }
 
-/* Before a device is addressed: sets the clock of its board and, for a read, completes one scan, unless the test
- * holds scans; also sets the version of the register map that the test selects. */
+/* Prepare a device for being addressed: set the clock of its board and, for a read, complete one scan, unless the test
+ * holds scans; also set the version of the register map that the test selects. */
 static void prepare(const struct fake_hub *fake, struct fake_device *device, bool reading)
 {
     struct fake_sensor *sensor = device->sensor;
@@ -35,7 +35,8 @@ static void prepare(const struct fake_hub *fake, struct fake_device *device, boo
     }
 }
 
-/* Send the address for one direction; acknowledged_by[i]: device i acknowledged. */
+/* Send the address for one direction to all devices. Writes to acknowledged_by[i] whether device i acknowledged.
+ * Returns whether any device did. */
 static bool address_all(struct fake_hub *fake, uint8_t address, bool reading, bool *acknowledged_by)
 {
     bool has_answer = false;
@@ -51,8 +52,8 @@ static bool address_all(struct fake_hub *fake, uint8_t address, bool reading, bo
     return has_answer;
 }
 
-/* Executes the bytes of a transfer on all devices. Returns TAXEL_I2C_OK or the kind of NACK; acknowledged_by[i]:
- * device i takes part. */
+/* Execute the bytes of a transfer on all devices. Returns TAXEL_I2C_OK or the kind of NACK. Writes to
+ * acknowledged_by[i] whether device i takes part. */
 static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, bool *acknowledged_by)
 {
     if (transfer->write_size || !transfer->read_size) {
@@ -91,8 +92,8 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
     return TAXEL_I2C_OK;
 }
 
-/* Sends the stop condition to all devices of a transfer, and damages one byte that was read if a device has
- * injected damage. */
+/* Send the stop condition to all devices of a transfer, and damage one byte that was read if a device has injected
+ * damage. */
 static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer,
                             const bool *acknowledged_by)
 {
@@ -108,7 +109,7 @@ static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transf
     }
 }
 
-/* Executes an I2C transfer of the hub on the simulated devices. Returns its result (enum taxel_i2c_result). */
+/* Execute an I2C transfer of the hub on the simulated devices. Returns its result (enum taxel_i2c_result). */
 int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer)
 {
     bool acknowledged_by[FAKE_DEVICES] = {false};
@@ -117,7 +118,7 @@ int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer 
     return result;
 }
 
-/* Adds `count` sensor boards with consecutive I2C addresses to the bus of the simulated hub; each has completed one
+/* Add `count` sensor boards with consecutive I2C addresses to the bus of the simulated hub; each has completed one
  * scan. */
 void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count)
 {
@@ -130,7 +131,7 @@ void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uin
     }
 }
 
-/* Releases the memory of all simulated boards on the bus. */
+/* Free the memory of all simulated boards on the bus. */
 void fake_hub_free_boards(struct fake_hub *fake)
 {
     for (size_t i = 0; i < fake->device_count; i++) {

@@ -4,21 +4,21 @@
 
 #define WORD (FAKE_FLASH_ROW / FAKE_FLASH_WORDS)
 
-/* Initialises an erased simulated flash; `seed` selects the random content of interrupted writes. */
+/* Initialise an erased simulated flash; `seed` selects the random content of interrupted writes. */
 void fake_flash_init(struct fake_flash *flash, uint64_t seed)
 {
     memset(flash, 0, sizeof *flash);
     random_init(&flash->random, seed, 0);
 }
 
-/* Plans a power cut during a later row write; the writes are counted from this call. */
+/* Plan a power cut during a later row write; the writes are counted from this call. */
 void fake_flash_plan(struct fake_flash *flash, struct fake_cut cut)
 {
     flash->operations = 0;
     flash->cut = cut;
 }
 
-/* Stores word number `word` of a row as the interrupted write leaves it: old, erased, new or random. */
+/* Store word number `word` of a row as the interrupted write leaves it: old, erased, new or random. */
 static void fill_word(struct fake_flash *flash, uint8_t *stored, const uint8_t *next, unsigned word)
 {
     const struct fake_cut *const cut = &flash->cut;
@@ -50,7 +50,7 @@ static void fill_word(struct fake_flash *flash, uint8_t *stored, const uint8_t *
     }
 }
 
-/* True if the 32-bit words of a row add up to 0 although they are not all 0; the chip does not write such a row
+/* Return whether the 32-bit words of a row add up to 0 although they are not all 0; the chip does not write such a row
  * reliably. */
 static bool adds_up_to_zero(const uint8_t *bytes)
 {
@@ -64,7 +64,7 @@ static bool adds_up_to_zero(const uint8_t *bytes)
     return sum == 0 && any != 0;
 }
 
-/* Writes a row of the simulated flash. Returns 0, or -1 if the flash is worn out. A planned power cut interrupts
+/* Write a row of the simulated flash. Returns 0, or -1 if the flash is worn out. A planned power cut interrupts
  * the write and leaves the program by longjmp(). */
 int fake_flash_write_row(struct fake_flash *flash, uint16_t row, const uint8_t *bytes)
 {

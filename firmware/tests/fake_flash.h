@@ -44,9 +44,9 @@ struct fake_flash {
 };
 
 void fake_flash_init(struct fake_flash *flash, uint64_t seed);
-/* Let the power fail in the given write from now on. */
+/* Plan a power cut in the given write; writes are counted from this call. */
 void fake_flash_plan(struct fake_flash *flash, struct fake_cut cut);
-/* Returns 0, or -1 if worn out; a power cut jumps to `power` instead. */
+/* Write a row. Returns 0, or -1 if the flash is worn out; a power cut jumps to `power` instead. */
 int fake_flash_write_row(struct fake_flash *flash, uint16_t row, const uint8_t *bytes);
 
 #endif

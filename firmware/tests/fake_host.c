@@ -3,7 +3,7 @@
 
 #include "codec/encoder.h"
 
-/* Handler of the deframer: stores a frame from the hub and counts gaps in the frame sequence. */
+/* Store a frame from the hub and count gaps in the frame sequence; handler of the deframer. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     struct fake_hub *fake = context;
@@ -18,7 +18,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
-/* Initialises the simulated host, which decodes and stores the frames of the hub. */
+/* Initialise the simulated host, which decodes and stores the frames of the hub. */
 void fake_host_init(struct fake_hub *fake)
 {
     const struct taxel_deframer_config config = {
@@ -33,7 +33,7 @@ void fake_host_init(struct fake_hub *fake)
     taxel_deframer_init(&fake->deframer, &config);
 }
 
-/* Sends one frame with `size` bytes of payload from the host to the hub. */
+/* Send one frame with `size` bytes of payload from the host to the hub. */
 void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, size_t size)
 {
     uint8_t bytes[256];
@@ -43,7 +43,7 @@ void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, 
     fake_hub_receive(fake, bytes, taxel_encoder_end(&encoder));
 }
 
-/* The status of the reply to a command among the frames from index `from` on, or a negative number if there is
+/* Return the status of the reply to a command among the frames from index `from` on, or a negative number if there is
  * none; stores the data of the reply. */
 static int status_of_reply(struct fake_hub *fake, size_t from, uint8_t tag, uint8_t command)
 {
@@ -58,7 +58,7 @@ static int status_of_reply(struct fake_hub *fake, size_t from, uint8_t tag, uint
     return -1;
 }
 
-/* Sends a command to the hub and runs until its reply arrives. Returns the status of the reply, or a negative
+/* Send a command to the hub and run until its reply arrives. Returns the status of the reply, or a negative
  * number after `timeout_us`. */
 int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size,
                             uint64_t timeout_us)
@@ -75,14 +75,14 @@ int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_
     return status;
 }
 
-/* Sends a command to the hub and runs until its reply arrives, at most 2 s. Returns the status of the reply, or a
+/* Send a command to the hub and run until its reply arrives, at most 2 s. Returns the status of the reply, or a
  * negative number. */
 int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size)
 {
     return fake_hub_command_within(fake, command, arguments ? arguments : (const uint8_t *)"", size, 2000000u);
 }
 
-/* Performs the handshake of the host with the hub. Returns whether the hub agreed on the present version. */
+/* Perform the handshake of the host with the hub. Returns whether the hub agreed on the present protocol version. */
 bool fake_hub_handshake(struct fake_hub *fake)
 {
     const uint8_t handshake[TAXEL_HOST_HANDSHAKE_SIZE] = {77, 1, TAXEL_PROTOCOL_VERSION};
@@ -92,7 +92,7 @@ bool fake_hub_handshake(struct fake_hub *fake)
     return answer && answer->payload[0] == 77 && answer->payload[3] == TAXEL_PROTOCOL_VERSION;
 }
 
-/* Number of stored frames of one type. */
+/* Return the number of stored frames of one type. */
 size_t fake_hub_count(const struct fake_hub *fake, uint8_t type)
 {
     size_t count = 0;
@@ -102,7 +102,7 @@ size_t fake_hub_count(const struct fake_hub *fake, uint8_t type)
     return count;
 }
 
-/* The last stored frame of one type, or NULL. */
+/* Return the last stored frame of one type, or NULL. */
 const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type)
 {
     for (size_t i = fake->frame_count; i-- > 0;) {
@@ -113,7 +113,7 @@ const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type
     return NULL;
 }
 
-/* Number of stored frames of one type for the board with this address. */
+/* Return the number of stored frames of one type for the board with this address. */
 size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t address)
 {
     size_t count = 0;
@@ -123,7 +123,7 @@ size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t addr
     return count;
 }
 
-/* Number of stored BOARD_FAULT frames with this fault for the board with this address. */
+/* Return the number of stored BOARD_FAULT frames with this fault for the board with this address. */
 size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8_t fault)
 {
     size_t count = 0;
@@ -135,20 +135,21 @@ size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8
     return count;
 }
 
-/* Discards all stored frames. */
+/* Discard all stored frames. */
 void fake_hub_forget_frames(struct fake_hub *fake)
 {
     fake->frame_count = 0;
 }
 
-/* The entry of the hub's board table for this address, or NULL. */
+/* Return the entry of the hub's board table for this address, or NULL. */
 struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address)
 {
     const uint8_t slot = taxel_hub_slot_of(&fake->hub, address);
     return slot == TAXEL_NO_SLOT ? NULL : &fake->slots[slot];
 }
 
-/* True if the polls of every board equal the sum of its outcome counters, apart from a poll in progress. */
+/* Return whether the number of polls of every board equals the sum of its outcome counters plus a poll in progress
+ * (modulo 256, the range of `polls`). */
 bool fake_hub_accounts_balance(const struct fake_hub *fake)
 {
     for (uint8_t i = 0; i < fake->hub.slot_count; i++) {
@@ -167,7 +168,7 @@ bool fake_hub_accounts_balance(const struct fake_hub *fake)
     return true;
 }
 
-/* Starts the hub, lets it find its boards, performs the handshake and starts the stream. Returns whether all
+/* Start the hub, let it find its boards, perform the handshake and start the stream. Returns whether all
  * succeeded. */
 bool fake_hub_start(struct fake_hub *fake)
 {

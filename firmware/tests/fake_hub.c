@@ -2,7 +2,7 @@
 
 #define RUN_COST_US 5u
 
-/* HAL function of the simulated hub: aborts the transfer in progress and counts this. */
+/* Abort the transfer in progress and count this; HAL function of the simulated hub. */
 static void on_i2c_abort(void *context)
 {
     struct fake_hub *fake = context;
@@ -10,14 +10,14 @@ static void on_i2c_abort(void *context)
     fake->aborts++;
 }
 
-/* True if the data line is high: neither the hub nor a slave holds it low. */
+/* Return whether the data line is high: neither the hub nor a slave holds it low. */
 static bool sda_level(const struct fake_hub *fake)
 {
     return fake->sda && !fake->sda_held_clocks;
 }
 
-/* HAL function of the simulated hub: sets and records the levels of SCL and SDA. Each falling edge of SCL brings a
- * slave that holds SDA closer to its release. */
+/* Set and record the levels of SCL and SDA; HAL function of the simulated hub. Each falling edge of SCL brings a slave
+ * that holds SDA closer to its release. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     struct fake_hub *fake = context;
@@ -33,27 +33,27 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
     }
 }
 
-/* HAL function of the simulated hub: true if the clock line is high. */
+/* Return whether the clock line is high; HAL function of the simulated hub. */
 static bool on_i2c_scl(void *context)
 {
     const struct fake_hub *fake = context;
     return fake->scl && !fake->scl_held;
 }
 
-/* HAL function of the simulated hub: true if the data line is high. */
+/* Return whether the data line is high; HAL function of the simulated hub. */
 static bool on_i2c_sda(void *context)
 {
     return sda_level(context);
 }
 
-/* HAL function of the simulated hub: starts the transmitter; has no effect here. */
+/* Start the transmitter (no effect here); HAL function of the simulated hub. */
 static void on_uart_kick(void *context)
 {
     (void)context; /* fake_hub_run() drains after every pass */
 }
 
-/* HAL function of the simulated hub: requests with RTS that the host pauses (`hold` true) or continues; changes are
- * counted. */
+/* Request with RTS that the host pauses (`hold` true) or continues, and count the changes; HAL function of the
+ * simulated hub. */
 static void on_uart_hold(void *context, bool hold)
 {
     struct fake_hub *fake = context;
@@ -61,40 +61,39 @@ static void on_uart_hold(void *context, bool hold)
     fake->is_host_held = hold;
 }
 
-/* HAL function of the simulated hub: the simulated time in microseconds. */
+/* Return the simulated time in microseconds; HAL function of the simulated hub. */
 static uint64_t on_clock_us(void *context)
 {
     return ((const struct fake_hub *)context)->now_us;
 }
 
-/* HAL function of the simulated hub: advances the simulated time. */
+/* Advance the simulated time; HAL function of the simulated hub. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     ((struct fake_hub *)context)->now_us += microseconds;
 }
 
-/* HAL function of the simulated hub: stores the time of the next pass of the main loop; the earliest request
- * applies. */
+/* Store the time of the next pass of the main loop; the earliest request applies; HAL function of the simulated hub. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct fake_hub *fake = context;
     fake->wake_us = clock_us < fake->wake_us ? clock_us : fake->wake_us;
 }
 
-/* HAL function of the simulated hub: counts the requests for a restart. */
+/* Count the requests for a restart; HAL function of the simulated hub. */
 static void on_restart(void *context)
 {
     ((struct fake_hub *)context)->restarts++;
 }
 
-/* HAL function of the simulated hub: counts the requests for the bootloader. */
+/* Count the requests for the bootloader; HAL function of the simulated hub. */
 static void on_enter_bootloader(void *context)
 {
     ((struct fake_hub *)context)->bootloader_entries++;
 }
 
-/* HAL function of the simulated hub: executes a transfer at once, or with the outcome that the script of the test
- * selects, and reports its end after the time on the bus. */
+/* Execute a transfer at once, or with the outcome that the script of the test selects, and report its end after the
+ * time on the bus; HAL function of the simulated hub. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct fake_hub *fake = context;
@@ -115,7 +114,7 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     }
 }
 
-/* Initialises a simulated hub without boards: HAL functions, memory and default settings. fake_hub_boot() starts
+/* Initialise a simulated hub without boards: HAL functions, memory and default settings. fake_hub_boot() starts
  * it. */
 void fake_hub_init(struct fake_hub *fake)
 {
@@ -153,7 +152,7 @@ void fake_hub_init(struct fake_hub *fake)
     fake->now_us = 1000;
 }
 
-/* Starts the firmware of the hub, as after a brown-out. */
+/* Start the firmware of the hub, as after a brown-out. */
 void fake_hub_boot(struct fake_hub *fake)
 {
     fake->wake_us = fake->now_us;
@@ -162,7 +161,7 @@ void fake_hub_boot(struct fake_hub *fake)
     taxel_hub_init(&fake->hub, &fake->config, TAXEL_RESET_CAUSE_BROWN_OUT);
 }
 
-/* Adds a device with this I2C address to the bus. `sensor`: the board, or NULL for a device that only acknowledges.
+/* Add a device with this I2C address to the bus. `sensor`: the board, or NULL for a device that only acknowledges.
  * Returns the device. */
 struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor)
 {
@@ -172,7 +171,7 @@ struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct 
     return device;
 }
 
-/* Takes bytes from the hub as the UART does, and decodes them as the host. */
+/* Take bytes from the hub as the UART does, and decode them as the host. */
 static void drain(struct fake_hub *fake)
 {
     uint8_t bytes[FAKE_PULL];
@@ -180,7 +179,8 @@ static void drain(struct fake_hub *fake)
     taxel_deframer_push(&fake->deframer, bytes, size);
 }
 
-/* One pass of the hub's main loop, after the end of a transfer if one is due; then the UART takes bytes. */
+/* Run one pass of the hub's main loop, after reporting the end of a transfer if one is due; then let the UART take
+ * bytes. */
 static void pass(struct fake_hub *fake)
 {
     if (fake->done_us <= fake->now_us) {
@@ -193,7 +193,7 @@ static void pass(struct fake_hub *fake)
     drain(fake);
 }
 
-/* Advances the simulated time to the next event of the hub and runs its main loop. Returns false if no event is due
+/* Advance the simulated time to the next event of the hub and run its main loop. Returns false if no event is due
  * before `until` (microseconds). */
 bool fake_hub_step(struct fake_hub *fake, uint64_t until)
 {
@@ -206,7 +206,7 @@ bool fake_hub_step(struct fake_hub *fake, uint64_t until)
     return true;
 }
 
-/* Runs the hub for the given simulated time. */
+/* Run the hub for the given simulated time. */
 void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
 {
     const uint64_t until = fake->now_us + microseconds;
@@ -215,7 +215,7 @@ void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
     fake->now_us = until > fake->now_us ? until : fake->now_us;
 }
 
-/* Runs the hub until it has completed this number of poll cycles. Returns false if they are not completed within 10
+/* Run the hub until it has completed this number of poll cycles. Returns false if they are not completed within 10
  * s. */
 bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
 {
@@ -226,7 +226,7 @@ bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
     return fake->hub.cycle.count == target;
 }
 
-/* Delivers bytes of the host to the hub, then runs its main loop once. */
+/* Deliver bytes of the host to the hub, then run its main loop once. */
 void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {

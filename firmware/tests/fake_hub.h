@@ -90,19 +90,20 @@ void fake_hub_init(struct fake_hub *fake);
 void fake_hub_boot(struct fake_hub *fake);
 struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor);
 
-/* Boards of 10 taxels at first_address and the addresses after it, booted, with one scan done. */
+/* Add boards of 10 taxels at first_address and the addresses after it, booted, with one scan done. */
 void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count);
 void fake_hub_free_boards(struct fake_hub *fake);
-/* Boot, detect the boards, complete the handshake, start streaming, and discard the frames received so far. */
+/* Boot the hub, let it detect the boards, complete the handshake, start streaming, and discard the frames received so
+ * far. Returns whether all succeeded. */
 bool fake_hub_start(struct fake_hub *fake);
 
-/* The next event, unless it is later than that; false if there was none. */
+/* Execute the next event of the hub, unless it is later than `until_us`. Returns whether there was one. */
 bool fake_hub_step(struct fake_hub *fake, uint64_t until_us);
 
 /* Run for some virtual time. */
 void fake_hub_run(struct fake_hub *fake, uint64_t microseconds);
 
-/* Run until n more poll cycles have ended; false if they do not end within 10 virtual seconds. */
+/* Run until `cycles` more poll cycles have ended. Returns false if they do not end within 10 virtual seconds. */
 bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles);
 
 void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size);
@@ -116,16 +117,16 @@ bool fake_hub_handshake(struct fake_hub *fake);
 
 size_t fake_hub_count(const struct fake_hub *fake, uint8_t type);
 const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type);
-/* Number of frames of a type whose payload begins with that address. */
+/* Return the number of frames of a type whose payload begins with this address. */
 size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t address);
 size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8_t fault);
 void fake_hub_forget_frames(struct fake_hub *fake);
 
 struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address);
-/* Whether, for every board, each poll is in exactly one outcome counter, except at most one poll in progress. */
+/* Return whether, for every board, each poll is in exactly one outcome counter, except at most one poll in progress. */
 bool fake_hub_accounts_balance(const struct fake_hub *fake);
 
-/* fake_bus.c: execute a transfer on the devices. fake_host.c: initialise the frame decoder. */
+/* Execute a transfer on the devices (fake_bus.c), and initialise the frame decoder (fake_host.c). */
 int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer);
 void fake_host_init(struct fake_hub *fake);
 

@@ -6,7 +6,7 @@
 
 #define CONVERSION_US 10u
 
-/* Calls the test's function that simulates another interrupt, if interrupts are enabled and none is being
+/* Call the test's function that simulates another interrupt, if interrupts are enabled and none is being
  * simulated. */
 static void preempt_if_allowed(struct fake_sensor *fake)
 {
@@ -17,7 +17,7 @@ static void preempt_if_allowed(struct fake_sensor *fake)
     }
 }
 
-/* HAL function of the simulated board: stores the scan settings and counts calls during a conversion. */
+/* Store the scan settings and count calls during a conversion; HAL function of the simulated board. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     struct fake_sensor *fake = context;
@@ -27,7 +27,7 @@ static void on_configure(void *context, const struct taxel_scan_settings *settin
     preempt_if_allowed(fake);
 }
 
-/* HAL function of the simulated board: records the TX and RX line of a conversion, which fake_convert() ends. */
+/* Record the TX and RX line of a conversion, which fake_convert() ends; HAL function of the simulated board. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct fake_sensor *fake = context;
@@ -41,7 +41,7 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     fake->started++;
 }
 
-/* HAL function of the simulated board: its clock in microseconds. */
+/* Return the board's clock in microseconds; HAL function of the simulated board. */
 static uint32_t on_clock_us(void *context)
 {
     struct fake_sensor *fake = context;
@@ -49,7 +49,7 @@ static uint32_t on_clock_us(void *context)
     return fake->clock_us;
 }
 
-/* HAL function of the simulated board: masks interrupts and returns the previous state. */
+/* Mask interrupts and return the previous state; HAL function of the simulated board. */
 static uint32_t on_interrupts_disable(void *context)
 {
     struct fake_sensor *fake = context;
@@ -57,7 +57,7 @@ static uint32_t on_interrupts_disable(void *context)
     return (uint32_t)fake->interrupts_off++;
 }
 
-/* HAL function of the simulated board: restores the state of the interrupt mask. */
+/* Restore the state of the interrupt mask; HAL function of the simulated board. */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     struct fake_sensor *fake = context;
@@ -65,19 +65,19 @@ static void on_interrupts_restore(void *context, uint32_t state)
     preempt_if_allowed(fake);
 }
 
-/* HAL function of the simulated board: counts the requests for a restart. */
+/* Count the requests for a restart; HAL function of the simulated board. */
 static void on_restart(void *context)
 {
     ((struct fake_sensor *)context)->restarts++;
 }
 
-/* HAL function of the simulated board: counts the requests for the bootloader. */
+/* Count the requests for the bootloader; HAL function of the simulated board. */
 static void on_bootloader(void *context)
 {
     ((struct fake_sensor *)context)->bootloader_entries++;
 }
 
-/* Initialises a simulated board with `rows` TX and `columns` RX lines. The last of every `skip` crossings has no
+/* Initialise a simulated board with `rows` TX and `columns` RX lines. The last of every `skip` crossings has no
  * taxel (0: all crossings have one). */
 void fake_sensor_init(struct fake_sensor *fake, uint8_t address, uint8_t rows, uint8_t columns, unsigned skip)
 {
@@ -115,7 +115,7 @@ void fake_sensor_init(struct fake_sensor *fake, uint8_t address, uint8_t rows, u
     }
 }
 
-/* Starts the firmware of the board, which begins to scan. Returns 0, or the error of taxel_sensor_init(). */
+/* Start the firmware of the board, which begins to scan. Returns 0, or the error of taxel_sensor_init(). */
 int fake_sensor_boot(struct fake_sensor *fake)
 {
     fake->converting = false;
@@ -126,7 +126,7 @@ int fake_sensor_boot(struct fake_sensor *fake)
     return error;
 }
 
-/* Releases the snapshot buffers of the simulated board. */
+/* Free the snapshot buffers of the simulated board. */
 void fake_sensor_free(struct fake_sensor *fake)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -134,21 +134,21 @@ void fake_sensor_free(struct fake_sensor *fake)
     }
 }
 
-/* The raw count that a simulated taxel has in the scan number `sequence`, 1 to 65535; tests recognise the scan by
- * it. */
+/* Return the raw count that a simulated taxel has in the scan number `sequence`, 1 to 65535; tests recognise the scan
+ * by it. */
 uint16_t fake_count(uint16_t sequence, uint16_t taxel)
 {
     return (uint16_t)(1u + (sequence * 251u + taxel) % 65535u);
 }
 
-/* The raw count of the conversion in progress: from the test's function, or fake_count(). */
+/* Return the raw count of the conversion in progress: from the test's function, or fake_count(). */
 static uint16_t next_count(struct fake_sensor *fake)
 {
     return fake->count_of ? fake->count_of(fake)
                           : fake_count((uint16_t)fake->sensor.scan.scans, fake->sensor.scan.taxel);
 }
 
-/* Ends up to `conversions` conversions of the board, one after the other. */
+/* End up to `conversions` conversions of the board, one after the other. */
 void fake_convert(struct fake_sensor *fake, unsigned conversions)
 {
     for (unsigned i = 0; i < conversions && fake->converting; i++) {
@@ -158,13 +158,13 @@ void fake_convert(struct fake_sensor *fake, unsigned conversions)
     }
 }
 
-/* Completes `scans` scans of the board. */
+/* Complete `scans` scans of the board. */
 void fake_scan(struct fake_sensor *fake, unsigned scans)
 {
     fake_convert(fake, scans * fake->config.taxel_count);
 }
 
-/* Writes bytes to the board as an I2C master, with a stop condition. Returns whether all bytes were
+/* Write bytes to the board as an I2C master, with a stop condition. Returns whether all bytes were
  * acknowledged. */
 bool fake_write(struct fake_sensor *fake, const uint8_t *bytes, size_t size)
 {
@@ -176,7 +176,7 @@ bool fake_write(struct fake_sensor *fake, const uint8_t *bytes, size_t size)
     return acknowledged;
 }
 
-/* Addresses the board for reading, reads `size` bytes and sends a stop condition. Returns whether the address was
+/* Address the board for reading, read `size` bytes and send a stop condition. Returns whether the address was
  * acknowledged. */
 static bool read_to_stop(struct fake_sensor *fake, uint8_t *bytes, size_t size)
 {
@@ -188,27 +188,27 @@ static bool read_to_stop(struct fake_sensor *fake, uint8_t *bytes, size_t size)
     return acknowledged;
 }
 
-/* Reads `size` bytes at the present register pointer of the board. Returns whether the address was acknowledged. */
+/* Read `size` bytes at the present register pointer of the board. Returns whether the address was acknowledged. */
 bool fake_read(struct fake_sensor *fake, uint8_t *bytes, size_t size)
 {
     return read_to_stop(fake, bytes, size);
 }
 
-/* Sets the register pointer and reads `size` bytes after a repeated start. Returns whether all was acknowledged. */
+/* Set the register pointer and read `size` bytes after a repeated start. Returns whether all was acknowledged. */
 bool fake_read_at(struct fake_sensor *fake, uint8_t pointer, uint8_t *bytes, size_t size)
 {
     return taxel_sensor_on_address(&fake->sensor, false) && taxel_sensor_on_write(&fake->sensor, pointer) &&
            read_to_stop(fake, bytes, size);
 }
 
-/* Writes a command and its complement to the command register. Returns whether all bytes were acknowledged. */
+/* Write a command and its complement to the command register. Returns whether all bytes were acknowledged. */
 bool fake_command(struct fake_sensor *fake, uint8_t command)
 {
     const uint8_t bytes[3] = {TAXEL_REGISTER_COMMAND, command, (uint8_t)~command};
     return fake_write(fake, bytes, sizeof bytes);
 }
 
-/* Writes scan settings with a correct CRC to the settings register. Returns whether all bytes were acknowledged. */
+/* Write scan settings with a correct CRC to the settings register. Returns whether all bytes were acknowledged. */
 bool fake_write_settings(struct fake_sensor *fake, const struct taxel_scan_settings *settings)
 {
     uint8_t bytes[1 + TAXEL_SETTINGS_REGISTER_SIZE] = {TAXEL_REGISTER_SETTINGS};
@@ -218,7 +218,7 @@ bool fake_write_settings(struct fake_sensor *fake, const struct taxel_scan_setti
     return fake_write(fake, bytes, sizeof bytes);
 }
 
-/* Reads the status register of the board. */
+/* Read the status register of the board. */
 struct taxel_status fake_status(struct fake_sensor *fake)
 {
     uint8_t bytes[TAXEL_STATUS_SIZE];
@@ -228,7 +228,7 @@ struct taxel_status fake_status(struct fake_sensor *fake)
     return status;
 }
 
-/* True if a snapshot has a correct CRC and its counts are those of fake_count() for its sequence number. */
+/* Return whether a snapshot has a correct CRC and its counts are those of fake_count() for its sequence number. */
 bool fake_snapshot_is_valid(const struct fake_sensor *fake, const uint8_t *bytes)
 {
     const uint16_t taxels = fake->config.taxel_count;

@@ -26,21 +26,22 @@ struct fake_sensor {
     bool preempting;
 };
 
-/* A board of rows x columns crossings. Every crossing is a taxel except the last of each `skip` crossings (0: no
- * exception). The snapshot buffers have exactly the required size, so that a sanitizer detects an access behind
+/* Initialise a board of rows x columns crossings. Every crossing is a taxel except the last of each `skip` crossings
+ * (0: no exception). The snapshot buffers have exactly the required size, so that a sanitizer detects an access behind
  * them. */
 void fake_sensor_init(struct fake_sensor *fake, uint8_t address, uint8_t rows, uint8_t columns, unsigned skip);
 int fake_sensor_boot(struct fake_sensor *fake);
 void fake_sensor_free(struct fake_sensor *fake);
 
-/* The raw count of a taxel in the scan with that sequence; counts differ between consecutive scans. */
+/* Return the raw count of a taxel in the scan with that sequence; counts differ between consecutive scans. */
 uint16_t fake_count(uint16_t sequence, uint16_t taxel);
 
-/* End the conversion in progress, if any, 10 us later; repeat for so many conversions or scans. */
+/* End the conversion in progress, if there is one, 10 us later; repeat for this number of conversions or scans. */
 void fake_convert(struct fake_sensor *fake, unsigned conversions);
 void fake_scan(struct fake_sensor *fake, unsigned scans);
 
-/* Complete I2C transfers. A write returns whether all bytes were acknowledged, a read whether the address was. */
+/* Execute a complete I2C transfer as master. A write returns whether all bytes were acknowledged, a read whether the
+ * address was. */
 bool fake_write(struct fake_sensor *fake, const uint8_t *bytes, size_t size);
 bool fake_read(struct fake_sensor *fake, uint8_t *bytes, size_t size);
 bool fake_read_at(struct fake_sensor *fake, uint8_t pointer, uint8_t *bytes, size_t size);
@@ -48,7 +49,8 @@ bool fake_command(struct fake_sensor *fake, uint8_t command);
 bool fake_write_settings(struct fake_sensor *fake, const struct taxel_scan_settings *settings);
 struct taxel_status fake_status(struct fake_sensor *fake);
 
-/* Whether the bytes are one valid snapshot of that board, with every count from fake_count() of its sequence. */
+/* Return whether the bytes are a valid snapshot of this board: a correct CRC, and all counts those of fake_count() for
+ * its sequence number. */
 bool fake_snapshot_is_valid(const struct fake_sensor *fake, const uint8_t *bytes);
 
 #endif

@@ -10,7 +10,7 @@
 #define STEP (2u * VTIME_MS)
 #define RECORD_HEAD 12u
 
-/* True if the CRC of the board in the payload of a TAXELS frame is right. */
+/* Return whether the CRC of the board in the payload of a TAXELS frame is correct. */
 static bool board_crc_is_right(const uint8_t *payload, size_t length)
 {
     const uint8_t *snapshot = payload + TAXEL_TAXEL_HEADER_SIZE;
@@ -18,8 +18,7 @@ static bool board_crc_is_right(const uint8_t *payload, size_t length)
     return taxel_crc32(taxel_crc32(0, payload, 1), snapshot, size - 4u) == taxel_get_u32(snapshot + size - 4u);
 }
 
-/* Handler of the deframer: evaluates a frame that the emulated hub has sent, and counts gaps in the frame
- * sequence. */
+/* Evaluate a frame that the emulated hub has sent, and count gaps in the frame sequence; handler of the deframer. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     struct fake_world *fake = context;
@@ -44,7 +43,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
-/* Describes an emulated world with `boards` boards of `taxels` taxels each, without faults and effects. */
+/* Describe an emulated world with `boards` boards of `taxels` taxels each, without faults and effects. */
 void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels)
 {
     memset(fake, 0, sizeof *fake);
@@ -74,13 +73,13 @@ void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels
     }
 }
 
-/* Adds a fault with one value to the description of the world. */
+/* Add a fault with one value to the description of the world. */
 void fake_world_fault(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double value)
 {
     fake_world_fault_at(fake, time_s, kind, address, value, 0.0);
 }
 
-/* Adds a fault with two values (for faults of a byte: its position and the parameter) to the description of the
+/* Add a fault with two values (for faults of a byte: its position and the parameter) to the description of the
  * world. */
 void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double position,
                          double second)
@@ -89,7 +88,7 @@ void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind
         .time_s = time_s, .kind = kind, .address = address, .value = position, .second_value = second};
 }
 
-/* Creates the described world, with a stimulus from the file descriptor (-1: none). Returns 0, or -1 on an
+/* Create the described world, with a stimulus from the file descriptor (-1: none). Returns 0, or -1 on an
  * error. */
 int fake_world_open(struct fake_world *fake, int stimulus_fd)
 {
@@ -118,7 +117,7 @@ int fake_world_open(struct fake_world *fake, int stimulus_fd)
     return world_init(&fake->world, &fake->description, &fake->stimulus, &fake->endpoint, &fake->script);
 }
 
-/* Releases the world, its stimulus and its endpoint. */
+/* Free the world, its stimulus and its endpoint. */
 void fake_world_close(struct fake_world *fake)
 {
     world_free(&fake->world);
@@ -127,7 +126,7 @@ void fake_world_close(struct fake_world *fake)
     free(fake->captured);
 }
 
-/* Decodes the bytes that the emulated hub has sent since the last call. */
+/* Decode the bytes that the emulated hub has sent since the last call, and add them to the CRC of the stream. */
 static void take_in(struct fake_world *fake)
 {
     fflush(fake->endpoint.capture);
@@ -141,7 +140,7 @@ static void take_in(struct fake_world *fake)
     }
 }
 
-/* Runs the world for a virtual time in seconds, in steps of `step` picoseconds. Returns 0, or -1 on an error. */
+/* Run the world for a virtual time in seconds, in steps of `step` picoseconds. Returns 0, or -1 on an error. */
 int fake_world_run_in_steps(struct fake_world *fake, double seconds, vtime step)
 {
     const vtime end = fake->world.now + (vtime)(seconds * (double)VTIME_SECOND);
@@ -153,13 +152,13 @@ int fake_world_run_in_steps(struct fake_world *fake, double seconds, vtime step)
     return result;
 }
 
-/* Runs the world for a virtual time in seconds. Returns 0, or -1 on an error. */
+/* Run the world for a virtual time in seconds. Returns 0, or -1 on an error. */
 int fake_world_run(struct fake_world *fake, double seconds)
 {
     return fake_world_run_in_steps(fake, seconds, STEP);
 }
 
-/* Sends one frame from the host to the emulated hub. */
+/* Send one frame from the host to the emulated hub. */
 static void host_sends(struct fake_world *fake, uint8_t type, const uint8_t *payload, size_t size)
 {
     uint8_t bytes[256];
@@ -170,7 +169,7 @@ static void host_sends(struct fake_world *fake, uint8_t type, const uint8_t *pay
     (void)uart_send_from_host(&fake->world.uart, bytes, encoded, fake->world.now);
 }
 
-/* Sends a command with `size` bytes of arguments from the host to the emulated hub, without waiting for the
+/* Send a command with `size` bytes of arguments from the host to the emulated hub, without waiting for the
  * reply. */
 void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t *arguments, size_t size)
 {
@@ -181,7 +180,7 @@ void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t 
     host_sends(fake, TAXEL_FRAME_TYPE_COMMAND, payload, TAXEL_COMMAND_HEADER_SIZE + size);
 }
 
-/* Lets the emulated hub find its boards, performs the handshake and starts the stream. Returns whether the hub
+/* Let the emulated hub find its boards, perform the handshake and start the stream. Returns whether the hub
  * streams. */
 bool fake_world_start(struct fake_world *fake)
 {
@@ -194,7 +193,7 @@ bool fake_world_start(struct fake_world *fake)
     return fake_world_run(fake, 0.02) == 0 && fake->world.hub.hub.streaming;
 }
 
-/* The entry of the emulated hub's board table for this address, or NULL. */
+/* Return the entry of the emulated hub's board table for this address, or NULL. */
 struct taxel_hub_slot *fake_world_slot(struct fake_world *fake, uint8_t address)
 {
     struct hub_node *node = &fake->world.hub;
@@ -206,8 +205,9 @@ struct taxel_hub_slot *fake_world_slot(struct fake_world *fake, uint8_t address)
     return NULL;
 }
 
-/* True if the polls of every board equal the sum of its outcomes, no frame or byte was lost or damaged, and the
- * host received what was forwarded. */
+/* Return whether the polls of every board equal the sum of its outcomes, no frame or byte was lost or damaged, and the
+ * host received what the hub forwarded. After a restart of the hub, its counters begin at 0, so the number of frames is
+ * not compared. */
 bool fake_world_adds_up(const struct fake_world *fake)
 {
     const struct hub_node *node = &fake->world.hub;

@@ -27,27 +27,29 @@ struct fake_world {
     uint8_t tag;
 };
 
-/* The defaults of a world file, and then that many boards: at 0x20 and up, of `taxels` taxels each. */
+/* Describe a world with the defaults of a world file and `boards` boards at 0x20 and up, of `taxels` taxels each. */
 void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels);
 void fake_world_fault(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double value);
 void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double position,
                          double second);
 
-/* `stimulus_fd`: a stimulus stream, or -1. Returns 0 or the emulator's own error. */
+/* Create the described world. stimulus_fd: a stimulus stream, or -1. Returns 0, or -1 after an error of the
+ * emulator. */
 int fake_world_open(struct fake_world *fake, int stimulus_fd);
 void fake_world_close(struct fake_world *fake);
 
-/* Run on by that many virtual seconds in steps of `step`; takes in what the host has received. Returns 0 or -1. */
+/* Run the world for `seconds` of virtual time in steps of `step`, and decode what the host has received. Returns 0, or
+ * -1 after an error. */
 int fake_world_run_in_steps(struct fake_world *fake, double seconds, vtime step);
 int fake_world_run(struct fake_world *fake, double seconds);
 
-/* Handshake, then START after half a second. */
+/* Run for 0.5 s, then send the handshake and the command START. Returns whether the hub streams. */
 bool fake_world_start(struct fake_world *fake);
 void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t *arguments, size_t size);
 
 struct taxel_hub_slot *fake_world_slot(struct fake_world *fake, uint8_t address);
-/* Every poll but one in flight at most is in one counter, every forwarded frame arrived whole with a right board
- * CRC. */
+/* Return whether every poll, except at most one in progress, is in one outcome counter, and every forwarded frame
+ * arrived complete with a correct board CRC. */
 bool fake_world_adds_up(const struct fake_world *fake);
 
 #endif

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+/* State of the parser. */
 struct reader {
     const char *text;
     size_t size;
@@ -13,7 +14,7 @@ struct reader {
     const char *error;
 };
 
-/* Stores the first error message of the reader. Returns false. */
+/* Store the first error message of the reader. Returns false. */
 static bool fail(struct reader *reader, const char *message)
 {
     if (!reader->error) {
@@ -22,13 +23,13 @@ static bool fail(struct reader *reader, const char *message)
     return false;
 }
 
-/* The next character of the text, or -1 at its end. */
+/* Return the next character of the text, or -1 at its end. */
 static int peek(const struct reader *reader)
 {
     return reader->position < reader->size ? (unsigned char)reader->text[reader->position] : -1;
 }
 
-/* Moves the reader behind white space. */
+/* Move the reader behind white space. */
 static void skip_space(struct reader *reader)
 {
     while (peek(reader) == ' ' || peek(reader) == '\n' || peek(reader) == '\r' || peek(reader) == '\t') {
@@ -36,8 +37,7 @@ static void skip_space(struct reader *reader)
     }
 }
 
-/* Skips white space and takes the expected character. Returns false, and takes nothing, if another character
- * follows. */
+/* Skip white space and take the expected character. Returns false, and takes nothing, if another character follows. */
 static bool take(struct reader *reader, char expected)
 {
     skip_space(reader);
@@ -48,7 +48,7 @@ static bool take(struct reader *reader, char expected)
     return true;
 }
 
-/* Appends a value of this kind to the array of nodes; NULL if the array is full. */
+/* Append a value of this kind to the array of nodes. Returns the node, or NULL if the array is full. */
 static struct json_node *add_node(struct reader *reader, enum json_kind kind)
 {
     if (reader->used == reader->capacity) {
@@ -62,7 +62,7 @@ static struct json_node *add_node(struct reader *reader, enum json_kind kind)
     return node;
 }
 
-/* Reads a string of printable ASCII characters without escapes as a node. Returns false on an error. */
+/* Read a string of printable ASCII characters without escapes as a node. Returns false on an error. */
 static bool read_string(struct reader *reader)
 {
     struct json_node *node = add_node(reader, JSON_STRING);
@@ -82,7 +82,7 @@ static bool read_string(struct reader *reader)
     return true;
 }
 
-/* Reads a whole number without sign as a node. Returns false on an error or if it exceeds 64 bits. */
+/* Read a whole number without sign as a node. Returns false on an error or if it exceeds 64 bits. */
 static bool read_number(struct reader *reader)
 {
     struct json_node *node = add_node(reader, JSON_NUMBER);
@@ -108,7 +108,7 @@ static bool read_number(struct reader *reader)
     return true;
 }
 
-/* Reads a word (true or false) as a node with this number. Returns false if another text follows. */
+/* Read a word (true or false) as a node with this number. Returns false if another text follows. */
 static bool read_word(struct reader *reader, const char *word, uint64_t number)
 {
     const size_t length = strlen(word);
@@ -124,7 +124,7 @@ static bool read_word(struct reader *reader, const char *word, uint64_t number)
 
 static bool read_value(struct reader *reader);
 
-/* Reads the members of an array or an object up to the character `end`. Returns false on an error. */
+/* Read the members of an array or an object up to the character `end`. Returns false on an error. */
 static bool read_members(struct reader *reader, enum json_kind kind, char end)
 {
     const size_t index = reader->used;
@@ -150,7 +150,7 @@ static bool read_members(struct reader *reader, enum json_kind kind, char end)
     return true;
 }
 
-/* Reads one JSON value with all its members. Returns false on an error. */
+/* Read one JSON value with all its members. Returns false on an error. */
 static bool read_value(struct reader *reader)
 {
     bool good;
@@ -183,13 +183,13 @@ static bool read_value(struct reader *reader)
     return good;
 }
 
-/* Largest number of nodes that a JSON text of `size` bytes can need. */
+/* Return the largest number of nodes that a JSON text of `size` bytes can need. */
 size_t json_nodes_max(size_t size)
 {
     return size / 2u + 1u; /* each value has at least one byte and one separator */
 }
 
-/* Reads a JSON text into an array of nodes. Returns the error with its position, or no error. */
+/* Read a JSON text into an array of nodes. Returns the error with its position, or no error. */
 struct json_error json_read(const char *text, size_t size, struct json_node *nodes, size_t capacity)
 {
     struct reader reader = {.text = text, .size = size, .nodes = nodes, .capacity = capacity};
@@ -202,7 +202,7 @@ struct json_error json_read(const char *text, size_t size, struct json_node *nod
     return (struct json_error){.message = reader.error, .position = reader.position};
 }
 
-/* The value of the member `name` of an object, or NULL. */
+/* Return the value of the member `name` of an object, or NULL. */
 const struct json_node *json_member(const struct json_node *object, const char *name)
 {
     if (!object || object->kind != JSON_OBJECT) {
@@ -218,7 +218,7 @@ const struct json_node *json_member(const struct json_node *object, const char *
     return NULL;
 }
 
-/* The value with this index in an array, or NULL. */
+/* Return the value with this index in an array, or NULL. */
 const struct json_node *json_at(const struct json_node *array, size_t index)
 {
     if (!array || array->kind != JSON_ARRAY || index >= array->count) {
@@ -231,14 +231,14 @@ const struct json_node *json_at(const struct json_node *array, size_t index)
     return value;
 }
 
-/* True if the node is a string that equals `text`. */
+/* Return whether the node is a string that equals `text`. */
 bool json_is(const struct json_node *string, const char *text)
 {
     return string && string->kind == JSON_STRING && string->length == strlen(text) &&
            memcmp(string->text, text, string->length) == 0;
 }
 
-/* The value of a lower-case hexadecimal digit, or -1. */
+/* Return the value of a lower-case hexadecimal digit, or -1. */
 static int digit_of(char c)
 {
     if (c >= '0' && c <= '9') {
@@ -247,8 +247,8 @@ static int digit_of(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-/* Converts a string of hexadecimal digits to bytes. Returns false if it is none, or longer than `capacity`
- * bytes. */
+/* Convert a string of hexadecimal digits to bytes. Returns false if the node is not such a string, or if it is longer
+ * than `capacity` bytes. */
 bool json_hex(const struct json_node *string, uint8_t *bytes, size_t capacity, size_t *size)
 {
     if (!string || string->kind != JSON_STRING || string->length % 2u || string->length / 2u > capacity) {

@@ -33,15 +33,15 @@ struct json_error {
     size_t position;     /* byte of the text */
 };
 
-/* Upper limit of the number of nodes in a text of `size` bytes. */
+/* Return the upper limit of the number of nodes in a text of `size` bytes. */
 size_t json_nodes_max(size_t size);
 
 /* Parse `text` into nodes[0] and the nodes after it. */
 struct json_error json_read(const char *text, size_t size, struct json_node *nodes, size_t capacity);
 
-/* The named member of an object, or NULL. */
+/* Return the named member of an object, or NULL. */
 const struct json_node *json_member(const struct json_node *object, const char *name);
-/* Value `index` of an array, or NULL. */
+/* Return the value `index` of an array, or NULL. */
 const struct json_node *json_at(const struct json_node *array, size_t index);
 bool json_is(const struct json_node *string, const char *text);
 

@@ -14,6 +14,7 @@ struct rejection {
     char text[4096];
 };
 
+/* Redirect stderr to a temporary file, which rejection_lines() reads. */
 static inline void rejection_catch(struct rejection *rejection)
 {
     fflush(stderr);
@@ -22,7 +23,7 @@ static inline void rejection_catch(struct rejection *rejection)
     dup2(rejection->caught, 2);
 }
 
-/* Number of lines written to stderr since rejection_catch(); `text` contains them. */
+/* Return the number of lines written to stderr since rejection_catch(); `text` contains them. */
 static inline unsigned rejection_lines(struct rejection *rejection)
 {
     unsigned lines = 0;
@@ -38,7 +39,7 @@ static inline unsigned rejection_lines(struct rejection *rejection)
     return lines;
 }
 
-/* Reads the text as a world file, and returns world_file_read()'s result. The caller frees `world`. */
+/* Read the text as a world file, and return world_file_read()'s result. The caller frees `world`. */
 static inline int rejection_read(struct rejection *rejection, struct world_description *world, const char *text,
                                  unsigned *lines)
 {
@@ -54,7 +55,7 @@ static inline int rejection_read(struct rejection *rejection, struct world_descr
     return result;
 }
 
-/* Checks that each text is rejected with one line. */
+/* Check that each text is rejected with one line. */
 static inline void rejection_check_all(const char *const *texts, size_t count)
 {
     static struct world_description world;

@@ -13,6 +13,7 @@
 #define BENCH_CELLS (BENCH_TAXELS * CELLS_PER_TAXEL)
 #define BENCH_ADDRESS 0x22
 
+/* Skin of one board with its effects, the loads before and after the current step, and the resulting fields. */
 struct skin_bench {
     struct world_description world;
     struct patch patch;
@@ -64,6 +65,7 @@ static inline void bench_close(struct skin_bench *bench)
     patch_free(&bench->patch);
 }
 
+/* Advance the fields by `seconds` to the load `after`, which then becomes the load before the next step. */
 static inline void bench_advance(struct skin_bench *bench, double seconds, bool is_step)
 {
     bench->time += seconds;
@@ -75,7 +77,8 @@ static inline void bench_advance(struct skin_bench *bench, double seconds, bool 
     field_load_clear(&bench->after, &bench->patch);
 }
 
-/* Apply a force to one taxel, reached at the end of `seconds`. */
+/* Advance by `seconds` while the force (newtons) on one taxel changes to `force`: linearly, or at the end if
+ * `is_step`. */
 static inline void bench_apply_force(struct skin_bench *bench, size_t taxel, double force, double seconds, bool is_step)
 {
     float forces[BENCH_TAXELS] = {0.0f};

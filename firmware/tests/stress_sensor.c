@@ -11,13 +11,13 @@ static struct fake_sensor fake;
 static struct random_source source;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
 
-/* A random whole number from 0 to limit - 1. */
+/* Return a random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
 }
 
-/* A random byte, with an increased probability of register addresses and commands. */
+/* Return a random byte, with an increased probability of register addresses and commands. */
 static uint8_t likely_byte(void)
 {
     static const uint8_t meaningful[] = {0x00, 0x40, 0x44, 0x60, 0x70, 0x80, 0x81, 0x8F, 0x90,
@@ -25,13 +25,13 @@ static uint8_t likely_byte(void)
     return random_below(2) ? meaningful[random_below(sizeof meaningful)] : (uint8_t)random_below(256);
 }
 
-/* Simulates an interrupt at a random instant: ends one conversion or none. */
+/* Simulate an interrupt at a random instant: end one conversion or none. */
 static void preempt(struct fake_sensor *preempted)
 {
     fake_convert(preempted, random_below(2));
 }
 
-/* One random action on the simulated board: an event of the I2C slave, conversions, or a write of settings or a
+/* Execute one random action on the simulated board: an event of the I2C slave, conversions, or a write of settings or a
  * command. */
 static void run_random_action(void)
 {
@@ -71,7 +71,7 @@ static void run_random_action(void)
     }
 }
 
-/* Checks what must hold after every action: no overlapping conversions, three distinct snapshot buffers, valid
+/* Check what must hold after every action: no overlapping conversions, three distinct snapshot buffers, valid
  * settings, and a snapshot with the counts of one scan. */
 static void check_invariants(void)
 {
@@ -92,6 +92,7 @@ static void check_invariants(void)
     }
 }
 
+/* Board of random size and address; only a board without taxels may refuse to start. */
 static void invariants_hold_under_random_traffic(void)
 {
     fake_sensor_init(&fake, (uint8_t)(8u + random_below(112)), (uint8_t)(1u + random_below(15)),
@@ -110,8 +111,8 @@ static void invariants_hold_under_random_traffic(void)
     fake_sensor_free(&fake);
 }
 
-/* Arguments: SEED ROUNDS. Runs this number of random rounds, with the seeds SEED, SEED + 1 and so on, and prints
- * the command that replays a failed round. Exit status 1 after a failure. */
+/* Run random rounds with the seeds SEED, SEED + 1 and so on (arguments: SEED ROUNDS), and print the command that
+ * replays a failed round. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {
     const uint64_t seed = argc > 1 ? strtoull(argv[1], NULL, 0) : 1;

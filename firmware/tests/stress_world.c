@@ -14,13 +14,13 @@ static struct fake_world fake;
 static struct random_source source;
 static unsigned boards;
 
-/* A random whole number from 0 to limit - 1. */
+/* Return a random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
 }
 
-/* Adds 40 random faults at random times to the world. */
+/* Add 40 random faults at random times to the world, and the end of all faults at REPAIR_S. */
 static void add_faults(void)
 {
     double time = 0.3;
@@ -49,7 +49,7 @@ static void add_faults(void)
     fake_world_fault(&fake, REPAIR_S, FAULT_MUTE, 0, 0);
 }
 
-/* Sends a random command with random arguments from the host to the emulated hub. */
+/* Send a random command with random arguments from the host to the emulated hub. */
 static void send_random_command(void)
 {
     static const uint8_t codes[] = {TAXEL_COMMAND_START,        TAXEL_COMMAND_SCAN_BUS,
@@ -88,7 +88,7 @@ static void send_random_command(void)
     fake_world_command(&fake, code, bytes, size);
 }
 
-/* Checks that the hub polls every board again. After damaged identities the hub may treat an address as empty; it
+/* Check that the hub polls every board again. After damaged identities the hub may treat an address as empty; it
  * probes the address again within 64 cycles. */
 static void check_all_boards_stream(void)
 {
@@ -108,7 +108,7 @@ static void check_all_boards_stream(void)
     }
 }
 
-/* Describes a star of one or two branches. */
+/* Describe a star of one or two branches with random capacitances. */
 static void describe_wiring(void)
 {
     struct wiring_description *wiring = &fake.description.wiring;
@@ -158,8 +158,8 @@ static void random_world_recovers_from_random_faults(void)
     fake_world_close(&fake);
 }
 
-/* Arguments: SEED ROUNDS. Runs this number of random worlds, with the seeds SEED, SEED + 1 and so on, and prints
- * the command that replays a failed world. Exit status 1 after a failure. */
+/* Run random worlds with the seeds SEED, SEED + 1 and so on (arguments: SEED ROUNDS), and print the command that
+ * replays a failed world. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {
     const uint64_t seed = argc > 1 ? strtoull(argv[1], NULL, 0) : 1;

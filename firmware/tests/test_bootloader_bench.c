@@ -6,8 +6,8 @@
 
 #define CHUNK 56u /* a stock tool's bytes in one SEND_DATA: 128 = 56 + 56 + 16 */
 
-/* HAL function of the simulated bootloader: writes a flash row, and counts writes to rows that the bootloader must
- * not change. */
+/* Write a flash row, and count writes to rows that the bootloader must not change; HAL function of the simulated
+ * bootloader. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     struct bench *const bench = context;
@@ -23,20 +23,20 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     return fake_flash_write_row(&bench->flash, row, bytes);
 }
 
-/* HAL function of the simulated bootloader: the simulated time in microseconds. */
+/* Return the simulated time in microseconds; HAL function of the simulated bootloader. */
 static uint32_t on_clock(void *context)
 {
     return ((struct bench *)context)->clock_us;
 }
 
-/* HAL function of the simulated bootloader: the cause of the last reset. */
+/* Return the cause of the last reset; HAL function of the simulated bootloader. */
 static uint8_t on_reset_cause(void *context)
 {
     return ((struct bench *)context)->reset_cause;
 }
 
-/* HAL function of the simulated bootloader: true once after the application requested that the bootloader keeps
- * running. */
+/* Return true once after the application requested that the bootloader keeps running; HAL function of the simulated
+ * bootloader. */
 static bool on_stay_requested(void *context)
 {
     struct bench *const bench = context;
@@ -45,7 +45,7 @@ static bool on_stay_requested(void *context)
     return requested;
 }
 
-/* HAL function of the simulated bootloader: records the slot whose image is started. */
+/* Record the slot whose image is started; HAL function of the simulated bootloader. */
 static void on_start(void *context, uint32_t vectors)
 {
     struct bench *const bench = context;
@@ -57,19 +57,19 @@ static void on_start(void *context, uint32_t vectors)
     }
 }
 
-/* HAL function of the simulated bootloader: records the request for a restart. */
+/* Record the request for a restart; HAL function of the simulated bootloader. */
 static void on_restart(void *context)
 {
     ((struct bench *)context)->restart_requested = true;
 }
 
-/* HAL function of the simulated bootloader: copies the unique id of the simulated processor, 8 bytes. */
+/* Copy the unique id of the simulated processor, 8 bytes; HAL function of the simulated bootloader. */
 static void on_unique_id(void *context, uint8_t *id)
 {
     memcpy(id, ((struct bench *)context)->unique_id, 8);
 }
 
-/* Initialises a simulated processor with erased flash and a bootloader for this layout of the flash (board or
+/* Initialise a simulated processor with erased flash and a bootloader for this layout of the flash (board or
  * hub). */
 void bench_init(struct bench *bench, const struct taxel_boot_layout *layout, uint64_t seed)
 {
@@ -100,7 +100,7 @@ void bench_init(struct bench *bench, const struct taxel_boot_layout *layout, uin
     bench_reset(bench, TAXEL_RESET_CAUSE_POWER_ON);
 }
 
-/* Resets the simulated processor with this cause and starts its bootloader. */
+/* Reset the simulated processor with this cause and start its bootloader. */
 void bench_reset(struct bench *bench, uint8_t cause)
 {
     bench->reset_cause = cause;
@@ -113,7 +113,7 @@ void bench_reset(struct bench *bench, uint8_t cause)
     bench_run(bench);
 }
 
-/* One pass of the bootloader's main loop; a requested restart takes place. Does nothing while an application
+/* Run one pass of the bootloader's main loop; a requested restart takes place. Does nothing while an application
  * runs. */
 void bench_run(struct bench *bench)
 {
@@ -131,7 +131,7 @@ void bench_run(struct bench *bench)
     }
 }
 
-/* Runs the bootloader until its waiting time for a host has passed. */
+/* Run the bootloader until its waiting time for a host has passed. */
 void bench_settle(struct bench *bench)
 {
     bench_run(bench);
@@ -139,7 +139,7 @@ void bench_settle(struct bench *bench)
     bench_run(bench);
 }
 
-/* Sends bytes to the bootloader by I2C and reads its response. Returns the size of the response, 0 if there is
+/* Send bytes to the bootloader by I2C and read its response. Returns the size of the response, 0 if there is
  * none. */
 static unsigned exchange_i2c(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response)
 {
@@ -162,7 +162,7 @@ static unsigned exchange_i2c(struct bench *bench, const uint8_t *bytes, unsigned
     return taken;
 }
 
-/* Sends bytes to the bootloader by UART and takes its response. Returns the size of the response, 0 if there is
+/* Send bytes to the bootloader by UART and take its response. Returns the size of the response, 0 if there is
  * none. */
 static unsigned exchange_uart(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response)
 {
@@ -174,7 +174,7 @@ static unsigned exchange_uart(struct bench *bench, const uint8_t *bytes, unsigne
     return (unsigned)taxel_boot_uart_pull(&bench->uart, response, TAXEL_BOOT_PACKET_MAX);
 }
 
-/* Sends bytes to the bootloader by the selected connection. Returns the size of the response, 0 if there is
+/* Send bytes to the bootloader by the selected connection. Returns the size of the response, 0 if there is
  * none. */
 unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response)
 {
@@ -187,7 +187,8 @@ unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size
     return bench->over_uart ? exchange_uart(bench, bytes, size, response) : exchange_i2c(bench, bytes, size, response);
 }
 
-/* Checksum of a packet of this kind (sum or CRC-16), computed by code that is independent of the bootloader's. */
+/* Return the checksum of a packet of this kind (sum or CRC-16), computed by code that is independent of the
+ * bootloader's. */
 static unsigned checksum_of(const uint8_t *bytes, unsigned size, uint8_t kind)
 {
     unsigned sum = 0, crc = 0xFFFFu;
@@ -205,7 +206,7 @@ static unsigned checksum_of(const uint8_t *bytes, unsigned size, uint8_t kind)
     return ((crc & 0xFFu) << 8) | (crc >> 8);
 }
 
-/* Builds a packet with command and data in `bytes`. Returns its size. */
+/* Build a packet with command and data in `bytes`. Returns its size. */
 unsigned bench_packet(const struct bench *bench, uint8_t command, const void *data, unsigned size, uint8_t *bytes)
 {
     bytes[0] = 0x01;
@@ -219,8 +220,8 @@ unsigned bench_packet(const struct bench *bench, uint8_t command, const void *da
     return size + 7u;
 }
 
-/* Sends a command with `size` bytes of data and checks the format of the response. Returns its status, or
- * BENCH_NO_REPLY; the data of the response are in bench->reply. */
+/* Send a command with `size` bytes of data and check the format of the response. Returns its status, BENCH_NO_REPLY, or
+ * BENCH_NOT_A_PACKET; the data of the response are in bench->reply. */
 unsigned bench_send(struct bench *bench, uint8_t command, const void *data, unsigned size)
 {
     uint8_t packet[TAXEL_BOOT_PACKET_MAX], response[TAXEL_BOOT_PACKET_MAX], expected[TAXEL_BOOT_PACKET_MAX];
@@ -238,7 +239,7 @@ unsigned bench_send(struct bench *bench, uint8_t command, const void *data, unsi
     return memcmp(response, expected, taken) ? BENCH_NOT_A_PACKET : response[1];
 }
 
-/* Builds a valid image of `rows` flash rows with random content for a slot. */
+/* Build a valid image of `rows` flash rows with random content for a slot. */
 void bench_make_image(struct bench_image *image, const struct taxel_boot_layout *layout, uint8_t slot, unsigned rows,
                       uint8_t version, uint64_t seed)
 {
@@ -265,13 +266,13 @@ void bench_make_image(struct bench_image *image, const struct taxel_boot_layout 
     taxel_boot_image_header_pack(&header, image->bytes);
 }
 
-/* The flash content of a slot. */
+/* Return the flash content of a slot. */
 static uint8_t *slot_bytes(const struct bench *bench, uint8_t slot)
 {
     return (uint8_t *)(uintptr_t)bench->hal.flash + bench->config.flash.layout->first_rows[slot] * TAXEL_BOOT_ROW_SIZE;
 }
 
-/* Writes an image into its slot without the bootloader, and confirms it if `confirmed`. */
+/* Write an image into its slot without the bootloader, and confirms it if `confirmed`. */
 void bench_install(struct bench *bench, const struct bench_image *image, bool confirmed)
 {
     memcpy(slot_bytes(bench, image->slot), image->bytes, image->size);
@@ -281,13 +282,13 @@ void bench_install(struct bench *bench, const struct bench_image *image, bool co
     }
 }
 
-/* True if the slot of the image contains this image. */
+/* Return whether the slot of the image contains this image. */
 bool bench_holds(const struct bench *bench, const struct bench_image *image)
 {
     return memcmp(slot_bytes(bench, image->slot), image->bytes, taxel_get_u32(image->bytes + 12)) == 0;
 }
 
-/* Writes one flash row with the commands of the bootloader. Returns the first status that is not OK, or OK. */
+/* Write one flash row with the commands of the bootloader. Returns the first status that is not OK, or OK. */
 unsigned bench_program_row(struct bench *bench, uint16_t row, const uint8_t *bytes)
 {
     uint8_t last[3 + TAXEL_BOOT_ROW_SIZE - 2u * CHUNK] = {0, (uint8_t)row, (uint8_t)(row >> 8)};
@@ -302,8 +303,8 @@ unsigned bench_program_row(struct bench *bench, uint16_t row, const uint8_t *byt
     return status;
 }
 
-/* Compares the checksum of one flash row, as the command VERIFY_ROW reports it, with that of `bytes`. Returns 0 if
- * they agree. */
+/* Compare the checksum of one flash row, as the command VERIFY_ROW reports it, with that of `bytes`. Returns 0 if they
+ * agree, the status of the command if it fails, otherwise BENCH_NO_SLOT + 1. */
 static unsigned check_row(struct bench *bench, uint16_t row, const uint8_t *bytes)
 {
     const uint8_t address[3] = {0, (uint8_t)row, (uint8_t)(row >> 8)};
@@ -315,7 +316,7 @@ static unsigned check_row(struct bench *bench, uint16_t row, const uint8_t *byte
     return status ? status : (uint8_t)(bench->reply[0] + sum) == 0 ? 0u : BENCH_NO_SLOT + 1u;
 }
 
-/* Writes an image with the commands of the bootloader, as a host does. Returns the first status that is not OK, or
+/* Write an image with the commands of the bootloader, as a host does. Returns the first status that is not OK, or
  * OK. */
 unsigned bench_program(struct bench *bench, const struct bench_image *image)
 {

@@ -42,29 +42,32 @@ struct bench {
 };
 
 void bench_init(struct bench *bench, const struct taxel_boot_layout *layout, uint64_t seed);
-/* A reset, and the bootloader's first pass. */
+/* Reset the processor, and run the bootloader's first pass. */
 void bench_reset(struct bench *bench, uint8_t cause);
 /* Run the bootloader's main loop until its listening time is over. */
 void bench_settle(struct bench *bench);
 void bench_run(struct bench *bench);
 
-/* Send raw bytes. Returns the response's size, 0 if there is none. */
+/* Send raw bytes to the bootloader. Returns the size of the response, 0 if there is none. */
 unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response);
-/* Send a packet; returns the response's status, or BENCH_NO_REPLY. */
+/* Send a packet. Returns the status of the response, BENCH_NO_REPLY without a response, or BENCH_NOT_A_PACKET if the
+ * response is malformed. */
 unsigned bench_send(struct bench *bench, uint8_t command, const void *data, unsigned size);
 /* Build a packet. Returns its size. */
 unsigned bench_packet(const struct bench *bench, uint8_t command, const void *data, unsigned size, uint8_t *bytes);
 
-/* An image of that many rows (the last one not full) for a slot, with random content from `seed`. */
+/* Build a valid image of `rows` rows (the last one not full) for a slot, with random content from `seed`. */
 void bench_make_image(struct bench_image *image, const struct taxel_boot_layout *layout, uint8_t slot, unsigned rows,
                       uint8_t version, uint64_t seed);
-/* Write an image to the flash as a programmer in the factory does; confirm it as a running application does. */
+/* Write an image to the flash as a programmer in the factory does; if `confirmed`, also confirm it as a running
+ * application does. */
 void bench_install(struct bench *bench, const struct bench_image *image, bool confirmed);
 bool bench_holds(const struct bench *bench, const struct bench_image *image);
 
 unsigned bench_program_row(struct bench *bench, uint16_t row, const uint8_t *bytes);
-/* Flash an image like a stock tool with a .cyacd file: 38, 32, three packets and a check per row, 31, 3B. Returns
- * the first status that is not OK; BENCH_NO_SLOT + 1 if sums or sizes differ from the expected ones. */
+/* Flash an image like a stock tool with a .cyacd file: commands 38, 32, three packets and a check per row, 31, 3B.
+ * Returns the first status that is not OK, or OK; BENCH_NO_SLOT + 1 if checksums or sizes differ from the expected
+ * ones. */
 unsigned bench_program(struct bench *bench, const struct bench_image *image);
 
 #endif

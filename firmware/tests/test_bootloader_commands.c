@@ -8,7 +8,7 @@
 static struct bench bench;
 static struct bench_image image_a, image_b;
 
-/* A board that runs slot A and then enters its bootloader. */
+/* Start a board that ran slot A in its bootloader. image_b, for slot B, is not in its flash yet. */
 static void boot(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 1);
@@ -19,14 +19,14 @@ static void boot(void)
     bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
 }
 
-/* Starts the bootloader and sends the command ENTER, which must succeed. */
+/* Start the bootloader and send the command ENTER, which must succeed. */
 static void enter(void)
 {
     boot();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), TAXEL_BOOT_STATUS_OK);
 }
 
-/* Sends a command whose data are a row address. Returns the status of the response. */
+/* Send a command whose data are a row address. Returns the status of the response. */
 static unsigned send_row(uint8_t command, uint8_t array, unsigned row)
 {
     const uint8_t data[3] = {array, (uint8_t)row, (uint8_t)(row >> 8)};
@@ -115,7 +115,7 @@ static void a_wrong_data_length_is_rejected_for_every_command(void)
     CHECK_EQUAL(bench.restarts, 0);
 }
 
-/* Sends bytes to the bootloader. Returns the status of the response, or BENCH_NO_REPLY. */
+/* Send bytes to the bootloader. Returns the status of the response, or BENCH_NO_REPLY. */
 static unsigned status_of(const uint8_t *bytes, unsigned size)
 {
     uint8_t response[TAXEL_BOOT_PACKET_MAX];
@@ -291,7 +291,7 @@ static void verifying_an_old_image_does_not_make_it_pending(void)
     CHECK_EQUAL(bench.flash.operations, 1);
 }
 
-static void the_host_can_select_a_slot(void)
+static void the_host_can_select_a_slot_with_a_valid_image(void)
 {
     const uint8_t slots[3] = {0, 1, 2};
     enter();
@@ -316,6 +316,7 @@ static void the_host_can_select_a_slot(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
+/* Slot B has no valid image, so its metadata cannot be read. */
 static void metadata_are_reported_in_the_stock_format(void)
 {
     const uint8_t slots[2] = {0, 1};
@@ -332,6 +333,7 @@ static void metadata_are_reported_in_the_stock_format(void)
     CHECK_EQUAL(taxel_get_u32(bench.reply + 24), taxel_get_u32(image_a.bytes + 28));
 }
 
+/* The host begins a new session after one data packet of a row. */
 static void a_host_may_restart_a_session_at_any_time(void)
 {
     enter();
@@ -358,7 +360,7 @@ int main(void)
     RUN(a_failed_row_write_is_reported);
     RUN(a_damaged_image_is_not_made_pending);
     RUN(verifying_an_old_image_does_not_make_it_pending);
-    RUN(the_host_can_select_a_slot);
+    RUN(the_host_can_select_a_slot_with_a_valid_image);
     RUN(metadata_are_reported_in_the_stock_format);
     RUN(a_host_may_restart_a_session_at_any_time);
     return check_summary();

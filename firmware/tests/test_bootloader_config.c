@@ -9,7 +9,7 @@
 static struct bench bench, start;
 static jmp_buf power;
 
-/* Starts a board with erased flash in its bootloader and sends the command ENTER. */
+/* Start a board with erased flash in its bootloader and send the command ENTER. */
 static void boot(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 5);
@@ -19,7 +19,7 @@ static void boot(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), 0);
 }
 
-/* Fills the arguments of WRITE_CONFIGURATION: unique id of the board, address, kind, serial number and current
+/* Fill the arguments of WRITE_CONFIGURATION: unique id of the board, address, kind, serial number and current
  * codes. */
 static void fill(uint8_t *data, uint8_t address, uint8_t kind)
 {
@@ -34,7 +34,7 @@ static void fill(uint8_t *data, uint8_t address, uint8_t kind)
     }
 }
 
-/* Sends the command WRITE_CONFIGURATION. Returns the status of the response. */
+/* Send the command WRITE_CONFIGURATION. Returns the status of the response. */
 static unsigned write_configuration(const uint8_t *data)
 {
     return bench_send(&bench, TAXEL_BOOT_COMMAND_WRITE_CONFIGURATION, data, DATA_SIZE);
@@ -154,7 +154,7 @@ static void an_image_for_another_kind_does_not_start(void)
     }
 }
 
-/* Determined by a search over the last word: with this content and sequence 0, the words including the CRC-32 add up
+/* Found by a search over the last word: with this content and sequence number 0, the words including the CRC-32 add up
  * to zero. */
 static void a_record_whose_words_add_up_to_zero_is_balanced(void)
 {

@@ -19,7 +19,8 @@ static unsigned second_tears = 4, bricked, unfinished, resumed;
 static uint64_t seed = 20, cuts;
 static struct random_source random_tears;
 
-/* The power cut number `tear` (kind of damage and word) of the flash write number `operation`. */
+/* Return the power cut number `tear` (0 to TEARS - 1: kind of damage and word) in the flash write number
+ * `operation`. */
 static struct fake_cut cut_at(unsigned operation, unsigned tear)
 {
     const unsigned points = FAKE_FLASH_WORDS + 1u;
@@ -27,26 +28,26 @@ static struct fake_cut cut_at(unsigned operation, unsigned tear)
                               : (struct fake_cut){operation, FAKE_TEAR_ANY, 0};
 }
 
-/* The number of a random kind and position of damage. */
+/* Return the number of a random kind and position of damage, 0 to TEARS - 1. */
 static unsigned random_tear(void)
 {
     return (unsigned)(random_u64(&random_tears) % TEARS);
 }
 
-/* Switches the board on and lets the bootloader start an image. */
+/* Switch the board on and let the bootloader start an image. */
 static void power_on(void)
 {
     bench_reset(&bench, TAXEL_RESET_CAUSE_POWER_ON);
     bench_settle(&bench);
 }
 
-/* True if the new image is confirmed. */
+/* Return whether the new image is confirmed. */
 static bool new_is_confirmed(void)
 {
     return taxel_boot_is_confirmed(&bench.config.flash, new_image.slot);
 }
 
-/* Confirms the new image, as its application does, if this image is running. */
+/* Confirm the new image, as its application does, if this image is running. */
 static void confirm_if_new_runs(void)
 {
     if (bench.running == new_image.slot) {
@@ -54,7 +55,7 @@ static void confirm_if_new_runs(void)
     }
 }
 
-/* Updates a board as a host does after its power-up: requests the bootloader, writes the new image, and lets this
+/* Update a board as a host does after its power-up: request the bootloader, write the new image, and let this
  * image confirm itself. */
 static void update(void)
 {
@@ -69,7 +70,7 @@ static void update(void)
     confirm_if_new_runs();
 }
 
-/* Updates a board with one planned power cut. Returns whether the power failed during the update. */
+/* Update a board with one planned power cut. Returns whether the power failed during the update. */
 static bool update_with_cut(struct fake_cut cut)
 {
     bench.flash.power = &power;
@@ -83,8 +84,8 @@ static bool update_with_cut(struct fake_cut cut)
     return false;
 }
 
-/* True if the board, switched on now, starts the old or the new image undamaged. The state of the flash is restored
- * afterwards. */
+/* Return whether the board, switched on now, starts the old or the new image undamaged; counts the board as bricked
+ * otherwise. The state of the flash is restored afterwards. */
 static bool boots_old_or_new(void)
 {
     const struct fake_flash before = bench.flash;
@@ -97,7 +98,7 @@ static bool boots_old_or_new(void)
     return holds;
 }
 
-/* Checks that the board starts an image after two power cuts; otherwise prints the numbers that replay the case. */
+/* Check that the board starts an image after two power cuts; print the numbers that replay the case after a failure. */
 static void check_case(struct fake_cut first, struct fake_cut second)
 {
     if (!boots_old_or_new()) {
@@ -108,7 +109,7 @@ static void check_case(struct fake_cut first, struct fake_cut second)
     }
 }
 
-/* Number of flash writes in one update without power cuts. */
+/* Return the number of flash writes in one update without power cuts. */
 static unsigned count_operations(void)
 {
     bench = start;
@@ -118,7 +119,7 @@ static unsigned count_operations(void)
     return bench.flash.operations;
 }
 
-/* After a first power cut, repeats the update with a second power cut at each of the following writes. */
+/* Repeat the update after a first power cut, with a second power cut at each of the following writes. */
 static void cut_following_writes(struct fake_cut first)
 {
     after_first = bench;
@@ -139,7 +140,7 @@ static void cut_following_writes(struct fake_cut first)
     }
 }
 
-/* Prepares a board with a confirmed old image, and a new image of `rows` rows for the other slot. */
+/* Prepare a board with a confirmed old image, and a new image of `rows` rows for the other slot. */
 static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, unsigned rows)
 {
     bench_init(&bench, layout, seed);
@@ -149,7 +150,8 @@ static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, un
     start = bench; /* its pointers point into `bench`, to which it is copied back */
 }
 
-/* Interrupts each write of an update at each word in each way, and the writes that follow the cut again. */
+/* Interrupt each write of an update at each word in each way, and the writes that follow the cut again; check that the
+ * board always starts an image and that the repeated update is completed. */
 static void cut_everywhere(const struct taxel_boot_layout *layout, uint8_t old_slot)
 {
     prepare(layout, old_slot, SMALL_ROWS);
@@ -265,7 +267,7 @@ static void images_that_fill_their_slots_survive_any_cut(void)
     CHECK_EQUAL(bricked, 0);
 }
 
-/* Arguments: number of second power cuts per write (148: all), seed. Runs the tests and prints the number of power
+/* Run the tests (arguments: number of second power cuts per write, 148 for all, and seed) and print the number of power
  * cuts. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {

@@ -13,18 +13,18 @@
 static struct bench bench;
 static const uint8_t bytes_of_zero[TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE];
 static struct bench_image image, others[OTHERS];
-static struct random_source draw;
+static struct random_source random_actions;
 static jmp_buf power;
 static unsigned packets = 100000;
 static uint64_t seed = 22;
 
-/* A random whole number from 0 to limit - 1. */
+/* Return a random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
-    return (unsigned)(random_u64(&draw) % limit);
+    return (unsigned)(random_u64(&random_actions) % limit);
 }
 
-/* A random code of a command, in most cases a defined one. */
+/* Return a random code of a command, in most cases a defined one. */
 static uint8_t any_command(void)
 {
     static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39,
@@ -32,7 +32,7 @@ static uint8_t any_command(void)
     return random_below(20) ? known[random_below(sizeof known)] : (uint8_t)random_below(256);
 }
 
-/* A random length of the data of a command, often one that the command permits. */
+/* Return a random length of the data of a command, often a length that the command permits. */
 static unsigned any_length(uint8_t command)
 {
     static const uint8_t lengths[] = {0, 1, 3, 6, 9, 44, 57};
@@ -48,7 +48,7 @@ static unsigned any_length(uint8_t command)
     }
 }
 
-/* Sends a packet with a random command, length and data to the bootloader, sometimes with a damaged byte. */
+/* Send a packet with a random command, length and data to the bootloader, sometimes with a damaged byte. */
 static void send_random_packet(void)
 {
     uint8_t data[256], bytes[256], response[TAXEL_BOOT_PACKET_MAX];
@@ -56,7 +56,7 @@ static void send_random_packet(void)
     unsigned size = any_length(command);
     size = size > 57u ? 57u : size;
     for (unsigned i = 0; i < sizeof data; i++) {
-        data[i] = (uint8_t)random_u64(&draw);
+        data[i] = (uint8_t)random_u64(&random_actions);
     }
     if (random_below(2)) { /* an existing row, a slot, no search for other boards */
         data[0] = (uint8_t)random_below(2);
@@ -73,7 +73,7 @@ static void send_random_packet(void)
     bench.checksum = random_below(16) ? bench.boot.checksum : (uint8_t)random_below(2);
     unsigned packet_size = bench_packet(&bench, command, data, size, bytes);
     for (unsigned damage = random_below(8) == 0 ? 1u + random_below(3) : 0; damage; damage--) {
-        bytes[random_below(packet_size)] = (uint8_t)random_u64(&draw);
+        bytes[random_below(packet_size)] = (uint8_t)random_u64(&random_actions);
     }
     if (random_below(16) == 0) {
         packet_size = 1u + random_below(200);
@@ -81,21 +81,21 @@ static void send_random_packet(void)
     (void)bench_exchange(&bench, bytes, packet_size, response);
 }
 
-/* Writes random bytes to a random flash row with the commands of the bootloader, often in the free slot. */
+/* Write random bytes to a random flash row with the commands of the bootloader, often in the free slot. */
 static void program_random_row(void)
 {
     uint8_t bytes[TAXEL_BOOT_ROW_SIZE];
     const unsigned first = bench.config.flash.layout->first_rows[image.slot ^ 1u];
     for (unsigned i = 0; i < sizeof bytes; i++) {
-        bytes[i] = (uint8_t)random_u64(&draw);
+        bytes[i] = (uint8_t)random_u64(&random_actions);
     }
     bench.checksum = bench.boot.checksum;
     (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SYNC, NULL, 0);
     (void)bench_program_row(&bench, (uint16_t)(random_below(2) ? first + random_below(96) : random_below(260)), bytes);
 }
 
-/* One random action on the board: a packet, a programmed row, an update, a planned power cut, a reset, or elapsed
- * time. */
+/* Execute one random action on the board: a packet, a programmed row, an update, a planned power cut, a reset, or
+ * elapsed time. */
 static void step(void)
 {
     switch (random_below(60)) {
@@ -142,7 +142,7 @@ static void step(void)
     }
 }
 
-/* Checks that the confirmed image is unchanged, that no forbidden row was written, and that after a power-on a
+/* Check that the confirmed image is unchanged, that no forbidden row was written, and that after a power-on a
  * complete image starts: at last the confirmed one, if another image hangs. */
 static void check_invariants(void)
 {
@@ -167,7 +167,7 @@ static void check_invariants(void)
     bench.flash = before;
 }
 
-/* Executes many random actions on a board with this layout of the flash and a confirmed image in `slot`, and checks
+/* Execute many random actions on a board with this layout of the flash and a confirmed image in `slot`, and check
  * the invariants in between. */
 static void fuzz(const struct taxel_boot_layout *layout, uint8_t slot)
 {
@@ -198,6 +198,8 @@ static void fuzz(const struct taxel_boot_layout *layout, uint8_t slot)
     CHECK(bench.flash.operations || bench.flash.cuts);
 }
 
+/* fuzz() checks after every 64 actions: the confirmed image is unchanged, no forbidden row was written, and an image
+ * starts. */
 static void invariants_hold_for_random_packets_to_a_board(void)
 {
     fuzz(&taxel_boot_layout_board, 0);
@@ -211,13 +213,13 @@ static void invariants_hold_for_random_packets_to_the_hub(void)
     fuzz(&taxel_boot_layout_hub, 1);
 }
 
-/* Arguments: number of random actions, seed. Prints the command that replays the run. Exit status 1 after a
- * failure. */
+/* Run the tests (arguments: number of random actions, seed) and print the command that replays the run. Exit status 1
+ * after a failure. */
 int main(int argc, char **argv)
 {
     packets = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : packets;
     seed = argc > 2 ? strtoull(argv[2], NULL, 0) : seed;
-    random_init(&draw, seed, 1);
+    random_init(&random_actions, seed, 1);
     printf("replay: test_bootloader_fuzz %u %llu\n", packets, (unsigned long long)seed);
     RUN(invariants_hold_for_random_packets_to_a_board);
     RUN(invariants_hold_for_random_packets_to_the_hub);

@@ -15,8 +15,7 @@ static struct bench_image old_image, new_image;
 static uint64_t busy_until_us;
 static unsigned foreign_writes, nacks_while_writing;
 
-/* Script of the hub's bus: executes transfers to the bootloader's address; all others go to the simulated
- * boards. */
+/* Execute a transfer to the bootloader's address; all others go to the simulated boards; script of the hub's bus. */
 static int on_transfer(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address != TAXEL_BOOT_DEFAULT_ADDRESS) {
@@ -50,7 +49,7 @@ static int on_transfer(struct fake_hub *hub, const struct taxel_i2c_transfer *tr
     return TAXEL_I2C_OK;
 }
 
-/* Sends bytes to the bootloader of a board through the hub's command I2C_TRANSFER, and reads `read_length` bytes.
+/* Send bytes to the bootloader of a board through the hub's command I2C_TRANSFER, and read `read_length` bytes.
  * Returns the status of the reply. */
 static int pass_through(const uint8_t *bytes, unsigned size, uint8_t read_length)
 {
@@ -59,8 +58,8 @@ static int pass_through(const uint8_t *bytes, unsigned size, uint8_t read_length
     return fake_hub_command(&fake, TAXEL_COMMAND_I2C_TRANSFER, arguments, TAXEL_TRANSFER_ARGUMENTS_SIZE + size);
 }
 
-/* Sends a packet to the bootloader through the hub, then reads until the first byte is that of a packet; NACK and
- * FF mean "not ready". Returns the size of the response. */
+/* Send a packet to the bootloader through the hub, then read until the first byte is that of a packet; NACK and FF mean
+ * "not ready". Returns the size of the response; 0 without a response. */
 static unsigned exchange(struct bench *board, const uint8_t *bytes, unsigned size, uint8_t *response)
 {
     CHECK_EQUAL(pass_through(bytes, size, 0), TAXEL_REPLY_STATUS_OK);

@@ -6,7 +6,7 @@
 static struct bench bench;
 static struct bench_image image_a, image_b;
 
-/* Prepares a board with erased flash and one image for each slot. */
+/* Prepare a board with erased flash, and one image for each slot that is not in the flash yet. */
 static void set_up(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 3);
@@ -14,7 +14,7 @@ static void set_up(void)
     bench_make_image(&image_b, &taxel_boot_layout_board, 1, 3, 2, 2);
 }
 
-/* Resets the board with this cause. Returns the slot whose image was started, or BENCH_NO_SLOT. */
+/* Reset the board with this cause. Returns the slot whose image was started, or BENCH_NO_SLOT. */
 static uint8_t boot(uint8_t cause)
 {
     bench_reset(&bench, cause);
@@ -22,7 +22,7 @@ static uint8_t boot(uint8_t cause)
     return bench.running;
 }
 
-/* Sends a command with one byte of data, or without data if `byte` is negative. Returns the status of the
+/* Send a command with one byte of data, or without data if `byte` is negative. Returns the status of the
  * response. */
 static unsigned command(uint8_t code, int byte)
 {
@@ -30,7 +30,8 @@ static unsigned command(uint8_t code, int byte)
     return bench_send(&bench, code, &data, byte >= 0);
 }
 
-/* Prepares a board with a confirmed image in slot A and a pending one in slot B. */
+/* Prepare a board with a confirmed image in slot A that has just been updated to an image in slot B; this image runs
+ * and is not confirmed yet. */
 static void update_to_b(void)
 {
     set_up();
@@ -58,7 +59,7 @@ static void a_hanging_image_is_abandoned_after_three_tries(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void a_confirmed_image_stays(void)
+static void a_confirmed_image_starts_after_every_reset(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
@@ -79,6 +80,7 @@ static void an_image_may_confirm_itself_on_its_last_try(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 1);
 }
 
+/* The confirmed image in slot B is damaged in its second row. The image in slot A has three tries. */
 static void if_the_confirmed_image_is_damaged_the_previous_one_is_tried(void)
 {
     update_to_b();
@@ -98,7 +100,7 @@ static void if_the_confirmed_image_is_damaged_the_previous_one_is_tried(void)
     CHECK_EQUAL(bench.running, 0);
 }
 
-static void the_previous_image_stays_if_it_confirms_itself(void)
+static void a_previous_image_that_confirms_itself_starts_after_every_reset(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
@@ -134,6 +136,8 @@ static void images_without_metadata_are_tried_in_order(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), BENCH_NO_SLOT);
 }
 
+/* First a worn-out flash, whose writes fail, then one whose writes have no effect: the unconfirmed image in slot B is
+ * not tried. */
 static void a_try_that_cannot_be_recorded_is_not_made(void)
 {
     for (unsigned i = 0; i < 2; i++) {
@@ -146,8 +150,8 @@ static void a_try_that_cannot_be_recorded_is_not_made(void)
     }
 }
 
-/* Installs an image whose header has `value` (of `size` bytes) at `offset`, and a matching CRC. Returns whether the
- * board starts this image. */
+/* Return whether the board starts an image whose header has `value` (of `size` bytes) at `offset`, and a matching
+ * CRC. */
 static bool starts_with(unsigned offset, uint32_t value, unsigned size)
 {
     set_up();
@@ -182,8 +186,8 @@ static void an_image_with_a_wrong_header_does_not_start(void)
     for (uint32_t vectors = start; vectors < start + 400u; vectors++) {
         set_up();
         const uint32_t last = start + image_a.size - 12u - 8u;
-        const bool is_right = vectors >= start + 32u && vectors <= last && vectors % 4u == 0;
-        CHECK_EQUAL(starts_with(16, vectors, 4) || bench.boot.started, is_right);
+        const bool is_valid = vectors >= start + 32u && vectors <= last && vectors % 4u == 0;
+        CHECK_EQUAL(starts_with(16, vectors, 4) || bench.boot.started, is_valid);
     }
     CHECK(!starts_with(16, 0xFFFFFFFCu, 4));
 }
@@ -236,7 +240,8 @@ static void a_bootloader_request_applies_to_one_reset(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_COMMAND), 0);
 }
 
-/* Metadata rows in every order of sequence numbers, also across the wrap. */
+/* Write metadata records with sequence numbers in both rows, in either order, also across the wrap of the numbers; the
+ * later record confirms slot B. */
 static void the_later_of_two_records_is_the_newest(void)
 {
     static const uint32_t sequences[][2] = {{1, 2}, {0x7FFFFFFF, 0x80000000u}, {0xFFFFFFFFu, 0}, {0xFFFFFFFEu, 1}};
@@ -273,10 +278,10 @@ static void metadata_writes_alternate_between_both_rows(void)
 int main(void)
 {
     RUN(a_hanging_image_is_abandoned_after_three_tries);
-    RUN(a_confirmed_image_stays);
+    RUN(a_confirmed_image_starts_after_every_reset);
     RUN(an_image_may_confirm_itself_on_its_last_try);
     RUN(if_the_confirmed_image_is_damaged_the_previous_one_is_tried);
-    RUN(the_previous_image_stays_if_it_confirms_itself);
+    RUN(a_previous_image_that_confirms_itself_starts_after_every_reset);
     RUN(without_an_image_the_bootloader_waits_for_one);
     RUN(images_without_metadata_are_tried_in_order);
     RUN(a_try_that_cannot_be_recorded_is_not_made);

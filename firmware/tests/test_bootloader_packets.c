@@ -6,7 +6,7 @@
 
 static struct bench bench;
 
-/* Checks that a packet is parsed, and that building it again from its parts gives the same bytes. */
+/* Check that a packet is parsed, and that building it again from its parts gives the same bytes. */
 static void check_packet(const uint8_t *bytes, unsigned size, uint8_t checksum)
 {
     uint8_t built[TAXEL_BOOT_PACKET_MAX];
@@ -24,7 +24,7 @@ static void check_packet(const uint8_t *bytes, unsigned size, uint8_t checksum)
 
 #define PACKET(kind, index) check_packet(packet_##kind##_##index, sizeof packet_##kind##_##index, checksum)
 
-static void packets_equal_those_of_python(void)
+static void packets_built_in_python_are_parsed_and_rebuilt_identically(void)
 {
     uint8_t checksum = TAXEL_BOOT_CHECKSUM_SUM;
     PACKET(sum, 0);
@@ -61,7 +61,9 @@ static void images_built_in_python_start(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void records_equal_those_of_python(void)
+/* The metadata row is damaged before the rewrite, so that the new record gets the other row and no previous sequence
+ * number. */
+static void records_built_in_python_are_read_and_rewritten_identically(void)
 {
     struct taxel_boot_metadata metadata;
     bench_init(&bench, &taxel_boot_layout_board, 1);
@@ -79,9 +81,9 @@ static void records_equal_those_of_python(void)
 
 int main(void)
 {
-    RUN(packets_equal_those_of_python);
+    RUN(packets_built_in_python_are_parsed_and_rebuilt_identically);
     RUN(both_checksums_have_their_published_values);
     RUN(images_built_in_python_start);
-    RUN(records_equal_those_of_python);
+    RUN(records_built_in_python_are_read_and_rewritten_identically);
     return check_summary();
 }

@@ -9,7 +9,7 @@ static struct bench boards[BOARDS];
 static uint8_t addresses[BOARDS]; /* as of the last reset: a slave's address changes only at a reset */
 static unsigned questions;
 
-/* Writes bytes to all boards that have this I2C address and acknowledge it. */
+/* Write bytes to all boards that have this I2C address and acknowledge it. */
 static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
 {
     for (unsigned i = 0; i < BOARDS; i++) {
@@ -30,8 +30,7 @@ static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
     }
 }
 
-/* Reads bytes from all boards at this address, as the AND of their answers. Returns whether a board
- * acknowledged. */
+/* Read bytes from all boards at this address, as the AND of their responses. Returns whether a board acknowledged. */
 static bool read_bus(uint8_t address, uint8_t *bytes, unsigned size)
 {
     bool acknowledged = false;
@@ -50,7 +49,7 @@ static bool read_bus(uint8_t address, uint8_t *bytes, unsigned size)
     return acknowledged;
 }
 
-/* Sends a command to all boards at this I2C address and reads the AND of their responses. Returns whether a board
+/* Send a command to all boards at this I2C address and read the AND of their responses. Returns whether a board
  * acknowledged the read. */
 static bool send(uint8_t address, uint8_t command, const uint8_t *data, unsigned size, uint8_t *response)
 {
@@ -59,8 +58,8 @@ static bool send(uint8_t address, uint8_t command, const uint8_t *data, unsigned
     return read_bus(address, response, TAXEL_BOOT_PACKET_MAX);
 }
 
-/* Sends the command SEARCH for unique ids that begin with these bits. Returns whether a board responded;
- * `response`: AND of all responses. */
+/* Send the command SEARCH for unique ids that begin with these bits. Writes the AND of all responses to `response`.
+ * Returns whether a board responded. */
 static bool search(unsigned bits, const uint8_t *prefix, uint8_t *response)
 {
     uint8_t data[TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE] = {(uint8_t)bits};
@@ -69,7 +68,7 @@ static bool search(unsigned bits, const uint8_t *prefix, uint8_t *response)
     return send(TAXEL_BOOT_DEFAULT_ADDRESS, TAXEL_BOOT_COMMAND_SEARCH, data, sizeof data, response);
 }
 
-/* Reads a number of 8 bytes, most significant byte first. */
+/* Read a number of 8 bytes, most significant byte first. */
 static uint64_t big_endian(const uint8_t *bytes)
 {
     uint64_t value = 0;
@@ -79,7 +78,7 @@ static uint64_t big_endian(const uint8_t *bytes)
     return value;
 }
 
-/* Writes a number as 8 bytes, most significant byte first. */
+/* Write a number as 8 bytes, most significant byte first. */
 static void put_big_endian(uint8_t *bytes, uint64_t value)
 {
     for (unsigned i = 0; i < 8; i++) {
@@ -87,8 +86,8 @@ static void put_big_endian(uint8_t *bytes, uint64_t value)
     }
 }
 
-/* Writes the ids that begin with these bits to ids[], in ascending order, from the replies of searches. Returns
- * their number. */
+/* Write the unique ids that begin with these bits to ids[], in ascending order, from the replies to searches: bit by
+ * bit, a reply states whether all selected boards have a 1, or all a 0. Returns the number of ids. */
 static unsigned find_ids(unsigned bits, uint64_t prefix, uint64_t *ids)
 {
     uint8_t id[8], response[TAXEL_BOOT_PACKET_MAX];
@@ -111,7 +110,7 @@ static unsigned find_ids(unsigned bits, uint64_t prefix, uint64_t *ids)
     return count + find_ids(split + 1u, common | (1ull << (63u - split)), ids + count);
 }
 
-/* Finds the unique ids that begin with these bits from the acknowledges of searches alone, and writes them to ids[]
+/* Find the unique ids that begin with these bits from the acknowledges of searches alone, and write them to ids[]
  * in ascending order. Returns their number. */
 static unsigned find_ids_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t *ids)
 {
@@ -128,7 +127,7 @@ static unsigned find_ids_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t
     return count + find_ids_by_acknowledge(bits + 1u, prefix | (1ull << (63u - bits)), ids + count);
 }
 
-/* Starts all boards without configuration, with the unique ids that `id_of` gives. */
+/* Start all boards without configuration, with the unique ids that `id_of` returns. */
 static void boot(uint64_t (*id_of)(struct random_source *random, unsigned board))
 {
     struct random_source random;
@@ -142,21 +141,21 @@ static void boot(uint64_t (*id_of)(struct random_source *random, unsigned board)
     questions = 0;
 }
 
-/* A random unique id. */
+/* Return a random unique id. */
 static uint64_t random_id(struct random_source *random, unsigned board)
 {
     (void)board;
     return random_u64(random);
 }
 
-/* The unique id of one of many chips from the same wafer, which differ in few bits. */
+/* Return the unique id of one of many chips from the same wafer, which differ in few bits. */
 static uint64_t id_of_one_wafer(struct random_source *random, unsigned board)
 {
     (void)random;
     return 0x0123456700001000ull + board;
 }
 
-/* A unique id whose set bits are also set in the id of the next board, so that the AND of two ids is an existing
+/* Return a unique id whose set bits are also set in the id of the next board, so that the AND of two ids is an existing
  * id. */
 static uint64_t id_that_is_a_prefix_of_the_next(struct random_source *random, unsigned board)
 {
@@ -164,7 +163,7 @@ static uint64_t id_that_is_a_prefix_of_the_next(struct random_source *random, un
     return (1ull << (3u * board)) - 1u; /* the set bits of each id are also set in the next id */
 }
 
-/* True if the id of this board is among `count` ids. */
+/* Return whether the id of this board is among `count` ids. */
 static bool has_id(const uint64_t *ids, unsigned count, const struct bench *board)
 {
     for (unsigned i = 0; i < count; i++) {
@@ -175,7 +174,7 @@ static bool has_id(const uint64_t *ids, unsigned count, const struct bench *boar
     return false;
 }
 
-/* Checks that searches find the unique ids of all boards, in ascending order and with the permitted number of
+/* Check that searches find the unique ids of all boards, in ascending order and with the permitted number of
  * commands. */
 static void check_all_ids_found(uint64_t (*id_of)(struct random_source *random, unsigned board))
 {
@@ -194,7 +193,7 @@ static void check_all_ids_found(uint64_t (*id_of)(struct random_source *random, 
     }
 }
 
-static void a_search_returns_every_board(void)
+static void searches_find_the_unique_id_of_every_board(void)
 {
     check_all_ids_found(random_id);
     check_all_ids_found(id_of_one_wafer);
@@ -254,7 +253,7 @@ static void each_board_gets_a_unique_address(void)
 int main(void)
 {
     printf("seed %u\n", SEED);
-    RUN(a_search_returns_every_board);
+    RUN(searches_find_the_unique_id_of_every_board);
     RUN(a_board_that_is_not_selected_does_not_respond);
     RUN(a_search_for_more_than_64_bits_is_rejected);
     RUN(each_board_gets_a_unique_address);

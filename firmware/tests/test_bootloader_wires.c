@@ -6,14 +6,14 @@ static struct bench bench;
 static uint8_t packet[TAXEL_BOOT_PACKET_MAX], response[TAXEL_BOOT_PACKET_MAX];
 static unsigned packet_size;
 
-/* Prepares a bootloader with this layout of the flash, and a packet with the command ENTER. */
+/* Prepare a bootloader with this layout of the flash, and a packet with the command ENTER. */
 static void boot(const struct taxel_boot_layout *layout)
 {
     bench_init(&bench, layout, 4);
     packet_size = bench_packet(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0, packet);
 }
 
-/* Writes bytes to the bootloader by I2C; each must be acknowledged. */
+/* Write bytes to the bootloader by I2C; each must be acknowledged. */
 static void write_bytes(const uint8_t *bytes, unsigned size)
 {
     CHECK(taxel_boot_i2c_on_address(&bench.i2c, false));
@@ -23,7 +23,7 @@ static void write_bytes(const uint8_t *bytes, unsigned size)
     taxel_boot_i2c_on_stop(&bench.i2c);
 }
 
-/* Reads bytes from the bootloader by I2C. Returns whether the address was acknowledged. */
+/* Read bytes from the bootloader by I2C. Returns whether the address was acknowledged. */
 static bool read_bytes(uint8_t *bytes, unsigned size)
 {
     const bool acknowledged = taxel_boot_i2c_on_address(&bench.i2c, true);
@@ -34,7 +34,7 @@ static bool read_bytes(uint8_t *bytes, unsigned size)
     return acknowledged;
 }
 
-/* True if all bytes are FF, which means that no response is ready. */
+/* Return whether all bytes are FF, which means that no response is ready. */
 static bool is_all_ff(const uint8_t *bytes, unsigned size)
 {
     bool all = true;
@@ -133,19 +133,20 @@ static void a_repeated_start_ends_a_packet_too(void)
     CHECK(read_bytes(response, sizeof response) && response[1] == 0);
 }
 
-static void the_address_is_taken_from_the_configuration(void)
+static void a_board_without_configuration_uses_the_default_address(void)
 {
     boot(&taxel_boot_layout_board);
     CHECK_EQUAL(taxel_boot_i2c_address(&bench.config.flash), TAXEL_BOOT_DEFAULT_ADDRESS);
 }
 
-/* Sends bytes to the bootloader by UART. Returns the status of the response, or BENCH_NO_REPLY. */
+/* Send bytes to the bootloader by UART. Returns the status of the response, or BENCH_NO_REPLY. */
 static unsigned uart_send(const uint8_t *bytes, unsigned size)
 {
     const unsigned taken = bench_exchange(&bench, bytes, size, response);
     return taken ? response[1] : BENCH_NO_REPLY;
 }
 
+/* The noise contains every byte except the start byte of a packet, 01. */
 static void noise_before_a_packet_on_the_uart_is_ignored(void)
 {
     uint8_t noise[255];
@@ -185,7 +186,7 @@ int main(void)
     RUN(a_packet_interrupted_by_a_bus_error_is_discarded);
     RUN(bytes_beyond_the_longest_packet_are_not_acknowledged);
     RUN(a_repeated_start_ends_a_packet_too);
-    RUN(the_address_is_taken_from_the_configuration);
+    RUN(a_board_without_configuration_uses_the_default_address);
     RUN(noise_before_a_packet_on_the_uart_is_ignored);
     RUN(an_incomplete_packet_is_discarded_after_silence);
     RUN(an_impossible_length_is_answered_at_once);

@@ -8,8 +8,8 @@
 #define STR_R0_R1 0x6008u
 #define STEPS_MAX 1000u
 
-/* Bus function of the test processor: records an access and executes it on the test port, or returns the selected
- * error. */
+/* Record an access and execute it on the test port, or return the status that the test has selected; bus function of
+ * the test processor. Also stops the run or raises an interrupt if the test requests it. */
 static enum cortex_m0_bus_status respond(struct bench *bench, struct cortex_m0_access *access, bool write)
 {
     if (bench->count < BENCH_ACCESSES) {
@@ -47,7 +47,7 @@ static enum cortex_m0_bus_status on_write(void *context, struct cortex_m0_access
     return respond(context, access, true);
 }
 
-/* Writes instructions (halfwords) to flash or RAM of the test processor. */
+/* Write instructions (halfwords) to flash or RAM of the test processor. */
 void bench_put(struct bench *bench, uint32_t address, const uint16_t *halfwords, unsigned count)
 {
     uint8_t *const memory =
@@ -56,14 +56,14 @@ void bench_put(struct bench *bench, uint32_t address, const uint16_t *halfwords,
     cortex_m0_memory_changed(&bench->cpu, address, (uint32_t)(count * sizeof *halfwords));
 }
 
-/* Writes a 32-bit word to flash or RAM of the test processor. */
+/* Write a 32-bit word to flash or RAM of the test processor. */
 void bench_word(struct bench *bench, uint32_t address, uint32_t value)
 {
     const uint16_t halfwords[] = {(uint16_t)value, (uint16_t)(value >> 16)};
     bench_put(bench, address, halfwords, 2);
 }
 
-/* Reads a 32-bit word from flash or RAM of the test processor. */
+/* Read a 32-bit word from flash or RAM of the test processor. */
 uint32_t bench_read(const struct bench *bench, uint32_t address)
 {
     uint32_t value;
@@ -72,7 +72,7 @@ uint32_t bench_read(const struct bench *bench, uint32_t address)
     return value;
 }
 
-/* Initialises a test processor with a vector table whose handlers return at once, and resets it. */
+/* Initialise a test processor with a vector table whose handlers return at once, and reset it. */
 void bench_init(struct bench *bench)
 {
     cortex_m0_free(&bench->cpu);
@@ -100,7 +100,7 @@ void bench_init(struct bench *bench)
     bench_reset(bench);
 }
 
-/* Resets the test processor with its present configuration and memory, and forgets the recorded accesses. */
+/* Reset the test processor with its present configuration and memory, and forget the recorded accesses. */
 void bench_reset(struct bench *bench)
 {
     cortex_m0_free(&bench->cpu);
@@ -109,7 +109,7 @@ void bench_reset(struct bench *bench)
     bench->count = 0;
 }
 
-/* Initialises a test processor whose program consists of NOP instructions. */
+/* Initialise a test processor whose program consists of NOP instructions. */
 void bench_nops(struct bench *bench)
 {
     bench_init(bench);
@@ -118,7 +118,7 @@ void bench_nops(struct bench *bench)
     }
 }
 
-/* Executes one load or store with `value` in r0 and `address` in r1, and returns to the program. Returns r0. */
+/* Execute one load or store with `value` in r0 and `address` in r1, and return to the program. Returns r0. */
 uint32_t bench_access(struct bench *bench, uint16_t instruction, uint32_t address, uint32_t value)
 {
     struct cortex_m0 *const cpu = &bench->cpu;
@@ -134,19 +134,20 @@ uint32_t bench_access(struct bench *bench, uint16_t instruction, uint32_t addres
     return cpu->r[0];
 }
 
-/* Executes a load of a 32-bit word by the test processor. Returns the word. */
+/* Execute a load of a 32-bit word by the test processor. Returns the word. */
 uint32_t bench_load(struct bench *bench, uint32_t address)
 {
     return bench_access(bench, LDR_R0_R1, address, 0);
 }
 
-/* Executes a store of a 32-bit word by the test processor. */
+/* Execute a store of a 32-bit word by the test processor. */
 void bench_store(struct bench *bench, uint32_t address, uint32_t value)
 {
     bench_access(bench, STR_R0_R1, address, value);
 }
 
-/* Executes instructions until the program counter is at `address`. Returns the number of cycles. */
+/* Execute instructions until the program counter is at `address`. Returns the number of cycles, or 0 if the address is
+ * not reached within STEPS_MAX steps. */
 uint64_t bench_run_to(struct bench *bench, uint32_t address)
 {
     const uint64_t begin = bench->cpu.cycle;

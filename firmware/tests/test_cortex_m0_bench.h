@@ -34,8 +34,8 @@ struct bench {
     unsigned count;
 };
 
-/* Initialise without wait states and with empty handlers (BX LR). For another configuration change `config` and call
- * bench_reset(). */
+/* Initialise a processor without wait states and with empty handlers (BX LR). For another configuration change `config`
+ * and call bench_reset(). */
 void bench_init(struct bench *bench);
 void bench_reset(struct bench *bench);
 void bench_put(struct bench *bench, uint32_t address, const uint16_t *halfwords, unsigned count);
@@ -56,7 +56,7 @@ void bench_store(struct bench *bench, uint32_t address, uint32_t value);
         bench_put((bench), (address), halves_, sizeof halves_ / sizeof *halves_); \
     } while (0)
 
-/* Initialise and fill the program with NOPs. */
+/* Initialise the processor, and fill the program with NOPs. */
 void bench_nops(struct bench *bench);
 
 /* Write the program to BENCH_MAIN and reset. */

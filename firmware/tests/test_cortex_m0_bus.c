@@ -11,8 +11,8 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* Prepares a program whose second instruction accesses the test port on the bus, and executes the first
- * instruction. */
+/* Prepare a program whose second instruction accesses the test port on the bus, and execute the first instruction
+ * (NOP), so that the access begins in cycle 1. */
 static void prepare_port_access(uint16_t instruction)
 {
     bench_init(&bench);
@@ -174,6 +174,7 @@ static void a_store_to_flash_calls_the_write_callback(void)
     CHECK_EQUAL(bench_read(&bench, 0xA00), 0);
 }
 
+/* One store and one load. */
 static void without_callbacks_every_bus_access_faults(void)
 {
     bench_init(&bench);

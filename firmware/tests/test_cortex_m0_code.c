@@ -131,7 +131,7 @@ static void conditional_branches_out_of_memory_are_taken_like_branches_within(vo
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_FETCH);
 }
 
-static void a_breakpoint_halts_if_configured(void)
+static void a_breakpoint_halts_the_run_if_configured(void)
 {
     bench_init(&bench);
     bench.config.halt_on_breakpoint = true;
@@ -151,7 +151,7 @@ int main(void)
     RUN(a_written_flash_row_is_decoded_again);
     RUN(execution_beyond_the_end_of_memory_faults);
     RUN(conditional_branches_out_of_memory_are_taken_like_branches_within);
-    RUN(a_breakpoint_halts_if_configured);
+    RUN(a_breakpoint_halts_the_run_if_configured);
     cortex_m0_free(cpu);
     return check_summary();
 }

@@ -102,8 +102,8 @@ static const struct row table[] = {
     {"DSB", 0xF3BF, 0x8F4F, 4},
 };
 
-/* Prepares the instruction of one row of the table of cycles, with addresses of RAM and code in the registers that
- * it uses. */
+/* Prepare the instruction of one row of the table of cycles, with addresses of RAM and code in the registers that it
+ * uses. */
 static void prepare(const struct row *row)
 {
     BENCH_PROGRAM(&bench, row->first, row->second);

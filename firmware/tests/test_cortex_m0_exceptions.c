@@ -14,7 +14,7 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* Program of NOPs; all interrupts are enabled and interrupt n has priority n % 4. */
+/* Start a program of NOPs with all interrupts enabled; interrupt n has priority n % 4 (0 is the highest). */
 static void start_nop_program(void)
 {
     bench_nops(&bench);

@@ -10,7 +10,7 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* Program of NOPs with all interrupts enabled. */
+/* Start a program of NOPs with all interrupts enabled. */
 static void start_nop_program(void)
 {
     bench_nops(&bench);
@@ -92,7 +92,7 @@ static void a_fault_in_the_fault_handler_locks_up_until_a_reset(void)
     CHECK_EQUAL(cortex_m0_run(cpu, 2010), CORTEX_M0_DEADLINE);
 }
 
-static void halt_on_fault_stops_before_the_handler(void)
+static void with_halt_on_fault_the_run_ends_before_the_fault_handler(void)
 {
     start_nop_program();
     bench.config.halt_on_fault = true;
@@ -191,7 +191,7 @@ int main(void)
     RUN(faulting_instructions_raise_a_hard_fault_at_their_address);
     RUN(a_masked_supervisor_call_faults);
     RUN(a_fault_in_the_fault_handler_locks_up_until_a_reset);
-    RUN(halt_on_fault_stops_before_the_handler);
+    RUN(with_halt_on_fault_the_run_ends_before_the_fault_handler);
     RUN(a_stack_at_an_unmapped_address_faults_and_then_locks_up);
     RUN(a_return_that_contradicts_the_active_exceptions_faults);
     RUN(a_frame_of_the_wrong_mode_faults);

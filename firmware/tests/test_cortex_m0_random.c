@@ -17,7 +17,7 @@ static struct bench whole, divided;
 static struct cortex_m0_account whole_account, divided_account;
 static uint64_t first_seed, seed_count = DEFAULT_SEED_COUNT;
 
-/* A random 16-bit instruction; most of those that would only fault are replaced. */
+/* Return a random 16-bit instruction; most of those that would only fault are replaced. */
 static uint16_t random_half(struct random_source *random)
 {
     const uint16_t half = (uint16_t)random_u64(random);
@@ -30,7 +30,7 @@ static uint16_t random_half(struct random_source *random)
     return half;
 }
 
-/* Writes a random program to a test processor: handlers return (the fault handler skips the faulting instruction),
+/* Write a random program to a test processor: handlers return (the fault handler skips the faulting instruction),
  * registers hold addresses, SysTick and interrupts are active. */
 static void prepare_program(struct bench *bench, uint64_t seed)
 {
@@ -63,7 +63,7 @@ static void prepare_program(struct bench *bench, uint64_t seed)
     bench->stall = (uint32_t)(seed % 5u);
 }
 
-/* Checks that two processors, one run at once and one run in parts, have the same state. */
+/* Check that two processors, one run at once and one run in parts, have the same state. */
 static void check_same(void)
 {
     const struct cortex_m0 *const a = &whole.cpu, *const b = &divided.cpu;
@@ -82,7 +82,7 @@ static void check_same(void)
     CHECK_BYTES(&whole_account, &divided_account, sizeof whole_account);
 }
 
-/* Runs the processor to a cycle, also while it is locked up: the first run reports a lockup at once; the second run
+/* Run the processor to a cycle, also while it is locked up: the first run reports a lockup at once; the second run
  * advances the time. */
 static void run_to(struct cortex_m0 *cpu, uint64_t until)
 {
@@ -120,7 +120,8 @@ static void dividing_a_random_run_does_not_change_the_result(void)
     }
 }
 
-/* Random instruction; every third is a store (STR, STRB, STRH, STM, PUSH) near a register. */
+/* Return a random instruction; every third is a store (STR, STRB, STRH, STM, PUSH) near an address in a register, the
+ * others are no branches. */
 static uint16_t random_storing_half(struct random_source *random)
 {
     static const uint16_t stores[] = {0x6000, 0x7000, 0x8000, 0xC000, 0xB400};
@@ -131,8 +132,8 @@ static uint16_t random_storing_half(struct random_source *random)
     return (uint16_t)(stores[random_u64(random) % 5u] | (half & 0x01BFu) | 1u);
 }
 
-/* Writes a random loop to RAM, from byte 2 on, with occasional calls of the following instruction; the registers
- * point into the loop. */
+/* Write a random loop to RAM, from byte 2 on, with occasional calls of the following instruction. The registers hold
+ * addresses within the loop. */
 static void put_loop(struct bench *bench, struct random_source *random)
 {
     struct cortex_m0 *const cpu = &bench->cpu;
@@ -217,7 +218,7 @@ static void random_programs_stay_within_their_memory(void)
     CHECK(faults > seed_count && exceptions > seed_count && accesses > seed_count / 2u && lockups < seed_count);
 }
 
-/* Arguments: first seed, number of seeds. Runs random programs. Exit status 1 after a failure. */
+/* Run random programs (arguments: first seed, number of seeds). Exit status 1 after a failure. */
 int main(int count, char **arguments)
 {
     if (count == 3) {

@@ -99,7 +99,7 @@ static void system_registers_accept_only_word_accesses(void)
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_BUS);
 }
 
-/* Executes MRS: the value of the special register with this number. */
+/* Execute MRS. Returns the value of the special register with this number. */
 static uint32_t read_special(uint16_t number)
 {
     BENCH_PUT(&bench, BENCH_SCRATCH, 0xF3EF, (uint16_t)(0x8000u | number)); /* MRS r0, ... */
@@ -108,7 +108,7 @@ static uint32_t read_special(uint16_t number)
     return cpu->r[0];
 }
 
-/* Executes MSR: writes a value to the special register with this number. */
+/* Execute MSR: write a value to the special register with this number. */
 static void write_special(uint16_t number, uint32_t value)
 {
     BENCH_PUT(&bench, BENCH_SCRATCH, 0xF380, (uint16_t)(0x8800u | number)); /* MSR ..., r0 */

@@ -17,7 +17,7 @@ static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
 /* The store that enables SysTick has its data phase in cycle 2; the counter is loaded one cycle later. */
-static void systick_counts_cycles(void)
+static void systick_counts_processor_cycles(void)
 {
     bench_nops(&bench);
     bench_store(&bench, RVR, 99);
@@ -84,7 +84,7 @@ static void systick_without_reload_stops_at_zero(void)
     CHECK_EQUAL(bench_load(&bench, CSR), 5);
 }
 
-static void sleep_lasts_until_an_interrupt(void)
+static void sleep_of_wfi_lasts_until_an_enabled_interrupt(void)
 {
     bench_nops(&bench);
     cpu->enabled |= UINT64_C(1) << 16;
@@ -145,7 +145,7 @@ static void deep_sleep_stops_systick(void)
     CHECK(cpu->systick.value > 9900);
 }
 
-static void events_end_wfe(void)
+static void an_event_ends_the_sleep_of_wfe(void)
 {
     bench_nops(&bench);
     BENCH_PUT(&bench, BENCH_MAIN, SEV, WFE, WFE, NOP);
@@ -171,7 +171,8 @@ static void a_pending_interrupt_is_an_event_if_sevonpend_is_set(void)
     }
 }
 
-static void sleep_on_exit_sleeps_between_handlers(void)
+/* The main program never executes an instruction: the program counter stays at its first one. */
+static void with_sleep_on_exit_the_processor_sleeps_between_handlers(void)
 {
     bench_nops(&bench);
     bench_store(&bench, SCR, 2);
@@ -187,17 +188,17 @@ static void sleep_on_exit_sleeps_between_handlers(void)
 
 int main(void)
 {
-    RUN(systick_counts_cycles);
+    RUN(systick_counts_processor_cycles);
     RUN(systick_interrupts_in_its_cycle_and_every_period_after);
     RUN(systick_counts_the_reference_clock);
     RUN(systick_without_reload_stops_at_zero);
-    RUN(sleep_lasts_until_an_interrupt);
+    RUN(sleep_of_wfi_lasts_until_an_enabled_interrupt);
     RUN(a_masked_interrupt_ends_sleep_and_stays_pending);
     RUN(systick_ends_sleep_in_its_cycle);
     RUN(deep_sleep_stops_systick);
-    RUN(events_end_wfe);
+    RUN(an_event_ends_the_sleep_of_wfe);
     RUN(a_pending_interrupt_is_an_event_if_sevonpend_is_set);
-    RUN(sleep_on_exit_sleeps_between_handlers);
+    RUN(with_sleep_on_exit_the_processor_sleeps_between_handlers);
     cortex_m0_free(cpu);
     return check_summary();
 }

@@ -11,7 +11,7 @@
 
 static uint8_t bytes[SIZE_MAX_TRIED + PLACES];
 
-/* The CRC-32 computed bit by bit from its definition, continued from `crc`. */
+/* Compute the CRC-32 bit by bit from its definition, continued from `crc`. */
 static uint32_t by_definition(uint32_t crc, const uint8_t *data, size_t size)
 {
     crc = ~crc;

@@ -16,7 +16,7 @@
 static const double vertices[VERTICES][3] = {{0.02, 0.02, 0}, {0.02, -0.02, 0}, {-0.02, 0.02, 0}, {-0.02, -0.02, 0}};
 static double stuck[VERTICES][3];
 
-/* An object of 100 g that stands on four vertices and is not steadied. */
+/* Return an object of 100 g that stands on four vertices and is not steadied. */
 static struct free_object make_object(void)
 {
     for (int i = 0; i < VERTICES; i++) {
@@ -40,7 +40,8 @@ static struct free_object make_object(void)
     };
 }
 
-static void the_solution_solves_the_equations(void)
+/* Random symmetric, positive definite matrices. Only their lower triangle is passed; the upper one is NaN. */
+static void the_linear_solver_finds_the_known_solution(void)
 {
     struct random_source random;
     random_init(&random, SEED, 0);
@@ -160,7 +161,7 @@ static void a_joint_resists_by_friction_and_at_its_stop(void)
 int main(void)
 {
     printf("seed %u\n", SEED);
-    RUN(the_solution_solves_the_equations);
+    RUN(the_linear_solver_finds_the_known_solution);
     RUN(the_stand_carries_the_weight_of_an_object_that_sinks_in);
     RUN(an_object_slides_on_the_stand_at_the_friction_limit);
     RUN(the_stiffness_of_the_stand_is_the_negative_derivative_of_its_force);

@@ -13,8 +13,8 @@
 
 static struct fake_world fake;
 
-/* Stimulus of forces in newtons: taxel `pressed` carries `force` from `at` on, ramped over `ramp` seconds; -1: all
- * taxels, each with a different force. */
+/* Write a stimulus of forces in newtons to a temporary file and return its descriptor: taxel `pressed` carries `force`
+ * from `at` on, ramped over `ramp` seconds; -1: all taxels, each with a different force. */
 static int stimulus_fd(int pressed, float force, double at, double ramp)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -39,7 +39,8 @@ static int stimulus_fd(int pressed, float force, double at, double ramp)
     return fd;
 }
 
-/* Creates a world with these effect lines (ended by NULL) and a stimulus from a file descriptor. */
+/* Create a world with these effect lines (ended by NULL) and a stimulus from a file descriptor (-1: none), and start
+ * the stream. */
 static void start_world(const char *const *effects, int fd)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
@@ -52,7 +53,7 @@ static void start_world(const char *const *effects, int fd)
     CHECK(fake_world_start(&fake));
 }
 
-/* The CRC of all bytes that the hub sends in a world with this effect line; NULL: no effect. */
+/* Return the CRC of all bytes that the hub sends in a world with this effect line; NULL: no effect. */
 static uint32_t stream_crc_with(const char *effect)
 {
     const char *const effects[] = {effect, NULL};
@@ -187,8 +188,8 @@ static void a_loose_contact_loses_addressings_in_bursts(void)
     CHECK_BETWEEN((double)lost / bursts, 4.6, 5.4);
 }
 
-/* Virtual time in seconds at which the count of a taxel has fallen by 200, in a world with these effects; 0 if it
- * does not fall. */
+/* Return the virtual time in seconds at which the raw count of a taxel has fallen by 200 counts, in a world with these
+ * effects; 0 if it does not fall within 0.5 s. */
 static double contact_time(const char *const *effects, unsigned address, size_t taxel, int fd)
 {
     start_world(effects, fd);
@@ -216,7 +217,7 @@ static void a_delayed_board_reports_contact_after_its_delay(void)
     CHECK_BETWEEN(other - ideal, -0.015, 0.015);
 }
 
-static void coupling_does_not_change_the_delay(void)
+static void line_coupling_does_not_change_the_delay_of_a_late_board(void)
 {
     static const char *const effects[] = {"late delay board=0x20 seconds=0.1",
                                           "coupling resistive tx_ohm=500 rx_ohm=500", NULL};
@@ -251,7 +252,7 @@ static void exchanged_boards_measure_the_contact_on_each_other(void)
     }
 }
 
-static void a_skewed_clock_scans_faster(void)
+static void a_board_with_a_clock_5_percent_too_fast_scans_5_percent_faster(void)
 {
     static const char *const effects[] = {"clock skew board=0x20 ppm=50000", NULL};
     start_world(effects, -1);
@@ -261,7 +262,7 @@ static void a_skewed_clock_scans_faster(void)
     fake_world_close(&fake);
 }
 
-static void a_drifting_clock_integrates_its_rate(void)
+static void the_offset_of_a_drifting_clock_is_the_integral_of_its_rate(void)
 {
     struct clock_effect effect = {0};
     effect.drift_ppm[0] = 200.0;
@@ -300,11 +301,11 @@ int main(void)
     RUN(a_silent_board_resumes_after_its_outage);
     RUN(a_loose_contact_loses_addressings_in_bursts);
     RUN(a_delayed_board_reports_contact_after_its_delay);
-    RUN(coupling_does_not_change_the_delay);
+    RUN(line_coupling_does_not_change_the_delay_of_a_late_board);
     RUN(delayed_fields_are_interpolated_between_records);
     RUN(exchanged_boards_measure_the_contact_on_each_other);
-    RUN(a_skewed_clock_scans_faster);
-    RUN(a_drifting_clock_integrates_its_rate);
+    RUN(a_board_with_a_clock_5_percent_too_fast_scans_5_percent_faster);
+    RUN(the_offset_of_a_drifting_clock_is_the_integral_of_its_rate);
     RUN(contact_on_one_board_lowers_the_supply_of_all_boards);
     return check_summary();
 }

@@ -11,7 +11,7 @@
 
 static struct bench bench;
 
-/* Prepares one board with these effect lines (ended by NULL). */
+/* Prepare one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -21,14 +21,14 @@ static void prepare(const char *const *effects)
     bench_open(&bench, 0);
 }
 
-/* Prepares one board with one effect line. */
+/* Prepare one board with one effect line. */
 static void prepare_one(const char *effect)
 {
     const char *const effects[] = {effect, NULL};
     prepare(effects);
 }
 
-/* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
+/* Return the signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
 static double signal_counts(int taxel)
 {
     return bench.max_count - bench.raw[taxel] - bench.rest_count[taxel];
@@ -36,7 +36,7 @@ static double signal_counts(int taxel)
 
 static struct network network;
 
-/* Creates a network of lines with random crossing capacitances. Resistances in ohm, capacitance between
+/* Create a network of lines with random crossing capacitances. Resistances in ohm, capacitance between
  * neighbouring lines in farad. */
 static void create_network(double tx_ohm, double rx_ohm, double trace_f)
 {
@@ -57,8 +57,8 @@ static void create_network(double tx_ohm, double rx_ohm, double trace_f)
     }
 }
 
-/* Solves the network for one driven TX line; effective capacitance (farad) of each RX line. Must converge within
- * 100 iterations. */
+/* Solve the network for one driven TX line; effective_f: effective capacitance (farad) of each RX line. Must converge
+ * within 100 iterations. */
 static void solve(int driven, double *effective_f)
 {
     struct network_state state = {0};
@@ -66,8 +66,8 @@ static void solve(int driven, double *effective_f)
     CHECK(network_solve(&network, driven, &state, effective_f) < 100);
 }
 
-/* Solves the network for one driven TX line by Gaussian elimination of the node equations of all lines: an
- * independent reference for network_solve(). */
+/* Solve the network for one driven TX line by Gaussian elimination of the node equations of all lines: an independent
+ * reference for network_solve(). */
 static void solve_dense(int driven, double *effective_f)
 {
     const int n = ROWS + COLUMNS;
@@ -127,7 +127,8 @@ static void lines_without_resistance_do_not_couple(void)
     }
 }
 
-/* Fills the change of each effective capacitance per added capacitance when crossing (2, 2) gains 0.2 pF. */
+/* Compute the change of each effective capacitance, relative to the added capacitance, when crossing (2, 2) gains 0.2
+ * pF. */
 static void coupling_changes(double tx_ohm, double rx_ohm, double change[ROWS][COLUMNS])
 {
     double before[COLUMNS], after[COLUMNS];
@@ -166,7 +167,7 @@ static void contact_couples_along_the_lines_of_its_taxel(void)
     CHECK(change[1][2] < -1e-4 && fabs(change[2][1]) < 1e-12);
 }
 
-static void coupling_is_symmetric(void)
+static void contact_couples_equally_to_the_lines_on_both_sides(void)
 {
     double first[COLUMNS], second[COLUMNS];
     create_network(2000.0, 2000.0, 0.0);
@@ -230,7 +231,7 @@ int main(void)
     RUN(the_network_agrees_with_a_dense_solution);
     RUN(lines_without_resistance_do_not_couple);
     RUN(contact_couples_along_the_lines_of_its_taxel);
-    RUN(coupling_is_symmetric);
+    RUN(contact_couples_equally_to_the_lines_on_both_sides);
     RUN(trace_capacitance_couples_contact_to_the_neighbouring_line);
     RUN(crosstalk_appears_in_the_counts_of_a_coupled_board);
     bench_close(&bench);

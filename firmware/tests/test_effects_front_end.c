@@ -13,7 +13,7 @@
 
 static struct bench bench;
 
-/* Prepares one board with these effect lines (ended by NULL). */
+/* Prepare one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -23,14 +23,14 @@ static void prepare(const char *const *effects)
     bench_open(&bench, 0);
 }
 
-/* Prepares one board with one effect line. */
+/* Prepare one board with one effect line. */
 static void prepare_one(const char *effect)
 {
     const char *const effects[] = {effect, NULL};
     prepare(effects);
 }
 
-/* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
+/* Return the signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
 static double signal_counts(int taxel)
 {
     return bench.max_count - bench.raw[taxel] - bench.rest_count[taxel];
@@ -58,6 +58,7 @@ static void electrode_gain_is_log_normal_and_leaves_the_fixed_capacitance(void)
     CHECK_BETWEEN(sqrt(squares / n - (sum / n) * (sum / n)), 0.19, 0.21);
 }
 
+/* Only board number 1, at 0x21, has the effect. */
 static void idac_gain_scales_rest_count_and_signal_equally(void)
 {
     bench_describe(&bench, 2, ROWS, COLUMNS);
@@ -73,7 +74,7 @@ static void idac_gain_scales_rest_count_and_signal_equally(void)
     CHECK(bench.front_end.idac_gain == 1.0);
 }
 
-static void warm_up_drift_approaches_its_amplitude(void)
+static void warm_up_drift_approaches_its_amplitude_and_differs_between_taxels(void)
 {
     double values[4], end = 0.0;
     static const double times[] = {0.0, 10.0, 20.0, 400.0};
@@ -110,6 +111,7 @@ static void saturation_clips_or_compresses_the_signal(void)
     CHECK_BETWEEN(signal_counts(3), 1.9, 3.0);
 }
 
+/* Taxel 3 is detached from the layer and taxel 4 is stuck; all taxels are pressed. */
 static void a_dead_taxel_returns_its_rest_count_or_a_stuck_count(void)
 {
     static const char *const effects[] = {"dead rest board=0x20 taxel=3", "dead stuck board=0x20 taxel=4 value=777",
@@ -146,7 +148,7 @@ static void an_open_line_affects_only_its_own_taxels(void)
     }
 }
 
-static void short_circuited_lines_measure_the_mean(void)
+static void short_circuited_lines_measure_the_mean_of_their_crossings(void)
 {
     prepare_one("line short board=0x20 axis=0 index=1");
     bench.rise[1 * COLUMNS + 3] = 0.5;
@@ -162,7 +164,7 @@ static void short_circuited_lines_measure_the_mean(void)
     CHECK_BETWEEN(signal_counts(0), -1.0, 0.0);
 }
 
-static void lag_follows_a_step_with_its_time_constant(void)
+static void a_lagging_count_follows_a_step_with_its_time_constant(void)
 {
     prepare_one("late lag seconds=0.2");
     bench_scan(&bench, 0, 0.0);
@@ -206,7 +208,9 @@ static void exchanged_lines_swap_their_taxels(void)
     }
 }
 
-static void supply_and_reference_fall_under_load(void)
+/* The relative fall is resistance x TX clock x added capacitance; after one time constant, 63 % of the reference's
+ * fall. */
+static void load_lowers_counts_by_the_supply_and_raises_them_by_the_reference(void)
 {
     prepare_one("droop supply ohms=1000");
     bench.loads.all_before = bench.loads.all_after = 10e-12;
@@ -224,7 +228,7 @@ static void supply_and_reference_fall_under_load(void)
     CHECK_BETWEEN(signal_counts(0) / bench.rest_count[0], 0.98 * fall, 1.03 * fall);
 }
 
-static void nonlinear_converters_have_plateaus_and_bow(void)
+static void a_nonlinear_converter_has_a_plateau_at_one_half_or_a_bow(void)
 {
     struct nonlinear_effect nonlinear = {0};
     unsigned at_half = 0;
@@ -241,7 +245,7 @@ static void nonlinear_converters_have_plateaus_and_bow(void)
           nonlinear_count(&nonlinear, 0, 6400.0, 4800.0) - 4800.0);
 }
 
-static void invalid_lines_are_rejected(void)
+static void invalid_effect_lines_are_rejected(void)
 {
     static const char *const invalid[] = {"coupling resistive tx_ohm=-1",
                                           "coupling traces",
@@ -283,17 +287,17 @@ int main(void)
 {
     RUN(electrode_gain_is_log_normal_and_leaves_the_fixed_capacitance);
     RUN(idac_gain_scales_rest_count_and_signal_equally);
-    RUN(warm_up_drift_approaches_its_amplitude);
+    RUN(warm_up_drift_approaches_its_amplitude_and_differs_between_taxels);
     RUN(saturation_clips_or_compresses_the_signal);
     RUN(a_dead_taxel_returns_its_rest_count_or_a_stuck_count);
     RUN(an_open_line_affects_only_its_own_taxels);
-    RUN(short_circuited_lines_measure_the_mean);
-    RUN(lag_follows_a_step_with_its_time_constant);
+    RUN(short_circuited_lines_measure_the_mean_of_their_crossings);
+    RUN(a_lagging_count_follows_a_step_with_its_time_constant);
     RUN(stuck_bits_have_their_fixed_value);
     RUN(exchanged_lines_swap_their_taxels);
-    RUN(supply_and_reference_fall_under_load);
-    RUN(nonlinear_converters_have_plateaus_and_bow);
-    RUN(invalid_lines_are_rejected);
+    RUN(load_lowers_counts_by_the_supply_and_raises_them_by_the_reference);
+    RUN(a_nonlinear_converter_has_a_plateau_at_one_half_or_a_bow);
+    RUN(invalid_effect_lines_are_rejected);
     bench_close(&bench);
     return check_summary();
 }

@@ -10,7 +10,7 @@
 
 static struct bench bench;
 
-/* Prepares one board with these effect lines (ended by NULL). */
+/* Prepare one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -24,7 +24,7 @@ static void prepare(const char *const *effects)
 
 static float record[SCANS][TAXELS];
 
-/* Records the raw counts of all taxels in many scans with these effect lines (ended by NULL). */
+/* Record the raw counts of all taxels in many scans with these effect lines (ended by NULL). */
 static void record_noise(const char *const *effects)
 {
     prepare(effects);
@@ -36,7 +36,7 @@ static void record_noise(const char *const *effects)
     }
 }
 
-/* Covariance of two taxels, the second `lag` scans after the first. */
+/* Return the covariance of two taxels, the second `lag` scans after the first. */
 static double covariance(int a, int b, int lag)
 {
     double mean_a = 0.0, mean_b = 0.0, sum = 0.0;
@@ -50,13 +50,13 @@ static double covariance(int a, int b, int lag)
     return sum / (SCANS - lag);
 }
 
-/* Correlation of two taxels in the recorded scans, the second `lag` scans after the first. */
+/* Return the correlation of two taxels in the recorded scans, the second `lag` scans after the first. */
 static double correlation(int a, int b, int lag)
 {
     return covariance(a, b, lag) / sqrt(covariance(a, a, 0) * covariance(b, b, 0));
 }
 
-/* Records the raw counts of all taxels in many scans with one effect line. */
+/* Record the raw counts of all taxels in many scans with one effect line. */
 static void record_effect(const char *effect)
 {
     const char *const effects[] = {effect, NULL};

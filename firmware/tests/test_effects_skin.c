@@ -66,8 +66,8 @@ static void pressure_does_not_spread_across_a_hole(void)
     bench_close(&bench);
 }
 
-/* Number of compressed cells when one cell is compressed by 0.4 mm, with the effect `spread pillars` of this
- * slope. */
+/* Return the number of compressed cells when one cell is compressed by 0.4 mm, with the effect `spread pillars` of this
+ * slope. Also checks the compression of the cell and of its neighbour. */
 static double pressed_cells(double slope)
 {
     char line[64];
@@ -103,7 +103,7 @@ static void forces_of_a_stimulus_spread_by_pillars(void)
     bench_close(&bench);
 }
 
-/* Rise of the loaded taxel after a constant force for `seconds`. */
+/* Return the relative rise of the loaded taxel's capacitance after a constant force for `seconds`. */
 static double rise_after_hold(const char *line, double seconds)
 {
     bench_open(&bench, line, -1);
@@ -195,8 +195,8 @@ static void compression_set_shifts_rest_and_response_and_recovers(void)
     bench_open(&bench, "indent set fraction=0.2 threshold_m=5e-5 recovery_s=100", -1);
     bench_apply_force(&bench, MIDDLE, 1.0, 0.01, false);
     bench_apply_force(&bench, MIDDLE, 0.0, 0.0, true);
-    const double rest_count = bench.fields[MIDDLE].rise;
-    CHECK(fabs(rest_count / layer_rise_at_compression(depth) - 1.0) < 1e-6);
+    const double rest_rise = bench.fields[MIDDLE].rise;
+    CHECK(fabs(rest_rise / layer_rise_at_compression(depth) - 1.0) < 1e-6);
     CHECK(bench.fields[MIDDLE + 1].rise == 0.0);
     bench_apply_force(&bench, MIDDLE, 0.1, 0.0, true);
     const double response = layer_rise_at_compression(depth + layer_compression(0.1 / 25e-6) * (1.0 - depth / 0.0008));
@@ -235,7 +235,8 @@ static void bedding_reduces_sensitivity_permanently_with_the_work(void)
     bench_close(&bench);
 }
 
-/* Rise of the middle taxel under an object at a gap over all cells, optionally tilted. */
+/* Return the relative rise of the middle taxel's capacitance under an object at a gap over all cells. tilt: additional
+ * gap from column to column of a taxel's cells, metres. */
 static double rise_at_gap(double gap, double tilt)
 {
     field_load_clear(&bench.after, &bench.patch);
@@ -248,7 +249,7 @@ static double rise_at_gap(double gap, double tilt)
     return bench.fields[MIDDLE].rise;
 }
 
-static void proximity_raises_the_count_before_contact(void)
+static void proximity_raises_the_capacitance_before_contact(void)
 {
     static const struct {
         const char *line;
@@ -291,7 +292,7 @@ static void the_image_response_follows_its_formula(void)
     bench_close(&bench);
 }
 
-/* Rise at a gap under an effect line, with an object parallel to the skin. */
+/* Return the relative rise of the middle taxel at a gap under an effect line, with an object parallel to the skin. */
 static double rise_of_target(const char *line, double gap)
 {
     bench_open(&bench, line, -1);
@@ -338,7 +339,7 @@ static void a_dielectric_raises_the_capacitance_near_the_skin_and_responds_less_
     CHECK(water < 0.75 * ground && water > ground);
 }
 
-/* Potentials of two line electrodes between two planes at ground, as a sum of image charges. */
+/* Reference: potentials of two line electrodes between two planes at ground, as a sum of image charges. */
 static void the_response_to_a_conductor_agrees_with_image_charges(void)
 {
     const double distance = 0.004, depth = 0.002, radius = 0.0005;
@@ -363,12 +364,12 @@ static void moisture_raises_rest_and_lowers_the_response(void)
 {
     bench_open(&bench, "moisture film board=0x22 tx=3 rx=3 radius_m=0.006 water=0.05", -1);
     bench_apply_force(&bench, MIDDLE, 0.0, 0.01, false);
-    const double rest_count = bench.fields[MIDDLE].rise;
-    CHECK(fabs(rest_count / expm1(0.05 * log(80.0) * 0.65) - 1.0) < 1e-3);
+    const double rest_rise = bench.fields[MIDDLE].rise;
+    CHECK(fabs(rest_rise / expm1(0.05 * log(80.0) * 0.65) - 1.0) < 1e-3);
     CHECK(bench.fields[0].rise < 1e-5);
-    CHECK(bench.fields[MIDDLE + 1].rise < rest_count && bench.fields[MIDDLE + 1].rise > bench.fields[MIDDLE + 2].rise);
+    CHECK(bench.fields[MIDDLE + 1].rise < rest_rise && bench.fields[MIDDLE + 1].rise > bench.fields[MIDDLE + 2].rise);
     bench_apply_force(&bench, MIDDLE, FORCE_N, 0.01, false);
-    const double response = bench.fields[MIDDLE].rise - rest_count;
+    const double response = bench.fields[MIDDLE].rise - rest_rise;
     CHECK(response > 0.0 && response < layer_rise_at_pressure(FORCE_N / 25e-6));
     CHECK(!field_has_history(&bench.field, bench.time));
     bench_close(&bench);
@@ -425,7 +426,7 @@ int main(void)
     RUN(compression_set_shifts_rest_and_response_and_recovers);
     RUN(contact_below_the_threshold_leaves_no_set);
     RUN(bedding_reduces_sensitivity_permanently_with_the_work);
-    RUN(proximity_raises_the_count_before_contact);
+    RUN(proximity_raises_the_capacitance_before_contact);
     RUN(the_image_response_follows_its_formula);
     RUN(a_conductor_at_ground_lowers_the_capacitance_before_contact);
     RUN(an_isolated_conductor_raises_the_capacitance);

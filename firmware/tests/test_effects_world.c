@@ -25,7 +25,7 @@ static struct object_description table = {
          .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
 };
 
-/* Describes a world with a table object and these effect lines (ended by NULL). */
+/* Describe a world with a table as object and these effect lines (ended by NULL). */
 static void describe(const char *const *lines)
 {
     fake_world_describe(&fake, boards, TAXELS);
@@ -48,8 +48,8 @@ static void describe(const char *const *lines)
     }
 }
 
-/* Descriptor of a stimulus with records every 20 ms from 0.5 s on: a contact on board 0 (on all boards if there are
- * more than two) that increases and decreases; no contact before and after. */
+/* Return the descriptor of a stimulus with records every 20 ms from 0.5 s on: a contact on board 0 (on all boards if
+ * there are more than two) that increases and decreases; no contact before and after. */
 static int stimulus_file(enum stimulus_kind kind)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -86,13 +86,15 @@ static int stimulus_file(enum stimulus_kind kind)
     return fd;
 }
 
+/* Raw counts that the host received: of board 0 before, during and after the contact, and of the board at
+ * BENCH_ADDRESS. */
 struct outcome {
     uint32_t crc;
     uint16_t rest_count[TAXELS], pressed[TAXELS], after[TAXELS], other[TAXELS];
 };
 
-/* Runs a world with this stimulus and these effect lines, and returns the counts at rest and later, as the host
- * receives them. */
+/* Run a world with this stimulus and these effect lines, and return the counts at rest and later, as the host receives
+ * them, and the CRC of the stream. */
 static struct outcome run(enum stimulus_kind kind, const char *const *lines)
 {
     struct outcome outcome;
@@ -177,7 +179,7 @@ static void the_number_of_threads_does_not_change_the_stream(void)
     boards = BOARDS;
 }
 
-/* Every effect is tested on its own. */
+/* Each effect acts on its own. The moist patch lies on the board at BENCH_ADDRESS. */
 static void each_effect_changes_the_counts_at_the_host(void)
 {
     const struct outcome ideal = run(STIMULUS_SCENE, NULL);

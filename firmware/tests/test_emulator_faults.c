@@ -9,13 +9,13 @@
 
 static struct fake_world fake;
 
-/* Describes a world of several boards, to which a test adds faults. */
+/* Describe a world of four boards, to which a test adds faults. */
 static void describe_world(void)
 {
     fake_world_describe(&fake, BOARDS, 40);
 }
 
-/* Creates the described world, starts the stream and runs for a virtual time in seconds. */
+/* Create the described world, start the stream and run for a virtual time in seconds. */
 static void start_and_run(double seconds)
 {
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
@@ -23,7 +23,7 @@ static void start_and_run(double seconds)
     CHECK_EQUAL(fake_world_run(&fake, seconds), 0);
 }
 
-/* Checks that the counters are consistent, and that every board streams in the next 0.3 s. */
+/* Check that the counters are consistent, and that every board streams in the next 0.3 s. */
 static void check_all_boards_stream_again(void)
 {
     unsigned before[BOARDS];
@@ -40,8 +40,8 @@ static void check_all_boards_stream_again(void)
     CHECK(fake_world_adds_up(&fake));
 }
 
-/* Time number `i` (seconds) at which a fault is injected. A poll cycle of four boards takes 9 ms: POSITIONS times
- * at intervals of 0.25 ms cover all of it. */
+/* Return time number `i` (seconds) at which a fault is injected. A poll cycle of four boards takes 9 ms: POSITIONS
+ * times at intervals of 0.25 ms cover all of it. */
 static double time_in_cycle_s(unsigned i)
 {
     return 0.7 + 0.00025 * i;
@@ -61,6 +61,7 @@ static void board_streams_again_when_unplugged_and_plugged_at_any_time_of_a_cycl
     }
 }
 
+/* A recovery gives nine clocks, so a board that holds SDA for longer needs several recoveries. */
 static void sda_held_for_some_clocks_is_recovered(void)
 {
     static const unsigned clocks[] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 25, 95};
@@ -116,7 +117,8 @@ static void clock_stretching_beyond_the_time_limit_is_recovered(void)
     }
 }
 
-/* The hub runs for another reason while it waits for the bus: bytes of a host that then sends nothing more. */
+/* While the hub waits for the bus, it also runs for another reason: a command of a host that then sends nothing
+ * more. */
 static void endless_clock_stretching_does_not_stop_the_hub(void)
 {
     for (unsigned i = 0; i < 20; i++) {

@@ -19,7 +19,7 @@ static struct world_description description;
 static struct fake_world fake;
 static char path[64];
 
-/* Writes bytes to a temporary file, whose path is in `path`. */
+/* Write bytes to a temporary file, whose path is in `path`. */
 static void write_file(const void *bytes, size_t size)
 {
     strcpy(path, "/tmp/taxel_test_XXXXXX");
@@ -30,7 +30,7 @@ static void write_file(const void *bytes, size_t size)
 
 static int saved_stderr, error_fd;
 
-/* Redirects stderr to a temporary file, which count_stderr_lines() reads. */
+/* Redirect stderr to a temporary file, which count_stderr_lines() reads. */
 static void redirect_stderr(void)
 {
     fflush(stderr);
@@ -39,7 +39,7 @@ static void redirect_stderr(void)
     dup2(error_fd, 2);
 }
 
-/* The number of lines on stderr since redirect_stderr(); *names_path: whether they contain `path`. */
+/* Return the number of lines on stderr since redirect_stderr(); *names_path becomes whether they contain `path`. */
 static unsigned count_stderr_lines(bool *names_path)
 {
     char text[4096] = {0};
@@ -56,8 +56,8 @@ static unsigned count_stderr_lines(bool *names_path)
     return lines;
 }
 
-/* Reads a world file with this text. Returns the result; *lines: lines printed on stderr; *names_path: whether they
- * contain the path. */
+/* Read a world file with this text. Returns the result of world_file_read(); writes the number of lines on stderr to
+ * *lines, and whether they contain the path to *names_path. */
 static int read_world(const void *text, size_t size, unsigned *lines, bool *names_path)
 {
     write_file(text, size);
@@ -223,7 +223,7 @@ static void randomly_damaged_world_is_read_or_rejected(void)
     }
 }
 
-/* The map has the right number of set bits, but one of them lies outside rows x columns. */
+/* The map has the correct number of set bits, but one of them lies outside rows x columns. */
 static void crossing_map_outside_the_lines_of_its_board_is_rejected(void)
 {
     for (unsigned bit = 3; bit < 256; bit += 11) {
@@ -242,7 +242,7 @@ static void crossing_map_outside_the_lines_of_its_board_is_rejected(void)
     }
 }
 
-/* Runs a world with a stimulus of these bytes. Returns the result; *lines: lines printed on stderr. */
+/* Run a world with a stimulus of these bytes. Returns the result; writes the number of lines on stderr to *lines. */
 static int run_stimulus(const uint8_t *bytes, size_t size, unsigned *lines)
 {
     bool names_path;
@@ -262,7 +262,7 @@ static int run_stimulus(const uint8_t *bytes, size_t size, unsigned *lines)
     return result;
 }
 
-/* Writes a valid stimulus of three records to `bytes`. Returns its size. */
+/* Write a valid stimulus of three records to `bytes`. Returns its size. */
 static size_t fill_stimulus(uint8_t *bytes)
 {
     static const double times[] = {0.0, 0.05, 0.1};

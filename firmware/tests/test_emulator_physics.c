@@ -35,7 +35,7 @@ static void permittivity_rises_with_force_and_saturates(void)
 static struct front_end front_end;
 static struct normal_source normals;
 
-/* Prepares a front end with the default scan settings and white noise of this standard deviation in counts. */
+/* Prepare a front end with the default scan settings and white noise of this standard deviation in counts. */
 static void prepare_front_end(double noise_counts)
 {
     const struct taxel_scan_settings settings = {160, 40, 1, 16, 96};
@@ -45,7 +45,7 @@ static void prepare_front_end(double noise_counts)
     front_end_configure(&front_end, &settings, 1.0);
 }
 
-/* Raw count of a taxel under a force in newtons. */
+/* Return the raw count of a taxel under a force in newtons. */
 static uint16_t convert_at(uint16_t taxel, double force_n)
 {
     return front_end_convert(&front_end, taxel, layer_rise_at_force(force_n));
@@ -97,7 +97,7 @@ static void raw_counts_stay_in_range_at_extreme_settings(void)
     }
 }
 
-/* Returns the descriptor of a stimulus stream in an unlinked temporary file. Taxel i has i + 1 times the value of a
+/* Return the descriptor of a stimulus stream in an unlinked temporary file. Taxel i has i + 1 times the value of a
  * record. */
 static int create_stimulus(uint32_t kind, const double *times, const float *values, size_t records)
 {
@@ -145,6 +145,7 @@ static void forces_are_interpolated_between_records(void)
     stimulus_close(&stimulus);
 }
 
+/* Taxel i has i + 1 times the recorded value. */
 static void recorded_counts_are_delivered_unchanged(void)
 {
     static const double times[] = {0.0, 0.6, 0.9};
@@ -164,7 +165,7 @@ static void recorded_counts_are_delivered_unchanged(void)
     fake_world_close(&fake);
 }
 
-static void contact_lowers_the_raw_count_of_each_taxel_by_its_force(void)
+static void a_taxel_with_a_larger_force_has_a_larger_signal(void)
 {
     static const double times[] = {0.0, 0.69, 0.7};
     static const float values[] = {0.0f, 0.0f, 0.06f};
@@ -192,6 +193,6 @@ int main(void)
     RUN(raw_counts_stay_in_range_at_extreme_settings);
     RUN(forces_are_interpolated_between_records);
     RUN(recorded_counts_are_delivered_unchanged);
-    RUN(contact_lowers_the_raw_count_of_each_taxel_by_its_force);
+    RUN(a_taxel_with_a_larger_force_has_a_larger_signal);
     return check_summary();
 }

@@ -12,7 +12,7 @@
 static struct fake_world fake;
 
 /* Run a world with a fault at byte `position` of the board's next transfer, half a second after the start of the
- * stream. */
+ * stream. second: second value of the fault. */
 static void run_with_fault_at(enum fault_kind kind, unsigned position, double second)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
@@ -23,7 +23,7 @@ static void run_with_fault_at(enum fault_kind kind, unsigned position, double se
     CHECK_EQUAL(fake.world.log.count, 2); /* the injection and the effect */
 }
 
-/* Checks that the board with the injected fault still streams, that all counters agree, and closes the world. */
+/* Check that the board with the injected fault still streams, that all counters agree, and close the world. */
 static void check_stream_continues(void)
 {
     const unsigned before = fake.frames_of[FAULTY];
@@ -137,7 +137,7 @@ static void uart_fault_loses_only_the_frames_that_contain_it(void)
     }
 }
 
-static void uart_delay_loses_nothing(void)
+static void uart_delay_loses_no_frame(void)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
     fake_world_fault(&fake, 0.9, FAULT_UP_DELAY, 0, 30);
@@ -248,7 +248,7 @@ int main(void)
     RUN(uart_fault_loses_only_the_frames_that_contain_it);
     RUN(flow_control_keeps_bytes_that_the_hub_cannot_receive);
     RUN(usb_latency_towards_the_hub_delays_every_byte);
-    RUN(uart_delay_loses_nothing);
+    RUN(uart_delay_loses_no_frame);
     RUN(hub_sends_a_handshake_after_a_restart_or_a_power_loss);
     RUN(wrap_around_of_clocks_causes_no_fault);
     return check_summary();

@@ -1,5 +1,5 @@
-/* The star of branches: rise times against the formula of the I2C specification, levels with line faults, and the bus of
- * an emulated world with a branch that is slow, open or shorted. */
+/* The star of branches: rise times against the formula of the I2C specification, levels with line faults, and the bus
+ * of an emulated world with a branch that is slow, open or shorted. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -14,7 +14,7 @@
 static struct fake_world fake;
 static const struct line_fault healthy[WIRING_BRANCHES_MAX];
 
-/* Two branches with these pull-ups and capacitances, and a hub without a pull-up. */
+/* Return a wiring of two branches with these pull-ups and capacitances, and a hub without a pull-up. */
 static struct wiring_description make_wiring(double ohm, double picofarad)
 {
     struct wiring_description wiring = {.hub_capacitance_pf = 10.0, .branch_count = 2};
@@ -107,6 +107,7 @@ static void open_branch_takes_its_pullup_and_capacitance_away(void)
     CHECK(!star.branches[0].hub_lows_arrive && !star.branches[0].board_lows_arrive);
 }
 
+/* At 400 kHz the limit is 300 ns and the set-up time 100 ns, so 10 ns above the limit give a probability of 0.1. */
 static void misread_probability_follows_the_limits_of_the_modes(void)
 {
     CHECK(star_misread_probability(300e-9, 400e3) == 0.0);
@@ -118,7 +119,7 @@ static void misread_probability_follows_the_limits_of_the_modes(void)
     CHECK(star_rise_limit_s(2e6) < star_rise_limit_s(1e6));
 }
 
-/* Opens the described world, starts the stream and runs for `seconds`. */
+/* Open the described world, start the stream and run for `seconds`. */
 static void run_world(double seconds)
 {
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
@@ -126,7 +127,7 @@ static void run_world(double seconds)
     CHECK_EQUAL(fake_world_run(&fake, seconds), 0);
 }
 
-/* Describes a world of four boards in two branches. */
+/* Describe a world of four boards in two branches. */
 static void describe_world(struct wiring_description wiring, double scl_hz)
 {
     fake_world_describe(&fake, BOARDS, 40);
@@ -134,7 +135,7 @@ static void describe_world(struct wiring_description wiring, double scl_hz)
     fake.description.wiring = wiring;
 }
 
-/* Number of failed polls of a board. */
+/* Return the number of failed polls of a board. */
 static unsigned failed_polls(uint8_t address)
 {
     const struct taxel_hub_slot *slot = fake_world_slot(&fake, address);
@@ -175,7 +176,7 @@ static void slow_branch_fails_at_400_khz_and_works_at_100_khz(void)
     fake_world_close(&fake);
 }
 
-/* Frames of a board in the next `seconds`. */
+/* Run the world for `seconds`. Returns the number of frames of a board in this time. */
 static unsigned frames_during(uint8_t address, double seconds)
 {
     const unsigned before = fake.frames_of[address];
@@ -183,7 +184,7 @@ static unsigned frames_during(uint8_t address, double seconds)
     return fake.frames_of[address] - before;
 }
 
-/* Injects a fault of the branch `index` and lets the hub notice it. */
+/* Inject a fault of the branch `index` and let the hub detect it. */
 static void inject(enum fault_kind kind, double selection, double ohm)
 {
     const struct fault_description fault = {.kind = kind, .address = INDEX, .value = selection, .second_value = ohm};

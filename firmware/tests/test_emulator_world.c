@@ -6,7 +6,7 @@
 
 static struct fake_world fake;
 
-/* Describes a world of 17 boards with 15 x 63 + 2 x 64 = 1073 taxels, a load similar to that of a whole hand. */
+/* Describe a world of 17 boards with 15 x 63 + 2 x 64 = 1073 taxels, a load similar to that of a whole hand. */
 static void describe_hand(void)
 {
     fake_world_describe(&fake, HAND_BOARDS, 63);
@@ -16,7 +16,7 @@ static void describe_hand(void)
     }
 }
 
-/* Stops the stream; all queued bytes must arrive, and the counters must agree. */
+/* Stop the stream; all queued bytes must arrive, and the counters must agree. */
 static void stop_stream(void)
 {
     fake_world_command(&fake, TAXEL_COMMAND_STOP, NULL, 0);
@@ -45,8 +45,8 @@ static void hand_streams_at_the_rate_of_bus_and_hub(void)
     fake_world_close(&fake);
 }
 
-/* Runs a world with several faults in steps of this size. Returns the CRC of the bytes from the hub; *bytes: their
- * number. */
+/* Run a world with several faults in steps of this size. Returns the CRC of the bytes from the hub; writes their number
+ * to *bytes. */
 static uint32_t run_with_faults(double seconds, vtime step, uint64_t seed, uint64_t *bytes)
 {
     fake_world_describe(&fake, 6, 20);
@@ -90,8 +90,8 @@ static void step_length_does_not_change_the_stream(void)
     }
 }
 
-/* CRC of the hub's bytes in a world that is run in steps of this size. The host's commands reach the hub during an
- * I2C transfer; the result must not depend on how far the bus has been advanced. */
+/* Return the CRC of the hub's bytes in a world that is run in steps of this size. The host's commands reach the hub
+ * during an I2C transfer; the result must not depend on how far the bus has been advanced by then. */
 static uint32_t run_with_commands(vtime step)
 {
     fake_world_describe(&fake, 4, 200);
@@ -115,7 +115,7 @@ static void step_length_does_not_change_responses_to_commands(void)
     CHECK_EQUAL(run_with_commands(34 * VTIME_MS), fine);
 }
 
-static void smallest_and_largest_world_stream(void)
+static void worlds_of_1_taxel_and_of_7680_taxels_stream(void)
 {
     fake_world_describe(&fake, 1, 1);
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
@@ -173,7 +173,7 @@ int main(void)
     RUN(seed_determines_the_bytes_of_the_stream);
     RUN(step_length_does_not_change_the_stream);
     RUN(step_length_does_not_change_responses_to_commands);
-    RUN(smallest_and_largest_world_stream);
+    RUN(worlds_of_1_taxel_and_of_7680_taxels_stream);
     RUN(uart_slower_than_the_bus_serves_all_boards_equally);
     RUN(reboot_of_the_hub_stops_the_stream_and_finds_all_boards);
     return check_summary();

@@ -8,7 +8,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
-/* Starts a hub with three boards; it streams, or is idle. */
+/* Start a hub with three boards. `streaming`: the hub streams, otherwise it is idle. */
 static void begin(bool streaming)
 {
     fake_hub_init(&fake);
@@ -21,7 +21,7 @@ static void begin(bool streaming)
     }
 }
 
-/* Checks that counters balance and no frame is missing, and releases the boards. */
+/* Check that counters balance and no frame is missing, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -29,7 +29,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* Sends a command to the hub and waits for its reply. Returns the status of the reply. */
+/* Send a command to the hub and wait for its reply. Returns the status of the reply. */
 static int command(uint8_t code, const void *arguments, size_t size)
 {
     return fake_hub_command(&fake, code, arguments, size);
@@ -47,7 +47,7 @@ static void commands_are_rejected_before_the_handshake(void)
     end();
 }
 
-static void versions_are_negotiated(void)
+static void the_handshake_chooses_the_highest_common_version(void)
 {
     static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 3}, {0, 1, 1}, {1, 2, 2}, {2, 9, 3},
                                        {3, 9, 3}, {4, 9, 0},   {0, 0, 0}, {2, 1, 0}};
@@ -116,7 +116,7 @@ static void stop_ends_and_start_resumes_the_stream(void)
     end();
 }
 
-/* START during any transfer of an idle or a streaming hub: the first cycle still polls every board. */
+/* STOP and START arrive after any number of transfers: the first cycle still polls every board. */
 static void a_start_at_any_time_polls_every_board_in_its_first_cycle(void)
 {
     for (uint64_t after = 0; after < 30; after++) {
@@ -139,7 +139,7 @@ static void a_start_at_any_time_polls_every_board_in_its_first_cycle(void)
     }
 }
 
-static void pass_through_reads_and_writes(void)
+static void a_pass_through_reads_and_writes_registers_of_a_board(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         uint8_t arguments[2 + TAXEL_TRANSFER_MAX] = {FIRST + 1, TAXEL_IDENTITY_SIZE, TAXEL_REGISTER_IDENTITY};
@@ -164,7 +164,7 @@ static void pass_through_reads_and_writes(void)
     }
 }
 
-/* The host's transfer moved the board's register pointer: the next poll writes the pointer again. */
+/* The transfer of the host has moved the register pointer of the board: the next poll writes the pointer again. */
 static void a_pass_through_causes_no_retry_of_a_poll(void)
 {
     const uint8_t arguments[3] = {FIRST + 1, TAXEL_IDENTITY_SIZE, TAXEL_REGISTER_IDENTITY};
@@ -176,8 +176,8 @@ static void a_pass_through_causes_no_retry_of_a_poll(void)
     end();
 }
 
-/* While not streaming, the hub scans the bus and identifies boards; during the host's transfers it makes no
- * transfers itself. */
+/* While the hub does not stream, it scans the bus and identifies boards. While the host makes transfers, the hub makes
+ * none itself. */
 static void the_idle_bus_is_reserved_for_the_host_during_its_transfers(void)
 {
     const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
@@ -201,7 +201,7 @@ static void the_idle_bus_is_reserved_for_the_host_during_its_transfers(void)
     end();
 }
 
-/* Commands that need transfers of the hub do not wait until the host's reservation of the bus ends. */
+/* Commands that need transfers of the hub do not wait until the host's reservation of the bus has ended. */
 static void board_commands_are_executed_between_the_hosts_transfers(void)
 {
     const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
@@ -213,7 +213,7 @@ static void board_commands_are_executed_between_the_hosts_transfers(void)
     end();
 }
 
-static void pass_through_rejects_invalid_arguments(void)
+static void a_pass_through_with_invalid_arguments_is_rejected(void)
 {
     uint8_t arguments[3] = {0x07, 1, 0};
     begin(true);
@@ -226,13 +226,13 @@ static void pass_through_rejects_invalid_arguments(void)
     end();
 }
 
-/* Script of the bus: transfers that read 3 bytes end with the result that the test has selected. */
+/* End transfers that read 3 bytes with the result that the test has selected; script of the bus. */
 static int end_pass_through(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     return transfer->read_size == 3 ? hub->script_state : FAKE_PROCEED;
 }
 
-static void pass_through_reports_its_failure(void)
+static void a_failed_pass_through_reports_the_cause(void)
 {
     const uint8_t arguments[3] = {FIRST, 3, 0};
     begin(true);
@@ -248,7 +248,7 @@ static void pass_through_reports_its_failure(void)
     end();
 }
 
-/* 64 bytes on a slow bus take longer than a short transfer's time limit. */
+/* A transfer of 64 bytes on a slow bus takes longer than the time limit of a short transfer. */
 static void the_longest_pass_through_does_not_time_out_on_a_slow_bus(void)
 {
     const uint8_t arguments[2 + TAXEL_TRANSFER_MAX] = {0x60, 0, 1, 2, 3};
@@ -355,17 +355,17 @@ static void get_fault_replies_with_the_record_of_the_port(void)
 int main(void)
 {
     RUN(commands_are_rejected_before_the_handshake);
-    RUN(versions_are_negotiated);
+    RUN(the_handshake_chooses_the_highest_common_version);
     RUN(get_fault_replies_with_the_record_of_the_port);
     RUN(wrong_lengths_and_unknown_commands_are_rejected);
     RUN(stop_ends_and_start_resumes_the_stream);
     RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);
-    RUN(pass_through_reads_and_writes);
+    RUN(a_pass_through_reads_and_writes_registers_of_a_board);
     RUN(a_pass_through_causes_no_retry_of_a_poll);
     RUN(the_idle_bus_is_reserved_for_the_host_during_its_transfers);
     RUN(board_commands_are_executed_between_the_hosts_transfers);
-    RUN(pass_through_rejects_invalid_arguments);
-    RUN(pass_through_reports_its_failure);
+    RUN(a_pass_through_with_invalid_arguments_is_rejected);
+    RUN(a_failed_pass_through_reports_the_cause);
     RUN(the_longest_pass_through_does_not_time_out_on_a_slow_bus);
     RUN(scan_bus_lists_the_addresses_that_acknowledge);
     RUN(a_board_detected_during_a_cycle_changes_no_other_poll);

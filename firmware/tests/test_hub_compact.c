@@ -17,19 +17,19 @@ static uint8_t buffers[BOARDS][2][TAXEL_COMPACT_BUFFER_SIZE(TAXELS)];
 static unsigned decoded, packed_frames, delta_frames, without_key_frame;
 static bool is_host_silent; /* the host sends no acknowledgements */
 
-/* Raw count of a taxel without touch: small noise, no escapes. */
+/* Return the raw count of a taxel without touch: small noise, no escapes. */
 static uint16_t count_at_rest(uint16_t scan, uint16_t taxel)
 {
     return (uint16_t)(3000u + 20u * taxel + (scan * 40503u + taxel * 9973u) % 65521u % 5u);
 }
 
-/* The raw count of the conversion in progress of a simulated board without touch. */
+/* Return the raw count of the conversion in progress of a simulated board without touch. */
 static uint16_t count_of(struct fake_sensor *sensor)
 {
     return count_at_rest((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
 }
 
-/* Script of the bus: runs the main loops of the boards between two transfers. */
+/* Run the main loops of the boards between two transfers; script of the bus. */
 static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     (void)hub;
@@ -42,15 +42,14 @@ static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *tra
     return FAKE_PROCEED;
 }
 
-/* Starts board number `i`, which completes one scan. */
+/* Start board number `i`, which completes one scan. */
 static void boot_board(size_t i)
 {
     CHECK_EQUAL(fake_sensor_boot(&sensors[i]), 0);
     fake_scan(&sensors[i], 1);
 }
 
-/* Starts a hub with boards that offer compact snapshots, except the last board, which has register map version
- * 1. */
+/* Start a hub with boards that offer compact snapshots. The last board does not: it has register map version 1. */
 static void begin(void)
 {
     fake_hub_init(&fake);
@@ -72,7 +71,7 @@ static void begin(void)
     CHECK(fake_hub_start(&fake));
 }
 
-/* Checks that counters balance and no frame is missing, and releases the boards. */
+/* Check that counters balance and no frame is missing, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -80,13 +79,13 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* Sends the command START with these flags. Returns the status of the reply. */
+/* Send the command START with these flags. Returns the status of the reply. */
 static int start(uint8_t flags)
 {
     return fake_hub_command(&fake, TAXEL_COMMAND_START, &flags, 1);
 }
 
-/* Sends an ACKNOWLEDGE frame with one entry: the key frame of a board. */
+/* Send an ACKNOWLEDGE frame with one entry: the board address (with flags) and the id of its key frame. */
 static void acknowledge(uint8_t address, uint16_t key_frame_id)
 {
     uint8_t bytes[TAXEL_ACKNOWLEDGEMENT_SIZE] = {address};
@@ -94,7 +93,7 @@ static void acknowledge(uint8_t address, uint16_t key_frame_id)
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_ACKNOWLEDGE, bytes, sizeof bytes);
 }
 
-/* Sends the answer that the host's decoder has prepared for a board, unless the host is silent. */
+/* Send the answer that the host's decoder has prepared for a board, unless the host is silent. */
 static void answer(size_t board)
 {
     struct taxel_compact_receiver *receiver = &receivers[board];
@@ -105,7 +104,7 @@ static void answer(size_t board)
     receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
 }
 
-/* Decodes a COMPACT_TAXELS frame as the host, and compares the counts with those of the board. */
+/* Decode a COMPACT_TAXELS frame as the host, and compare the counts with those of the board. */
 static void receive(const struct fake_frame *frame)
 {
     const size_t board = frame->payload[0] - FIRST;
@@ -126,7 +125,7 @@ static void receive(const struct fake_frame *frame)
     answer(board);
 }
 
-/* Run poll cycles; after each, the host decodes the frames received and sends its answers. */
+/* Run poll cycles. After each cycle, the host decodes the frames received and sends its answers. */
 static void run_cycles_and_answer(unsigned cycles)
 {
     decoded = packed_frames = delta_frames = without_key_frame = 0;
@@ -281,7 +280,8 @@ static void a_restarted_board_is_reported_and_polled_again(void)
     end();
 }
 
-/* Delta frames hold 24 bits of the board's clock: an hour of them, with a clock that is one percent slow. */
+/* Delta frames hold 24 bits of the board's clock. Run an hour of delta frames with a board clock that is one percent
+ * slow. */
 static void an_hour_of_delta_frames_is_not_a_restart(void)
 {
     begin();

@@ -8,7 +8,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[FAKE_DEVICES];
 
-/* Starts a hub that streams from this number of boards, and runs two poll cycles. */
+/* Start a hub that streams from this number of boards, and run two poll cycles. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -18,7 +18,7 @@ static void begin(size_t boards)
     fake_hub_forget_frames(&fake);
 }
 
-/* Checks that counters balance, no frame is missing and no transfers overlapped, and releases the boards. */
+/* Check that counters balance, no frame is missing and no transfers overlapped, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -27,33 +27,33 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* A copy of the hub's entry for the board with this address; all zero if there is none. */
+/* Return a copy of the hub's entry for the board with this address; all zero if there is none. */
 static struct taxel_hub_slot slot(uint8_t address)
 {
     const struct taxel_hub_slot none = {0};
     return fake_hub_slot(&fake, address) ? *fake_hub_slot(&fake, address) : none;
 }
 
-/* Number of polls of the board with this address. */
+/* Return the number of polls of the board with this address. */
 static uint32_t polls_of(uint8_t address)
 {
     const struct taxel_hub_slot board = slot(address);
     return taxel_hub_polls(&board);
 }
 
-/* The number of the poll cycle in a TAXELS frame. */
+/* Return the number of the poll cycle in a TAXELS frame. */
 static uint16_t cycle_of(const struct fake_frame *frame)
 {
     return taxel_get_u16(frame->payload + TAXEL_TAXEL_HEADER_OFFSET_CYCLE);
 }
 
-/* Checks that each poll of a board gave a frame; one poll may be in progress. */
+/* Check that each poll of a board gave a frame; one poll may be in progress. */
 static void check_every_poll_was_forwarded(uint8_t address)
 {
-    CHECK_BETWEEN(polls_of(address) - slot(address).forwarded, 0, 1); /* one poll may be in progress */
+    CHECK_BETWEEN(polls_of(address) - slot(address).forwarded, 0, 1);
 }
 
-/* At most one frame per board and cycle number: the frames of one cycle show the skin at one time. */
+/* Check that a board has at most one frame per cycle number: the frames of one cycle show the skin at one time. */
 static void check_one_frame_per_cycle(uint8_t address)
 {
     long last = -1;
@@ -66,7 +66,7 @@ static void check_one_frame_per_cycle(uint8_t address)
     }
 }
 
-/* Checks that a poll that fails once per cycle, by a wrong CRC or a NACK, is repeated once and loses no
+/* Check that a poll that fails once per cycle, by a wrong CRC or a NACK, is repeated once and loses no
  * snapshot. */
 static void check_one_retry(bool by_crc)
 {

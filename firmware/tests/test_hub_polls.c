@@ -9,7 +9,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[FAKE_DEVICES];
 
-/* Starts a hub that streams from this number of boards. */
+/* Start a hub that streams from this number of boards. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -17,7 +17,7 @@ static void begin(size_t boards)
     CHECK(fake_hub_start(&fake));
 }
 
-/* Checks that counters balance, no frame or byte is lost and no transfers overlapped, and releases the boards. */
+/* Check that counters balance, no frame or byte is lost and no transfers overlapped, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -100,7 +100,7 @@ static void every_cycle_polls_every_board_in_the_order_of_addresses(void)
 
 static unsigned pointer_writes;
 
-/* Script of the bus: counts the polls that write the register pointer first. */
+/* Count the polls that write the register pointer first; script of the bus. */
 static int count_pointer_writes(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     (void)hub;
@@ -198,7 +198,7 @@ static void a_hub_without_boards_probes_every_20_ms(void)
     end();
 }
 
-/* Sends the command SET_RATE with the shortest time between two poll cycles. */
+/* Send the command SET_RATE with the shortest time between two poll cycles. */
 static void set_period(uint32_t microseconds)
 {
     uint8_t period[4];
@@ -207,7 +207,7 @@ static void set_period(uint32_t microseconds)
     fake_hub_forget_frames(&fake);
 }
 
-static void the_hub_keeps_a_selected_rate(void)
+static void the_hub_keeps_a_selected_rate_of_100_hz(void)
 {
     begin(3);
     set_period(10000);
@@ -218,7 +218,7 @@ static void the_hub_keeps_a_selected_rate(void)
     end();
 }
 
-/* Checks that status frames arrive once per second if poll cycles have this period. */
+/* Check that status frames arrive once per second if poll cycles have this period. */
 static void check_status_once_per_second(uint32_t period_us)
 {
     begin(3);
@@ -270,7 +270,7 @@ int main(void)
     RUN(a_board_plugged_in_while_streaming_is_detected);
     RUN(boards_beyond_the_slots_are_not_polled);
     RUN(a_hub_without_boards_probes_every_20_ms);
-    RUN(the_hub_keeps_a_selected_rate);
+    RUN(the_hub_keeps_a_selected_rate_of_100_hz);
     RUN(the_status_is_sent_once_per_second);
     RUN(the_status_is_sent_once_per_second_at_a_slow_rate);
     RUN(cycle_numbers_and_clocks_wrap);

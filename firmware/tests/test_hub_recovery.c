@@ -7,7 +7,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
-/* Starts a hub that streams from this number of boards, runs two poll cycles, and forgets the recorded line
+/* Start a hub that streams from this number of boards, run two poll cycles, and forget the recorded line
  * levels. */
 static void begin(size_t boards)
 {
@@ -19,7 +19,7 @@ static void begin(size_t boards)
     fake.line_count = 0;
 }
 
-/* Checks that counters balance, no frame is missing and no transfers overlapped, and releases the boards. */
+/* Check that counters balance, no frame is missing and no transfers overlapped, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -28,23 +28,23 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* Make the next transfers to the second board hang or end with a given result. */
-static int next_verdict;
+/* The result of the next transfers with the second board: an I2C result, or FAKE_HANG. */
+static int next_result;
 
-/* Script of the bus: the next transfers with the second board end with the result that the test has selected. */
+/* End the next transfers with the second board with the result that the test has selected; script of the bus. */
 static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address == FIRST + 1 && hub->script_state > 0) {
         hub->script_state--;
-        return next_verdict;
+        return next_result;
     }
     return FAKE_PROCEED;
 }
 
-/* Lets the next `transfers` transfers with the second board end with `result`. */
+/* Let the next `transfers` transfers with the second board end with `result`. */
 static void inject_failure(int result, int transfers)
 {
-    next_verdict = result;
+    next_result = result;
     fake.script_state = transfers;
     fake.script = spoil_second_board;
 }
@@ -78,7 +78,7 @@ static void a_board_that_always_hangs_does_not_stop_the_others(void)
     end();
 }
 
-/* The timeout is unchanged while the hub also handles other events: status frames, bytes from the host. */
+/* The timeout stays the same while the hub also handles other events: status frames and bytes from the host. */
 static void the_timeout_is_not_extended_by_other_events(void)
 {
     for (unsigned events = 0; events < 4; events++) {
@@ -100,15 +100,15 @@ static void the_timeout_is_not_extended_by_other_events(void)
     }
 }
 
-/* Checks the levels of SCL and SDA in entry `i` of the recorded line levels. */
+/* Check the levels of SCL and SDA in entry `i` of the recorded line levels. */
 static void check_line(size_t i, bool scl, bool sda)
 {
     CHECK_EQUAL(fake.lines[i].scl, scl);
     CHECK_EQUAL(fake.lines[i].sda, sda);
 }
 
-/* Counts clocks, start and stop conditions in the recorded levels of SCL and SDA, as a slave does. Simultaneous
- * changes of both lines would have no defined order, and fail the test. */
+/* Count clocks, start conditions and stop conditions in the recorded levels of SCL and SDA, as a slave does. If both
+ * lines change at the same time, the order is undefined, and the check fails. */
 static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
 {
     bool scl = true, sda = true;

@@ -7,7 +7,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
-/* Starts a hub that streams from this number of boards, and runs three poll cycles. */
+/* Start a hub that streams from this number of boards, and run three poll cycles. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -17,7 +17,7 @@ static void begin(size_t boards)
     fake_hub_forget_frames(&fake);
 }
 
-/* Checks that counters balance and no frame is missing, and releases the boards. */
+/* Check that counters balance and no frame is missing, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -25,7 +25,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* Restarts a board between two polls: its clock begins at zero. */
+/* Restart a board between two polls: its clock begins at zero. */
 static void restart_board(size_t board)
 {
     CHECK_EQUAL(fake_sensor_boot(&sensors[board]), 0);
@@ -63,7 +63,7 @@ static void a_restarted_board_gets_its_settings_again(void)
     end();
 }
 
-static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
+static void after_a_pause_of_two_minutes_no_board_is_reported_as_restarted(void)
 {
     begin(2);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_STOP, NULL, 0), 0);
@@ -84,7 +84,7 @@ static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
     end();
 }
 
-/* Checks all BOARD_INFO frames: the identity begins with WHO_AM_I and has a valid CRC. */
+/* Check all BOARD_INFO frames: the identity begins with WHO_AM_I and has a valid CRC. */
 static void check_board_infos(void)
 {
     for (size_t i = 0; i < fake.frame_count; i++) {
@@ -96,7 +96,7 @@ static void check_board_infos(void)
     }
 }
 
-/* A command may arrive between any two transfers while settings are restored. */
+/* While the hub writes the settings again, a command may arrive between any two transfers. */
 static void board_info_is_valid_at_any_time(void)
 {
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {0};
@@ -169,7 +169,7 @@ int main(void)
 {
     RUN(a_restarted_board_is_reported_and_identified_again);
     RUN(a_restarted_board_gets_its_settings_again);
-    RUN(after_a_pause_of_two_minutes_no_board_counts_as_restarted);
+    RUN(after_a_pause_of_two_minutes_no_board_is_reported_as_restarted);
     RUN(board_info_is_valid_at_any_time);
     RUN(a_reboot_waits_until_its_reply_is_sent);
     RUN(the_bootloader_is_entered_only_with_the_key);

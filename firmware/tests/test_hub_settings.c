@@ -10,7 +10,7 @@ static struct fake_sensor sensors[4];
 static const struct taxel_scan_settings good = {80, 40, 1, 12, 96};
 static const struct taxel_scan_settings bad = {0, 40, 1, 12, 96};
 
-/* Starts a hub with three boards; it streams, or is idle. */
+/* Start a hub with three boards. `streaming`: the hub streams, otherwise it is idle. */
 static void begin(bool streaming)
 {
     fake_hub_init(&fake);
@@ -23,7 +23,7 @@ static void begin(bool streaming)
     fake_hub_forget_frames(&fake);
 }
 
-/* Checks that counters balance and no frame is missing, and releases the boards. */
+/* Check that counters balance and no frame is missing, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -31,7 +31,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* Sends the command SET_SCAN_SETTINGS for one board (0: all). Returns the status of the reply. */
+/* Send the command SET_SCAN_SETTINGS for one board (0: all). Returns the status of the reply. */
 static int set_settings(uint8_t address, const struct taxel_scan_settings *settings)
 {
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {address};
@@ -39,14 +39,14 @@ static int set_settings(uint8_t address, const struct taxel_scan_settings *setti
     return fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments);
 }
 
-/* Sends the command GET_BOARD_INFO for one board (0: all). Returns the status of the reply. */
+/* Send the command GET_BOARD_INFO for one board (0: all). Returns the status of the reply. */
 static int get_board_info(uint8_t address)
 {
     return fake_hub_command(&fake, TAXEL_COMMAND_GET_BOARD_INFO, &address, 1);
 }
 
-/* Number of sub-conversions with which a board now scans, which stands for its settings. */
-static uint16_t settings_of(size_t board)
+/* Return the number of sub-conversions of a board's next scan, by which the tests identify its scan settings. */
+static uint16_t scanned_sub_conversions(size_t board)
 {
     fake_scan(&sensors[board], 1);
     return sensors[board].front_end.sub_conversions;
@@ -57,9 +57,9 @@ static void settings_are_written_to_one_board(void)
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
         CHECK_EQUAL(set_settings(FIRST + 1, &good), 0);
-        CHECK_EQUAL(settings_of(0), 160);
-        CHECK_EQUAL(settings_of(1), 80);
-        CHECK_EQUAL(settings_of(2), 160);
+        CHECK_EQUAL(scanned_sub_conversions(0), 160);
+        CHECK_EQUAL(scanned_sub_conversions(1), 80);
+        CHECK_EQUAL(scanned_sub_conversions(2), 160);
         end();
     }
 }
@@ -70,7 +70,7 @@ static void settings_are_written_to_all_boards(void)
         begin(streaming);
         CHECK_EQUAL(set_settings(0, &good), 0);
         for (size_t i = 0; i < 3; i++) {
-            CHECK_EQUAL(settings_of(i), 80);
+            CHECK_EQUAL(scanned_sub_conversions(i), 80);
         }
         CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
         end();
@@ -90,10 +90,10 @@ static void settings_that_the_board_rejects_are_reported(void)
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
         CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
-        CHECK_EQUAL(settings_of(1), 160);
+        CHECK_EQUAL(scanned_sub_conversions(1), 160);
         CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_SETTINGS_REJECTED), 1);
         CHECK_EQUAL(set_settings(FIRST + 1, &good), 0);
-        CHECK_EQUAL(settings_of(1), 80);
+        CHECK_EQUAL(scanned_sub_conversions(1), 80);
         end();
     }
 }
@@ -105,7 +105,7 @@ static void an_earlier_rejection_does_not_affect_a_later_command(void)
     fake.devices[1].unplugged = true;
     CHECK(fake_hub_run_cycles(&fake, 10));
     CHECK_EQUAL(set_settings(0, &good), 0);
-    CHECK_EQUAL(settings_of(0), 80);
+    CHECK_EQUAL(scanned_sub_conversions(0), 80);
     end();
 }
 
@@ -122,7 +122,7 @@ static void rejected_settings_are_not_written_again_after_a_restart(void)
     end();
 }
 
-/* Script of the bus: the next writes of settings to the second board are not acknowledged. */
+/* Lose the next writes of settings to the second board: they are not acknowledged; script of the bus. */
 static int lose_settings_write(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address == FIRST + 1 && transfer->write_size == 1u + TAXEL_SETTINGS_REGISTER_SIZE &&
@@ -139,7 +139,7 @@ static void a_lost_write_of_settings_is_reported(void)
     fake.script = lose_settings_write;
     fake.script_state = 1;
     const int status = set_settings(FIRST + 1, &good);
-    CHECK(status == 0 ? settings_of(1) == 80 : settings_of(1) == 160);
+    CHECK(status == 0 ? scanned_sub_conversions(1) == 80 : scanned_sub_conversions(1) == 160);
     end();
 }
 
@@ -150,8 +150,8 @@ static void a_board_that_is_unplugged_during_the_write_ends_the_command(void)
     fake.script_state = 1000;
     fake.devices[1].nacks = 1000;
     CHECK(set_settings(0, &good) > 0);
-    CHECK_EQUAL(settings_of(0), 80);
-    CHECK_EQUAL(settings_of(2), 80);
+    CHECK_EQUAL(scanned_sub_conversions(0), 80);
+    CHECK_EQUAL(scanned_sub_conversions(2), 80);
     end();
 }
 
@@ -190,7 +190,7 @@ static void commands_do_not_wait_for_a_slow_cycle(void)
     fake_hub_run(&fake, 20000);
     CHECK_EQUAL(get_board_info(FIRST), 0);
     CHECK_EQUAL(set_settings(0, &good), 0);
-    CHECK_EQUAL(settings_of(2), 80);
+    CHECK_EQUAL(scanned_sub_conversions(2), 80);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_STATUS, NULL, 0), 0);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0);
     taxel_put_u32(period, 0);

@@ -9,6 +9,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[BOARDS];
 
+/* Start a hub that streams from this number of boards. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -16,7 +17,8 @@ static void begin(size_t boards)
     CHECK(fake_hub_start(&fake));
 }
 
-/* Boards of 16, 32, 48 and 64 taxels, and the smallest pool for them: a few of their frames fill it. */
+/* Describe boards of 16, 32, 48 and 64 taxels and a transfer pool that a few of their frames fill. `more`: bytes that
+ * the pool has beyond the smallest possible size. */
 static void set_up_a_full_pool(size_t more)
 {
     fake_hub_init(&fake);
@@ -29,7 +31,8 @@ static void set_up_a_full_pool(size_t more)
     fake.config.transfer_pool_size = 2 * TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(64)) + more;
 }
 
-/* Sequence numbers without a gap, no byte discarded, every poll in one counter. */
+/* Check that sequence numbers have no gap, no byte is discarded and each poll is in one counter, and release the
+ * boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -38,6 +41,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
+/* Let the host read again, and check that it receives all frames that the hub has counted as sent. */
 static void resume_reading(void)
 {
     fake.drain_bytes = FAKE_PULL;
@@ -46,7 +50,7 @@ static void resume_reading(void)
     CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
 }
 
-/* The host reads some bytes and then stops. */
+/* Let the host read this number of bytes and then stop. */
 static void read_bytes(size_t bytes)
 {
     for (; bytes; bytes--) {
@@ -56,7 +60,7 @@ static void read_bytes(size_t bytes)
     fake.drain_bytes = 0;
 }
 
-/* Snapshots of all boards that were not sent. */
+/* Return the number of snapshots of all boards that were not sent. */
 static uint32_t dropped_snapshots(void)
 {
     uint32_t dropped = 0;
@@ -144,8 +148,8 @@ static void commands_wait_for_space(void)
     end();
 }
 
-/* Number of LOG frames that replace a dropped frame. */
-static size_t stand_ins(void)
+/* Return the number of LOG frames that replace a dropped frame. */
+static size_t count_placeholders(void)
 {
     size_t count = 0;
     for (size_t i = 0; i < fake.frame_count; i++) {
@@ -172,13 +176,13 @@ static void repeated_stalls_leave_every_frame_intact_and_no_number_missing(void)
             read_bytes(taken);
         }
         resume_reading();
-        placeholders += stand_ins();
+        placeholders += count_placeholders();
         end();
     }
     CHECK(placeholders > 50); /* not every stall has a second frame in the pool */
 }
 
-/* The pool may hold board information when the stall is detected, which is in no board's counters. */
+/* When the stall is detected, the pool may hold board information, which no counter of a board contains. */
 static void a_stall_during_identification_counts_no_snapshot(void)
 {
     for (size_t taken = 0; taken <= 300; taken += 3) {

@@ -9,7 +9,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
-/* Starts a hub that streams from this number of boards. */
+/* Start a hub that streams from this number of boards. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -17,7 +17,7 @@ static void begin(size_t boards)
     CHECK(fake_hub_start(&fake));
 }
 
-/* Checks that counters balance and no frame or byte is lost, and releases the boards. */
+/* Check that counters balance and no frame or byte is lost, and release the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -112,7 +112,7 @@ static void rts_stops_the_host_while_the_receive_ring_is_nearly_full(void)
     end();
 }
 
-/* The hub executes a command and accepts no other meanwhile: a host that obeys RTS loses no byte. */
+/* While the hub executes a command, it accepts no other command: a host that obeys RTS loses no byte. */
 static void a_host_with_flow_control_loses_no_command(void)
 {
     static const uint8_t transfer[3] = {TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64};
@@ -172,7 +172,7 @@ static void a_restarted_hub_lowers_rts(void)
     fake_hub_free_boards(&fake);
 }
 
-static void several_commands_are_executed_in_order(void)
+static void commands_sent_together_are_executed_in_order(void)
 {
     uint8_t bytes[255];
     size_t size = 0;
@@ -203,7 +203,7 @@ static void several_commands_are_executed_in_order(void)
     end();
 }
 
-/* A completely filled ring would look empty. */
+/* A ring that is completely full would have the same positions as an empty ring. */
 static void the_transmit_ring_is_never_filled_completely(void)
 {
     static const uint8_t data[TAXEL_REPLY_HEADER_SIZE + 128] = {1, TAXEL_COMMAND_GET_TIME, 0};
@@ -241,7 +241,7 @@ static void a_slow_reader_gets_equally_many_frames_of_every_board(void)
     end();
 }
 
-/* Taxel frames that are shorter than a status frame fit into free space earlier. */
+/* Taxel frames are shorter than a status frame, so that they fit into the free space earlier. */
 static void a_status_report_ends_although_the_uart_is_full(void)
 {
     for (size_t drained = 1; drained <= 16; drained++) {
@@ -266,7 +266,7 @@ int main(void)
     RUN(a_host_with_flow_control_loses_no_command);
     RUN(a_hub_without_rts_counts_lost_bytes);
     RUN(a_restarted_hub_lowers_rts);
-    RUN(several_commands_are_executed_in_order);
+    RUN(commands_sent_together_are_executed_in_order);
     RUN(the_transmit_ring_is_never_filled_completely);
     RUN(a_slow_reader_gets_equally_many_frames_of_every_board);
     RUN(a_status_report_ends_although_the_uart_is_full);

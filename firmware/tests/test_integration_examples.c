@@ -1,4 +1,4 @@
-/* The integration examples at the top of the public headers, compiled and run. A change here belongs into the header
+/* The integration examples at the top of the public headers, compiled and run. Make each change here in the header
  * too. */
 #include "bootloader/bootloader.h"
 #include "check.h"
@@ -15,7 +15,7 @@
 static unsigned frames;
 static struct taxel_frame last_frame;
 
-/* Handler of the deframer: stores the last frame and counts the frames. */
+/* Store the last frame and count the frames; handler of the deframer. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
@@ -23,7 +23,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     frames++;
 }
 
-/* Runs the integration examples of codec/encoder.h and codec/deframer.h. */
+/* Run the integration examples of codec/encoder.h and codec/deframer.h. */
 static void an_encoded_frame_is_decoded(void)
 {
     static const uint8_t payload[TAXEL_HOST_HANDSHAKE_SIZE] = {7, 1, 2};
@@ -57,7 +57,7 @@ static void an_encoded_frame_is_decoded(void)
 
 static unsigned messages;
 
-/* Checks the address and the last count of the example's message. */
+/* Check the address and the last count of the example's message. */
 static void on_message(void *context, const struct taxel_original_message *message)
 {
     (void)context;
@@ -66,7 +66,7 @@ static void on_message(void *context, const struct taxel_original_message *messa
     messages++;
 }
 
-/* Runs the integration example of codec/original.h. */
+/* Run the integration example of codec/original.h. */
 static void a_message_of_the_original_hub_is_decoded(void)
 {
     uint8_t bytes[62] = {0x01, 62, 0x1D, 0, 0, 0x12, 0x34};
@@ -92,7 +92,7 @@ static void a_message_of_the_original_hub_is_decoded(void)
     CHECK_EQUAL(messages, 1);
 }
 
-/* Runs the integration example of codec/compact.h. */
+/* Run the integration example of codec/compact.h. */
 static void counts_coded_against_a_key_frame_are_decoded(void)
 {
     enum { n = 3 };
@@ -120,14 +120,14 @@ static void counts_coded_against_a_key_frame_are_decoded(void)
 static unsigned conversions;
 static uint32_t microseconds;
 
-/* Function of the sensor HAL: accepts scan settings without effect. */
+/* Accept scan settings without effect; function of the sensor HAL. */
 static void configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     (void)settings;
 }
 
-/* Function of the sensor HAL: counts the conversions that were started. */
+/* Count the conversions that were started; function of the sensor HAL. */
 static void start_conversion(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -136,34 +136,34 @@ static void start_conversion(void *context, uint8_t tx, uint8_t rx)
     conversions++;
 }
 
-/* Function of the sensor and bootloader HAL: a clock that advances by 1 us with each call. */
+/* Return a clock that advances by 1 us with each call; function of the sensor and bootloader HAL. */
 static uint32_t clock_us_32(void *context)
 {
     (void)context;
     return microseconds++;
 }
 
-/* Function of the sensor HAL: masks interrupts, which do not exist here. */
+/* Do nothing, because there are no interrupts to mask here; function of the sensor HAL. */
 static uint32_t disable_interrupts(void *context)
 {
     (void)context;
     return 0;
 }
 
-/* Function of the sensor HAL: restores the interrupt mask, which does not exist here. */
+/* Do nothing, because there is no interrupt mask here; function of the sensor HAL. */
 static void restore_interrupts(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
-/* Function of the HALs: resets the processor; has no effect here. */
+/* Reset the processor (no effect here); function of the HALs. */
 static void reset(void *context)
 {
     (void)context;
 }
 
-/* Runs the integration examples of sensor/sensor.h and hal/sensor_hal.h. */
+/* Run the integration examples of sensor/sensor.h and hal/sensor_hal.h. */
 static void a_sensor_board_scans_and_is_read(void)
 {
     static const struct taxel_sensor_hal hal = {
@@ -215,7 +215,7 @@ static struct taxel_hub hub;
 static uint64_t now_us;
 static bool is_transfer_started;
 
-/* Function of the hub HAL: records that an I2C transfer was started. */
+/* Record that an I2C transfer was started; function of the hub HAL. */
 static void start_transfer(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
@@ -223,14 +223,14 @@ static void start_transfer(void *context, const struct taxel_i2c_transfer *trans
     is_transfer_started = true;
 }
 
-/* Function of the hub HAL: records that the I2C transfer was aborted. */
+/* Record that the I2C transfer was aborted; function of the hub HAL. */
 static void abort_transfer(void *context)
 {
     (void)context;
     is_transfer_started = false;
 }
 
-/* Function of the hub HAL: sets SCL and SDA; has no effect here. */
+/* Set SCL and SDA (no effect here); function of the hub HAL. */
 static void drive_lines(void *context, bool scl_high, bool sda_high)
 {
     (void)context;
@@ -238,35 +238,35 @@ static void drive_lines(void *context, bool scl_high, bool sda_high)
     (void)sda_high;
 }
 
-/* Function of the hub HAL: level of SCL or SDA, always high here. */
+/* Return the level of SCL or SDA, always high here; function of the hub HAL. */
 static bool read_line(void *context)
 {
     (void)context;
     return true;
 }
 
-/* Function of the hub HAL: the simulated time in microseconds. */
+/* Return the simulated time in microseconds; function of the hub HAL. */
 static uint64_t clock_us(void *context)
 {
     (void)context;
     return now_us;
 }
 
-/* Function of the hub HAL: advances the simulated time. */
+/* Advance the simulated time; function of the hub HAL. */
 static void delay_us(void *context, uint32_t microseconds_to_wait)
 {
     (void)context;
     now_us += microseconds_to_wait;
 }
 
-/* Function of the hub HAL: requests the next pass of the main loop; has no effect here. */
+/* Request the next pass of the main loop (no effect here); function of the hub HAL. */
 static void set_wake_time(void *context, uint64_t time_us)
 {
     (void)context;
     (void)time_us;
 }
 
-/* Runs the integration examples of hub/hub.h and hal/hub_hal.h. */
+/* Run the integration examples of hub/hub.h and hal/hub_hal.h. */
 static void a_hub_announces_itself_and_scans_the_bus(void)
 {
     static const struct taxel_hub_hal hal = {
@@ -318,14 +318,14 @@ static void a_hub_announces_itself_and_scans_the_bus(void)
     CHECK_EQUAL(taxel_hub_uart_pending(&hub), 0);
 }
 
-/* The simulated flash of a bootloader, 32 KiB. */
+/* Return the simulated flash of a bootloader, 32 KiB. */
 static const uint8_t *image_flash(void)
 {
     static uint8_t flash[TAXEL_BOOT_ROW_COUNT * TAXEL_BOOT_ROW_SIZE];
     return flash;
 }
 
-/* Function of the bootloader HAL: writes one row of the simulated flash. Returns 0. */
+/* Write one row of the simulated flash; function of the bootloader HAL. Returns 0. */
 static int write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -333,35 +333,35 @@ static int write_row(void *context, uint16_t row, const uint8_t *bytes)
     return 0;
 }
 
-/* Function of the bootloader HAL: the cause of the last reset, always power-on here. */
+/* Return the cause of the last reset, always power-on here; function of the bootloader HAL. */
 static uint8_t read_reset_cause(void *context)
 {
     (void)context;
     return TAXEL_RESET_CAUSE_POWER_ON;
 }
 
-/* Function of the bootloader HAL: the application requested that the bootloader keeps running. */
+/* Return whether the application has requested that the bootloader keeps running; function of the bootloader HAL. */
 static bool is_stay_requested(void *context)
 {
     (void)context;
     return true;
 }
 
-/* Function of the bootloader HAL: starts an image; has no effect here. */
+/* Start an image (no effect here); function of the bootloader HAL. */
 static void start_application(void *context, uint32_t vectors)
 {
     (void)context;
     (void)vectors;
 }
 
-/* Function of the bootloader HAL: copies the unique id of the processor, 8 bytes. */
+/* Copy the unique id of the processor, 8 bytes; function of the bootloader HAL. */
 static void copy_unique_id(void *context, uint8_t *id)
 {
     (void)context;
     memset(id, 0x5A, 8);
 }
 
-/* Runs the integration examples of bootloader/bootloader.h and hal/boot_hal.h. */
+/* Run the integration examples of bootloader/bootloader.h and hal/boot_hal.h. */
 static void a_bootloader_answers_a_packet_and_an_application_confirms(void)
 {
     static struct taxel_boot_hal hal = {

@@ -6,7 +6,7 @@
 #include "linux_hub/linux_hub.h"
 #include "linux_hub/predicted_read.h"
 
-/* A bus without boards in virtual time. */
+/* A simulated bus without boards, in virtual time. */
 struct fake_adapter {
     uint64_t now_us;
     int result;
@@ -14,6 +14,8 @@ struct fake_adapter {
     unsigned recoveries;
 };
 
+/* Count a transfer, which ends with the result that the test has selected; function of the bus. `context`:
+ * fake_adapter. */
 static int fail_transfer(void *context, uint8_t address, const uint8_t *write_bytes, size_t write_size,
                          uint8_t *read_bytes, size_t read_size, uint32_t timeout_us)
 {
@@ -30,11 +32,13 @@ static int fail_transfer(void *context, uint8_t address, const uint8_t *write_by
     return adapter->result;
 }
 
+/* Return the virtual time; function of the bus. */
 static uint64_t read_clock(void *context)
 {
     return ((struct fake_adapter *)context)->now_us;
 }
 
+/* Start a hub that probes the addresses `first` to `last`. The test frees it. */
 static struct linux_hub *start_hub(struct fake_adapter *adapter, uint8_t first, uint8_t last)
 {
     struct linux_hub_settings settings = {.scl_hz = 400000u, .unique_id = "TAXELI2C"};
@@ -45,6 +49,7 @@ static struct linux_hub *start_hub(struct fake_adapter *adapter, uint8_t first, 
     return linux_hub_create(&settings, &bus);
 }
 
+/* Run the hub until the virtual time `end_us`. */
 static void run_until(struct linux_hub *hub, struct fake_adapter *adapter, uint64_t end_us)
 {
     while (adapter->now_us < end_us) {
@@ -56,7 +61,7 @@ static void run_until(struct linux_hub *hub, struct fake_adapter *adapter, uint6
     }
 }
 
-static void ring_returns_bytes_in_order_across_its_end(void)
+static void a_ring_returns_bytes_in_order_across_its_end(void)
 {
     uint8_t memory[8], bytes[8];
     struct byte_ring ring = {.bytes = memory, .capacity = sizeof memory};
@@ -68,7 +73,7 @@ static void ring_returns_bytes_in_order_across_its_end(void)
     CHECK(byte_ring_read(&ring, bytes, sizeof bytes) == 0);
 }
 
-static void compact_read_follows_the_latest_sizes(void)
+static void the_size_of_a_compact_read_follows_the_latest_sizes(void)
 {
     static struct predicted_read prediction;
     uint8_t bytes[300] = {0};
@@ -135,8 +140,8 @@ static void bytes_of_the_host_wait_in_the_buffer_and_are_taken_in_pieces(void)
 
 int main(void)
 {
-    RUN(ring_returns_bytes_in_order_across_its_end);
-    RUN(compact_read_follows_the_latest_sizes);
+    RUN(a_ring_returns_bytes_in_order_across_its_end);
+    RUN(the_size_of_a_compact_read_follows_the_latest_sizes);
     RUN(only_selected_addresses_are_probed);
     RUN(failed_transfers_recover_the_bus_with_a_read_of_the_unused_address);
     RUN(bytes_of_the_host_wait_in_the_buffer_and_are_taken_in_pieces);

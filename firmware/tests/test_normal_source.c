@@ -22,7 +22,7 @@ static void blocks_equal_single_numbers_to_the_bit(void)
     }
 }
 
-static void logarithm_agrees_with_the_c_library(void)
+static void the_logarithm_agrees_with_the_c_library(void)
 {
     double largest_error = 0.0;
     random_init(&source, 5, 0);
@@ -35,7 +35,7 @@ static void logarithm_agrees_with_the_c_library(void)
     CHECK(polar_log(0.5) == log(0.5) && polar_log(0.25) == log(0.25));
 }
 
-static void moments_equal_those_of_a_normal_distribution(void)
+static void the_moments_equal_those_of_a_normal_distribution(void)
 {
     double moment[5] = {0.0};
     unsigned outside_three_sigma = 0;
@@ -61,7 +61,7 @@ static void moments_equal_those_of_a_normal_distribution(void)
 int main(void)
 {
     RUN(blocks_equal_single_numbers_to_the_bit);
-    RUN(logarithm_agrees_with_the_c_library);
-    RUN(moments_equal_those_of_a_normal_distribution);
+    RUN(the_logarithm_agrees_with_the_c_library);
+    RUN(the_moments_equal_those_of_a_normal_distribution);
     return check_summary();
 }

@@ -21,6 +21,7 @@ static size_t decoded_count;
 static struct taxel_original_decoder decoder;
 static uint8_t *buffer; /* of exact size, so that a sanitizer detects an access behind it */
 
+/* Store a decoded message and its words; handler of the decoder. */
 static void on_message(void *context, const struct taxel_original_message *message)
 {
     (void)context;
@@ -33,6 +34,7 @@ static void on_message(void *context, const struct taxel_original_message *messa
     }
 }
 
+/* Return the message format with this name, or NULL. */
 static const struct taxel_original_format *format_named(const struct json_node *name)
 {
 #define SELECT(format, ...) \
@@ -62,6 +64,7 @@ static void decode(const struct taxel_original_format *format, const uint8_t *by
     taxel_original_finish(&decoder);
 }
 
+/* Return the number in the member `name` of an object, which must exist. */
 static uint64_t number_of(const struct json_node *object, const char *name)
 {
     const struct json_node *value = json_member(object, name);
@@ -69,7 +72,7 @@ static uint64_t number_of(const struct json_node *object, const char *name)
     return value ? value->number : UINT64_MAX;
 }
 
-/* Whether words `first` to `first + array->count` of a message equal the numbers of a JSON array. */
+/* Check that the first `array->count` words equal the numbers of a JSON array. */
 static void check_words(const uint16_t *words, const struct json_node *array)
 {
     for (size_t i = 0; i < array->count; i++) {
@@ -77,6 +80,7 @@ static void check_words(const uint16_t *words, const struct json_node *array)
     }
 }
 
+/* Check a message vector: its length and the decoded content, for several sizes of pieces. */
 static void check_message(const struct json_node *vector)
 {
     uint8_t wire[256];
@@ -103,6 +107,7 @@ static void check_message(const struct json_node *vector)
     }
 }
 
+/* Check a stream vector: accepted messages and counters, for several sizes of pieces. */
 static void check_stream(const struct json_node *vector)
 {
     static uint8_t stream[STREAM_MAX];
@@ -163,8 +168,8 @@ static void a_small_buffer_and_a_too_long_message_are_rejected(void)
     CHECK_EQUAL(taxel_original_init(&decoder, &config), -1);
 }
 
-/* The most bytes that can wait: a candidate of the largest size, one that begins at its last bytes, and the header that
- * decides between them. */
+/* The largest number of bytes that can wait: a candidate of the largest size, a second candidate that begins in the
+ * last bytes of the first, and the header that decides between them. */
 static void two_overlapping_messages_of_the_largest_size_fit_the_buffer(void)
 {
     static struct taxel_original_format format;
@@ -184,7 +189,7 @@ static void two_overlapping_messages_of_the_largest_size_fit_the_buffer(void)
     CHECK_EQUAL(decoder.ambiguous_candidates, 1);
 }
 
-/* Read the file into memory and parse it; returns false if this is not possible. */
+/* Read the JSON file into memory and parse it. Returns false if this is not possible. */
 static bool load(const char *path)
 {
     FILE *file = fopen(path, "rb");

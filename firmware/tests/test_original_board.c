@@ -1,4 +1,5 @@
-/* The firmware of an original board: read buffer, status word, and counts of the scan that the previous request started. */
+/* The firmware of an original board: read buffer, status word, and the counts, which are those of the scan that the
+ * previous request started. */
 #include "check.h"
 #include "emulator/original/original_board.h"
 
@@ -37,11 +38,13 @@ static void power_up_with(unsigned faults, double copy_us)
     next_count = 100;
 }
 
+/* Power up a board without faults, whose copy takes 1 us per count. */
 static void power_up(void)
 {
     power_up_with(0, 1.0);
 }
 
+/* Write one byte to the board at virtual time `now`; the board must acknowledge it. */
 static void write_byte(uint8_t byte, vtime now)
 {
     advance(now);
@@ -50,12 +53,13 @@ static void write_byte(uint8_t byte, vtime now)
     original_board_on_stop(&board, now);
 }
 
+/* Send the start command, as the general call of the hub does. */
 static void send_start(vtime now)
 {
     write_byte(ORIGINAL_START_COMMAND, now);
 }
 
-/* Read `size` bytes at virtual time `now`; returns the status word. */
+/* Read `size` bytes at virtual time `now`. Returns the status word. */
 static uint16_t read_bytes(uint8_t *bytes, size_t size, vtime now)
 {
     advance(now);
@@ -67,6 +71,7 @@ static uint16_t read_bytes(uint8_t *bytes, size_t size, vtime now)
     return taxel_get_u16(bytes);
 }
 
+/* Return the raw count of taxel number `taxel` in the bytes read. */
 static uint16_t count_at(const uint8_t *bytes, size_t taxel)
 {
     return taxel_get_u16(bytes + 2u + 2u * taxel);
@@ -202,7 +207,7 @@ static void a_copy_that_outlasts_the_scan_does_not_lose_a_request(void)
     CHECK_EQUAL(count_at(bytes, TAXELS - 1u), 117); /* third scan */
 }
 
-/* Before commit 79ee17f of the original, the board gave 2 n of its 2 n + 2 bytes to the I2C block. */
+/* Before commit 79ee17f of the original firmware, the board gave only 2 n of its 2 n + 2 bytes to the I2C block. */
 static void with_the_fault_truncated_taxel_the_last_taxel_reads_0xFFFF(void)
 {
     uint8_t bytes[READ_SIZE];

@@ -1,4 +1,5 @@
-/* The firmware of the original hub on a simulated bus: poll cycle, failed boards, messages, timestamps, known faults. */
+/* The firmware of the original hub on a simulated bus: poll cycle, failed boards, messages, timestamps and known
+ * faults. */
 #include "check.h"
 #include "emulator/original/original_hub.h"
 
@@ -31,7 +32,7 @@ static size_t stream_size;
 static int8_t pending_result;
 static vtime transfer_end, wire_free;
 
-/* The reply of a board that acknowledges: status and counts. */
+/* Write the reply of a board that acknowledges: status and counts. */
 static void write_reply(unsigned index, uint8_t *bytes, size_t size)
 {
     taxel_put_u16(bytes, boards[index].not_ready ? ORIGINAL_STATUS_NOT_READY : ORIGINAL_STATUS_READY);
@@ -41,6 +42,7 @@ static void write_reply(unsigned index, uint8_t *bytes, size_t size)
     boards[index].not_ready -= boards[index].not_ready > 0;
 }
 
+/* Record a transfer and prepare its result; function of the original hub's HAL. */
 static void on_start_transfer(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
@@ -64,12 +66,14 @@ static void on_start_transfer(void *context, const struct taxel_i2c_transfer *tr
     transfer_end = now + READ_TIME;
 }
 
+/* Do nothing, because run_ms() offers the wire whenever it is free; function of the original hub's HAL. */
 static void on_start_transmit(void *context)
 {
-    (void)context; /* run() offers the wire whenever it is free */
+    (void)context;
 }
 
-/* A hub with BOARDS boards of `taxels` taxels and the default settings, which the test may change before start(). */
+/* Describe a hub with BOARDS boards of `taxels` taxels and the default settings, which the test may change before
+ * start(). */
 static void describe(uint8_t taxels)
 {
     original_settings_set_defaults(&settings);
@@ -82,6 +86,7 @@ static void describe(uint8_t taxels)
     }
 }
 
+/* Start the described hub at virtual time 0. */
 static void start(void)
 {
     const struct original_hub_hal hal = {.start_transfer = on_start_transfer, .start_transmit = on_start_transmit};
@@ -92,7 +97,7 @@ static void start(void)
     original_hub_reset(&hub, now);
 }
 
-/* Execute the hub, its transfers and its wire for a time in ms. */
+/* Run the hub, its transfers and its wire for a time in ms. */
 static void run_ms(double milliseconds)
 {
     const vtime until = now + (vtime)(milliseconds * (double)VTIME_MS);
@@ -117,7 +122,7 @@ static void run_ms(double milliseconds)
     now = until;
 }
 
-/* Number of transfers with this address from transfer number `first` on. */
+/* Return the number of transfers with this address from transfer number `first` on. */
 static unsigned count_transfers(uint8_t address, size_t first)
 {
     unsigned count = 0;
@@ -127,6 +132,7 @@ static unsigned count_transfers(uint8_t address, size_t first)
     return count;
 }
 
+/* Return the timestamp of the message number `message` of the stream. */
 static uint32_t timestamp_of(size_t message)
 {
     const uint8_t *bytes = stream + message * MESSAGE_SIZE + 3u;
@@ -270,7 +276,7 @@ static void with_the_fault_wait_for_ever_a_held_line_stops_the_hub_until_its_res
     CHECK_EQUAL(transfer_count, before + 4u);
 }
 
-static void without_that_fault_the_hub_continues_after_a_held_line(void)
+static void without_the_fault_wait_for_ever_the_hub_continues_after_a_held_line(void)
 {
     describe(TAXELS);
     start();
@@ -315,7 +321,8 @@ static void with_the_fault_stale_timestamp_a_message_has_the_time_of_the_one_bef
     CHECK_EQUAL(timestamp_of(3), 3);
 }
 
-/* Before commit 79ee17f: n + 5 bytes of the receive buffer, so that the address is the low byte of the status. */
+/* Before commit 79ee17f, the hub sent n + 5 bytes of the receive buffer, so that the low byte of the status is in the
+ * place of the address. */
 static void with_the_fault_wrong_buffer_half_of_the_taxels_are_missing(void)
 {
     const uint8_t expected[TAXELS + 8u] = {0x01, TAXELS + 8u, 0xFE, 0xFF, 0, 1, 1, 1, 2, 1, 3, 0x0A};
@@ -326,7 +333,7 @@ static void with_the_fault_wrong_buffer_half_of_the_taxels_are_missing(void)
     CHECK_BYTES(stream, expected, sizeof expected);
 }
 
-/* A read of 25 taxels has 52 bytes; the receive buffer has 50, and the message lies behind it. */
+/* A read of 25 taxels has 52 bytes. The receive buffer has 50 bytes, and the message follows it in memory. */
 static void with_the_fault_receive_buffer_address_and_time_overwrite_the_25th_taxel(void)
 {
     describe(25);
@@ -374,7 +381,7 @@ int main(void)
     RUN(in_the_branch_variant_a_board_is_offline_after_ten_tries_until_the_hub_is_reset);
     RUN(tries_of_the_branch_variant_are_counted_for_each_cycle_alone);
     RUN(with_the_fault_wait_for_ever_a_held_line_stops_the_hub_until_its_reset);
-    RUN(without_that_fault_the_hub_continues_after_a_held_line);
+    RUN(without_the_fault_wait_for_ever_the_hub_continues_after_a_held_line);
     RUN(timestamps_are_milliseconds_since_the_reset_when_the_message_is_built);
     RUN(the_timer_loses_multiples_of_65536_ms_between_two_messages);
     RUN(with_the_fault_stale_timestamp_a_message_has_the_time_of_the_one_before);

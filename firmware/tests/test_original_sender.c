@@ -1,4 +1,5 @@
-/* The UART driver of the original hub: ring of 128 bytes, FIFO of 8 bytes, interrupt at 2 kHz. Arguments: SEED ROUNDS. */
+/* The UART driver of the original hub: a ring of 128 bytes, a FIFO of 8 bytes, and an interrupt at 2 kHz. Arguments:
+ * SEED ROUNDS. */
 #include <stdlib.h>
 
 #include "check.h"
@@ -12,6 +13,7 @@ static uint8_t received[RECEIVED_MAX];
 static size_t received_size;
 static vtime now, wire_free;
 
+/* Start a UART driver with an empty ring at virtual time 0. `is_paced`: the interrupt at 2 kHz fills the FIFO. */
 static void open_sender(bool is_paced, uint16_t ring_size, double baud)
 {
     struct original_settings settings;
@@ -45,6 +47,7 @@ static void run(vtime until)
     now = until;
 }
 
+/* Put a message of `size` bytes into the ring. */
 static void send_message(size_t size)
 {
     static uint8_t message[1024];
@@ -54,7 +57,7 @@ static void send_message(size_t size)
     original_sender_put(&sender, message, size, now);
 }
 
-/* Time in ms until a message of `size` bytes is on the wire completely. */
+/* Return the time in ms until a message of `size` bytes is on the wire completely. */
 static double measure_time_ms(size_t size)
 {
     send_message(size);
@@ -118,12 +121,14 @@ static void a_reset_discards_the_ring(void)
     CHECK_EQUAL(received_size, 0);
 }
 
+/* Return a random integer from 0 to `limit` - 1. */
 static unsigned random_below(struct random_source *random, unsigned limit)
 {
     return (unsigned)(random_u64(random) % limit);
 }
 
-/* Messages of random sizes at random times, with and without pacing: every byte arrives once, in order. */
+/* Send messages of random sizes at random times, with or without pacing. Check that each byte arrives once, in
+ * order. */
 static void check_random_messages(uint64_t seed)
 {
     static uint8_t sent[RECEIVED_MAX];

@@ -1,4 +1,5 @@
-/* The original hub and boards on the emulated bus, UART and front end; and the world-file line that selects them. */
+/* The firmware of the original hub and boards on the emulated bus, UART and front end, and the world-file line that
+ * selects it. */
 #define _GNU_SOURCE
 #include <stdlib.h>
 
@@ -73,7 +74,7 @@ static void describe(const struct board_kind *kinds, size_t count)
     }
 }
 
-/* Settings with which the thesis's hand reaches the limit of its UART. */
+/* Select the settings with which the thesis's hand reaches the limit of its UART. */
 static void use_thesis_settings(void)
 {
     description.original.delay_ms = 0.0;
@@ -81,7 +82,8 @@ static void use_thesis_settings(void)
     description.original.ring_size = 256;
 }
 
-/* Start the described world; raw counts are those of the front end, or set by set_counts(). */
+/* Start the described world. `with_counts`: the raw counts are those of set_counts(), otherwise those of the front
+ * end. */
 static void open_world(bool with_counts)
 {
     layer_init();
@@ -95,6 +97,7 @@ static void open_world(bool with_counts)
     CHECK(!world_init(&world, &description, &stimulus, &endpoint, &script));
 }
 
+/* Release what open_world() has opened. */
 static void close_world(void)
 {
     world_free(&world);
@@ -102,13 +105,14 @@ static void close_world(void)
     stimulus_close(&stimulus);
 }
 
+/* Run the world for a time in seconds, and append the bytes sent to the stream. */
 static void run_s(double seconds)
 {
     CHECK(!world_run(&world, world.now + (vtime)(seconds * (double)VTIME_SECOND)));
     stream_size += endpoint_read_memory(&endpoint, stream + stream_size, STREAM_MAX - stream_size);
 }
 
-/* Raw counts of all taxels from now on: `base` plus the index of the taxel in the world. */
+/* Set the raw counts of all taxels from now on: `base` plus the index of the taxel in the world. */
 static void set_counts(unsigned base)
 {
     static float values[4096];
@@ -136,7 +140,7 @@ static void find_messages(void)
     }
 }
 
-/* Number of messages with this address in the stream. */
+/* Return the number of messages with this address in the stream. */
 static unsigned count_messages(uint8_t address)
 {
     unsigned count = 0;
@@ -147,7 +151,7 @@ static unsigned count_messages(uint8_t address)
     return count;
 }
 
-/* Raw count of taxel 0 in the message number `number` of the board with this address, from 0. */
+/* Return the raw count of taxel 0 in the message number `number`, counted from 0, of the board with this address. */
 static unsigned first_count_of(uint8_t address, unsigned number)
 {
     for (size_t i = 0; i < message_count; i++) {
@@ -158,7 +162,7 @@ static unsigned first_count_of(uint8_t address, unsigned number)
     return 0xFFFFFFFFu;
 }
 
-/* Cycles per second, from the hub's account. */
+/* Return the number of cycles per second, from the account of the hub. */
 static double measure_rate_hz(void)
 {
     const struct original_account account = original_hub_measure_cycles(world.hub.original);
@@ -284,7 +288,7 @@ static void a_board_without_power_is_missing_and_returns_with_its_power_in_the_m
     close_world();
 }
 
-static void in_the_branch_variant_the_board_stays_missing_until_the_hub_restarts(void)
+static void in_the_branch_variant_a_board_without_power_stays_missing_until_the_hub_restarts(void)
 {
     describe(first_generation, 22);
     description.original.variant = ORIGINAL_BRANCH;
@@ -328,7 +332,7 @@ static void a_held_clock_line_stops_the_hub_for_ever_with_the_fault_wait_for_eve
     close_world();
 }
 
-static void without_that_fault_the_hub_continues_when_the_clock_line_is_released(void)
+static void without_the_fault_wait_for_ever_the_hub_continues_when_the_clock_line_is_released(void)
 {
     describe(first_generation, 22);
     open_world(true);
@@ -369,6 +373,7 @@ static void a_full_adapter_loses_bytes(void)
     close_world();
 }
 
+/* Run the thesis's hand for 2 s with these threads. Returns the CRC-32 of the bytes sent. */
 static uint32_t run_and_compute_crc(struct thread_pool *thread_pool)
 {
     describe(thesis_hand, 15);
@@ -399,6 +404,7 @@ static void a_seed_determines_every_byte_for_any_number_of_threads(void)
 #define LARGE_BOARD "board 0x09 1 8 16 128 " MAP_128 " " ID " 0 5\n"
 #define WORLD "taxel-world 1\n" BOARD BOARD_9
 
+/* Read a valid world file, which must print no line. */
 static void read_text(const char *text)
 {
     static struct rejection rejection;
@@ -424,7 +430,7 @@ static void a_line_without_keys_selects_the_first_generation(void)
     world_file_free(&description);
 }
 
-static void a_world_without_the_line_uses_the_project_s_own_firmware(void)
+static void a_world_without_the_line_uses_the_firmware_of_this_project(void)
 {
     read_text(WORLD);
     CHECK(!description.original.is_on);
@@ -509,14 +515,14 @@ int main(void)
     RUN(the_first_generation_runs_at_8_to_9_hz);
     RUN(the_thesis_hand_runs_at_the_limit_of_its_uart);
     RUN(a_board_without_power_is_missing_and_returns_with_its_power_in_the_main_variant);
-    RUN(in_the_branch_variant_the_board_stays_missing_until_the_hub_restarts);
+    RUN(in_the_branch_variant_a_board_without_power_stays_missing_until_the_hub_restarts);
     RUN(a_held_clock_line_stops_the_hub_for_ever_with_the_fault_wait_for_ever);
-    RUN(without_that_fault_the_hub_continues_when_the_clock_line_is_released);
+    RUN(without_the_fault_wait_for_ever_the_hub_continues_when_the_clock_line_is_released);
     RUN(the_hub_ignores_bytes_of_the_host);
     RUN(a_full_adapter_loses_bytes);
     RUN(a_seed_determines_every_byte_for_any_number_of_threads);
     RUN(a_line_without_keys_selects_the_first_generation);
-    RUN(a_world_without_the_line_uses_the_project_s_own_firmware);
+    RUN(a_world_without_the_line_uses_the_firmware_of_this_project);
     RUN(the_keys_of_the_line_set_all_options);
     RUN(later_lines_override_clock_rates_and_scan_settings);
     RUN(invalid_lines_are_rejected_with_one_line);

@@ -9,21 +9,21 @@
 static struct fake_sensor fake;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(ROWS * COLUMNS)];
 
-/* Starts a simulated board, on which some crossings have no taxel. */
+/* Start a simulated board, on which some crossings have no taxel. */
 static void boot(void)
 {
     fake_sensor_init(&fake, 0x30, ROWS, COLUMNS, SKIP);
     CHECK_EQUAL(fake_sensor_boot(&fake), 0);
 }
 
-/* Number of bytes of a snapshot of the board. */
+/* Return the number of bytes of a snapshot of the board. */
 static size_t snapshot_size(void)
 {
     return TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
 }
 
-/* Reads a snapshot with `between` conversions before every event of the transfer; returns the sequence that was
- * read. with_pointer: the register pointer is written first. */
+/* Read a snapshot, with `between` conversions before each event of the transfer. `with_pointer`: the register pointer
+ * is written first. Returns the sequence number that was read. */
 static uint16_t read_with_conversions_between(unsigned between, bool with_pointer)
 {
     memset(snapshot, 0, sizeof snapshot);
@@ -65,14 +65,14 @@ static void a_read_returns_one_scan_at_every_instant_of_a_scan(void)
 
 static unsigned preemptions;
 
-/* Simulated interrupt: ends one conversion. */
+/* End one conversion; simulated interrupt. */
 static void convert_once(struct fake_sensor *preempted)
 {
     preemptions++;
     fake_convert(preempted, 1);
 }
 
-/* A conversion may end just before the latch disables interrupts, and just after it restores them. */
+/* A conversion may end immediately before the latch disables interrupts, and immediately after it restores them. */
 static void a_conversion_may_preempt_the_latch(void)
 {
     for (unsigned start = 0; start <= 2u * ROWS * COLUMNS; start++) {
@@ -92,7 +92,7 @@ static void a_conversion_may_preempt_the_latch(void)
 
 static unsigned reads_within;
 
-/* Simulated interrupt: reads a snapshot, which must be valid. */
+/* Read a snapshot, which must be valid; simulated interrupt. */
 static void read_snapshot(struct fake_sensor *preempted)
 {
     if (!preempted->sensor.scan.has_newest && !preempted->sensor.scan.has_latched) {

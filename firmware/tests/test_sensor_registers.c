@@ -5,7 +5,7 @@
 
 static struct fake_sensor fake;
 
-/* Starts a simulated board with 4 TX and 6 RX lines, which completes two scans. */
+/* Start a simulated board with 4 TX and 6 RX lines, which completes two scans. */
 static void boot(void)
 {
     fake_sensor_init(&fake, 0x23, 4, 6, 7);

@@ -6,7 +6,7 @@
 static struct fake_sensor fake;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
 
-/* Starts a simulated board with this number of TX and RX lines. The last of every `skip` crossings has no taxel (0:
+/* Start a simulated board with this number of TX and RX lines. The last of every `skip` crossings has no taxel (0:
  * all crossings have one). */
 static void boot(uint8_t rows, uint8_t columns, unsigned skip)
 {
@@ -14,7 +14,7 @@ static void boot(uint8_t rows, uint8_t columns, unsigned skip)
     CHECK_EQUAL(fake_sensor_boot(&fake), 0);
 }
 
-/* Reads a snapshot of the board. Returns its header; the bytes are in `snapshot`. */
+/* Read a snapshot of the board. Returns its header; the bytes are in `snapshot`. */
 static struct taxel_snapshot_header read_snapshot(void)
 {
     struct taxel_snapshot_header header = {0};
@@ -110,7 +110,7 @@ static void a_stopped_scan_is_discarded(void)
     fake_sensor_free(&fake);
 }
 
-/* Every order of four stops and starts during one conversion, at every position of the scan. */
+/* Send each sequence of four stop and start commands during one conversion, at each position of the scan. */
 static void stop_and_start_work_during_a_conversion(void)
 {
     for (unsigned position = 0; position < 7; position++) {
@@ -170,7 +170,7 @@ static void settings_of_a_stopped_board_take_effect_at_the_start(void)
     fake_sensor_free(&fake);
 }
 
-/* The raw count of a saturated taxel: 0. */
+/* Return the raw count of a saturated conversion: 0. */
 static uint16_t always_zero(struct fake_sensor *sensor)
 {
     (void)sensor;
@@ -201,7 +201,7 @@ static void boards_of_all_extreme_sizes_scan(void)
     }
 }
 
-/* Checks that the firmware rejects a configuration that `damage` has made invalid. */
+/* Check that the firmware rejects a configuration that `damage` has made invalid. */
 static void check_rejected(void (*damage)(void), const char *description)
 {
     fake_sensor_init(&fake, 0x21, 3, 5, 0);
@@ -212,75 +212,76 @@ static void check_rejected(void (*damage)(void), const char *description)
     fake_sensor_free(&fake);
 }
 
-/* Invalid configuration: no TX line. */
+/* Make the configuration invalid: no TX line. */
 static void no_rows(void)
 {
     fake.config.rows = 0;
 }
-/* Invalid configuration: more TX lines than the protocol permits. */
+/* Make the configuration invalid: more TX lines than the protocol permits. */
 static void many_rows(void)
 {
     fake.config.rows = 17;
 }
-/* Invalid configuration: no RX line. */
+/* Make the configuration invalid: no RX line. */
 static void no_columns(void)
 {
     fake.config.columns = 0;
 }
-/* Invalid configuration: more RX lines than the protocol permits. */
+/* Make the configuration invalid: more RX lines than the protocol permits. */
 static void many_columns(void)
 {
     fake.config.columns = 17;
 }
-/* Invalid configuration: no crossing has a taxel. */
+/* Make the configuration invalid: no crossing has a taxel. */
 static void no_taxels(void)
 {
     fake.config.taxel_count = 0;
     memset(fake.crossing_map, 0, sizeof fake.crossing_map);
 }
-/* Invalid configuration: fewer taxels than the crossing map contains. */
+/* Make the configuration invalid: fewer taxels than the crossing map contains. */
 static void fewer_taxels(void)
 {
     fake.config.taxel_count--;
 }
-/* Invalid configuration: more taxels than the crossing map contains. */
+/* Make the configuration invalid: more taxels than the crossing map contains. */
 static void more_taxels(void)
 {
     fake.config.taxel_count++;
 }
-/* Invalid configuration: an I2C address below the permitted range. */
+/* Make the configuration invalid: an I2C address below the permitted range. */
 static void low_address(void)
 {
     fake.config.address = 7;
 }
-/* Invalid configuration: an I2C address above the permitted range. */
+/* Make the configuration invalid: an I2C address above the permitted range. */
 static void high_address(void)
 {
     fake.config.address = 0x78;
 }
-/* Invalid configuration: scan settings without sub-conversions. */
+/* Make the configuration invalid: scan settings without sub-conversions. */
 static void no_sub_conversions(void)
 {
     fake.config.settings.sub_conversions = 0;
 }
-/* Invalid configuration: scan settings whose largest raw count exceeds 16 bits. */
+/* Make the configuration invalid: scan settings whose largest raw count exceeds 16 bits. */
 static void large_count(void)
 {
     fake.config.settings.sub_conversions = 0x8000;
     fake.config.settings.sense_clock_divider = 2;
 }
-/* Invalid configuration: scan settings whose modulator clock divider is 0. */
+/* Make the configuration invalid: scan settings whose modulator clock divider is 0. */
 static void no_modulator_clock(void)
 {
     fake.config.settings.modulator_clock_divider = 0;
 }
-/* Invalid configuration: scan settings without balancing current. */
+/* Make the configuration invalid: scan settings without balancing current. */
 static void no_current(void)
 {
     fake.config.settings.idac_code = 0;
 }
 
-/* The number of bits is right, but one of them is beyond the crossings of this board. */
+/* Make the configuration invalid: the crossing map has the right number of bits, but one of them is beyond the
+ * crossings. */
 static void crossing_outside(void)
 {
     fake.crossing_map[0] &= 0xFEu;
@@ -305,7 +306,7 @@ static void invalid_configurations_are_rejected(void)
     check_rejected(crossing_outside, "a crossing beyond rows x columns");
 }
 
-static void a_scan_that_advances_permits_to_feed_the_watchdog(void)
+static void a_scan_that_advances_permits_feeding_the_watchdog(void)
 {
     boot(4, 6, 0);
     for (unsigned i = 0; i < 1000u; i++) {
@@ -368,7 +369,7 @@ int main(void)
     RUN(saturated_conversions_are_counted_and_the_counter_saturates);
     RUN(boards_of_all_extreme_sizes_scan);
     RUN(invalid_configurations_are_rejected);
-    RUN(a_scan_that_advances_permits_to_feed_the_watchdog);
+    RUN(a_scan_that_advances_permits_feeding_the_watchdog);
     RUN(a_missed_interrupt_of_the_converter_is_reported_once);
     RUN(a_scan_that_is_stopped_by_command_is_no_fault);
     return check_summary();

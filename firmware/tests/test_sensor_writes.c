@@ -6,7 +6,7 @@
 
 static struct fake_sensor fake;
 
-/* Starts a simulated board with 4 TX and 6 RX lines, which completes two scans. */
+/* Start a simulated board with 4 TX and 6 RX lines, which completes two scans. */
 static void boot(void)
 {
     fake_sensor_init(&fake, 0x23, 4, 6, 7);
@@ -14,7 +14,7 @@ static void boot(void)
     fake_scan(&fake, 2);
 }
 
-/* Reads the scan settings of the board, whose CRC must be right. */
+/* Read the scan settings of the board, whose CRC must be right. */
 static struct taxel_scan_settings read_settings(void)
 {
     uint8_t bytes[TAXEL_SETTINGS_REGISTER_SIZE];
@@ -25,8 +25,8 @@ static struct taxel_scan_settings read_settings(void)
     return settings;
 }
 
-/* Checks the number of rejected writes and an error flag, that the settings are unchanged, and that CLEAR_COUNTERS
- * clears both. */
+/* Check the number of rejected writes, an error flag, that the settings are unchanged, and that CLEAR_COUNTERS clears
+ * number and flag. */
 static void check_rejected(uint16_t rejected, uint8_t flag)
 {
     const struct taxel_status status = fake_status(&fake);
@@ -68,7 +68,7 @@ static void settings_out_of_range_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-/* Fills the bytes of a valid write of scan settings, which the tests damage. */
+/* Fill the bytes of a valid write of scan settings, which the tests damage. */
 static void fill_settings_write(uint8_t *bytes)
 {
     const struct taxel_scan_settings settings = {200, 30, 3, 9, 77};
@@ -98,7 +98,7 @@ static void damaged_settings_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-/* The bytes of a write that was aborted by a bus error are still in the board's buffer. */
+/* After a write that a bus error has aborted, its bytes are still in the buffer of the board. */
 static void truncated_settings_are_not_completed_by_the_previous_write(void)
 {
     uint8_t bytes[13];

@@ -22,7 +22,7 @@ static const struct shape table = {
 static struct patch patch;
 static double compression[CELLS], gap[CELLS];
 
-/* Pose of the board face down over the table with a gap of `height` (negative: indented). */
+/* Return the pose of the board face down over the table with a gap of `height` (negative: indented). */
 static struct frame board_over_table(double height)
 {
     const double translation[3] = {0.0, 0.0, THICKNESS_M + height}, upside_down[3] = {3.141592653589793, 0.0, 0.0};
@@ -108,7 +108,7 @@ static void pressure_stiffness_and_work_are_derivatives_of_each_other(void)
     CHECK(layer_pressure(-1e-6) == 0.0 && layer_stiffness(0.0) == 0.0 && layer_work(0.0) == 0.0);
 }
 
-/* Pillars and the sheet below them carry the same pressure. */
+/* The pillars and the sheet below them have the same pressure, and their compressions add. */
 static void the_whole_layer_is_more_compliant_than_its_pillars(void)
 {
     double last = 0.0;
@@ -131,7 +131,7 @@ static void the_compression_is_the_inverse_of_the_contact_pressure(void)
     CHECK(layer_contact_compression(0.0) == 0.0);
 }
 
-static void all_functions_for_the_rise_agree(void)
+static void all_functions_for_the_capacitance_rise_agree(void)
 {
     for (double pressure = 1e-3; pressure < 1.5e6; pressure *= 1.013) {
         const double rise = layer_rise_at_force(pressure * TAXEL_PITCH_M * TAXEL_PITCH_M),
@@ -155,7 +155,7 @@ static void the_air_fraction_excludes_the_silicone(void)
 static double stuck[CELLS];
 static double point[CELLS][3], due[TAXELS], untouched[TAXELS];
 
-/* State of the friction of the board, without earlier contacts. */
+/* Return the friction state of the board without earlier contacts. */
 static struct contact_grip start_grip(void)
 {
     memset(stuck, 0, sizeof stuck);
@@ -163,7 +163,7 @@ static struct contact_grip start_grip(void)
         .coefficient = 0.5, .advances = true, .stuck = stuck, .point = point, .due = due, .untouched = untouched};
 }
 
-/* Load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */
+/* Return the load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */
 static struct contact_load load_after_shift(struct contact_grip *grip, double shift)
 {
     struct contact_load load;
@@ -191,7 +191,7 @@ static void the_skin_sticks_like_a_spring_and_slides_at_the_friction_limit(void)
     CHECK(fabs(slid.stiffness[0][0]) < 1e-6 * layer_shear_stiffness() * area); /* no resistance along the sliding */
 }
 
-static void a_load_that_does_not_advance_leaves_the_points_unchanged(void)
+static void a_solution_that_does_not_advance_leaves_the_sticking_points_unchanged(void)
 {
     struct contact_grip grip = start_grip();
     load_after_shift(&grip, 0.0);
@@ -230,8 +230,8 @@ static void an_object_that_enters_from_the_side_is_loaded_gradually(void)
     CHECK(-load.wrench[2] > 0.9 * largest); /* at least two of the rows are compressed by the bottom of the block */
 }
 
-/* A block with a side face at x = `edge` (board frame, metres) presses 0.8 mm deep into the layer, turned by `angle` about
- * the vertical. Without friction. */
+/* Press a block 0.8 mm deep into the layer, without friction. Its side face is at x = `edge` (board frame, metres), and
+ * it is turned by `angle` (rad) about the vertical. Returns the load. */
 static struct contact_load press_edge(double edge, double angle)
 {
     struct shape block = table;
@@ -247,8 +247,8 @@ static struct contact_load press_edge(double edge, double angle)
     return load;
 }
 
-/* The force across the face is proportional to the covered area, less a strip at the edge that the steep side face
- * limits, wherever the edge crosses the cells. */
+/* The normal force is proportional to the covered area, less a strip at the edge that the steep side face limits,
+ * wherever the edge crosses the cells. */
 static void the_load_is_continuous_in_the_position_of_an_edge(void)
 {
     const double pressure = layer_contact_pressure(0.0008), width = 4 * TAXEL_PITCH_M;
@@ -293,10 +293,10 @@ int main(void)
     RUN(pressure_stiffness_and_work_are_derivatives_of_each_other);
     RUN(the_whole_layer_is_more_compliant_than_its_pillars);
     RUN(the_compression_is_the_inverse_of_the_contact_pressure);
-    RUN(all_functions_for_the_rise_agree);
+    RUN(all_functions_for_the_capacitance_rise_agree);
     RUN(the_air_fraction_excludes_the_silicone);
     RUN(the_skin_sticks_like_a_spring_and_slides_at_the_friction_limit);
-    RUN(a_load_that_does_not_advance_leaves_the_points_unchanged);
+    RUN(a_solution_that_does_not_advance_leaves_the_sticking_points_unchanged);
     RUN(an_object_that_enters_from_the_side_is_loaded_gradually);
     RUN(the_load_is_continuous_in_the_position_of_an_edge);
     RUN(squares_that_were_far_are_found_when_the_board_returns);

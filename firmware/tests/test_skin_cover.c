@@ -1,4 +1,4 @@
-/* Pressure on the cells of a square: sixteen cells at a time and one cell at a time agree. */
+/* Pressure on the cells of a square: the calculation for sixteen cells at a time agrees with that for one cell. */
 #include <math.h>
 
 #include "check.h"
@@ -25,13 +25,13 @@ static const struct shape block = {
 static const struct shape rod = {.kind = SHAPE_CYLINDER, .radius = 0.008, .height = 0.1};
 static struct random_source source;
 
-/* A random number between `low` and `high`. */
+/* Return a random number between `low` and `high`. */
 static double between(double low, double high)
 {
     return low + (high - low) * random_uniform(&source);
 }
 
-/* Place a square of 5 mm, whose cells are bent about one axis, with the middle of its surface at `middle`. */
+/* Return a square with sides of 5 mm at a pose, whose cells are bent about one axis. `bend`: curvature in 1/m. */
 static struct cover_square place_square(const struct frame *pose, double bend)
 {
     struct cover_square square;
@@ -54,7 +54,7 @@ static struct cover_square place_square(const struct frame *pose, double bend)
     return square;
 }
 
-/* Cell number `i` of a square. */
+/* Return the cell number `i` of a square. */
 static struct cover_cell get_cell(const struct cover_square *square, int i)
 {
     struct cover_cell cell;
@@ -67,12 +67,13 @@ static struct cover_cell get_cell(const struct cover_square *square, int i)
     return cell;
 }
 
+/* Return whether a value equals the expected value except for rounding. */
 static bool is_near(double value, double expected)
 {
     return fabs(value - expected) <= 1e-9 * fabs(expected) + 1e-12;
 }
 
-/* Compare the loads of all cells of a square; returns the number of whole cells. */
+/* Compare the loads of all cells of a square. Returns the number of whole cells. */
 static int compare_square(const struct shape *shape, const struct cover_square *square, const double middle[3])
 {
     struct cover_planes planes;
@@ -127,7 +128,7 @@ static void whole_cells_on_a_rod_have_the_loads_of_single_cells(void)
     CHECK(count > SQUARES);
 }
 
-/* A square at a distance does not touch after a smaller motion in any direction. */
+/* After a motion that is shorter than the computed distance, in any direction, a square does not touch. */
 static void the_distance_of_an_untouched_square_is_a_lower_bound(void)
 {
     int count = 0;

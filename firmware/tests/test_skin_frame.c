@@ -8,7 +8,7 @@
 #define SEED 5u
 #define HALF_PI 1.5707963267948966
 
-/* Largest difference between the elements of two rigid transforms. */
+/* Return the largest difference between the elements of two rigid transforms. */
 static double max_difference(const struct frame *a, const struct frame *b)
 {
     double difference = 0.0;
@@ -18,7 +18,7 @@ static double max_difference(const struct frame *a, const struct frame *b)
     return difference;
 }
 
-/* A random rigid transform. */
+/* Return a random rigid transform. */
 static struct frame random_frame(struct random_source *random)
 {
     double translation[3], rotation[3];

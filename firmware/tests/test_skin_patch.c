@@ -11,7 +11,7 @@
 static const uint8_t full_map[TAXEL_CROSSING_MAP_SIZE] = {0xFF, 0x7F};
 static const uint8_t holed_map[TAXEL_CROSSING_MAP_SIZE] = {0x7F, 0x7F}; /* without TX 1, RX 2 */
 
-/* Distance of two points in metres. */
+/* Return the distance of two points in metres. */
 static double distance(const double a[3], const double b[3])
 {
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
@@ -51,8 +51,8 @@ static void a_crossing_without_a_taxel_is_a_hole(void)
     patch_free(&patch);
 }
 
-/* Fills taxel poses on a cylinder: TX lines along the axis (x), RX lines around it; left is the direction of
- * increasing angle. */
+/* Set taxel poses on a cylinder: the TX lines follow each other along the axis (x), the RX lines around it. Left is the
+ * direction of increasing angle. */
 static void set_poses_on_cylinder(struct taxel_pose *poses)
 {
     for (int i = 0; i < ROWS * COLUMNS; i++) {
@@ -86,8 +86,8 @@ static void cells_follow_a_cylinder(void)
     patch_free(&patch);
 }
 
-/* Two columns of three taxels that are described in another order than their places, with squares of 4 x 6 mm that are
- * 5 mm (rows) and 8 mm (columns) apart. */
+/* Two columns of three taxels, described in another order than that of their places. Their rectangles have 4 x 6 mm and
+ * a pitch of 5 mm (rows) and 8 mm (columns). */
 static void taxels_lie_at_their_stated_places(void)
 {
     const uint8_t map[TAXEL_CROSSING_MAP_SIZE] = {0x3F};

@@ -136,7 +136,8 @@ static void too_many_objects_or_planes_are_rejected(void)
     rejection_check_all(&many_planes, 1);
 }
 
-/* Descriptor of a scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x (metres). */
+/* Return the file descriptor of a scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x
+ * (metres). */
 static int scene_file(uint32_t boards, uint32_t taxels, float x)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -171,7 +172,7 @@ static struct object_description cube = {
                          {0, 0, -1, 0.01}}},
 };
 
-/* Describes a world with one taxel and a cube; `has_poses`: the world states the pose of the taxel. */
+/* Describe a world with one taxel and a cube; `has_poses`: the world states the pose of the taxel. */
 static void describe(bool has_poses)
 {
     fake_world_describe(&fake, 1, 1);
@@ -205,8 +206,8 @@ static void a_scene_that_does_not_match_the_world_is_rejected_with_one_line(void
     fake_world_close(&fake);
 }
 
-/* Raw count of the taxel with the cube at x (metres) in the scene and an error of its pose of `offset` metres along
- * x. */
+/* Return the raw count of the taxel. `x`: stated position of the cube (metres). `offset`: error of its pose along x
+ * (metres). */
 static unsigned count_with_cube_at(float x, double offset)
 {
     describe(true);

@@ -1,4 +1,4 @@
-/* Intersection of lines with shapes: computed entries compared with sampling along the line. */
+/* Intersection of lines with shapes: the computed entry distances compared with samples along the line. */
 #include <math.h>
 
 #include "check.h"
@@ -27,7 +27,7 @@ static const struct shape cylinder = {.kind = SHAPE_CYLINDER, .radius = 0.025, .
 static const struct shape *const shapes[] = {&box, &prism, &cylinder};
 #define SHAPES (sizeof shapes / sizeof shapes[0])
 
-/* True if the point p (metres) lies inside the shape, by the definition of the shape. */
+/* Return whether the point p (metres) lies inside the shape, by the definition of the shape. */
 static bool is_inside(const struct shape *shape, const double p[3])
 {
     if (shape->kind == SHAPE_CYLINDER) {
@@ -42,7 +42,8 @@ static bool is_inside(const struct shape *shape, const double p[3])
     return true;
 }
 
-/* Distance of the first sampled point inside the shape, from -RANGE_M on; INFINITY if there is none. */
+/* Return the distance from the origin to the first sample inside the shape, from -RANGE_M on; INFINITY if there is
+ * none. */
 static double first_inside_point(const struct shape *shape, const double origin[3], const double direction[3])
 {
     for (double distance = -RANGE_M; distance < RANGE_M; distance += STEP_M) {
@@ -55,7 +56,7 @@ static double first_inside_point(const struct shape *shape, const double origin[
     return (double)INFINITY;
 }
 
-/* A random line: origin near the shape (standard deviation `spread`, metres) and a direction of length 1. */
+/* Choose a random line: its origin near the shape (standard deviation `spread`, metres) and a direction of length 1. */
 static void random_line(struct random_source *random, double spread, double origin[3], double direction[3])
 {
     double length = 0.0;

@@ -15,14 +15,14 @@ struct sums {
 
 static struct thread_pool pool;
 
-/* Task of the thread pool: adds the increment to the sum of its item. */
+/* Add the increment to the sum of its item; task of the thread pool. */
 static void add_increment(void *context, size_t item)
 {
     struct sums *sums = context;
     sums->of_item[item] += sums->increment;
 }
 
-/* Checks that a task runs exactly once for each of the items. */
+/* Check that a task runs exactly once for each of the items. */
 static void check_each_item_runs_once(struct thread_pool *threads, size_t items, unsigned increment)
 {
     struct sums sums = {.increment = increment};
@@ -48,7 +48,8 @@ struct rendezvous {
     bool has_met[2];
 };
 
-/* Task of the thread pool that waits until both items run: possible only if two threads work at the same time. */
+/* Wait until both items of the task run, which is possible only if two threads work at the same time; task of the
+ * thread pool. */
 static void wait_for_other_item(void *context, size_t item)
 {
     struct rendezvous *rendezvous = context;
@@ -74,7 +75,7 @@ static void without_a_pool_the_caller_runs_all_items(void)
     check_each_item_runs_once(NULL, 0, 2);
 }
 
-/* Waits until all worker threads sleep. Returns false if this takes too long. */
+/* Wait until all worker threads sleep. Returns false if this takes too long. */
 static bool wait_until_all_workers_sleep(struct thread_pool *threads)
 {
     const struct timespec pause = {.tv_nsec = 200000};

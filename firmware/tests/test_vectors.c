@@ -1,5 +1,6 @@
-/* The golden vectors against the C codec: test_vectors FRAMES.json REGISTERS.json DAMAGED.json (any of them, any
- * order). Prints the name of every vector that fails, and one line of counts; exit status 0 only if all passed. */
+/* Compare the C codec with the golden vectors. Arguments: FRAMES.json REGISTERS.json DAMAGED.json (any of them, in any
+ * order). Prints the name of each vector that fails and a line with the numbers of passed and failed checks. The exit
+ * status is 0 only if all checks passed. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -28,7 +29,7 @@ struct bytes {
     size_t size;
 };
 
-/* Counts a check of a vector as passed or failed; a failed check is printed with the name of the vector. */
+/* Count a check of a vector as passed or failed; a failed check is printed with the name of the vector. */
 static void count_check(const struct json_node *vector, const char *description, bool is_right)
 {
     const struct json_node *name = json_member(vector, "name");
@@ -40,20 +41,20 @@ static void count_check(const struct json_node *vector, const char *description,
     printf("failed: %.*s: %s\n", name ? (int)name->length : 0, name ? name->text : "", description);
 }
 
-/* The number in the member `name` of an object; 0 if there is none. */
+/* Return the number in the member `name` of an object; 0 if there is none. */
 static uint64_t number_of(const struct json_node *object, const char *name)
 {
     const struct json_node *node = json_member(object, name);
     return node && (node->kind == JSON_NUMBER || node->kind == JSON_BOOL) ? node->number : 0;
 }
 
-/* Reads the bytes of the hexadecimal member `name` of an object. Returns false if it is missing or invalid. */
+/* Read the bytes of the hexadecimal member `name` of an object. Returns false if it is missing or invalid. */
 static bool hex_of(const struct json_node *object, const char *name, struct bytes *bytes)
 {
     return json_hex(json_member(object, name), bytes->data, sizeof bytes->data, &bytes->size);
 }
 
-/* True if `a` equals the `size` bytes of data. */
+/* Return whether `a` equals the `size` bytes of data. */
 static bool are_equal(const struct bytes *a, const uint8_t *data, size_t size)
 {
     return a->size == size && memcmp(a->data, data, size) == 0;
@@ -61,7 +62,7 @@ static bool are_equal(const struct bytes *a, const uint8_t *data, size_t size)
 
 /* ---- fields to bytes, through the generated structs ---- */
 
-/* The layout (list of fields) of the packed struct with this name, or NULL. */
+/* Return the layout (list of fields) of the packed struct with this name, or NULL. */
 static const struct layout *layout_named(const char *name, size_t length)
 {
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
@@ -72,7 +73,7 @@ static const struct layout *layout_named(const char *name, size_t length)
     return NULL;
 }
 
-/* Stores a number in a struct member of `size` bytes. Returns false if it does not fit. */
+/* Store a number in a struct member of `size` bytes. Returns false if it does not fit. */
 static bool store_number(uint8_t *member, size_t size, uint64_t number)
 {
     const uint8_t u8 = (uint8_t)number;
@@ -90,7 +91,7 @@ static bool store_number(uint8_t *member, size_t size, uint64_t number)
     return true;
 }
 
-/* Stores the value of one field of a vector in the C struct. Returns false if the field is missing or does not
+/* Store the value of one field of a vector in the C struct. Returns false if the field is missing or does not
  * fit. */
 static bool store_field(const struct field *field, const char *prefix, const struct json_node *fields, uint8_t *value)
 {
@@ -109,8 +110,8 @@ static bool store_field(const struct field *field, const char *prefix, const str
     return node->kind == JSON_NUMBER && store_number(value + field->offset, field->size, node->number);
 }
 
-/* Appends the packed struct with the field values of a vector to `out`; also checks that unpacking and packing it
- * again gives the same bytes. Returns false on an error. */
+/* Append the packed struct with the field values of a vector to `out`. Also unpack and pack it again, which must give
+ * the same bytes. Returns false on an error. */
 static bool append_struct(const struct layout *layout, const char *prefix, const struct json_node *fields,
                           struct bytes *out)
 {
@@ -133,7 +134,7 @@ static bool append_struct(const struct layout *layout, const char *prefix, const
     return same;
 }
 
-/* Appends the raw counts of a vector, 2 bytes each. Returns false if there are none or too many. */
+/* Append the raw counts of a vector, 2 bytes each. Returns false if there are none or too many. */
 static bool append_counts(const struct json_node *vector, struct bytes *out)
 {
     const struct json_node *counts = json_member(vector, "counts");
@@ -147,13 +148,13 @@ static bool append_counts(const struct json_node *vector, struct bytes *out)
     return true;
 }
 
-/* The CRC-32 of the board's address followed by `size` bytes. */
+/* Return the CRC-32 of the board's address followed by `size` bytes. */
 static uint32_t board_crc(uint8_t address, const uint8_t *bytes, size_t size)
 {
     return taxel_crc32(taxel_crc32(0, &address, 1), bytes, size);
 }
 
-/* Appends the bytes of the hexadecimal member `name` of an object. Returns false if it is invalid. */
+/* Append the bytes of the hexadecimal member `name` of an object. Returns false if it is invalid. */
 static bool append_hex(const struct json_node *object, const char *name, struct bytes *out)
 {
     size_t size = 0;
@@ -164,7 +165,7 @@ static bool append_hex(const struct json_node *object, const char *name, struct 
     return true;
 }
 
-/* Appends the bytes of a vector after its fields: a nested struct, or hexadecimal bytes. Returns false on an
+/* Append the bytes of a vector after its fields: a nested struct, or hexadecimal bytes. Returns false on an
  * error. */
 static bool append_tail(const struct json_node *vector, struct bytes *out)
 {
@@ -177,7 +178,7 @@ static bool append_tail(const struct json_node *vector, struct bytes *out)
            append_hex(inner, "tail", out);
 }
 
-/* Builds the payload of a frame from the fields of a vector, with the generated C code. Returns false on an
+/* Build the payload of a frame from the fields of a vector, with the generated C code. Returns false on an
  * error. */
 static bool build_payload(const struct json_node *vector, struct bytes *out)
 {
@@ -207,7 +208,7 @@ static bool build_payload(const struct json_node *vector, struct bytes *out)
 
 /* ---- encoding ---- */
 
-/* Encodes the frame of a vector into a ring buffer from position `start` on, with the payload in two parts. Returns
+/* Encode the frame of a vector into a ring buffer from position `start` on, with the payload in two parts. Returns
  * the encoded size. */
 static size_t encode(const struct json_node *vector, const struct bytes *payload, uint8_t *ring, size_t capacity,
                      size_t start)
@@ -221,8 +222,8 @@ static size_t encode(const struct json_node *vector, const struct bytes *payload
     return taxel_encoder_end(&encoder);
 }
 
-/* Whether a frame is encoded to the bytes of the vector in a ring buffer that wraps at each position of the frame
- * in turn. */
+/* Return whether a frame is encoded to the bytes of the vector in a ring buffer that wraps at each position of the
+ * frame in turn. */
 static bool encodes_in_any_ring(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     uint8_t ring[WIRE_MAX];
@@ -250,7 +251,7 @@ struct expectation {
     bool is_right;
 };
 
-/* Handler of the deframer: compares a frame with the next expected frame of a stream vector. */
+/* Compare a frame with the next expected frame of a stream vector; handler of the deframer. */
 static void compare_frame(void *context, const struct taxel_frame *frame)
 {
     static struct bytes payload;
@@ -263,7 +264,7 @@ static void compare_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
-/* Decodes a stream in pieces of `piece` bytes. Returns whether exactly the expected frames were found. */
+/* Decode a stream in pieces of `piece` bytes. Returns whether exactly the expected frames were found. */
 static bool decodes(const struct json_node *vector, const struct bytes *stream, size_t piece, uint16_t payload_max)
 {
     static uint8_t chunk[CHUNK_MAX];
@@ -299,7 +300,7 @@ struct decoded_frame {
     bool is_right;
 };
 
-/* Handler of the deframer: compares a frame with the only expected frame. */
+/* Compare a frame with the only expected frame; handler of the deframer. */
 static void compare_one_frame(void *context, const struct taxel_frame *frame)
 {
     struct decoded_frame *decoded = context;
@@ -309,7 +310,7 @@ static void compare_one_frame(void *context, const struct taxel_frame *frame)
                         are_equal(decoded->payload, frame->payload, frame->length);
 }
 
-/* Decodes the bytes of one frame vector. Returns whether the same frame, and no other, was found. */
+/* Decode the bytes of one frame vector. Returns whether the same frame, and no other, was found. */
 static bool decodes_to_itself(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     static uint8_t chunk[CHUNK_MAX];
@@ -332,7 +333,7 @@ static bool decodes_to_itself(const struct json_node *vector, const struct bytes
 
 /* ---- one vector of each kind ---- */
 
-/* Checks a frame vector: packing, encoding and decoding. */
+/* Check a frame vector: packing, encoding and decoding. */
 static void check_frame(const struct json_node *vector)
 {
     static struct bytes payload, wire, built;
@@ -346,7 +347,7 @@ static void check_frame(const struct json_node *vector)
     count_check(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
 }
 
-/* Builds the content of a register from the fields of a vector, with the generated C code. Returns false on an
+/* Build the content of a register from the fields of a vector, with the generated C code. Returns false on an
  * error. */
 static bool build_register(const struct json_node *vector, struct bytes *out)
 {
@@ -365,7 +366,7 @@ static bool build_register(const struct json_node *vector, struct bytes *out)
     return true;
 }
 
-/* True if the CRC in the content of a register is right, or if the register has none. */
+/* Return whether the CRC in the content of a register is right; true if the register has none. */
 static bool register_crc_is_right(const struct json_node *vector, const struct bytes *bytes)
 {
     const struct json_node *name = json_member(vector, "struct");
@@ -379,7 +380,7 @@ static bool register_crc_is_right(const struct json_node *vector, const struct b
     return stored == board_crc((uint8_t)number_of(vector, "address"), bytes->data, bytes->size - 4u);
 }
 
-/* Checks a register vector: packing and CRC. */
+/* Check a register vector: packing and CRC. */
 static void check_register(const struct json_node *vector)
 {
     static struct bytes bytes, built;
@@ -389,7 +390,7 @@ static void check_register(const struct json_node *vector)
     count_check(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
 }
 
-/* Checks a stream vector: the frames found in damaged bytes, for several sizes of pieces. */
+/* Check a stream vector: the frames found in damaged bytes, for several sizes of pieces. */
 static void check_stream(const struct json_node *vector)
 {
     static struct bytes stream;
@@ -409,7 +410,7 @@ static void check_stream(const struct json_node *vector)
 
 /* ---- files ---- */
 
-/* Calls `check` for each vector of an array. */
+/* Call `check` for each vector of an array. */
 static void check_each(const struct json_node *vectors, void (*check)(const struct json_node *vector))
 {
     if (!vectors || vectors->kind != JSON_ARRAY) {
@@ -422,7 +423,7 @@ static void check_each(const struct json_node *vectors, void (*check)(const stru
     }
 }
 
-/* Reads a file into memory, which the caller frees. Returns NULL on an error. */
+/* Read a file into memory, which the caller frees. Returns NULL on an error. */
 static char *read_text(const char *path, size_t *size)
 {
     FILE *file = fopen(path, "rb");
@@ -444,7 +445,7 @@ static char *read_text(const char *path, size_t *size)
     return text;
 }
 
-/* Checks all vectors of one JSON file. Returns 0, or -1 if it cannot be read. */
+/* Check all vectors of one JSON file. Returns 0, or -1 if it cannot be read. */
 static int check_file(const char *path)
 {
     size_t size = 0;
@@ -472,8 +473,8 @@ static int check_file(const char *path)
     return error.message || !has_vectors ? -1 : 0;
 }
 
-/* Arguments: paths of the JSON files with test vectors. Checks all vectors. Exit status 1 after a failure or
- * without arguments. */
+/* Check all vectors of the JSON files whose paths are the arguments. The exit status is 1 after a failure or without
+ * arguments. */
 int main(int argument_count, char **arguments)
 {
     int status = argument_count > 1 ? 0 : 1;

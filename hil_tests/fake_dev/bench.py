@@ -21,7 +21,7 @@ _MESSAGE_HEADER: Final = struct.Struct("<HHH")
 
 
 def build_shim(folder: Path) -> Path:
-    """Compile fake_i2c.c into `folder`; the path of the library."""
+    """Compile fake_i2c.c into `folder`, and return the path of the library."""
     library = folder / "libfake_i2c.so"
     source = Path(__file__).with_name("fake_i2c.c")
     subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"], check=True)
@@ -88,7 +88,7 @@ class FakeBench:
                 self._world.run(-lead_s)
 
     def _compute_lead_s(self) -> float:
-        """Time by which the world's clock is ahead of real time, seconds."""
+        """Compute the time by which the world's clock is ahead of real time, seconds; negative if it is behind."""
         return self._world.now_s - (time.monotonic() - self._start_s)
 
     def _serve(self, stream: object) -> None:

@@ -27,13 +27,15 @@ static struct {
     uint16_t address;
 } fds[FDS_MAX];
 
+/* Connect to the bench if `path` is the emulated device. Returns the socket, -1 with errno if the bench cannot be
+ * reached, or -2 for any other file. */
 static int connect_if_emulated(const char *path)
 {
     const char *setting = getenv("FAKE_I2C");
     const char *equals = setting ? strchr(setting, '=') : NULL;
     struct sockaddr_un name = {.sun_family = AF_UNIX};
     if (!equals || strlen(path) != (size_t)(equals - setting) || strncmp(path, setting, strlen(path)) != 0) {
-        return -2; /* another file */
+        return -2;
     }
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     strncpy(name.sun_path, equals + 1, sizeof name.sun_path - 1);
@@ -60,16 +62,19 @@ static int connect_if_emulated(const char *path)
 OPEN(open)
 OPEN(open64)
 
+/* Send all bytes to the bench. Returns 0, or -1 if the connection is broken. */
 static int send_all(int fd, const void *bytes, size_t size)
 {
     return send(fd, bytes, size, MSG_NOSIGNAL) == (ssize_t)size ? 0 : -1;
 }
 
+/* Receive exactly `size` bytes from the bench. Returns 0, or -1 if the connection is broken. */
 static int receive_all(int fd, void *bytes, size_t size)
 {
     return !size || recv(fd, bytes, size, MSG_WAITALL) == (ssize_t)size ? 0 : -1;
 }
 
+/* Execute an I2C transfer of `count` messages on the bench. Returns 0, or -1 with errno as the kernel. */
 static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
 {
     int32_t error = EIO;
@@ -87,6 +92,8 @@ static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
     return errno ? -1 : 0;
 }
 
+/* Execute an SMBus request as plain I2C messages. Returns 0, or -1 with errno; block transfers with a length byte and
+ * PEC are not supported. */
 static int smbus(int fd, const struct i2c_smbus_ioctl_data *request_data)
 {
     uint8_t bytes[2 + I2C_SMBUS_BLOCK_MAX] = {request_data->command};
@@ -132,6 +139,7 @@ static int smbus(int fd, const struct i2c_smbus_ioctl_data *request_data)
     return transfer(fd, write_read, is_read ? 2 : 1);
 }
 
+/* Replace ioctl() for emulated devices; other files are passed to the C library. */
 int ioctl(int fd, unsigned long request, ...)
 {
     va_list arguments;
@@ -166,6 +174,7 @@ int ioctl(int fd, unsigned long request, ...)
     }
 }
 
+/* Replace close(): forget an emulated device before the C library closes the file. */
 int close(int fd)
 {
     if (fd >= 0 && fd < FDS_MAX) {

@@ -1,4 +1,4 @@
-"""What the constructor of a driver receives besides the options of the rig file."""
+"""Argument that the constructor of every driver receives besides the options of the rig file."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -13,7 +13,7 @@ from taxel.link.virtual import VirtualWorld
 
 @dataclass
 class DriverContext:
-    """Rig file, emulated world and the drivers opened before.
+    """Content of the rig file, emulated world, and the drivers opened so far, by device name.
 
     `virtual_world` is None on a physical rig. Functions given to `close_at_end` run in reverse order when the rig is
     closed.

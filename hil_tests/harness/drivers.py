@@ -63,17 +63,17 @@ class RegisteredDriver:
 
 
 def list_driver_names(device: str) -> tuple[str, ...]:
-    """Names of all drivers of a device, in alphabetical order. Raises `PluginError` if two packages use one name."""
+    """List the names of all drivers of a device alphabetically. Raises `PluginError` if two packages use one name."""
     prefix = f"{device}."
     names = list_plugin_names(HIL_DRIVERS, DRIVERS)
     return tuple(sorted(name.removeprefix(prefix) for name in names if name.startswith(prefix)))
 
 
 def load_driver(device: str, name: str) -> RegisteredDriver:
-    """The driver with this name.
+    """Load the driver `name` of a device and read the options of its constructor.
 
-    Raises `KeyError` for an unknown name, `TaxelError` as one line for a driver that cannot be imported, or that does
-    not implement the interface of the device.
+    Raises `KeyError` for an unknown name, and `TaxelError` with a one-line message for a driver that cannot be
+    imported or that does not implement the interface of the device.
     """
     driver_class = load_plugin(HIL_DRIVERS, f"{device}.{name}", DRIVERS)
     interface = INTERFACES[device]
@@ -91,8 +91,8 @@ def load_driver(device: str, name: str) -> RegisteredDriver:
 
 
 def open_driver(driver: RegisteredDriver, context: Any, options: Mapping[str, Any]) -> Any:
-    """Create a driver of the rig and open its device. Raises `TaxelError` as one line if the device cannot be
-    opened.
+    """Create a driver of the rig and open its device. Raises `TaxelError` with a one-line message if the device
+    cannot be opened.
     """
     try:
         return driver.driver_class(context, **options)
@@ -103,13 +103,15 @@ def open_driver(driver: RegisteredDriver, context: Any, options: Mapping[str, An
 
 
 def _list_methods(interface: type) -> list[str]:
+    """List the names of the public methods of an interface."""
     return [name for name, value in vars(interface).items() if inspect.isfunction(value) and not name.startswith("_")]
 
 
 def _read_options(where: str, driver_class: type[Any]) -> tuple[DriverOption, ...]:
-    """Options that a rig file may give to a driver, from the signature of the driver's constructor.
+    """Read the options that a rig file may give to a driver from the signature of the driver's constructor.
 
-    where: name of the driver for error messages. The parameters `self` and `context` are no options.
+    where: name of the driver for error messages. The parameters `self` and `context` are not options. Raises
+    `RigError` for a parameter whose type is not in `OPTION_TYPES`.
     """
     constructor = driver_class.__init__
     types = get_type_hints(constructor)

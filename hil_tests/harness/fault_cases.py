@@ -19,8 +19,8 @@ STRETCH_LIMIT_US = 5000
 class FaultStep(NamedTuple):
     """One call of the fault injector, `at_s` seconds after the first step.
 
-    is_of_board: the fault applies to the board under test; otherwise to hub, bus or UART. `value`, `second_value`: see
-    firmware/emulator/README.md.
+    fault: name of the fault. is_of_board: the fault applies to the board under test; otherwise to hub, bus or UART.
+    `value`, `second_value`: parameters of the fault, see firmware/emulator/README.md.
     """
 
     at_s: float
@@ -35,7 +35,7 @@ class FaultCase:
     """A fault of one board, the bus, the hub or the UART, and the limits of its consequences.
 
     ends_s: time from the last step, or its effect, until the board acknowledges again. hub, host: text for the page on
-    what the hub does and what the host receives. counters: those of the hub's counters of that board that may increase.
+    what the hub does and what the host receives. counters: counters of the hub for this board that may increase.
     max_missing: largest number of missing frames of the board. is_bus_wide: frames of other boards may be missing too.
     restarts: the hub sends an unrequested HUB_HANDSHAKE. loses_on_wire: frames are lost between hub and host.
     """
@@ -71,8 +71,8 @@ class FaultCase:
 
 
 def _at_byte(fault: str, byte: int, second_value: float = 0.0) -> tuple[FaultStep]:
-    """A fault case step that damages byte number `byte` of the next I2C transfer of the board; byte 0 is the
-    address.
+    """Build the only step of a fault case: a fault at byte number `byte` of the board's next I2C transfer. Byte 0 is
+    the address.
     """
     return (FaultStep(0.0, fault, True, float(byte), second_value),)
 

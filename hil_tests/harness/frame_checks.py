@@ -10,13 +10,14 @@ from taxel.stream import TaxelFrame
 STEP_COUNTS = 100
 """Difference between the counts of two steps of `KnownCounts`."""
 LARGEST_BASE = 1000
+"""Constant part of the base counts of `KnownCounts`, in counts."""
 POLL_S = 0.01
 OUTCOMES = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
 """Counters of the hub, of which each poll of a board increases exactly one."""
 
 
 def read_frames(rig: Rig, skin: Skin, seconds: float) -> list[TaxelFrame]:
-    """The frames received in the next `seconds` on the rig's clock."""
+    """Receive taxel frames for `seconds` on the rig's clock, and return them in the order of their arrival."""
     frames: list[TaxelFrame] = []
     end_s = rig.clock.now_s() + seconds
     while (remaining_s := end_s - rig.clock.now_s()) > 0.0:
@@ -85,20 +86,23 @@ def check_polls(skin: Skin) -> None:
 
 
 def read_counters(skin: Skin, address: int) -> dict[str, int]:
-    """The hub's present counters of a board."""
+    """Request the hub's status and return its present counters of one board, by name."""
     skin.hub.read_status()
     return dict(skin.hub.board_status[address])
 
 
 def count_cycles_until_frame(frames: list[TaxelFrame], address: int, hub_time_us: float) -> int:
-    """Number of poll cycles from a time on the hub's clock to the first frame of this board after that time."""
-    other_cycles = [frame.cycle for frame in frames if frame.address != address and frame.hub_time_us <= hub_time_us]
-    own_cycles = [frame.cycle for frame in frames if frame.address == address and frame.hub_time_us >= hub_time_us]
-    assert other_cycles, "no frame of another board before that time"
-    assert own_cycles, f"no frame of board 0x{address:02X} after that time"
-    return (own_cycles[0] - other_cycles[-1]) % 65536
+    """Count the poll cycles from a time on the hub's clock to the first frame of this board at or after that time.
+
+    The cycle of the last earlier frame of another board is the cycle of that time. Fails if there is no such frame.
+    """
+    cycles_before = [frame.cycle for frame in frames if frame.address != address and frame.hub_time_us <= hub_time_us]
+    cycles_after = [frame.cycle for frame in frames if frame.address == address and frame.hub_time_us >= hub_time_us]
+    assert cycles_before, "no frame of another board before that time"
+    assert cycles_after, f"no frame of board 0x{address:02X} after that time"
+    return (cycles_after[0] - cycles_before[-1]) % 65536
 
 
 def get_address(hand: Hand, index: int) -> int:
-    """I2C address of board number `index` of the hand."""
+    """Return the I2C address of board number `index` of the hand."""
     return hand.boards[index].address

@@ -15,10 +15,10 @@ class Clock(Protocol):
     """Time of the rig: virtual time or the time of this machine."""
 
     def now_s(self) -> float:
-        """Seconds since an arbitrary origin."""
+        """Return the time in seconds since an arbitrary origin."""
 
     def wait(self, seconds: float) -> None:
-        """Let this time pass on the rig."""
+        """Let `seconds` pass on the rig."""
 
 
 @runtime_checkable
@@ -26,7 +26,7 @@ class Uart(Protocol):
     """UART of the hub."""
 
     def open_link(self) -> Link:
-        """A link to the hub. The caller closes the link."""
+        """Open a link to the hub. The caller closes the link."""
 
 
 @runtime_checkable
@@ -48,13 +48,13 @@ class CanBus(Protocol):
     """CAN channel of the Allegro hand."""
 
     def open_bus(self) -> can.BusABC:
-        """The channel as python-can opens it. The caller shuts the channel down."""
+        """Open the channel with python-can. The caller shuts the channel down."""
 
     def now_s(self) -> float:
-        """Seconds on the clock of the channel."""
+        """Return the time on the clock of the channel, seconds."""
 
     def advance(self, seconds: float) -> None:
-        """Let this time pass for the hand."""
+        """Let `seconds` pass for the hand."""
 
 
 @runtime_checkable
@@ -62,22 +62,22 @@ class CanFaults(Protocol):
     """Faults of the Allegro hand and of its CAN channel."""
 
     def lose_frames(self, count: int) -> None:
-        """The channel loses the next `count` frames."""
+        """Make the channel lose the next `count` frames, of either direction."""
 
     def set_bus_off(self, is_off: bool) -> None:
-        """The CAN controller of the host enters or leaves the state bus-off."""
+        """Let the CAN controller of the host enter or leave the state bus-off."""
 
     def set_temperature(self, celsius: int) -> None:
-        """The hand reports this motor temperature."""
+        """Let the hand report this motor temperature in degrees Celsius."""
 
     def set_servo_off(self, is_off: bool) -> None:
-        """The hand reports its motors as off or on."""
+        """Let the hand report its motors as off or on."""
 
     def set_silent(self, is_silent: bool) -> None:
-        """The hand sends no frames."""
+        """Let the hand stop sending frames, or send them again."""
 
     def set_finger_silent(self, finger: int, is_silent: bool) -> None:
-        """The hand sends no joint angles of this finger."""
+        """Let the hand stop sending the joint angles of this finger, or send them again."""
 
 
 @runtime_checkable
@@ -96,10 +96,12 @@ class FaultInjector(Protocol):
     """Faults of boards, bus, hub and UART, by the names in firmware/emulator/README.md."""
 
     def inject(self, name: str, address: int = 0, value: float = 0.0, second_value: float = 0.0) -> None:
-        """Arm a fault of a board, or of hub and UART (address 0)."""
+        """Arm a fault of a board, or of hub and UART (address 0). value, second_value: parameters of the fault."""
 
     def read_events(self, first: int = 0) -> Sequence[Any]:
-        """Faults that have taken effect, from event number `first` on: `time_s`, `kind`, `address`."""
+        """Return the faults that have taken effect, from event number `first` on, each with `time_s`, `kind` and
+        `address`.
+        """
 
 
 @runtime_checkable
@@ -118,7 +120,7 @@ class RawCounts(Protocol):
     """Raw counts that replace the measurements of the front ends, so that the expected counts are exact."""
 
     def set_counts(self, counts: ArrayLike) -> None:
-        """All taxels measure these raw counts [n], in the order of the hand, from now on."""
+        """Let all taxels measure these raw counts from now on, one for each taxel in the order of the hand."""
 
 
 INTERFACES: Final[Mapping[str, type]] = MappingProxyType(

@@ -42,7 +42,7 @@ class NonBlockingHost:
             self.board_status, self.status = {}, None
 
     def read_frames(self) -> list[TaxelFrame]:
-        """The taxel frames received since the last call."""
+        """Receive all bytes that have arrived, and return the taxel frames received since the last call."""
         while self.stream.poll(0.0):
             pass
         frames = list(self.stream.frames)

@@ -15,7 +15,7 @@ NOT_POSSIBLE: Final = "not possible on this rig: it lacks "
 
 
 def get_required_abilities(item: pytest.Item | pytest.FixtureRequest) -> set[str]:
-    """Abilities in the marks `needs` of a test. A mark `world` requires the ability "build"; all tests need the UART.
+    """Return the abilities that the marks `needs` of a test name. A mark `world` adds "build"; every test needs "uart".
 
     Raises `ValueError` for an unknown ability.
     """
@@ -28,7 +28,7 @@ def get_required_abilities(item: pytest.Item | pytest.FixtureRequest) -> set[str
 
 
 def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
-    """The emulated world that the marks `world` and `faulty_image` of a test describe.
+    """Describe the emulated world that the marks `world` and `faulty_image` of a test request.
 
     Arguments of `world`: `lines`, `only` (indices of the boards that are present), `scan` (fields of `ScanSettings`)
     and fields of `WorldSettings`; `wiring`: "buffered"; `slow_branch`: name and additional capacitance in picofarads of
@@ -55,7 +55,10 @@ def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
 
 
 def _change_wiring(hand: Hand, kind: str | None, slow_branch: tuple[str, float] | None) -> Wiring:
-    """The wiring of the hand with buffers and pull-ups in each branch, and with one branch of larger capacitance."""
+    """Return the wiring of the hand with buffers and pull-ups in each branch.
+
+    slow_branch: name of one branch and its additional capacitance in picofarads; None: no branch is slow.
+    """
     assert hand.wiring is not None
     assert kind in (None, "buffered")
     name, picofarad = slow_branch or ("", 0.0)

@@ -11,9 +11,9 @@ COLUMNS = ("passed", "failed", "not possible")
 
 
 def count_outcomes(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[str]]:
-    """Number of tests by outcome for each suite (the name of a test file without `test_`).
+    """Count the tests by outcome for each suite (the name of a test file without `test_`).
 
-    The keys "lacks ..." of a suite are the reasons for which tests were not possible.
+    The outcomes of a suite are those of `COLUMNS`, and "lacks ..." for each reason why tests were not possible.
     """
     suites: dict[str, Counter[str]] = defaultdict(Counter)
     for report in reports:
@@ -31,8 +31,9 @@ def count_outcomes(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[st
 
 
 def format_table(suites: Mapping[str, Counter[str]], rig: str) -> list[str]:
-    """Lines of the table with the numbers of passed, failed and not possible tests of each suite. rig: name of the
-    rig.
+    """Format the table with the numbers of passed, failed and not possible tests of each suite as lines of text.
+
+    rig: name of the rig.
     """
     width = max([len(name) for name in suites] + [len("suite")])
     lines = [f"{'suite':<{width}}  " + "  ".join(f"{column:>12}" for column in COLUMNS) + f"   rig: {rig}"]

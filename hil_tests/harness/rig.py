@@ -40,11 +40,11 @@ ABILITIES: Final = {
 """Abilities that a test may require, and the text for a rig that lacks the ability."""
 
 NATIVE_WORLD_ABILITIES: Final = frozenset({"clocks", "hours"})
-"""Abilities of an emulated world without executed ARM images."""
+"""Abilities that an emulated world has only if it executes no ARM images."""
 
 
 HUB_BOARD_ABILITIES: Final = frozenset({"uart_faults", "hub_board"})
-"""Abilities of an emulated world with a hub, which a Linux hub on an I2C adapter replaces."""
+"""Abilities that an emulated world has only with a hub board, not with a Linux hub on an I2C adapter."""
 
 
 @dataclass
@@ -72,7 +72,7 @@ class Rig:
 
 
 def get_abilities(description: RigDescription) -> set[str]:
-    """Abilities of a rig, determined from its file before a device is opened."""
+    """Determine the abilities of a rig from its file, before a device is opened."""
     if description.is_virtual:
         missing = NATIVE_WORLD_ABILITIES if description.executed else frozenset()
         return set(ABILITIES) - missing - (HUB_BOARD_ABILITIES if has_linux_hub(description) else frozenset())
@@ -81,7 +81,7 @@ def get_abilities(description: RigDescription) -> set[str]:
 
 @contextmanager
 def open_rig(description: RigDescription, build: WorldBuild | None = None) -> Iterator[Rig]:
-    """The rig with its drivers open; they are closed at the end. `build`: settings of a virtual rig for one test."""
+    """Open the drivers of a rig, and close them at the end. build: settings of a virtual rig for one test."""
     with ExitStack() as exit_stack:
         context = DriverContext(description, exit_stack)
         if description.is_virtual:

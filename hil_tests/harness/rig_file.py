@@ -52,7 +52,10 @@ class RigDescription:
 
 
 def load_rig(name: str) -> RigDescription:
-    """The rig with this name in hil_tests/rigs, or with this path of a .toml file. Raises `TaxelError` as one line."""
+    """Load the rig with this name in hil_tests/rigs, or from this path of a .toml file.
+
+    Raises `TaxelError` with a one-line message.
+    """
     path = Path(name) if name.endswith(".toml") else RIGS / f"{name}.toml"
     try:
         table = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
@@ -65,7 +68,7 @@ def load_rig(name: str) -> RigDescription:
 
 
 def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
-    """Check the table of a rig file and build its description."""
+    """Check the content of a rig file and build its description. Raises `RigError` with a one-line message."""
     hand_name = _read_field(path, table, "hand", str)
     keys = {"name", "hand", "world", "executed"} | INTERFACES.keys()
     for key in table:
@@ -169,8 +172,8 @@ def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
 
 
 def _read_field(path: Path, table: dict[str, Any], name: str, kind: type, device: str = "") -> Any:
-    """The value of entry `name` in a table of a rig file. Raises `RigError` if it is missing or not of the type
-    `kind`.
+    """Return the value of entry `name` in a table of a rig file. Raises `RigError` if it is missing or not of the type
+    `kind`; a whole number is accepted where a float is expected.
 
     device: name of the table, for the error message; empty for the top level.
     """

@@ -25,13 +25,16 @@ from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 STEP_COUNTS: Final = 100
+"""Difference between the raw counts of two steps; each taxel measures its base count + 100 step."""
 LARGEST_BASE: Final = 1000
+"""Constant part of the base counts, in counts."""
 FAULT_MEMORY_S: Final = 60.0
 """Time after its end for which a fault is kept to explain gaps, seconds."""
 CHUNK_S: Final = 0.5
 COUNT_STEP_PERIOD_S: Final = 600.0
 """Time between two steps of the raw counts, seconds."""
 STEPS_MAX: Final = 600
+"""Largest number of steps, so that the raw counts stay within 16 bits."""
 DISCOVERY_S: Final = 1.0
 """Gaps in this time after the start are ignored: cycles are short while the hub discovers the boards, so many polls
 meet a scan that is not new.
@@ -41,14 +44,18 @@ RECOVERY_S: Final = 0.03
 CYCLES_BACK: Final = 2
 """Cycles after the end of a fault in which the first frame of the board must arrive."""
 CYCLE_S: Final = 0.06
+"""Assumed duration of a poll cycle, seconds."""
 WRAP_US: Final = 2**32
+"""Time after which the hub's clock in a frame wraps, microseconds."""
 HUB_FAULTS: Final = frozenset({"mute_host", "up_delay", "hub_stall"})
-"""Faults of hub and UART in kinds with the scope "bus"."""
+"""Faults of hub and UART, not of a board, among the kinds of faults with the scope "bus" (`soak_faults.FaultKind`)."""
 
 
 @dataclass
 class Fault:
-    """An injected fault: its kind and scope, the address of its board, and its start and end on the world's clock."""
+    """An injected fault: its kind, its scope (frames that it may cost, `soak_faults.FaultKind`), the I2C address of its
+    board, and its start and end on the world's clock.
+    """
 
     kind: str
     scope: str
@@ -61,9 +68,9 @@ class Fault:
 class SoakReport:
     """Result of a soak.
 
-    lost: missing frames. wrong: frames with a count that was never set. injected, cost: number of faults, and of
-    missing frames, for each kind. unexplained: one line for each gap without a fault. memory_mb: peak memory after each
-    hundredth of the soak.
+    seconds: virtual time of the soak. frames: received frames. lost: missing frames. wrong: frames with a count that
+    was never set. injected, cost: number of faults, and of missing frames, for each kind. unexplained: one line for
+    each gap without a fault. memory_mb: peak memory after each hundredth of the soak, in MiB.
     """
 
     seconds: float = 0.0
@@ -77,7 +84,7 @@ class SoakReport:
 
     @property
     def growth(self) -> float:
-        """Ratio of the peak memory at the end to the peak memory after the first tenth."""
+        """Ratio of the peak memory at the end to the peak memory after the first tenth; 1 without samples."""
         early = self.memory_mb[len(self.memory_mb) // 10] if self.memory_mb else 1.0
         return self.memory_mb[-1] / early if self.memory_mb else 1.0
 
@@ -115,9 +122,9 @@ class Soak:
     def run(
         self, seconds: float, show_progress: Callable[[float, float], None] = lambda elapsed_s, total_s: None
     ) -> SoakReport:
-        """Run the emulated skin and its random faults for `seconds` of virtual time more.
+        """Run the emulated skin and its random faults for another `seconds` of virtual time. Returns the report.
 
-        show_progress: called with the elapsed and the total time in seconds.
+        show_progress: called with the elapsed and the total time of this call in seconds.
         """
         start_s = self.world.now_s
         end_s, sampled_s = start_s + seconds, start_s
@@ -170,7 +177,8 @@ class Soak:
         """Record a fault that begins now and lasts `duration_s` seconds. Frames that are missing meanwhile are
         attributed to it.
 
-        scope: frames that the fault may cost, such as "board", "bus" or "wire". address: board with the fault.
+        kind: name of the fault in the report. scope: frames that the fault may cost, such as "board", "bus" or "wire".
+        address: board with the fault.
         """
         now_s = self.world.now_s
         self._faults.append(Fault(kind, scope, address, now_s, now_s + duration_s))
@@ -195,8 +203,8 @@ class Soak:
                 self._process_batch(batch)
 
     def _process_batch(self, batch: Batch) -> None:
-        """Process the decoded frames before and after each restart of the hub separately, as cycles and times
-        restart at 0.
+        """Process the decoded frames before and after each restart of the hub separately, because the numbers of poll
+        cycles and the hub's clock begin again at 0.
         """
         restarts = batch.message_rows["stream_position"][(batch.message_rows["flags"] & HUB_RESTARTED) != 0]
         cuts = [0, *np.searchsorted(batch.taxel_rows["stream_position"], restarts).tolist(), len(batch.taxel_rows)]
@@ -258,7 +266,7 @@ class Soak:
             self._attribute_gap(address, last_s, time_s, steps - 1)
 
     def _convert_hub_time(self, hub_time_us: int) -> float:
-        """Virtual time in seconds at which the hub's clock showed `hub_time_us`; the clock wraps after 2^32 us."""
+        """Convert a time of the hub's clock (microseconds since its boot, modulo 2^32) to virtual time in seconds."""
         elapsed_us = (self.world.now_s - self._hub_boot_s) * 1e6
         wraps = round((elapsed_us - hub_time_us) / WRAP_US)
         return self._hub_boot_s + (hub_time_us + wraps * WRAP_US) / 1e6

@@ -27,6 +27,7 @@ BYTE_FAULTS: Final = ("nack_at", "flip_at", "stretch_at", "brown_out_at", "arbit
 UART_FAULTS: Final = ("up_flip", "up_drop", "up_double", "down_flip", "down_drop", "down_double")
 HUB_FAULTS: Final = ("hub_restart", "hub_unplug", "hub_plug")
 DELAYS: Final = ("up_delay", "down_delay", "hub_stall")
+"""Faults that delay the UART, or the hub, for a number of milliseconds."""
 
 addresses = st.sampled_from(ADDRESSES)
 FLUSH_BYTES: Final = 1000

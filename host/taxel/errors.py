@@ -21,7 +21,7 @@ class FieldError(TaxelError):
     """
 
     def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
-        """Create the error of a field in a file. expected, found: values. remedy: what to do."""
+        """Create the error of a field in a file; the class describes the arguments, which become its attributes."""
         # All five are args, so that the error survives pickling between processes.
         super().__init__(file, field, expected, found, remedy)
         self.file = file
@@ -37,10 +37,10 @@ class FieldError(TaxelError):
 
 
 def fit_line(text: object, longest: int = 400) -> str:
-    """Return a text for one line of a message: a long one is shortened, other than printable characters become "?".
+    """Return `text` as one printable line of at most `longest` characters and "...", for an error message.
 
-    The texts may contain values of a file, and an array as text has several lines.
+    Line ends become spaces, and characters that are not printable become "?": a message may contain values of a file.
     """
     line = " ".join(str(text).split())
     shortened = line if len(line) <= longest else line[:longest] + "..."
-    return shortened if shortened.isprintable() else "".join(each if each.isprintable() else "?" for each in shortened)
+    return "".join(character if character.isprintable() else "?" for character in shortened)

@@ -46,14 +46,15 @@ install a library, the smallest one is named.
 class MissingPackageError(TaxelError, ImportError):
     """An optional library is not installed.
 
-    The text names the library, the extra (optional dependency group) and the command that installs it. package: import
-    name of the library.
+    The message names the library, the extra (optional dependency group) and the command that installs it. package:
+    import name of the library.
     """
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
         """Create the error of an optional package that is not installed.
 
-        purpose: what needs the package. extra: name of the optional dependency group that installs it.
+        purpose: what needs the package, the subject of the message, such as "a grasp dataset (.h5)". extra: name of the
+        optional dependency group that installs the package.
         """
         self.package = package
         super().__init__(
@@ -64,9 +65,9 @@ class MissingPackageError(TaxelError, ImportError):
 
 @contextmanager
 def optional_import(package: str, purpose: str) -> Iterator[None]:
-    """Convert an ImportError inside the block to a `MissingPackageError` of one line.
+    """Context manager that converts an ImportError inside the block to a one-line `MissingPackageError`.
 
-    package: a key of `EXTRA_OF_PACKAGE`. purpose: the subject of the sentence, such as "a grasp dataset (.h5)".
+    package: a key of `EXTRA_OF_PACKAGE`. purpose: subject of the message, such as "a grasp dataset (.h5)".
     """
     try:
         yield
@@ -77,9 +78,9 @@ def optional_import(package: str, purpose: str) -> Iterator[None]:
 
 
 def require_packages(purpose: str, extra: str, *packages: str) -> None:
-    """Raise `MissingPackageError` at once if a package is missing that a long task imports only at its end.
+    """Raise `MissingPackageError` if one of the packages is not installed, before a task that imports them late.
 
-    purpose: the subject of the sentence. extra: the optional dependency group that installs the packages.
+    purpose: subject of the message, such as "taxel twin". extra: optional dependency group that installs the packages.
     """
     for package in packages:
         if find_spec(package) is None:
@@ -89,8 +90,8 @@ def require_packages(purpose: str, extra: str, *packages: str) -> None:
 def missing_package(error: ImportError, purpose: str, extra: str | None = None) -> MissingPackageError | None:
     """Return the error to show instead of a failed import; None if the missing module is not an optional library.
 
-    purpose: subject of the sentence. extra: optional dependency group that installs all that the purpose needs; None:
-    the group of the missing library alone.
+    purpose: subject of the message, such as "taxel twin". extra: optional dependency group that installs all that the
+    purpose needs; None: the group that installs the missing library.
     """
     package = error.package if isinstance(error, MissingPackageError) else (error.name or "").partition(".")[0]
     if package not in EXTRA_OF_PACKAGE:

@@ -39,14 +39,14 @@ NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 class PluginError(TaxelError):
-    """An entry point cannot be used. The text names the group, the entry point and the distribution."""
+    """An entry point cannot be used. The message names the group, the entry point and the distribution."""
 
 
 def list_plugin_names(group: str, built_in: Mapping[str, str] = NO_NAMES) -> tuple[str, ...]:
-    """List all names of a group of plug-ins: the project's own names, then those of other packages, sorted.
+    """List all names of a group of plug-ins: the project's own names, then the sorted names of other packages.
 
-    group: group of entry points. built_in: the project's own objects by name. Raises `PluginError` if two distributions
-    use one name.
+    group: group of entry points. built_in: the project's own objects, as "module:attribute", by name. Raises
+    `PluginError` if two distributions use the same name.
     """
     return (*built_in, *sorted(_list_added_points(group, built_in)))
 
@@ -55,8 +55,8 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
     """Load the object that a name of a group of plug-ins stands for.
 
     group: group of entry points. built_in: the project's own objects, as "module:attribute", by name. Raises `KeyError`
-    for an unknown name, `PluginError` if two distributions use one name or if the import of another package's object
-    fails. An import error of the project's own objects passes unchanged.
+    for an unknown name, `PluginError` if two distributions use the same name or if the import of another package's
+    object fails. An import error of the project's own objects is raised unchanged.
     """
     if name in built_in:
         module, _, attribute = built_in[name].partition(":")
@@ -74,9 +74,9 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
 
 
 def unusable_plugin(group: str, name: str, problem: str) -> PluginError:
-    """Make the error for a plug-in whose object was loaded and cannot be used, as one line with its package.
+    """Return the one-line error for a plug-in whose object was loaded but cannot be used; it names the package.
 
-    group, name: of the entry point. problem: what was expected and what was found.
+    group, name: group and name of the entry point. problem: what was expected and what was found.
     """
     text = f"entry point '{name}' of group '{group}' in package '{plugin_distribution(group, name)}' cannot be used"
     return PluginError(f"{text} ({' '.join(problem.split())}); correct or uninstall that package")
@@ -85,7 +85,7 @@ def unusable_plugin(group: str, name: str, problem: str) -> PluginError:
 def plugin_distribution(group: str, name: str) -> str:
     """Return the name of the installed package that adds an entry point; "taxel" for a name without an entry point.
 
-    group, name: of the entry point.
+    group, name: group and name of the entry point.
     """
     return next(
         (_distribution_name(point) for point in _list_entry_points(group) if point.name == name), OWN_DISTRIBUTION
@@ -93,10 +93,10 @@ def plugin_distribution(group: str, name: str) -> str:
 
 
 def _list_added_points(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
-    """List the entry points that other packages add to a group, by name.
+    """Return the entry points that are added to a group, by name.
 
-    The project's own entry points that repeat a built-in name are left out. Raises `PluginError` for a name in two
-    packages.
+    Entry points of the project that repeat a built-in object are left out. Raises `PluginError` if two packages use the
+    same name for different objects.
     """
     added: dict[str, EntryPoint] = {}
     for point in _list_entry_points(group):

@@ -20,8 +20,8 @@ START_TIMEOUT_S = 60.0
 ANSWER_TIMEOUT_S = 120.0
 
 
-def chromium_program() -> str:
-    """Path of the browser. Skips the test if no browser is installed."""
+def find_chromium_program() -> str:
+    """Return the path of the browser. Skip the test if no browser, or no package `websockets`, is installed."""
     path = next((path for name in PROGRAMS if (path := shutil.which(name))), None)
     if path is None:
         pytest.skip("no chromium: 'apt-get install chromium' opens the pages for this test")
@@ -36,7 +36,7 @@ class Page:
     """
 
     def __init__(self, url: str, width: int = 1400, height: int = 900) -> None:
-        program = chromium_program()
+        program = find_chromium_program()
         self.problems: list[str] = []
         self._folder = tempfile.TemporaryDirectory(prefix="taxel-chromium-", ignore_cleanup_errors=True)
         self._process = subprocess.Popen(
@@ -61,6 +61,7 @@ class Page:
             raise
 
     def _connect(self) -> None:
+        """Wait until the browser has a page, and connect to the DevTools socket of this page."""
         import urllib.request
 
         from websockets.sync.client import connect
@@ -92,6 +93,7 @@ class Page:
             self._record_problem(message)
 
     def _record_problem(self, message: dict[str, Any]) -> None:
+        """Append to `problems` if a DevTools message is an uncaught exception or an error of the console."""
         event, details = message.get("method"), message.get("params", {})
         if event == "Runtime.exceptionThrown":
             self.problems.append(json.dumps(details["exceptionDetails"])[:500])
@@ -101,17 +103,17 @@ class Page:
             self.problems.append(f"{details['entry']['text']} {details['entry'].get('url', '')}")
 
     def evaluate(self, expression: str) -> Any:
-        """The value of a JavaScript expression, converted through JSON."""
+        """Evaluate a JavaScript expression in the page, wait for its promise, and return its value as JSON data."""
         answer = self.send_command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def text(self) -> str:
-        """The visible text of the page."""
+    def read_text(self) -> str:
+        """Return the visible text of the page."""
         return str(self.evaluate("document.body ? document.body.innerText : ''"))
 
     def take_picture(self) -> ByteArray:
-        """A screenshot of the page, u8[height, width, 3]. The attribute `png` contains the PNG file."""
+        """Take a screenshot of the page, u8[height, width, 3 colours]. The attribute `png` then has the PNG file."""
         import matplotlib.image
 
         data = base64.b64decode(self.send_command("Page.captureScreenshot", format="png")["data"])
@@ -121,7 +123,7 @@ class Page:
         return picture
 
     def close(self) -> None:
-        """End the browser."""
+        """End the browser, and remove its temporary folder."""
         if hasattr(self, "_socket"):
             self._socket.close()
         self._process.terminate()

@@ -9,7 +9,7 @@ from taxel.cli import main as command
 
 
 def run_taxel(*arguments: object) -> int:
-    """Run `taxel ARGUMENTS...` and return the exit status."""
+    """Run `taxel ARGUMENTS...` in this process and return its exit status."""
     with mock.patch.object(sys, "argv", ["taxel", *map(str, arguments)]):
         try:
             command.main()

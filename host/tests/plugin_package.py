@@ -9,7 +9,10 @@ from taxel.plugins import refresh_plugins
 
 
 def write_package(folder: Path, name: str, source: str, entry_points: Mapping[str, Mapping[str, str]]) -> None:
-    """Write the module NAME.py and its metadata. entry_points: "module:attribute" by group and name."""
+    """Write the module `name`.py and the metadata of an installed package to a folder.
+
+    entry_points: group -> name -> "module:attribute".
+    """
     (folder / f"{name}.py").write_text(source)
     metadata = folder / f"{name}-1.0.dist-info"
     metadata.mkdir()
@@ -24,7 +27,7 @@ def write_package(folder: Path, name: str, source: str, entry_points: Mapping[st
 def installed_package(
     folder: Path, name: str, source: str, entry_points: Mapping[str, Mapping[str, str]]
 ) -> Iterator[None]:
-    """The package of `write_package`, on the import path inside the block."""
+    """Write a package (`write_package`) and let Python find it, and its entry points, inside the `with` block."""
     write_package(folder, name, source, entry_points)
     sys.path.insert(0, str(folder))
     refresh_plugins()

@@ -25,14 +25,17 @@ class RecordedSkin(NamedTuple):
 
 
 def read_frames(path: Path, hand: Hand | None = None) -> tuple[list[TaxelFrame], LossAccount]:
-    """All frames of a recording in any format, and its losses."""
+    """Return all frames of a recording in any format, and its losses. hand: None: the hand of the recording."""
     link, recorded_hand = open_recording(path, hand)
     with Skin(link, recorded_hand) as skin:
         return list(skin), skin.losses
 
 
-def differing_fields(a: list[TaxelFrame], b: list[TaxelFrame], *names: str) -> list[str]:
-    """The named fields that differ in at least one frame of two recordings."""
+def find_differing_fields(a: list[TaxelFrame], b: list[TaxelFrame], *names: str) -> list[str]:
+    """Return those of the named fields that differ in at least one frame of two recordings.
+
+    If the recordings have different numbers of frames, return one text with both numbers instead.
+    """
     if len(a) != len(b):
         return [f"{len(a)} and {len(b)} frames"]
     return [

@@ -18,7 +18,7 @@ class ScriptedOperator:
         self.texts: list[str] = []
 
     def read_serial_number(self) -> str:
-        """The next prepared serial number."""
+        """Return the next prepared serial number. Raises OperatorNeededError if there is none left."""
         self.texts.append("serial number")
         try:
             return next(self._serial_numbers)

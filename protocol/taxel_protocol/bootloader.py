@@ -255,11 +255,11 @@ class FlashLayout:
 
     @property
     def slot_size(self) -> int:
-        """Bytes of a slot."""
+        """Return the number of bytes of a slot."""
         return self.slot_rows * BOOT_ROW_SIZE
 
     def slot_address(self, slot: int) -> int:
-        """Flash address of a slot's first byte."""
+        """Return the flash address of a slot's first byte."""
         return self.first_rows[slot] * BOOT_ROW_SIZE
 
 

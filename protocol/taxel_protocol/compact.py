@@ -41,7 +41,7 @@ class Taxel:
 
     @property
     def centre(self) -> int:
-        """The count nearest to the predicted mean of the taxel."""
+        """Return the count nearest to the predicted mean of the taxel."""
         return min((self.mean + 32) >> t.COMPACT_FRACTION_BITS, _COUNT_MAX)
 
     @property
@@ -233,7 +233,7 @@ def encode_counts(taxels: Sequence[Taxel], counts: Sequence[int]) -> bytes:
 
 
 def decode_counts(taxels: Sequence[Taxel], data: bytes) -> list[int]:
-    """Inverse of `encode_counts`. Raises `CompactError` for bytes that no encoder produces."""
+    """Decode the bytes of `encode_counts`. Raises `CompactError` for bytes that no encoder produces."""
     coder = RangeDecoder(data)
     return [_decode_count(taxel, coder) for taxel in taxels]
 

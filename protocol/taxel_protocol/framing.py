@@ -29,7 +29,7 @@ def crc32(data: bytes, start: int = 0) -> int:
     return zlib.crc32(data, start)
 
 
-def _whitening(length: int) -> bytes:
+def _compute_whitening(length: int) -> bytes:
     """Return the first `length` bytes of the pseudo-random sequence that is XORed with a frame to whiten it."""
     sequence = bytearray(length)
     state = WHITENING_SEED
@@ -39,7 +39,7 @@ def _whitening(length: int) -> bytes:
     return bytes(sequence)
 
 
-_WHITENING = _whitening(BODY_MAX)
+_WHITENING = _compute_whitening(BODY_MAX)
 
 
 def whiten(body: bytes) -> bytes:
@@ -78,7 +78,7 @@ def _split_at_zeros(data: bytes) -> Iterator[tuple[bool, bytes]]:
 
 
 def cobs_decode(data: bytes) -> bytes:
-    """Inverse of `cobs_encode`. Raises ValueError if `data` contains a zero byte or ends inside a block."""
+    """Decode the bytes of `cobs_encode`. Raises ValueError if `data` contains a zero byte or ends inside a block."""
     if b"\0" in data:
         raise ValueError("stuffed data contains a zero byte")
     out = bytearray()
@@ -113,7 +113,7 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
 
 
 def is_plausible_header(body: bytes) -> bool:
-    """Whether this version defines a frame: its type, its payload length, its board address, its number of taxels.
+    """Return whether this version defines a frame: type, payload length, board address and number of taxels.
 
     body: unstuffed, unwhitened frame or its start, at least 5 bytes; the address is checked with 6 bytes, the number of
     taxels with 7.
@@ -133,9 +133,9 @@ def is_plausible_header(body: bytes) -> bool:
 
 
 def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
-    """Decode an unstuffed, unwhitened frame to (type, sequence, payload); None if it is not whole.
+    """Decode an unstuffed, unwhitened frame to (type, sequence, payload); None if it is incomplete or damaged.
 
-    A whole frame may be unknown: `is_plausible_header` states whether this version defines its type and length.
+    A complete frame may be unknown: `is_plausible_header` states whether this version defines its type and length.
     """
     if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE:
         return None
@@ -148,7 +148,7 @@ def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
 
 
 def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
-    """Decode the whole frame at the start of `chunk`, which contains no zero; return (bytes used, frame) or None.
+    """Decode the complete frame at the start of `chunk`, which contains no zero; return (bytes used, frame) or None.
 
     The header states the length of a frame, so its end is found without a delimiter: it is the end of the block where
     the unstuffed length equals the length stated in the header. A frame is (type, sequence, payload); its type and
@@ -177,7 +177,7 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
 
 
 def _is_known(frame: tuple[int, int, bytes]) -> bool:
-    """Whether this version defines the type and the length of a whole frame (type, sequence, payload)."""
+    """Return whether this version defines the type and the length of a complete frame (type, sequence, payload)."""
     frame_type, _, payload = frame
     return is_plausible_header(bytes([frame_type, 0, 0]) + len(payload).to_bytes(2, "little") + payload)
 
@@ -186,8 +186,8 @@ class ReferenceDecoder:
     """Stream decoder in pure Python: bytes in, frames out. It is the oracle for the C decoder.
 
     A chunk is the bytes between two zeros. If a chunk is not exactly one frame, every byte is tried as the start of a
-    frame, so that frames joined to each other or to invalid bytes by a lost delimiter are all found. A whole frame that
-    this version does not define is skipped and counted in `unknown_frames`; its bytes are not discarded bytes.
+    frame, so that frames joined to each other or to invalid bytes by a lost delimiter are all found. A complete frame
+    that this version does not define is skipped and counted in `unknown_frames`; its bytes are not discarded bytes.
     """
 
     def __init__(self) -> None:

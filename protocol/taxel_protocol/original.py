@@ -95,7 +95,7 @@ class OriginalFormat:
     accelerated: tuple[int, ...] = ()
     record_size: int = 0
     lengths: Mapping[int, int] = field(init=False, repr=False, compare=False)
-    """Length of a whole message in bytes by address."""
+    """Length of a complete message in bytes by address."""
 
     def __post_init__(self) -> None:
         """Compute the message length of each board.
@@ -112,7 +112,7 @@ class OriginalFormat:
         object.__setattr__(self, "lengths", lengths)
 
     def _compute_length(self, address: int) -> int:
-        """Return the length of a whole message of the board at `address`, bytes."""
+        """Return the length of a complete message of the board at `address`, bytes."""
         if self.record_size:
             return self.record_size
         words = self.taxels[address] + ACCELERATIONS * (address in self.accelerated)
@@ -172,7 +172,7 @@ Untimed = Struct(
 
 
 def define_message(message_format: OriginalFormat, address: int) -> Construct:
-    """The construct definition of a whole message of this board. Raises KeyError for an unknown address.
+    """Return the construct definition of a complete message of a board. Raises KeyError for an unknown address.
 
     Fields: start, length, address, timestamp_ms, counts, accelerations, end, as far as the format has them.
     """
@@ -218,7 +218,7 @@ def encode_message(
     timestamp_ms: int = 0,
     accelerations: Sequence[int] = (),
 ) -> bytes:
-    """Bytes of one message as the original hub sends them.
+    """Encode one message as the original hub sends it.
 
     Raises KeyError for an address that the format does not have, and construct's errors for a wrong number of counts or
     a number out of range.
@@ -228,7 +228,7 @@ def encode_message(
 
 
 def parse_message(message_format: OriginalFormat, address: int, data: bytes) -> OriginalMessage:
-    """The message at the front of `data`, by construct. Raises construct's errors if none begins there."""
+    """Parse the message at the start of `data` with construct. Raises construct's errors if no message begins there."""
     fields = define_message(message_format, address).parse(data)
     return OriginalMessage(
         address,

@@ -85,7 +85,7 @@ class OriginalDecoder:
         return self._process(is_end=False)
 
     def finish(self) -> list[OriginalMessage]:
-        """Messages in the remaining bytes when the stream ends; incomplete candidates are rejected.
+        """Return the messages in the remaining bytes when the stream ends; incomplete candidates are rejected.
 
         A live receiver may also call this function after a pause of the hub; the bytes that follow begin a new stream
         with the same counters and reference times.
@@ -103,7 +103,7 @@ class OriginalDecoder:
         else:
             while self._step(accepted, is_end):
                 pass
-        self._forget()
+        self._remove_settled_bytes()
         return accepted
 
     def _split_records(self, accepted: list[OriginalMessage], is_end: bool) -> None:
@@ -149,7 +149,10 @@ class OriginalDecoder:
         return True
 
     def _match_header(self, start: int) -> int | None:
-        """Length of the message whose header begins at `start` in the buffer; 0: no header; None: bytes are missing."""
+        """Return the length of the message whose header begins at `start` in the buffer.
+
+        Returns 0 if no header begins there, None if bytes are missing for the decision.
+        """
         buffer = self._buffer
         available = len(buffer) - start
         if available >= HEADER_SIZE:
@@ -173,7 +176,7 @@ class OriginalDecoder:
                     length = self._match_header(one.end)
                     if length is None and not is_end:
                         return False
-                    one.has_evidence = length != 0  # nothing or a part of a header behind it: the stream ends
+                    one.has_evidence = length != 0  # None: the stream ends behind it, at most with a part of a header
         if current and current.has_evidence:
             self._strong_end = max(self._strong_end, current.end)
         is_beaten = not candidate.has_evidence and self._strong_end > candidate.start
@@ -193,7 +196,7 @@ class OriginalDecoder:
         return int.from_bytes(self._buffer[start + HEADER_SIZE : start + HEADER_SIZE + 4], "big")
 
     def _is_plausible(self, time_ms: int) -> bool:
-        """Whether a time follows one of the reference times; time 0 (start of the hub) is always a reference."""
+        """Return whether a time follows a reference time closely; time 0 (start of the hub) is always a reference."""
         return time_ms <= TIME_STEP_MAX_MS or any(
             (time_ms - reference) % _CLOCK_RANGE_MS <= TIME_STEP_MAX_MS for reference in self._times
         )
@@ -219,7 +222,7 @@ class OriginalDecoder:
         if time_ms is not None:
             self._times.append(time_ms)
 
-    def _forget(self) -> None:
+    def _remove_settled_bytes(self) -> None:
         """Count the bytes before the search position as discarded and remove them from the buffer."""
         settled = self._current.start if self._current else self._scan
         if self._base + settled > self._covered:

@@ -139,7 +139,7 @@ def decode_length(length: int) -> int:
 
 
 def snapshot(taxel_count: int | object = this._.taxel_count) -> Struct:
-    """Definition of a snapshot of `taxel_count` taxels (a number, or a construct expression that gives it).
+    """Define a snapshot of `taxel_count` taxels (a number, or a construct expression that gives it).
 
     crc32 covers the board's 7-bit address as one byte, then every byte of the snapshot before it. A snapshot sent by
     another board, after one flipped address bit, therefore fails the check.

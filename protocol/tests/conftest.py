@@ -125,6 +125,7 @@ class Codec:
     """The C codec: encode a frame, decode a stream that arrives in pieces, frame by frame or as a batch."""
 
     def __init__(self, path: Path) -> None:
+        """Load the C codec library and check that its rows have the layout of `_Row`."""
         self.native = ctypes.CDLL(str(path))
         for name in ("struct_size", "row_size", "encode", "decode"):
             getattr(self.native, f"taxel_batch_{name}").restype = ctypes.c_size_t
@@ -143,6 +144,7 @@ class Codec:
         self.unknown_frames = 0
 
     def encode(self, frame_type: int, sequence: int, payload: bytes) -> bytes:
+        """Encode a frame with the C codec; return its bytes on the wire."""
         out = ctypes.create_string_buffer(1024)
         numbers = (ctypes.c_uint8(frame_type), ctypes.c_uint16(sequence))
         length = ctypes.c_uint16(len(payload))
@@ -150,7 +152,10 @@ class Codec:
         return out.raw[:size]
 
     def decode(self, pieces: Iterable[bytes], directions: int = 3) -> list[Frame]:
-        """Frames decoded by the deframer, as the hub and the batch decoder use it."""
+        """Decode a stream with the deframer that the hub and the batch decoder use; return its frames.
+
+        directions: accepted frame types, 1: to the host, 2: to the hub, 3: both. Sets the counters of this object.
+        """
         frames: list[Frame] = []
 
         def handle(_: Any, pointer: Any) -> None:
@@ -171,36 +176,39 @@ class Codec:
         return frames
 
     def decode_batch(self, pieces: Iterable[bytes], directions: int = 3, rows: int = ROWS) -> Batch:
-        """Frames decoded by the batch decoder with a row capacity of `rows`."""
+        """Decode a stream with the batch decoder and a row capacity of `rows`, as often as the bytes need it."""
         batch = Batch([], [])
         self.native.taxel_batch_init(self._batch, ctypes.c_uint8(directions))
         for piece in pieces:
             taken = 0
             while taken < len(piece):
                 remainder = piece[taken:]
-                output = self._output(rows)
+                output = self._make_output(rows)
                 taken += self.native.taxel_batch_decode(
                     self._batch, remainder, ctypes.c_size_t(len(remainder)), ctypes.byref(output)
                 )
                 self._collect(output, batch)
-        output = self._output(rows)
+        output = self._make_output(rows)
         self.native.taxel_batch_finish(self._batch, ctypes.byref(output))
         self._collect(output, batch)
         return batch
 
-    def _output(self, rows: int) -> _Output:
+    def _make_output(self, rows: int) -> _Output:
+        """Return an empty output that refers to the arrays of this object and states a row capacity of `rows`."""
         taxel_rows, message_rows, counts, payloads = self._arrays
         return _Output(taxel_rows, message_rows, counts, payloads, rows, COUNTS, PAYLOAD_BYTES)
 
     def _collect(self, output: _Output, batch: Batch) -> None:
+        """Append the decoded rows of a step to `batch`, and check that they do not exceed the stated capacity."""
         assert max(output.taxel_count, output.message_count) <= output.row_capacity, "rows beyond the caller's array"
-        batch.taxels += [self._taxels(output, output.taxel_rows[i]) for i in range(output.taxel_count)]
+        batch.taxels += [self._read_taxels(output, output.taxel_rows[i]) for i in range(output.taxel_count)]
         for i in range(output.message_count):
             row = output.message_rows[i]
             batch.messages.append((row.type, row.sequence, bytes(output.payloads[row.offset : row.offset + row.size])))
 
     @staticmethod
-    def _taxels(output: _Output, row: _Row) -> Taxels:
+    def _read_taxels(output: _Output, row: _Row) -> Taxels:
+        """Rebuild the payload of a taxel frame from its row and its counts."""
         head = {"address": row.address, "taxel_count": row.size, "cycle": row.cycle, "hub_time_us": row.hub_time_us}
         snapshot = {"sequence": row.board_sequence, "timestamp_us": row.board_time_us}
         counts = b"".join(n.to_bytes(2, "little") for n in output.counts[row.offset : row.offset + row.size])
@@ -209,14 +217,16 @@ class Codec:
 
     @staticmethod
     def as_batch(frames: Iterable[Frame]) -> Batch:
-        """The expected output of the batch decoder for these frames."""
+        """Return the output that the batch decoder must give for these frames."""
         batch = Batch([], [])
         for frame_type, sequence, payload in frames:
             if frame_type == FrameType.TAXELS:
                 crc = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
-                is_right = crc == int.from_bytes(payload[-4:], "little")
-                batch.taxels.append(Taxels(sequence, payload[:-4], is_right))
-            elif frame_type == FrameType.COMPACT_TAXELS:  # arbitrary bytes: its own CRC is wrong, no counts
+                is_correct = crc == int.from_bytes(payload[-4:], "little")
+                batch.taxels.append(Taxels(sequence, payload[:-4], is_correct))
+            elif (
+                frame_type == FrameType.COMPACT_TAXELS
+            ):  # tests send arbitrary bytes, so the board's CRC is wrong and there are no counts
                 head = payload[:1] + b"\0" + payload[2:10] + bytes(4)
                 batch.taxels.append(Taxels(sequence, head, False))
             else:
@@ -224,8 +234,8 @@ class Codec:
         return batch
 
 
-def library_path() -> Path:
-    """Path of the C codec library. Raises FileNotFoundError with instructions if it was not built."""
+def find_library() -> Path:
+    """Return the path of the C codec library. Raises FileNotFoundError with instructions if it was not built."""
     path_from_environment = os.environ.get(LIBRARY_VARIABLE)
     if path_from_environment:
         return Path(path_from_environment)
@@ -243,15 +253,17 @@ def library_path() -> Path:
 
 @pytest.fixture(scope="session")
 def codec_library_path() -> str:
+    """Path of the C codec library; without it the test fails with instructions to build it."""
     try:
-        return str(library_path())
+        return str(find_library())
     except FileNotFoundError as missing:
         pytest.fail(str(missing))
 
 
 @pytest.fixture(scope="session")
 def codec() -> Codec:
+    """C codec of the built library."""
     try:
-        return Codec(library_path())
+        return Codec(find_library())
     except (FileNotFoundError, OSError) as error:
         pytest.fail(str(error), pytrace=False)

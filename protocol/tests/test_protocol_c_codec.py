@@ -14,16 +14,18 @@ from taxel_protocol.names import FrameType
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def vectors(name: str, key: str) -> list[Any]:
+def load_vectors(name: str, key: str) -> list[Any]:
+    """Return the vectors of the list `key` of a vector file as parameters of a test."""
     content = json.loads((ROOT / "protocol" / "vectors" / f"{name}.json").read_text())
     return [pytest.param(vector, id=vector["name"]) for vector in content[key]]
 
 
-every_frame = pytest.mark.parametrize("vector", vectors("frames", "frames"))
-every_stream = pytest.mark.parametrize("vector", vectors("damaged", "streams"))
+every_frame = pytest.mark.parametrize("vector", load_vectors("frames", "frames"))
+every_stream = pytest.mark.parametrize("vector", load_vectors("damaged", "streams"))
 
 
 def build_sent_frame(vector: dict[str, Any]) -> tuple[int, int, bytes]:
+    """Return the frame (type, sequence, payload) of a vector."""
     return vector["type"], vector["sequence"], bytes.fromhex(vector["payload"])
 
 
@@ -56,9 +58,7 @@ def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: di
 
 
 def test_c_and_reference_decoder_discard_the_same_number_of_bytes(codec: Any) -> None:
-    seed = 7
-    rng = random.Random(seed)
-    print(f"seed {seed}")
+    rng = random.Random(7)
     for _ in range(40):
         stream = bytes(rng.choices(range(256), weights=[1] + [2] * 255, k=rng.randrange(2500)))
         reference = ReferenceDecoder()
@@ -85,7 +85,10 @@ def test_encoding_into_a_buffer_that_is_too_small_returns_0(codec: Any) -> None:
 
 
 def test_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
-    """The arrays are larger than the stated capacity, so that a write past the capacity is detected and harmless."""
+    """`decode_batch` checks the capacity after each step.
+
+    The arrays are larger than the stated capacity, so that a write past the capacity is detected and harmless.
+    """
     frame = (int(FrameType.REPLY), 0x0101, b"\1\2\3")
     stream = codec.encode(*frame)[1:-1] * 115 + b"\0"
     for rows in range(300, 128, -4):  # 128: the smallest capacity with which a step begins

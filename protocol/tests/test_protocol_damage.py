@@ -35,6 +35,7 @@ class Damage:
     value: int
 
     def position(self, length: int) -> int:
+        """Return the position of the damage in a stream of `length` bytes."""
         return self.offset % max(length, 1)
 
 
@@ -47,7 +48,7 @@ damages = st.lists(
 
 @st.composite
 def payloads(draw: st.DrawFn, frame_type: FrameType, quoted: list[bytes]) -> bytes:
-    """A payload that the type allows: arbitrary bytes, or the wire bytes of other frames, truncated to fit."""
+    """Draw a payload that the type allows: arbitrary bytes, or the wire bytes of other frames, truncated to fit."""
     spec = FRAMES[frame_type]
     if frame_type == FrameType.TAXELS:
         count = draw(st.sampled_from([1, 2, 63, 113, 114, 115, 120, TAXELS_MAX]))
@@ -72,6 +73,7 @@ def payloads(draw: st.DrawFn, frame_type: FrameType, quoted: list[bytes]) -> byt
 
 @st.composite
 def frame_lists(draw: st.DrawFn) -> list[Frame]:
+    """Draw one to six frames of any type, which may contain the bytes of earlier ones."""
     frames: list[Frame] = []
     quoted: list[bytes] = []
     for _ in range(draw(st.integers(1, 6))):
@@ -82,8 +84,8 @@ def frame_lists(draw: st.DrawFn) -> list[Frame]:
     return frames
 
 
-def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]]:
-    """The stream after the damage, and the indices of the frames that were hit."""
+def encode_damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]]:
+    """Encode frames and damage the stream; return it and the indices of the frames that were hit."""
     stream: list[tuple[int, int]] = []  # (byte, index of the frame that it belongs to, -1 for a delimiter)
     for index, frame in enumerate(frames):
         wire = encode_frame(*frame)
@@ -105,17 +107,19 @@ def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]
 
 
 def list_allowed_outputs(frames: list[Frame], hit: set[int]) -> list[list[Frame]]:
-    """Every frame that was not hit, in order, with any subset of the frames that were hit."""
+    """List the allowed results: all frames that were not hit, in order, with any subset of the frames that were hit."""
     subsets = chain.from_iterable(combinations(sorted(hit), n) for n in range(len(hit) + 1))
     return [[frame for i, frame in enumerate(frames) if i not in hit or i in kept] for kept in map(set, subsets)]
 
 
 def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
+    """Split a stream at these positions, each taken modulo its length."""
     positions = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
     return [stream[a:b] for a, b in pairwise(positions)]
 
 
-def decode_reference_frames(pieces: list[bytes]) -> list[Frame]:
+def decode_in_python(pieces: list[bytes]) -> list[Frame]:
+    """Decode a stream that arrives in pieces with the reference decoder."""
     decoder = ReferenceDecoder()
     return [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
 
@@ -125,8 +129,8 @@ def decode_reference_frames(pieces: list[bytes]) -> list[Frame]:
 def test_exactly_the_undamaged_frames_are_decoded(
     codec: Any, frames: list[Frame], damage: list[Damage], cuts: list[int]
 ) -> None:
-    stream, hit = damaged(frames, damage)
-    decoded = decode_reference_frames([stream])
+    stream, hit = encode_damaged(frames, damage)
+    decoded = decode_in_python([stream])
     assert decoded in list_allowed_outputs(frames, hit)
     assert codec.decode(split_at(stream, cuts)) == decoded
     assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
@@ -138,7 +142,7 @@ def test_frames_between_random_bytes_are_decoded(
     codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes
 ) -> None:
     stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
-    decoded = decode_reference_frames(split_at(stream, cuts))
+    decoded = decode_in_python(split_at(stream, cuts))
     assert decoded == frames
     assert codec.decode(split_at(stream, cuts)) == decoded
     assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
@@ -147,4 +151,4 @@ def test_frames_between_random_bytes_are_decoded(
 @some
 @given(stream=st.binary(max_size=3000), cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
 def test_both_decoders_agree_on_arbitrary_bytes(codec: Any, stream: bytes, cuts: list[int]) -> None:
-    assert codec.decode(split_at(stream, cuts)) == decode_reference_frames([stream])
+    assert codec.decode(split_at(stream, cuts)) == decode_in_python([stream])

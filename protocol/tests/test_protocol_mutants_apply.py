@@ -18,6 +18,7 @@ BUGS_MIN = 24
 
 
 def write_bug_list(folder: Path, *tables: str) -> Path:
+    """Write a bug list of these tables; return its path."""
     path = folder / "bugs.toml"
     path.write_text("".join(f"[[bug]]\n{table}\n" for table in tables))
     return path
@@ -65,6 +66,7 @@ def test_an_unknown_bug_name_is_rejected():
 
 def test_the_stages_are_those_that_can_detect_the_bug():
     def list_names(file: str) -> list[str]:
+        """List the names of the stages for a bug in `file`."""
         return [stage.name for stage in bugs.select_stages(bugs.Bug("x", file, "", "a", "b"))]
 
     assert list_names("firmware/codec/a.c") == [
@@ -79,7 +81,7 @@ def test_the_stages_are_those_that_can_detect_the_bug():
     assert list_names("host/taxel/skin/skin.py") == ["skin tests", "host tests", "hil tests"]
 
 
-def test_the_tests_of_the_package_run_first_those_of_the_module_before_the_others():
+def test_the_tests_that_import_the_module_of_a_bug_run_before_the_others_of_its_package():
     stage = bugs.make_package_stage("host/taxel/gap/comparison/density.py")
     assert stage is not None
     imports = ["taxel.gap.comparison.density" in (ROOT / test).read_text() for test in stage.tests]

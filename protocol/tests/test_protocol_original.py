@@ -38,7 +38,7 @@ every_framed = pytest.mark.parametrize("name", FRAMED)
 def build_round(
     message_format: OriginalFormat, rng: random.Random, start_ms: int, addresses: Any = None
 ) -> list[OriginalMessage]:
-    """One message of each board with random counts, 10 ms apart; positions as in an undamaged stream."""
+    """Build a message of each board with random counts, 10 ms apart; positions as in an undamaged stream."""
     messages: list[OriginalMessage] = []
     position = 0
     for i, address in enumerate(addresses or message_format.taxels):
@@ -52,16 +52,19 @@ def build_round(
 
 
 def encode(message_format: OriginalFormat, message: OriginalMessage) -> bytes:
+    """Encode a decoded message again."""
     return encode_message(
         message_format, message.address, message.counts, message.timestamp_ms or 0, message.accelerations
     )
 
 
-def content(message: OriginalMessage) -> tuple[Any, ...]:
+def get_content(message: OriginalMessage) -> tuple[Any, ...]:
+    """Return the fields of a message that are sent, without its position in the stream."""
     return message.address, message.timestamp_ms, message.counts, message.accelerations
 
 
 def decode(message_format: OriginalFormat, *pieces: bytes) -> list[OriginalMessage]:
+    """Decode a complete stream that arrives in pieces."""
     decoder = OriginalDecoder(message_format)
     return [message for piece in pieces for message in decoder.push(piece)] + decoder.finish()
 
@@ -78,7 +81,7 @@ def test_the_tables_have_the_boards_and_taxels_of_the_sources() -> None:
 
 
 def read_rows(mark: str) -> list[list[str]]:
-    """Cells of the rows of the table behind `<!-- mark -->` in SPEC.md."""
+    """Return the cells of the rows of the table that follows `<!-- mark -->` in SPEC.md."""
     table = SPEC.split(f"<!-- {mark} -->\n\n")[1].split("\n\n")[0]
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()[2:]]
 
@@ -107,10 +110,10 @@ def test_a_message_has_the_layout_of_the_original_hub() -> None:
 
 
 @every_framed
-def test_construct_parses_what_it_builds(name: str) -> None:
+def test_parsing_an_encoded_message_returns_its_content(name: str) -> None:
     known = FORMATS[name]
     for message in build_round(known, random.Random(1), 5):
-        assert content(parse_message(known, message.address, encode(known, message))) == content(message)
+        assert get_content(parse_message(known, message.address, encode(known, message))) == get_content(message)
 
 
 def test_a_wrong_number_of_counts_and_an_unknown_address_are_rejected() -> None:
@@ -130,12 +133,12 @@ def test_an_undamaged_stream_is_decoded_with_the_last_byte_of_each_message(name:
         wire = encode(known, message)
         assert decoder.push(wire[:-1]) == []
         (decoded,) = decoder.push(wire[-1:])
-        assert content(decoded) == content(message)
+        assert get_content(decoded) == get_content(message)
         assert decoded.position == message.position
     assert (decoder.discarded_bytes, decoder.ambiguous_candidates, decoder.pending_bytes) == (0, 0, 0)
 
 
-def test_records_without_a_frame_are_cut_at_every_50_bytes() -> None:
+def test_a_stream_without_frames_is_divided_into_records_of_50_bytes() -> None:
     decoder = OriginalDecoder(FORMATS["fingertip_records"])
     data = bytes(range(120))
     first, second = decoder.push(data)
@@ -148,12 +151,12 @@ def test_records_without_a_frame_are_cut_at_every_50_bytes() -> None:
 def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
     """The remainder of the damaged message ends in 0x0A inside the next one, whose address is 0x0A."""
     rng = random.Random(3)
-    damaged, whole = build_round(ORIGINAL, rng, 7000, [0x15, 0x0A])
+    damaged, undamaged = build_round(ORIGINAL, rng, 7000, [0x15, 0x0A])
     wire = encode(ORIGINAL, damaged)
-    stream = wire[:100] + wire[103:] + encode(ORIGINAL, whole)
+    stream = wire[:100] + wire[103:] + encode(ORIGINAL, undamaged)
     assert stream[249] == 0x0A
     decoder = OriginalDecoder(ORIGINAL)
-    assert [content(message) for message in decoder.push(stream)] == [content(whole)]
+    assert [get_content(message) for message in decoder.push(stream)] == [get_content(undamaged)]
     assert (decoder.ambiguous_candidates, decoder.discarded_bytes) == (1, 247)
 
 
@@ -162,17 +165,17 @@ def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> N
     inner = encode_message(ORIGINAL, 0x1D, [2000] * 27, 0xDEADBEEF)
     assert len(inner) % 2 == 0
     counts[20 : 20 + len(inner) // 2] = [inner[i] | inner[i + 1] << 8 for i in range(0, len(inner), 2)]
-    for known, inner_time in ((ORIGINAL, 5000), (ORIGINAL, 200_000)):
-        wire = encode_message(known, 0x15, counts, inner_time)
-        follow = encode_message(known, 0x16, [1] * 118, inner_time + 10)
-        before = encode_message(known, 0x1D, [1] * 27, inner_time - 10)
-        decoder = OriginalDecoder(known)
+    for time_ms in (5000, 200_000):
+        wire = encode_message(ORIGINAL, 0x15, counts, time_ms)
+        follow = encode_message(ORIGINAL, 0x16, [1] * 118, time_ms + 10)
+        before = encode_message(ORIGINAL, 0x1D, [1] * 27, time_ms - 10)
+        decoder = OriginalDecoder(ORIGINAL)
         decoded = decoder.push(before + wire + follow)
         assert [message.address for message in decoded] == [0x1D, 0x15, 0x16]
         assert decoder.ambiguous_candidates == 1
 
 
-def test_without_timestamps_the_header_behind_a_message_decides() -> None:
+def test_without_timestamps_a_message_followed_by_a_header_is_kept() -> None:
     untimed = FORMATS["first_generation_untimed"]
     inner = encode_message(untimed, 0x18, [2000] * 6)
     counts = [2000] * 20
@@ -192,8 +195,11 @@ def test_times_are_plausible_after_a_restart_and_not_after_a_long_pause() -> Non
     assert plausible == [False, True, True, True, False, True, False, True]
 
 
-def damage(stream: bytes, rng: random.Random, count: int) -> tuple[bytes, list[int | None]]:
-    """The stream with `count` changed, lost or added bytes, and the original position of each byte (None: changed)."""
+def damage_stream(stream: bytes, rng: random.Random, count: int) -> tuple[bytes, list[int | None]]:
+    """Change, remove or add bytes of a stream at `count` places.
+
+    Returns the damaged stream and the original position of each of its bytes, None for a changed or added byte.
+    """
     data: list[tuple[int, int | None]] = [(byte, i) for i, byte in enumerate(stream)]
     for _ in range(count):
         at = rng.randrange(len(data) + 1)
@@ -205,7 +211,7 @@ def damage(stream: bytes, rng: random.Random, count: int) -> tuple[bytes, list[i
 def list_undamaged(
     message_format: OriginalFormat, sent: list[OriginalMessage], places: list[int | None]
 ) -> list[tuple[Any, ...]]:
-    """Content of the messages whose bytes all arrived in one piece."""
+    """List the contents of the messages whose bytes all arrived without another byte between them."""
     index = {place: i for i, place in enumerate(places) if place is not None}
     undamaged = []
     for message in sent:
@@ -214,11 +220,12 @@ def list_undamaged(
         if first is not None and places[first : first + length] == list(
             range(message.position, message.position + length)
         ):
-            undamaged.append(content(message))
+            undamaged.append(get_content(message))
     return undamaged
 
 
-def split(stream: bytes, cuts: list[int]) -> list[bytes]:
+def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
+    """Split a stream at these positions, each taken modulo its length."""
     places = sorted({0, len(stream), *(cut % (len(stream) + 1) for cut in cuts)})
     return [stream[a:b] for a, b in pairwise(places)]
 
@@ -231,8 +238,8 @@ def test_every_undamaged_message_is_decoded_from_a_damaged_stream(
 ) -> None:
     known, rng = FORMATS[name], random.Random(seed)
     sent = build_round(known, rng, rng.randrange(2**31), rng.sample(sorted(known.taxels), 6))
-    stream, places = damage(b"".join(encode(known, message) for message in sent), rng, damages)
-    decoded = [content(message) for message in decode(known, *split(stream, cuts))]
+    stream, places = damage_stream(b"".join(encode(known, message) for message in sent), rng, damages)
+    decoded = [get_content(message) for message in decode(known, *split_at(stream, cuts))]
     for message in list_undamaged(known, sent, places):
         assert message in decoded
 
@@ -240,13 +247,13 @@ def test_every_undamaged_message_is_decoded_from_a_damaged_stream(
 @pytest.mark.parametrize("name", FORMATS)
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), cuts=st.lists(st.integers(0, 5000), max_size=20))
-def test_the_pieces_of_the_stream_do_not_matter(name: str, seed: int, cuts: list[int]) -> None:
+def test_the_same_messages_are_decoded_from_pieces_of_any_size(name: str, seed: int, cuts: list[int]) -> None:
     known, rng = FORMATS[name], random.Random(seed)
     sent = build_round(known, rng, 77, rng.choices(sorted(known.taxels), k=4))
-    stream, _ = damage(b"".join(encode(known, message) for message in sent), rng, rng.randrange(60))
+    stream, _ = damage_stream(b"".join(encode(known, message) for message in sent), rng, rng.randrange(60))
     whole, pieces, bytewise = (OriginalDecoder(known) for _ in range(3))
     expected = whole.push(stream)
-    assert [message for piece in split(stream, cuts) for message in pieces.push(piece)] == expected
+    assert [message for piece in split_at(stream, cuts) for message in pieces.push(piece)] == expected
     assert [message for i in range(len(stream)) for message in bytewise.push(stream[i : i + 1])] == expected
     for _ in range(2):
         counters = {

@@ -24,6 +24,7 @@ every_decoder = pytest.mark.parametrize("language", ["Python", "C"])
 
 @pytest.fixture(scope="module")
 def campaign() -> Iterator[ModuleType]:
+    """Module tools/original/original_campaign.py."""
     folder = str(ROOT / "tools" / "original")
     sys.path.insert(0, folder)
     yield importlib.import_module("original_campaign")
@@ -32,11 +33,13 @@ def campaign() -> Iterator[ModuleType]:
 
 
 def build_decoder(language: str, vector: dict[str, Any], library: str) -> OriginalDecoder | NativeOriginalDecoder:
+    """Build a decoder in the given language for the format of a vector; library: path of the C codec."""
     known = FORMATS[vector["format"]]
     return OriginalDecoder(known) if language == "Python" else NativeOriginalDecoder(known, ctypes.CDLL(library))
 
 
 def build_expected(vector: dict[str, Any]) -> OriginalMessage:
+    """Return the message that the decoders must give for a vector."""
     time_ms = vector["timestamp_ms"] if FORMATS[vector["format"]].has_timestamp else None
     accelerations = tuple((value ^ 0x8000) - 0x8000 for value in vector["accelerations"])
     return OriginalMessage(vector["address"], time_ms, tuple(vector["counts"]), accelerations)
@@ -93,7 +96,7 @@ def test_both_decoders_and_construct_agree_on_fuzzed_streams(campaign: ModuleTyp
     assert difference is None
     assert tally["streams"] == 3000
     assert tally["ambiguous candidates"] > 100
-    assert tally["by construct"] == 30
+    assert tally["by construct"] == 3000 // campaign.ORACLE_EVERY
 
 
 def test_a_decoder_that_counts_differently_is_detected(campaign: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,6 +118,6 @@ def test_undamaged_messages_are_all_decoded_and_undetected_damage_has_the_predic
     """Short run of tools/original/damage_rate.py with 1 % damaged bytes."""
     tool = importlib.import_module("damage_rate")
     messages, undamaged, decoded, undetected, predicted = tool.measure(600, 0.01, seed)
-    assert messages == 9000
+    assert messages == 600 * 15  # poll cycles, boards
     assert decoded == undamaged > 2500
-    assert undetected == pytest.approx(predicted, abs=3.9 * predicted**0.5)
+    assert undetected == pytest.approx(predicted, abs=3.9 * predicted**0.5)  # a Poisson count; 1 in 10,000 is outside

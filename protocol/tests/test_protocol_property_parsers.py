@@ -66,14 +66,15 @@ every_layout = pytest.mark.parametrize("definition", [pytest.param(d, id=name) f
 
 @pytest.fixture(scope="session")
 def oracle() -> Iterator[ModuleType]:
+    """Module tools/fuzz/construct_oracle.py, a stream decoder made of construct definitions."""
     sys.path.insert(0, str(FOLDER))
     yield importlib.import_module("construct_oracle")
     while str(FOLDER) in sys.path:
         sys.path.remove(str(FOLDER))
 
 
-def with_constants(definition: Struct, data: bytes) -> bytes:
-    """The bytes with every constant field set to its value: construct rejects other values."""
+def set_constants(definition: Struct, data: bytes) -> bytes:
+    """Return the bytes with every constant field set to its value: construct rejects other values."""
     out = bytearray(data)
     for field in list_fields(definition):
         if field.constant is not None:
@@ -82,6 +83,7 @@ def with_constants(definition: Struct, data: bytes) -> bytes:
 
 
 def remove_io(value: Any) -> Any:
+    """Remove the entries `_io` that construct adds to parsed fields."""
     return {k: remove_io(v) for k, v in value.items() if k != "_io"} if isinstance(value, dict) else value
 
 
@@ -92,7 +94,7 @@ def test_construct_and_layout_unpack_any_bytes_to_the_same_fields(definition: St
     size = sum(field.size for field in list_fields(definition))
     has_tail = any(part.subcon is GreedyBytes for part in definition.subcons)
     tail = data.draw(st.binary(max_size=40)) if has_tail else b""
-    wire = with_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail
+    wire = set_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail
     parsed = remove_io(definition.parse(wire))
     fields, remainder = unpack(definition, wire)
     flat = flatten(parsed)
@@ -101,8 +103,8 @@ def test_construct_and_layout_unpack_any_bytes_to_the_same_fields(definition: St
     assert definition.build(parsed) == pack(definition, fields, remainder) == wire
 
 
-def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
-    """Any values of the fields of a struct whose parts have a fixed size, and of a tail."""
+def field_values(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
+    """Return a strategy for the fields of a struct: any values of its parts of fixed size, and of its tail."""
     parts = {}
     for renamed in definition.subcons:
         assert isinstance(renamed, Renamed)
@@ -110,7 +112,7 @@ def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
         if isinstance(inner, Const):
             continue
         if isinstance(inner, Struct):
-            parts[renamed.name] = values_of(inner)
+            parts[renamed.name] = field_values(inner)
         elif isinstance(inner, (FormatField, BytesInteger)):
             parts[renamed.name] = st.integers(0, 256 ** inner.sizeof() - 1)
         elif isinstance(inner, Bytes):
@@ -123,17 +125,18 @@ def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
 
 @st.composite
 def taxel_fields(draw: st.DrawFn) -> dict[str, Any]:
+    """Draw the fields of a TAXELS payload."""
     counts = draw(st.lists(st.integers(0, 65535), min_size=1, max_size=8) | st.just([7] * TAXELS_MAX))
-    header = draw(values_of(frames.TaxelHeader)) | {"taxel_count": len(counts)}
-    snapshot = {"header": draw(values_of(registers.SnapshotHeader)), "raw_counts": counts}
+    header = draw(field_values(frames.TaxelHeader)) | {"taxel_count": len(counts)}
+    snapshot = {"header": draw(field_values(registers.SnapshotHeader)), "raw_counts": counts}
     return {"header": header, "snapshot": snapshot | {"crc32": draw(st.integers(0, 2**32 - 1))}}
 
 
 @st.composite
 def contents(draw: st.DrawFn) -> dict[str, Any]:
-    """Fields of any frame that the protocol allows."""
+    """Draw the fields of any frame that the protocol allows."""
     kind = draw(st.sampled_from(list(FRAMES)))
-    payload = draw(taxel_fields() if kind == FrameType.TAXELS else values_of(FRAMES[kind].payload))
+    payload = draw(taxel_fields() if kind == FrameType.TAXELS else field_values(FRAMES[kind].payload))
     tail = next((part.name for part in FRAMES[kind].payload.subcons if part.subcon is GreedyBytes), None)
     if tail is not None:
         fixed = len(FRAMES[kind].payload.build(payload | {tail: b""}))
@@ -166,7 +169,7 @@ def test_every_decoder_decodes_a_frame_built_by_construct(
 
 @st.composite
 def wires(draw: st.DrawFn) -> bytes:
-    """Consecutive frames, with or without delimiters between them."""
+    """Draw consecutive frames, with or without delimiters between them."""
     parts = [WireFrame.build(content) for content in draw(st.lists(contents(), max_size=5))]
     return b"".join(part[draw(st.integers(0, 1)) : len(part) - draw(st.integers(0, 1))] for part in parts)
 
@@ -176,6 +179,7 @@ DAMAGES = ("flip", "insert", "delete", "duplicate", "truncate", "burst")
 
 @st.composite
 def damaged_streams(draw: st.DrawFn) -> bytes:
+    """Draw consecutive frames with up to four kinds of damage."""
     stream = draw(wires())
     for kind in draw(st.lists(st.sampled_from(DAMAGES), max_size=4)):
         at = draw(st.integers(0, max(len(stream) - 1, 0)))
@@ -194,17 +198,23 @@ def damaged_streams(draw: st.DrawFn) -> bytes:
 
 
 def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
+    """Split a stream at these positions, each taken modulo its length."""
     positions = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
     return [stream[a:b] for a, b in pairwise(positions)]
 
 
 def is_rejected_by_construct_only(frame: tuple[int, int, bytes]) -> bool:
+    """Return whether only construct rejects a frame: it also checks the constant WHO_AM_I of BOARD_INFO."""
     return frame[0] == FrameType.BOARD_INFO and frame[2][0] != WHO_AM_I
 
 
 def check_agreement(
     codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], directions: int
 ) -> list[tuple[int, int, bytes]]:
+    """Check that every decoder gives the same frames for a stream split at `cuts`, and return the frames.
+
+    directions: accepted frame types, 1: to the host, 2: to the hub, 3: both; the reference decoder accepts both.
+    """
     pieces = split_at(stream, cuts)
     frames: list[tuple[int, int, bytes]] = codec.decode(pieces, directions)
     discarded = codec.discarded_bytes

@@ -17,7 +17,7 @@ NAMED_IN_TEXT = {"FrameType", "LogLevel"}
 
 
 def read_table(mark: str) -> list[list[str]]:
-    """Cells of the rows of the table that follows `<!-- mark -->`."""
+    """Return the cells of the rows of the table that follows `<!-- mark -->`."""
     _, separator, tail = SPEC.partition(f"<!-- {mark} -->")
     assert separator, f"SPEC.md has no table marked {mark}"
     lines = tail.lstrip().splitlines()
@@ -25,7 +25,8 @@ def read_table(mark: str) -> list[list[str]]:
     return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
-def structs() -> dict[str, Struct]:
+def list_structs() -> dict[str, Struct]:
+    """Return the struct definitions of the modules that have a table in SPEC.md, by `module.name`."""
     definitions = {}
     for module_name, module in MODULES.items():
         for name, value in vars(module).items():
@@ -35,8 +36,8 @@ def structs() -> dict[str, Struct]:
     return definitions
 
 
-def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, str]]:
-    """(offset, size, field) of the rows, with the fields of a nested struct in place of its one row."""
+def expand_rows(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, str]]:
+    """Return (offset, size, field) of the rows, with the fields of a nested struct in place of its one row."""
     nested = {renamed.name: renamed.subcon for renamed in definition.subcons if isinstance(renamed.subcon, Struct)}
     fields: list[tuple[int, int, str]] = []
     for offset, size, name, *_ in rows:
@@ -49,11 +50,11 @@ def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, 
     return fields
 
 
-@pytest.mark.parametrize("name", structs())
+@pytest.mark.parametrize("name", list_structs())
 def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
-    definition = structs()[name]
+    definition = list_structs()[name]
     expected = [(field.offset, field.size, field.name) for field in list_fields(definition)]
-    assert expanded(definition, read_table(f"layout: {name}")) == expected
+    assert expand_rows(definition, read_table(f"layout: {name}")) == expected
 
 
 @pytest.mark.parametrize(

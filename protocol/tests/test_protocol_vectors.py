@@ -43,31 +43,34 @@ REGISTERS = {
 }
 
 
-def vectors(name: str, key: str) -> list[Any]:
+def load_vectors(name: str, key: str) -> list[Any]:
+    """Return the vectors of the list `key` of a vector file as parameters of a test."""
     content = json.loads((ROOT / "protocol" / "vectors" / f"{name}.json").read_text())
     return [pytest.param(vector, id=vector["name"]) for vector in content[key]]
 
 
-every_frame = pytest.mark.parametrize("vector", vectors("frames", "frames"))
-every_register = pytest.mark.parametrize("vector", vectors("registers", "registers"))
-every_stream = pytest.mark.parametrize("vector", vectors("damaged", "streams"))
+every_frame = pytest.mark.parametrize("vector", load_vectors("frames", "frames"))
+every_register = pytest.mark.parametrize("vector", load_vectors("registers", "registers"))
+every_stream = pytest.mark.parametrize("vector", load_vectors("damaged", "streams"))
 
 
-def values_of(fields: Mapping[str, Any]) -> dict[str, Any]:
+def from_json_values(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert the fields of a vector to values of construct: hexadecimal text to bytes."""
     return {name: bytes.fromhex(value) if isinstance(value, str) else value for name, value in fields.items()}
 
 
 def to_json_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert values of construct to the fields of a vector: bytes to hexadecimal text."""
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}
 
 
-def nested(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The nested values that construct builds from, out of flat names and the tail."""
+def nest_values(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the nested values from which construct builds, from values by flat name and the tail."""
     values: dict[str, Any] = {}
     for renamed in definition.subcons:
         name = prefix + renamed.name
         if isinstance(renamed.subcon, Struct):
-            values[renamed.name] = nested(renamed.subcon, flat, f"{name}_")
+            values[renamed.name] = nest_values(renamed.subcon, flat, f"{name}_")
         elif renamed.subcon is GreedyBytes:
             values[renamed.name] = flat["tail"]
         elif not isinstance(renamed.subcon, Const):
@@ -76,18 +79,20 @@ def nested(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dic
 
 
 def encode_counts(counts: list[int]) -> bytes:
+    """Encode raw counts as in a taxel frame, two bytes each, low byte first."""
     return b"".join(count.to_bytes(2, "little") for count in counts)
 
 
-def flat_of(vector: Mapping[str, Any]) -> dict[str, Any]:
-    flat = values_of(vector["fields"]) | {"tail": bytes.fromhex(vector["tail"])}
+def get_flat_values(vector: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a vector by flat name, with its tail and its counts."""
+    flat = from_json_values(vector["fields"]) | {"tail": bytes.fromhex(vector["tail"])}
     return flat | {"snapshot_raw_counts": vector.get("counts")}
 
 
 def build_packed_payload(vector: Mapping[str, Any]) -> bytes:
-    """The payload packed by `layout` instead of construct."""
+    """Pack the payload of a vector with `layout` instead of construct."""
     definition = FRAMES[FrameType(vector["type"])].payload
-    flat = flat_of(vector)
+    flat = get_flat_values(vector)
     if vector["type"] == FrameType.TAXELS:
         return pack(definition, flat, encode_counts(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little"))
     return pack(definition, flat, flat["tail"])
@@ -96,7 +101,7 @@ def build_packed_payload(vector: Mapping[str, Any]) -> bytes:
 @every_frame
 def test_construct_builds_the_vector(vector: dict[str, Any]) -> None:
     definition = FRAMES[FrameType(vector["type"])].payload
-    payload = nested(definition, flat_of(vector))
+    payload = nest_values(definition, get_flat_values(vector))
     content = {"type": vector["type"], "sequence": vector["sequence"], "payload": payload}
     assert WireFrame.build(content).hex() == vector["wire"]
 
@@ -114,7 +119,7 @@ def test_construct_parses_the_fields_of_the_vector(vector: dict[str, Any]) -> No
     definition = FRAMES[FrameType(vector["type"])].payload
     assert (content.type, content.sequence) == (vector["type"], vector["sequence"])
     payload = {k: v for k, v in content.payload.items() if k != "_io"}
-    expected = nested(definition, flat_of(vector))
+    expected = nest_values(definition, get_flat_values(vector))
     assert definition.build(payload) == definition.build(expected)
     common = {name: value for name, value in flatten(expected).items() if name in vector["fields"]}
     assert to_json_values(common) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
@@ -143,10 +148,12 @@ def test_a_struct_in_a_tail_packs_to_the_tails_bytes(vector: dict[str, Any]) -> 
         return
     inner = vector["inner"]
     definition = INNER[inner["struct"]]
-    data = pack(definition, values_of(inner["fields"]), bytes.fromhex(inner["tail"]))
+    data = pack(definition, from_json_values(inner["fields"]), bytes.fromhex(inner["tail"]))
     assert data.hex() == vector["tail"]
     assert (
-        definition.build(nested(definition, values_of(inner["fields"]) | {"tail": bytes.fromhex(inner["tail"])}))
+        definition.build(
+            nest_values(definition, from_json_values(inner["fields"]) | {"tail": bytes.fromhex(inner["tail"])})
+        )
         == data
     )
 
@@ -163,8 +170,8 @@ def test_a_register_vector_packs_and_unpacks(vector: dict[str, Any]) -> None:
         return
     definition = REGISTERS[vector["struct"]]
     fields, tail = unpack(definition, data)
-    assert definition.build(nested(definition, values_of(vector["fields"]))) == data
-    assert pack(definition, values_of(vector["fields"])) == data
+    assert definition.build(nest_values(definition, from_json_values(vector["fields"]))) == data
+    assert pack(definition, from_json_values(vector["fields"])) == data
     assert (to_json_values(fields), tail) == (vector["fields"], b"")
     if "crc32" in fields:
         assert crc32(prefix + data[:-4]) == fields["crc32"]
@@ -173,7 +180,9 @@ def test_a_register_vector_packs_and_unpacks(vector: dict[str, Any]) -> None:
 def test_the_vectors_contain_every_frame_type_in_its_shortest_and_longest_length() -> None:
     for frame_type, spec in FRAMES.items():
         sizes = [
-            len(p.values[0]["payload"]) // 2 for p in vectors("frames", "frames") if p.values[0]["type"] == frame_type
+            len(p.values[0]["payload"]) // 2
+            for p in load_vectors("frames", "frames")
+            if p.values[0]["type"] == frame_type
         ]
         assert (min(sizes), max(sizes)) == (spec.minimum, spec.maximum), frame_type.name
 

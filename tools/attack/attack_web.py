@@ -54,7 +54,7 @@ async def attack_requests(page: Request, count: int, seed: int) -> dict[str, Cou
 
 
 def _cycle(names: list[str]) -> Any:
-    """Yield the names again and again."""
+    """Yield the names in order, endlessly repeated."""
     while True:
         yield from names
 
@@ -117,18 +117,25 @@ async def read_control_uuids(connection: ClientConnection) -> list[str]:
 
 
 def count_accepted(results: dict[str, Counter[int]]) -> int:
-    """Return the number of requests with the status of an admitted request."""
+    """Return the number of requests that the monitor admitted (status codes `ACCEPTED`).
+
+    results: numbers of responses by kind of attack and status code.
+    """
     return sum(counts[status] for counts in results.values() for status in ACCEPTED)
 
 
 def parse_ignored(output: str) -> int:
-    """Return the number of ignored messages that the monitor prints at its end."""
+    """Return the number of ignored messages from the output of a monitor that has ended; 0 if the line is missing."""
     match = re.search(r"(\d+) messages? ignored", output)
     return int(match.group(1)) if match else 0
 
 
 def main() -> int:
-    """Attack a monitor and print a table; exit status 1 if anything was accepted."""
+    """Attack a monitor that runs on the emulator, and print a JSON report.
+
+    Returns the exit status: 0 if the monitor accepted nothing, kept running, ended with status 0 and printed no
+    traceback; otherwise 1.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)

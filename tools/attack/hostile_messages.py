@@ -13,12 +13,15 @@ def make_message(rng: random.Random, uuids: list[str]) -> bytes | str:
 
 
 def _pack(**fields: Any) -> bytes:
-    """Encode a message as the page encodes its messages."""
+    """Encode a message with these fields as the page encodes its messages."""
     return msgspec.msgpack.encode(fields)
 
 
 def _make_update(rng: random.Random, uuids: list[str]) -> bytes:
-    """An unknown value of a control, a value of another type, another property, or an unknown control."""
+    """Create an update of a control that the monitor must ignore.
+
+    Its value is unknown or of another type, it changes another property, or its control is unknown.
+    """
     uuid = rng.choice([*uuids, *uuids, *uuids, "unknown"])
     values: tuple[Any, ...] = (
         "unknown board",
@@ -41,7 +44,7 @@ def _make_update(rng: random.Random, uuids: list[str]) -> bytes:
 
 
 def _make_upload(rng: random.Random, uuids: list[str]) -> bytes:
-    """The start or a part of an upload."""
+    """Create the start or a part of an upload."""
     uuid = rng.choice([*uuids, "unknown"])
     if rng.random() < 0.5:
         return _pack(
@@ -55,7 +58,7 @@ def _make_upload(rng: random.Random, uuids: list[str]) -> bytes:
 
 
 def _make_other(rng: random.Random, uuids: list[str]) -> bytes:
-    """A message of another type of viser, or of a type that does not exist."""
+    """Create a message of another type of the library viser, or of a type that does not exist."""
     names = (
         "ShareUrlRequest", "ShareUrlDisconnect", "GuiFormSubmitMessage", "GuiButtonHoldMessage", "SceneNodeClick",
         "CommandTriggerMessage", "GetRenderResponseMessage", "RunJavascriptMessage", "GuiRemoveMessage", "Message", "x",
@@ -66,7 +69,7 @@ def _make_other(rng: random.Random, uuids: list[str]) -> bytes:
 
 
 def _make_camera(rng: random.Random, uuids: list[str]) -> bytes:
-    """A camera pose with a number that is not finite, too large, missing, or of another type."""
+    """Create a camera pose with a number that is not finite, too large, missing, or of another type."""
     fields: dict[str, Any] = {
         "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 1.0], "fov": 1.0, "near": 0.01, "far": 100.0,
         "image_height": 600, "image_width": 900, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0],
@@ -80,7 +83,7 @@ def _make_camera(rng: random.Random, uuids: list[str]) -> bytes:
 
 
 def _make_garbage(rng: random.Random, uuids: list[str]) -> bytes | str:
-    """Random bytes, deep nesting, text, or a valid message with changed bytes."""
+    """Create random bytes, deep nesting, text, or a valid message with changed bytes."""
     kind = rng.randrange(5)
     if kind == 0:
         return rng.randbytes(rng.randrange(0, 3000))
@@ -97,5 +100,5 @@ def _make_garbage(rng: random.Random, uuids: list[str]) -> bytes | str:
 
 
 def make_oversized_message(rng: random.Random) -> bytes:
-    """A message above the largest size."""
+    """Create a message above the largest size."""
     return _pack(type="FileTransferPart", content=b"\0" * rng.choice((1 << 15, 1 << 20, 1 << 23)))

@@ -26,12 +26,15 @@ Attack = Callable[[Request, random.Random], Awaitable[Response]]
 
 
 def _fill(template: str, page: Request) -> str:
-    """Insert names and ports of the page into a template."""
+    """Insert the names and ports of the page into a template such as `FOREIGN_HOSTS`."""
     return template.format(host=page.authority, address=page.address, port=page.port, other=page.port % 65535 + 1)
 
 
 async def _load(page: Request) -> str:
-    """Load the page as its user does, and return its cookie: a foreign page in the same browser has it at best."""
+    """Load the page as its user does, and return its cookie.
+
+    A foreign page in the same browser has this cookie at best.
+    """
     return (await send(page)).cookie
 
 
@@ -73,7 +76,7 @@ async def attack_with_old_token(page: Request, rng: random.Random) -> Response:
 
 
 async def attack_with_replay(page: Request, rng: random.Random) -> Response:
-    """The request of a connection that was admitted, a second time, byte for byte or from another program."""
+    """Send the request of an admitted connection a second time: byte for byte, or as another program would send it."""
     request = page.as_connection(await _load(page))
     first = await send(request)
     assert first.status == 101, first
@@ -84,7 +87,7 @@ async def attack_with_replay(page: Request, rng: random.Random) -> Response:
 
 
 async def attack_with_bytes(page: Request, rng: random.Random) -> Response:
-    """Oversized and malformed requests: long lines, many headers, other methods, bodies, random bytes."""
+    """Send an oversized or malformed request: long lines, many headers, other methods, bodies, random bytes."""
     size = rng.choice((10_000, 70_000, 1_000_000))
     cases = (
         replace(page, target=f"/?token={'x' * size}").encode(),
@@ -101,7 +104,7 @@ async def attack_with_bytes(page: Request, rng: random.Random) -> Response:
 
 
 async def attack_as_other_program(page: Request, rng: random.Random) -> Response:
-    """Connection of another program or version of the page, with a valid ticket."""
+    """Request a connection as another program or version of the page, with a valid ticket."""
     names = ("", "viser", "viser-v0", f"{SUBPROTOCOL}x", "[bold red]x[/]", "\x1b[2J")
     return await send(page.as_connection(await _load(page), subprotocol=rng.choice(names)))
 

@@ -106,14 +106,22 @@ async def _watch_memory(monitor: MonitorProcess, seconds: float) -> list[float]:
 
 
 async def _run(monitor: MonitorProcess, clients: int, seconds: float, seed: int) -> tuple[list[float], list[int]]:
-    """Run the load; return the memory over time and the bytes that each reading client has received."""
+    """Run the load, and return two lists.
+
+    The first is the resident memory of the monitor after each second, MB. The second is the number of bytes that each
+    reading client has received.
+    """
     load = Load(Request.of_page(monitor.url), clients, seconds, seed)
     memory, _ = await asyncio.gather(_watch_memory(monitor, seconds), load.run())
     return memory, load.received
 
 
 def main() -> int:
-    """Load a monitor and print the result; exit status 1 if its memory grows or a reading client receives nothing."""
+    """Load a monitor that runs on the emulator, and print a JSON report.
+
+    Returns the exit status: 1 if the memory grows by more than `GROWTH_MB` in the second half, if a reading client
+    receives nothing, or if the monitor has ended or printed a traceback.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--clients", type=int, default=60)
     parser.add_argument("--seconds", type=float, default=60.0)

@@ -31,7 +31,11 @@ class Response:
 
 @dataclass(frozen=True)
 class Request:
-    """A request of the page at `url`. headers: in addition to Host; a value None removes a header."""
+    """An HTTP request to the page.
+
+    address, port: where it is sent. target: path and query. headers: (name, value) in addition to Host. host: value of
+    the header Host; None for address and port.
+    """
 
     address: str
     port: int
@@ -59,11 +63,15 @@ class Request:
         return parse_qs(urlsplit(self.target).query).get("token", [""])[0]
 
     def with_headers(self, *headers: tuple[str, str]) -> "Request":
-        """Return the request with further headers."""
+        """Return the request with further headers, given as (name, value)."""
         return replace(self, headers=(*self.headers, *headers))
 
     def as_connection(self, cookie: str, origin: str | None = None, subprotocol: str = SUBPROTOCOL) -> "Request":
-        """Return the request with which a page opens its connection. origin: "" removes the header."""
+        """Return the request by which a page opens its WebSocket connection.
+
+        cookie: cookie of the loaded page. origin: value of the header Origin; None for the page itself, "" for a
+        request without this header.
+        """
         origin = f"http://{self.authority}" if origin is None else origin
         headers = [
             ("Upgrade", "websocket"),
@@ -77,7 +85,7 @@ class Request:
         return replace(self, target="/", headers=tuple(headers))
 
     def encode(self) -> bytes:
-        """Return the bytes of the request."""
+        """Return the bytes of the request as they are sent."""
         lines = [f"{self.method} {self.target} HTTP/1.1", f"Host: {self.host or self.authority}"]
         lines += [f"{name}: {value}" for name, value in self.headers]
         return ("\r\n".join([*lines, "", ""])).encode("latin-1", errors="replace")
@@ -109,7 +117,10 @@ async def _read_response(reader: asyncio.StreamReader) -> Response:
 
 
 async def open_page(page: Request, **options: Any) -> ClientConnection:
-    """Load the page as a browser does, and return its connection. options: of `websockets.asyncio.client.connect`."""
+    """Load the page as a browser does, and return its connection.
+
+    options: further options of `websockets.asyncio.client.connect`.
+    """
     response = await send(page)
     assert response.status == 200, response
     return await connect(

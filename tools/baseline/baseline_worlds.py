@@ -30,10 +30,10 @@ AFTER_S = 180.0
 
 @dataclass(frozen=True, eq=False)
 class LastingContact:
-    """Frames of a run with a lasting contact, and of the same run without.
+    """Frames of a run with a lasting contact, and of the same run without it.
 
-    begin_s, end_s: the contact, from the begin of its closing phase to the end of its release. board: i64[n], column of
-    each taxel's board.
+    begin_s, end_s: duration of the contact, from the start of its closing phase to the end of its release. board:
+    i64[n], index of each taxel's board.
     """
 
     with_contact: PollCycles
@@ -44,7 +44,11 @@ class LastingContact:
 
 
 def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingContact:
-    """Emulate `use_s` seconds with contacts, a contact of 1 N for `hold_s` seconds, and three minutes without."""
+    """Emulate a hand in use for `use_s` seconds, then a contact of 1 N for `hold_s` seconds, then three minutes at
+    rest.
+
+    The use consists of random contacts. The same run is also emulated without the lasting contact.
+    """
     rng = np.random.default_rng(seed)
     plan = _sample_plan(hand, rng)
     contacts = _plan_use(plan, use_s, rng)
@@ -66,7 +70,10 @@ def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingCont
 
 
 def _sample_plan(hand: Hand, rng: np.random.Generator) -> IndentationPlan:
-    """A plan of six approaches. Raises `TaxelError` if several random objects do not fit the boards."""
+    """Sample a plan of six approaches; repeated, because random objects may not fit the boards.
+
+    Raises `TaxelError` if several samples do not fit.
+    """
     for last in (*[False] * (MAX_ATTEMPTS - 1), True):
         try:
             return sample_indentation_plan(hand, int(rng.integers(2**31)), IndentationDesign(6, sessions=1, repeats=2))
@@ -77,7 +84,7 @@ def _sample_plan(hand: Hand, rng: np.random.Generator) -> IndentationPlan:
 
 
 def _plan_use(plan: IndentationPlan, use_s: float, rng: np.random.Generator) -> list[TimedIndentation]:
-    """Contacts with random pauses."""
+    """Plan contacts with random pauses until at least `use_s` seconds, one contact or more."""
     found: list[TimedIndentation] = []
     time_s = FIRST_CONTACT_S
     while time_s < use_s or not found:

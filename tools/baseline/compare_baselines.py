@@ -32,7 +32,11 @@ POLICIES = ("fixed mean of 100 samples", "exponential", "exponential, frozen in 
 
 
 def measure(world: LastingContact) -> tuple[dict[float, dict[str, FloatArray]], float]:
-    """Errors of the baselines f64[n] by time after the release and policy, and CPU seconds for each hour of frames."""
+    """Measure the errors of all baselines in one world.
+
+    Returns the absolute errors f64[n] of the baselines in counts, by time after the release (s) and policy; and the
+    processor time of the tracked baseline in seconds per hour of frames.
+    """
     cycles = world.with_contact
     raw, times = cycles.raw_counts, cycles.time_s
     first = compute_baseline(raw[:BASELINE_SAMPLES])
@@ -59,7 +63,7 @@ def measure(world: LastingContact) -> tuple[dict[float, dict[str, FloatArray]], 
 
 
 def main() -> int:
-    """Run the comparison."""
+    """Run the comparison, write its results and print the table. Returns the exit status: 1 after an error."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, default=5)
     parser.add_argument("--seed", type=int, help="default: random")
@@ -86,7 +90,7 @@ def main() -> int:
 
 
 def _summarise(errors: dict[float, dict[str, FloatArray]]) -> dict[str, dict[str, list[float]]]:
-    """Median and largest error, counts, by time and policy."""
+    """Return [median error, largest error] over the taxels in counts, by time after the release and policy."""
     return {
         f"{after:g}": {name: [float(np.median(value)), float(value.max())] for name, value in policies.items()}
         for after, policies in errors.items()
@@ -94,7 +98,9 @@ def _summarise(errors: dict[float, dict[str, FloatArray]]) -> dict[str, dict[str
 
 
 def _format(rows: list[dict[str, object]]) -> str:
-    """Table with the errors over all worlds: median of the medians, and largest error of any taxel."""
+    """Format the table of the errors: for each time and policy, the median of the worlds' medians and the largest
+    error.
+    """
     lines = [
         f"{'error of the baseline, counts':34s} "
         + "  ".join(f"{f'{after:g} s after':>20s}" for after in AFTER_RELEASE_S)

@@ -23,7 +23,10 @@ GRASPS_PER_SESSION = 3
 
 
 def _make_short_plan() -> list[PlannedGrasp]:
-    """Plan with a few grasps per session and as many sessions as processes, so that every process has the same load."""
+    """Create a plan with a few grasps per session and as many sessions as processes.
+
+    Every process then has the same load.
+    """
     sessions = min(os.cpu_count() or 1, 6)
     plan: list[PlannedGrasp] = []
     for session in range(sessions):
@@ -33,7 +36,10 @@ def _make_short_plan() -> list[PlannedGrasp]:
 
 
 def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:
-    """Grasps per second of a campaign. run_campaign: writes a campaign of `count` grasps to the given path."""
+    """Measure the grasps per second of a campaign of `count` grasps.
+
+    run_campaign: writes the campaign to the given path.
+    """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         start = time.perf_counter()
         run_campaign(Path(folder) / "campaign.h5")
@@ -41,7 +47,10 @@ def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of campaigns: grasps per second of simulation and emulator, including the start of the processes."""
+    """Run the benchmark of campaigns: grasps per second in the simulator and in the emulator.
+
+    The time includes the start of the processes.
+    """
     plan = _make_short_plan()
     sim = _measure_rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
     emulated = _measure_rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))

@@ -20,7 +20,7 @@ REFERENCE = "Python batch decode"
 
 
 def _load_client() -> ctypes.CDLL:
-    """The C++ client as a library. Raises ProgramMissingError."""
+    """Load the C++ client as a library. Raises ProgramMissingError."""
     source = Path(__file__).parents[1] / "clients" / "bench_decode.cpp"
     library = ctypes.CDLL(str(compile_cpp(source, "bench-decode", ["-O3", "-fPIC", "-shared"])))
     library.taxel_client_decode.restype = ctypes.c_uint64
@@ -28,7 +28,10 @@ def _load_client() -> ctypes.CDLL:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the C++ client: a capture of 60 s is read and decoded, with losses, relative to Python batches."""
+    """Run the benchmark of the C++ client, relative to batch decoding in Python.
+
+    Both read and decode a 60 s capture and count losses. No ratio if the compiler is missing.
+    """
     try:
         library = _load_client()
     except ProgramMissingError as error:

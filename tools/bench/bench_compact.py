@@ -31,8 +31,10 @@ SCL_HZ = 400e3
 
 
 def measure_rate(hand: Hand, sigma: float) -> float:
-    """Scans of the hand per second that arrive at the host (virtual time), including the firmware's costs and a UART
-    at 1 Mbaud.
+    """Measure the scans of the whole hand per second of virtual time that arrive at the host.
+
+    The processor costs of the firmware and a UART at 1 Mbaud are included. sigma: standard deviation of the noise,
+    counts.
     """
     settings = WorldSettings(scl_hz=SCL_HZ, noise_counts=sigma, scan=SCANS["fast"])
     with (
@@ -49,7 +51,7 @@ def measure_rate(hand: Hand, sigma: float) -> float:
 
 
 def _make_figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
-    """The row of the report that compares the coded bytes of compact frames with the entropy of their counts.
+    """Create the row of the report that compares the coded bytes of compact frames with the entropy of their counts.
 
     tally: bytes sent by the emulated boards. entropy: bits per taxel.
     """
@@ -61,7 +63,10 @@ def _make_figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of compact frames: bytes and rates at four noise levels, and bytes of a recording with contacts."""
+    """Run the benchmark of compact frames.
+
+    It measures bytes and rates at four noise levels, and bytes of a recording with contacts.
+    """
     hand = load_hand("original")
     figures = []
     for sigma in SIGMAS:

@@ -26,7 +26,7 @@ _CHANNEL = "bench_control_loop"
 
 
 def _run_controller(hand: AllegroHand, seconds: float) -> dict[str, float]:
-    """Run the joint controller for `seconds` and return statistics of its periods."""
+    """Run the joint controller for `seconds`; return statistics of its periods and the number of complete readings."""
     loop = ControlLoop(PERIOD_S)
     while not np.isfinite(hand.read_joint_angles().angles).all():
         hand.update(PERIOD_S)
@@ -34,9 +34,7 @@ def _run_controller(hand: AllegroHand, seconds: float) -> dict[str, float]:
     complete = 0
 
     def run_period(period: int) -> None:
-        """One period of the control loop: read the joint angles of the hand, and set torques that follow a swaying
-        target pose.
-        """
+        """Run one control period: read the joint angles, and set torques that follow a swaying target pose."""
         nonlocal last, complete
         hand.update()
         reading = hand.read_joint_angles()
@@ -57,7 +55,10 @@ def _run_controller(hand: AllegroHand, seconds: float) -> dict[str, float]:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the joint controller: share of the control periods that were met, relative to an empty loop."""
+    """Run the benchmark of the joint controller.
+
+    Returns the share of the control periods that were met, relative to an empty loop.
+    """
     loop = count_periods()
     met, empty = loop["periods"] - loop["missed"], loop["periods"] - loop["empty_loop_missed"]
     detail = f"333 Hz: {loop['missed']:.0f} of {loop['periods']:.0f} missed, empty loop {loop['empty_loop_missed']:.0f}"
@@ -67,8 +68,8 @@ def measure() -> list[Figure]:
 def count_periods(seconds: float = 5.0) -> dict[str, float]:
     """Run the joint controller for `seconds` and count its control periods.
 
-    Returns the number of periods, of missed periods, and the lateness in us. `empty_loop_missed`: number of periods
-    that an empty loop of the same duration misses directly afterwards.
+    Returns the statistics of `_run_controller` (periods, missed periods, lateness in us). `empty_loop_missed` is the
+    number of periods that an empty loop of the same duration misses directly afterwards.
     """
     statistics = _run_loop(seconds)
     empty = ControlLoop(PERIOD_S).run(lambda period: None, round(seconds / PERIOD_S))
@@ -76,7 +77,7 @@ def count_periods(seconds: float = 5.0) -> dict[str, float]:
 
 
 def _run_loop(seconds: float) -> dict[str, float]:
-    """Run the controller against a virtual hand in a second thread."""
+    """Run the controller against a virtual hand in a second thread; return the statistics of `_run_controller`."""
     host_end, hand_end = can.Bus(_CHANNEL, "virtual"), can.Bus(_CHANNEL, "virtual")
     stop = threading.Event()
     thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,))

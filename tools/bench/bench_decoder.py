@@ -22,7 +22,7 @@ CONSTRUCT_FRAMES = 200
 
 
 def _read_stream(path: Path) -> bytes:
-    """All bytes of a capture file, in the order in which the host received them."""
+    """Read all bytes of a capture file, in the order in which the host received them."""
     data = bytearray()
     with CaptureLink(path) as link:
         try:
@@ -50,8 +50,9 @@ def _decode_frames(data: bytes) -> None:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the decoders: taxel frames per second relative to construct, bytes per second relative to memcpy
-    and CRC-32.
+    """Run the benchmark of the decoders.
+
+    It measures taxel frames per second relative to construct, and bytes per second relative to memcpy and CRC-32.
     """
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)

@@ -28,8 +28,9 @@ def make_campaign(folder: Path = FOLDER) -> None:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the diagnosis: allowed seconds divided by elapsed seconds; no ratio if the campaign does not
-    exist.
+    """Run the benchmark of the diagnosis: allowed seconds divided by elapsed seconds.
+
+    No ratio if the campaign does not exist.
     """
     name, reference = f"diagnosis of {GRASPS} grasps", f"{ALLOWED_S:g} s"
     if not (FOLDER / "complete.json").exists():

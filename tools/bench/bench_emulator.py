@@ -61,8 +61,9 @@ EFFECTS = (
 
 
 def _write_contacts(path: Path) -> None:
-    """Write a stimulus file with one contact on every board, whose force varies between 1 N and 9 N for `VIRTUAL_S`
-    seconds.
+    """Write a stimulus file with one contact on every board.
+
+    The force of each contact varies between 1 N and 9 N over `VIRTUAL_S` seconds.
     """
     hand = load_hand("original")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
@@ -76,7 +77,10 @@ def _write_contacts(path: Path) -> None:
 
 
 def _measure_speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any]]:
-    """Run the emulator program on a world file. Returns virtual seconds per second of real time, and its statistics."""
+    """Run the emulator program on a world file `REPEATS` times.
+
+    Returns the median of the virtual seconds per second of real time, and the statistics of the last run.
+    """
     speeds = []
     for _ in range(REPEATS):
         before = time.perf_counter()
@@ -86,7 +90,7 @@ def _measure_speed(folder: Path, world: str, threads: int) -> tuple[float, dict[
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the emulator: virtual seconds per second of real time, with one thread per available core."""
+    """Run the benchmark of the emulator: virtual seconds per second of real time, one thread per available core."""
     hand, threads = load_hand("original"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
         "ideal skin": (IDEAL_TARGET, format_world(hand, WorldSettings())),

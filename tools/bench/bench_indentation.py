@@ -24,10 +24,13 @@ PLAN_S, EMULATED_S, SIM_S = 1.0, 5.0, 2.0
 
 
 def _measure_core_seconds(action: Callable[[], object]) -> float:
-    """Processor time of this process and its children, which depends little on other load of the machine."""
+    """Measure the processor time of an action in this process and its children, in s.
+
+    It depends less on the other load of the machine than the elapsed time.
+    """
 
     def read_used_seconds() -> float:
-        """Processor time in s that this process and its finished child processes have used."""
+        """Read the processor time in s that this process and its finished child processes have used."""
         uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         return sum(use.ru_utime + use.ru_stime for use in uses)
 
@@ -37,7 +40,10 @@ def _measure_core_seconds(action: Callable[[], object]) -> float:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of simulated indentations: allowed seconds divided by used seconds, default effects off."""
+    """Run the benchmark of indentation campaigns: allowed seconds divided by used processor seconds.
+
+    Plan, emulated campaign and simulated campaign are measured with the default effects off.
+    """
     hand = load_hand(HAND)
     plan_s = _measure_core_seconds(lambda: sample_indentation_plan(hand, SEED))
     plan = sample_indentation_plan(hand, SEED)

@@ -30,8 +30,9 @@ USB_LATENCY_MS = 16.0
 
 
 def _write_contacts(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Write the contacts as a stimulus. Returns (contact times [p] in seconds, loaded taxel of each board [p,
-    boards]).
+    """Write the contacts as a stimulus file.
+
+    Returns the contact times f64[p] in seconds for p contacts, and the loaded taxel of each board i64[p, boards].
     """
     rng = np.random.default_rng(SEED)
     onsets = FIRST_S + CONTACT_PERIOD_S * (np.arange(CONTACTS) + 0.4 * rng.random(CONTACTS))
@@ -45,10 +46,10 @@ def _write_contacts(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArra
 
 
 def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np.float64], float, float]:
-    """Measure the delay from a contact to the frame in which the touched taxel is active.
+    """Measure the delay from a contact to the last byte of the frame in which the touched taxel is active.
 
-    usb_latency_ms: latency of the USB adapter. Returns the delays f64[p, boards] in s for p contacts (to the last
-    byte of the frame), the frame period, and the duration of the longest scan.
+    usb_latency_ms: latency of the USB adapter. Returns the delays f64[p, boards] in s for p contacts (infinite without
+    activation), the period of a frame and of a scan of the slowest board, in s.
     """
     onsets, taxels = _write_contacts(hand, folder / "contacts.stm")
     settings = WorldSettings(scl_hz=SCL_HZ, usb_latency_ms=usb_latency_ms)
@@ -73,7 +74,7 @@ def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[ND
 
 
 def measure_host_s(capture: Path) -> float:
-    """Median processor time from the bytes of a frame to its active taxels, one frame at a time."""
+    """Measure the median processor time from the bytes of a frame to its active taxels, one frame at a time."""
     with CaptureLink(capture) as link:
         data = b"".join(link.read().data for _ in range(3000))
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
@@ -93,12 +94,14 @@ def measure_host_s(capture: Path) -> float:
 
 
 def _format_percentiles(values: NDArray[np.float64]) -> str:
+    """Format the 5th, 50th, 95th and 100th percentile of times in s as milliseconds."""
     return " / ".join(f"{1e3 * np.percentile(values, share):.1f}" for share in (5, 50, 95, 100))
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the latency: allowed latency divided by its 95th percentile, for single boards and for the whole
-    hand.
+    """Run the benchmark of the latency: allowed latency divided by the measured latency.
+
+    The measured latency is the 95th percentile for single boards, and for the last board of the hand.
     """
     hand = load_hand("original")
     with tempfile.TemporaryDirectory() as name:

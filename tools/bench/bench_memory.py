@@ -26,7 +26,11 @@ _PEAK = (
 
 
 def measure_peak_mb(program: str, capture: Path, seconds: float) -> float:
-    """Peak resident memory of a Python program on `capture`, or of its child processes; megabytes."""
+    """Measure the peak resident memory of a Python program in MB.
+
+    program: source text, run with `capture` and `seconds` as arguments. The larger of the program and its child
+    processes counts.
+    """
     arguments = [str(capture), repr(seconds), str(Path(__file__).parent)]
     code = f"import sys\n{program}{_PEAK}"
     completed = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
@@ -34,7 +38,10 @@ def measure_peak_mb(program: str, capture: Path, seconds: float) -> float:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of memory: allowed peak memory for a recording of ten times the length, divided by the measured one."""
+    """Run the benchmark of memory, on a recording and on one of ten times the length.
+
+    The ratio is the allowed peak memory for the long recording, divided by the measured peak memory.
+    """
     figures = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

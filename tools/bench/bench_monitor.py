@@ -71,7 +71,7 @@ open(out, "w").write(json.dumps(result))
 
 @contextlib.contextmanager
 def open_emulated_port(settings: WorldSettings) -> Iterator[str]:
-    """Context with an emulated hand in real time. Yields the URL of its pseudo-terminal."""
+    """Start an emulated hand in real time, and yield the URL of its pseudo-terminal."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("original"), settings))
@@ -85,8 +85,10 @@ def open_emulated_port(settings: WorldSettings) -> Iterator[str]:
 
 
 def run_monitor(url: str, kind: str, seconds: float) -> dict[str, Any]:
-    """Run a monitor of `kind` ("lines", "terminal", "browser") for `seconds` and return its reading
-    (`SkinReading.as_dict`).
+    """Run a monitor as a process for `seconds`, and return its reading (`SkinReading.as_dict`).
+
+    kind: view, "lines", "terminal" or "browser". The reading contains the share of one core as `cpu_share`; losses
+    exclude those during the start.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         out = Path(folder) / "reading.json"
@@ -115,8 +117,9 @@ def run_monitor(url: str, kind: str, seconds: float) -> dict[str, Any]:
 
 
 def measure_rows(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> list[dict[str, Any]]:
-    """Measure the load of the monitor: one row for each bus setting of `BUSES` and each view ("lines", "terminal",
-    "browser").
+    """Measure the load of the monitor, one table row for each bus and each view.
+
+    buses: keys of `BUSES`. kinds: views, "lines", "terminal" or "browser".
     """
     rows = []
     for bus in buses:
@@ -131,12 +134,15 @@ def measure_rows(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> 
 
 
 def count_missed_frames(row: dict[str, Any]) -> int:
-    """Number of frames that the monitor should have received but did not."""
+    """Return the number of frames that the monitor should have received but did not. row: result of `measure_rows`."""
     return int(row["lost_on_wire"] + row["missing"] + row["damaged"] + (row["hub_dropped"] or 0))
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the monitor: one core divided by the load of the terminal view; no ratio if a frame was missed."""
+    """Run the benchmark of the monitor: one core divided by the load of the terminal view.
+
+    No ratio if a frame was missed.
+    """
     figures = []
     for row in measure_rows(list(BUSES), ["terminal"], 6.0):
         lost = count_missed_frames(row)

@@ -53,8 +53,9 @@ def _read_checked(path: Path) -> None:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of recordings: reading as arrays relative to single frames, and checked reading relative to h5py
-    alone.
+    """Run the benchmark of recordings.
+
+    Reading as arrays is compared with single frames, and checked reading of a dataset with h5py alone.
     """
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)

@@ -22,12 +22,12 @@ REPEATS = 5
 
 
 def _select_one_grasp_per_object() -> list[PlannedGrasp]:
-    """One grasp of each object."""
+    """Select one planned grasp of each object."""
     return list({planned.object: planned for planned in make_thesis_plan(1)}.values())
 
 
 def _measure_grasp_s(setup: Setup) -> float:
-    """Processor time in s to simulate one grasp: median over repeats, mean over the objects."""
+    """Measure the processor time in s to simulate one grasp: median over repeats, mean over the objects."""
     settings, medians = SimSettings(), []
     for planned in _select_one_grasp_per_object():
         times = []
@@ -62,8 +62,10 @@ def _compare_contact_models(setup: Setup) -> tuple[float, float]:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the simulator: allowed seconds per grasp divided by used seconds, and contact model in C
-    relative to NumPy.
+    """Run the benchmark of the simulator.
+
+    The ratios are allowed seconds per grasp divided by used seconds, and the speed of the contact model in C relative
+    to NumPy.
     """
     setup = Setup()
     grasp = _measure_grasp_s(setup)

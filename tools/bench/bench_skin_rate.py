@@ -64,19 +64,25 @@ class Rates:
 
 
 def count_i2c_bits(sizes: list[int]) -> int:
-    """Bits on the bus for one read of each board; sizes: taxels of each board."""
+    """Count the clocks on the I2C bus for one read of each board. sizes: number of taxels of each board."""
     data = [I2C_CLOCKS_A_BYTE * (I2C_ADDRESS + SNAPSHOT_OVERHEAD + 2 * n) + I2C_START_STOP for n in sizes]
     return sum(data)
 
 
 def count_uart_bits(sizes: list[int]) -> int:
-    """Bits on the UART for one frame of each board: body, one stuffing byte per 254, delimiters."""
+    """Count the bits on the UART for one frame of each board: body, one stuffing byte per 254, delimiters.
+
+    sizes: number of taxels of each board.
+    """
     bodies = [FRAME_OVERHEAD + SNAPSHOT_OVERHEAD + 2 * n for n in sizes]
     return UART_BITS_A_BYTE * sum(body + 1 + body // 254 + DELIMITERS for body in bodies)
 
 
 def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
-    """Measure the rates on an emulated skin at rest."""
+    """Measure the rates of an emulated skin at rest, and compute their limits.
+
+    scl_hz: clock of the I2C bus. baud: rate of the UART. scan: scan settings of the boards.
+    """
     sizes = [board.kind.taxel_count for board in load_hand("original").boards]
     with tempfile.TemporaryDirectory() as name:
         settings = WorldSettings(scl_hz=scl_hz, baud=baud, scan=scan)
@@ -102,7 +108,10 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
 
 
 def _make_figure(scl_hz: float, baud: float, name: str) -> Figure:
-    """The row of the report for one bus clock (Hz), UART rate (baud) and name of the scan settings."""
+    """Measure one configuration and create its result: bus clock (Hz), UART rate (baud), name of the scan settings.
+
+    No ratio if the noise is too high for the activation threshold.
+    """
     scan, rates = SCANS[name], measure_rates(scl_hz, baud, SCANS[name])
     has_enough_signal = rates.threshold >= SIGMAS * rates.sigma
     target = {"I2C": I2C_SHARE, "UART": UART_SHARE}.get(rates.limit)
@@ -124,5 +133,8 @@ def _make_figure(scl_hz: float, baud: float, name: str) -> Figure:
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the skin rate with uncompressed frames: measured rate divided by the rate of the slowest part."""
+    """Run the benchmark of the skin rate with uncompressed frames.
+
+    The ratio is the measured rate divided by the limit of the slowest part.
+    """
     return [_make_figure(*case) for case in CASES]

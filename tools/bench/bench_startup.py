@@ -14,7 +14,7 @@ HELP_LIMIT_S, IMPORT_LIMIT_S = 0.4, 0.1
 
 
 def _measure_child_seconds(command: list[str]) -> float:
-    """Run a command. Returns its user and system time in seconds."""
+    """Run a command, and return its user and system time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -22,14 +22,18 @@ def _measure_child_seconds(command: list[str]) -> float:
 
 
 def _measure_median_seconds(command: list[str]) -> float:
-    """Median duration in s of `REPEATS` runs of a command, after a first run that is not counted."""
+    """Measure the median processor time in s of `REPEATS` runs of a command.
+
+    A first run, which fills the file cache, is excluded.
+    """
     _measure_child_seconds(command)  # fills the file cache and writes the compiled modules
     return statistics.median(_measure_child_seconds(command) for _ in range(REPEATS))
 
 
 def measure() -> list[Figure]:
-    """Benchmark of the start of `taxel --help` and of `import taxel`, the latter without the start of the
-    interpreter.
+    """Run the benchmark of the start of `taxel --help` and of `import taxel`.
+
+    The latter excludes the start of the interpreter.
     """
     empty = _measure_median_seconds([sys.executable, "-c", ""])
     imported = max(_measure_median_seconds([sys.executable, "-c", "import taxel"]) - empty, 1e-4)

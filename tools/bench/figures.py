@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """A ratio to a reference, and its required minimum; target None: no requirement.
+    """Result of a benchmark: a ratio to a reference, and its required minimum.
 
-    ratio None: the benchmark could not run; `detail` states the reason, and the requirement is missed.
+    target None: no requirement. ratio None: the benchmark could not run; `detail` states the reason, and a requirement
+    is missed.
     """
 
     name: str
@@ -26,7 +27,7 @@ class Figure:
 
 
 def measure_median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
-    """Median wall-clock time of `action` in seconds."""
+    """Measure the median wall-clock time of `action` in seconds."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -36,7 +37,7 @@ def measure_median_seconds(action: Callable[[], object], repeats: int = 5) -> fl
 
 
 def measure_core_seconds(action: Callable[[], object]) -> float:
-    """Processor time of `action` in this thread, which depends little on other load of the machine."""
+    """Measure the processor time of `action` in this thread, which depends little on other load of the machine."""
     start = time.thread_time()
     action()
     return time.thread_time() - start

@@ -11,7 +11,7 @@ TEMPLATE = Path(__file__).parent / "benchmarks.template.md"
 
 
 def _describe_commit() -> str:
-    """Short id of the measured Git commit, with a note if files differed from the commit."""
+    """Return the short id of the measured Git commit, with a note if files differed from the commit."""
     head = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
     changed = subprocess.run(
         ["git", "status", "--porcelain", "--untracked-files=no", "--", "firmware", "host", "protocol", "tools"],
@@ -30,7 +30,7 @@ def _format_number(value: float | None) -> str:
 
 
 def format_page(figures: list[Figure]) -> str:
-    """Markdown text of docs/benchmarks.md: machine, one row per measured ratio, and the method of each."""
+    """Format the Markdown text of docs/benchmarks.md: machine, one row per measured ratio, and the method of each."""
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     rows = [
         f"| {f.name} | {_format_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "

@@ -17,8 +17,10 @@ def record(
     world: str | None = None,
     threads: int = 1,
 ) -> tuple[Path, dict[str, Any]]:
-    """Record 17 boards for `seconds` of virtual time, at 400 kHz unless `settings` differ. Returns (capture,
-    statistics).
+    """Record 17 emulated boards for `seconds` of virtual time; return the capture file and the run's statistics.
+
+    stimulus: file with forces. settings: of the world (default: 400 kHz). world: text of a world file, instead of
+    `settings`.
     """
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)

@@ -28,14 +28,14 @@ MODULES = (
 
 
 def format_ratio(ratio: float | None) -> str:
-    """Format a ratio: two decimals below 10."""
+    """Format a ratio with two decimals below 10 and without decimals above; "-" for None."""
     if ratio is None:
         return "-"
     return f"{ratio:.2f}" if ratio < 10 else f"{ratio:,.0f}"
 
 
 def build_table(figures: list[Figure]) -> Table:
-    """Table of the measured ratios, one row per benchmark result."""
+    """Build the table of the measured ratios, one row per benchmark result."""
     table = Table(title="benchmarks: medians of ratios, measured in one run")
     for heading in ("figure", "ratio", "at least", "reference", "detail"):
         table.add_column(heading, justify="right" if heading in {"ratio", "at least"} else "left")
@@ -52,7 +52,7 @@ def build_table(figures: list[Figure]) -> Table:
 
 
 def main() -> int:
-    """Run the benchmarks; exit status 1 if a requirement is missed."""
+    """Run the benchmarks and print the table. Returns the exit status: 1 if a requirement is missed, otherwise 0."""
     parser = argparse.ArgumentParser(description="Benchmarks as ratios to references measured in the same run.")
     parser.add_argument("names", nargs="*", help=f"benchmarks to run: {', '.join(MODULES)} (default: all)")
     parser.add_argument("--json", action="store_true", help="print JSON instead of the table")

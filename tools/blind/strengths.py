@@ -38,7 +38,10 @@ HAND: Final = "rig4"
 
 
 def main(arguments: list[str]) -> int:
-    """Print for each cause type of the blind check the gap over floor at several strengths."""
+    """Print for each cause type of the blind check the ratio of gap to floor at several strengths.
+
+    Each table entry is the median over the worlds, with the smallest and the largest ratio. Returns 0.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--emulator-effects", help="separated by commas; default: all")
     parser.add_argument("--strengths", default="0,0.5,1", help="between 0 and 1, separated by commas")
@@ -84,10 +87,9 @@ def main(arguments: list[str]) -> int:
 
 
 def compute_ratio(name: str, strength: float, seed: list[int]) -> float:
-    """Gap over floor that the diagnosis measures in a world with one hidden cause. name: cause type; strength: 0 to
-    1.
+    """Simulate one world with one hidden cause, and return the ratio of its gap to its floor.
 
-    NaN if no grasp plan has an equilibrium.
+    name: cause type, a key of `CAUSE_TYPES`; strength: 0 to 1. Returns NaN if no grasp plan has an equilibrium.
     """
     rng = np.random.default_rng(seed)
     cause = CAUSE_TYPES[name].sample(rng, load_hand(HAND), strength)

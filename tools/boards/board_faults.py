@@ -45,7 +45,7 @@ Sampler = Callable[[random.Random, BoardKind, str, float, Plan], SampledFault]
 
 
 class SlowLink(VirtualMemoryLink):
-    """The hub's UART, read in pieces of 10 ms. The frames keep their own times."""
+    """The hub's UART, read in pieces of 10 ms. The time stamps of the frames are unaffected."""
 
     def read(self, timeout_s: float) -> Chunk | None:
         """Receive the bytes of the next 10 ms, as `Link.read` does."""
@@ -57,9 +57,11 @@ class SlowLink(VirtualMemoryLink):
 
 @dataclass(frozen=True)
 class Case:
-    """A board to test.
+    """An emulated board to test.
 
-    `names`: possible names of its fault, `place`: its place; empty for a healthy board.
+    `family`: name of the family of faults, or "healthy". `kind`: board kind. `seed`: seed of the world file.
+    `effects`: lines of the world file. `names`: names under which the fault may be reported; `place`: place of the
+    fault; both empty for a healthy board. `severity`: factor beyond the limit of the plan; 0 for a healthy board.
     """
 
     family: str
@@ -73,7 +75,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Family:
-    """A family of faults. `is_graded`: the faults have a severity; otherwise they are present or absent."""
+    """A family of faults.
+
+    `is_graded`: the faults have a severity; otherwise they are present or absent. `sample`: samples one fault.
+    """
 
     name: str
     is_graded: bool
@@ -81,7 +86,11 @@ class Family:
 
 
 def sample_healthy_effects(rng: random.Random) -> list[str]:
-    """Tolerances of healthy boards: electrodes, current source, layer, noise, warm-up, coupling of traces."""
+    """Sample the tolerances of a healthy board, as lines of a world file.
+
+    The lines describe gains of electrodes and current sources, the layer's modulus, noise, warm-up drift, and coupling
+    between traces.
+    """
     return [
         f"gain electrode log_std={rng.uniform(0.03, 0.06):.4f}",
         f"gain idac log_std={rng.uniform(0.02, 0.04):.4f}",
@@ -95,6 +104,7 @@ def sample_healthy_effects(rng: random.Random) -> list[str]:
 
 
 def _get_limit(plan: Plan, phase: str, name: str) -> Limit:
+    """Return the limit of a measurement of a phase in the test plan."""
     return next(planned for planned in plan.enabled_phases("") if planned.name == phase).limits[name]
 
 
@@ -107,8 +117,9 @@ def _get_lower_limit(plan: Plan, phase: str, name: str) -> float:
 
 
 def _sample_axis(rng: random.Random, kind: BoardKind) -> tuple[Axis, list[int]]:
-    """Sample whether a fault concerns a TX or an RX line. Returns the axis and the numbers of all lines of the
-    board on it.
+    """Sample whether a fault concerns a TX or an RX line.
+
+    Returns the axis and the numbers of all lines of the board on this axis.
     """
     axis = rng.choice(list(Axis))
     lines = kind.tx if axis is Axis.TX else kind.rx
@@ -116,9 +127,7 @@ def _sample_axis(rng: random.Random, kind: BoardKind) -> tuple[Axis, list[int]]:
 
 
 def _sample_open_line(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-    """Sample one TX or RX line that is interrupted. The higher the severity, the smaller the capacitance that
-    remains.
-    """
+    """Sample an interrupted TX or RX line. The higher the severity, the smaller the capacitance that remains."""
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines)
     stub = min(_get_lower_limit(plan, "electrical", "capacitance") / severity * REST_PF, 1.0)
@@ -143,8 +152,9 @@ def _sample_swapped_lines(rng: random.Random, kind: BoardKind, board: str, sever
 
 
 def _sample_dead_taxel(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-    """Sample one taxel with a reduced response. With severity 1 the response equals the lower limit of the test
-    plan.
+    """Sample one taxel with a reduced response.
+
+    With severity 1, the response equals the lower limit of the test plan.
     """
     taxel = rng.randrange(kind.taxel_count)
     strength = 1.0 - _get_lower_limit(plan, "presses", "weakest") / severity
@@ -160,12 +170,13 @@ def _sample_stuck_taxel(rng: random.Random, kind: BoardKind, board: str, severit
 
 
 def _make_gain_sampler(component: str) -> Sampler:
-    """Create a sampler of a gain that is too low for the whole board. component: part of the board with the low
-    gain.
+    """Create a sampler of a gain that is too low for the whole board.
+
+    component: part of the board with the low gain, "electrode" or "idac".
     """
 
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-        """Sample a low gain. With severity 1, the median response equals the lower limit of the test plan."""
+        """Sample the low gain. With severity 1, the median response equals the lower limit of the test plan."""
         factor = _get_lower_limit(plan, "presses", "response") / severity / SIGNAL_COUNTS
         return [f"gain {component} {board} factor={factor:.4f}"], frozenset({"low gain"}), "board"
 
@@ -207,21 +218,22 @@ def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: f
     target = severity * _get_upper_limit(plan, "drift", "board") * TWIN_S / 60.0
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
-        """Change of the mean raw count of the board f64[T] between the first and the last five frames."""
+        """Return the absolute change of the board's mean raw count f64[T] between its first and last five frames."""
         return abs(float(mean[-5:].mean() - mean[:5].mean()))
 
     return [_scale_drift(effect, kind, rng, measure, target)], frozenset({"drift"}), "board"
 
 
 def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-    """Sample a random drift of the whole board. With severity 1, the change of the mean equals the limit of the
-    test plan.
+    """Sample a random drift of the whole board.
+
+    With severity 1, the change of the mean raw count equals the limit of the test plan.
     """
     effect = f"drift wander {board} seconds={rng.uniform(1.0, 10.0):.2f}"
     target = severity * _get_upper_limit(plan, "noise", "wander")
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
-        """RMS change of the mean raw count of the board f64[T] within the lag `MEAN_CHANGE_LAG_S`."""
+        """Return the RMS change of the board's mean raw count f64[T] within the lag `MEAN_CHANGE_LAG_S`."""
         lag = max(round(MEAN_CHANGE_LAG_S * rate_hz), 1)
         return math.sqrt(float(np.mean((mean[lag:] - mean[:-lag]) ** 2)))
 
@@ -231,11 +243,11 @@ def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severi
 def _scale_drift(
     effect: str, kind: BoardKind, rng: random.Random, measure: Callable[[FloatArray, float], float], target: float
 ) -> str:
-    """Line of the world file that gives the drift its target size.
+    """Return the world-file line of a random drift that has the size `target`, with its seed as a comment.
 
-    effect: line without the parameter `counts`. measure: function of the mean counts f64[T] and the rate that
-    returns the size of a drift. The drift is random, so its size is measured on a board without noise, and `counts`
-    is scaled.
+    effect: the line without its parameter `counts`. measure: returns the size of a drift from the mean raw count
+    f64[T], T frames, and the frame rate in Hz. The size depends on the seed, so it is measured over `TWIN_S` on a board
+    without noise and with the same seed; `counts` is then scaled by the ratio.
     """
     trial_counts = 300.0
     seed = rng.randrange(1, 2**31)
@@ -264,13 +276,17 @@ FAMILIES: Final = (
 
 
 def build_world(kind: str, seed: int, effects: list[str], noise_counts: float = 0.0) -> str:
-    """World file with one board of a kind."""
+    """Return the world file of one board of a kind, with the given effects (lines of the world file)."""
     single_board_hand = replace(HAND, boards=(HAND.get_board(BOARDS[kind]),))
     return format_world(single_board_hand, WorldSettings(seed=seed, noise_counts=noise_counts, effects=effects))
 
 
 def sample_case(family: Family | None, number: int, seed: int, severity: float, plan: Plan) -> Case:
-    """Sample one board. `family` None: a healthy board."""
+    """Sample one board with a fault of a family, or a healthy board if `family` is None.
+
+    The result depends only on the family, `number`, `seed` and `severity`. A random drift keeps the world seed for
+    which its size was measured.
+    """
     name = family.name if family else "healthy"
     rng = random.Random(f"{seed} {name} {number} {severity:.3f}")
     kind = HAND.get_board(BOARDS[rng.choice(sorted(BOARDS))]).kind

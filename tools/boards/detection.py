@@ -38,10 +38,11 @@ SEVERITY_MAX: Final = 10.0
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a case.
+    """Result of the test of one emulated board.
 
-    `caught`: the board was refused. `named`: the fault was reported at its place. `first`: equal to `named`, kept for
-    the format of the JSON file. `others`: other findings.
+    `caught`: the board was refused. `named`: the fault was reported under a possible name at its place. `first`: equal
+    to `named`, kept for the format of the JSON file. `others`: other findings. `automatic_s`, `seconds`: duration of
+    the automatic phases and of the test.
     """
 
     case: Case
@@ -54,7 +55,7 @@ class Result:
 
 
 def run_case(case: Case) -> Result:
-    """Run the board test on one emulated board."""
+    """Run the board test on one emulated board. Raises RuntimeError if the test ends with an error."""
     plan = select_phases(load_default_plan(), PHASES)
     address = BOARDS[case.kind]
     kind = HAND.get_board(address).kind
@@ -78,7 +79,10 @@ def run_case(case: Case) -> Result:
 
 
 def sample_cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]:
-    """Cases of the campaign: faults of all families in turn, with severities uniform on a logarithmic scale."""
+    """Sample the cases of the campaign: faults of all families in turn.
+
+    Severities are uniformly distributed on a logarithmic scale.
+    """
     plan = load_default_plan()
     rng = random.Random(f"severities {seed}")
     cases = [sample_case(None, number, seed, 0.0, plan) for number in range(healthy)]
@@ -95,7 +99,7 @@ def sample_cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]
 
 
 def run_cases(cases: Sequence[Case], jobs: int) -> Iterable[Result]:
-    """Test all emulated boards in `jobs` processes; results in the order of the cases."""
+    """Test all emulated boards in `jobs` processes, and yield the results in the order of the cases."""
     if jobs == 1:
         yield from map(run_case, cases)
         return
@@ -104,7 +108,11 @@ def run_cases(cases: Sequence[Case], jobs: int) -> Iterable[Result]:
 
 
 def main() -> int:
-    """Run the campaign that counts how many board faults the board test detects."""
+    """Run the campaign that counts how many board faults the board test detects, and print the table.
+
+    Returns the exit status: 0 if every fault of severity 1.5 or more is named at its place and no healthy board is
+    refused; otherwise 1.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=320, help="single faults of severity 1.5 to 10")
     parser.add_argument("--healthy", type=int, default=1000, help="healthy boards")

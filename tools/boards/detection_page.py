@@ -21,18 +21,20 @@ COLOURS: Final = ("#1f5fa8", "#b3313e", "#3d8f5f", "#c9a227", "#7a4fa3", "#d9772
 
 
 def _count_results(results: Sequence[Result]) -> tuple[int, int, int]:
+    """Return the number of boards, of refused boards, and of boards whose fault is named at its place."""
     return len(results), sum(result.caught for result in results), sum(result.named for result in results)
 
 
 def _select_faults(results: Sequence[Result]) -> list[Result]:
+    """Select the boards with a fault of severity `SEVERITY_MIN` or more."""
     return [result for result in results if result.case.family != "healthy" and result.case.severity >= SEVERITY_MIN]
 
 
 def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
-    """Rows of the detection table, one per family of faults.
+    """Compute the rows of the detection table, one per family of faults.
 
-    Columns: family; number of faulty boards; boards refused; faults with correct name and place; boards without any
-    wrong finding in addition.
+    Columns: family; number of faulty boards; refused boards; faults with correct name and place; boards without any
+    other finding.
     """
     rows = []
     for family in FAMILIES:
@@ -43,8 +45,9 @@ def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, in
 
 
 def _format_totals(results: Sequence[Result]) -> list[str]:
-    """Lines with the totals of the detection campaign: detected faults, refused healthy boards, durations of the
-    tests.
+    """Format the totals of the detection campaign, one line each.
+
+    The lines state detected faults, refused healthy boards, and durations of the tests.
     """
     faults = _select_faults(results)
     count, caught, named = _count_results(faults)
@@ -66,7 +69,11 @@ def _format_totals(results: Sequence[Result]) -> list[str]:
 
 
 def format_summary(results: Sequence[Result], seed: int, seconds: float) -> str:
-    """Text with the numbers of detected faults per family and in total. seconds: duration of the campaign."""
+    """Format the text with the totals, the table, and one line for each wrong result.
+
+    seconds: duration of the campaign. A result is wrong if a healthy board was refused, or if a fault of severity
+    `SEVERITY_MIN` or more was not named.
+    """
     lines = [f"seed {seed}, {len(results)} boards in {seconds:.0f} s", *_format_totals(results), ""]
     lines.append(f"{'fault':<28} {'boards':>6} {'caught':>6} {'named':>6} {'only':>6}")
     lines += [
@@ -101,7 +108,7 @@ def write_page(docs: Path, results: Sequence[Result], seed: int) -> None:
 
 
 def _draw_curves(results: Sequence[Result]) -> Figure:
-    """Diagram of the share of refused boards over the severity of their fault, one curve per family of faults."""
+    """Draw the share of refused boards over the severity of their fault, one curve per family of faults."""
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     axes = figure.add_subplot()
     graded = [family for family in FAMILIES if family.is_graded]

@@ -36,7 +36,7 @@ def record_capture(path: Path, seconds: float, frames: FrameFormat) -> None:
 def damage(data: bytes, seed: int, mean_distance: float = 2000.0) -> bytes:
     """Damage a stream at random places: bytes are changed, lost, added, zeroed or repeated.
 
-    mean_distance: mean number of bytes between two places.
+    mean_distance: mean number of bytes between two places. The seed repeats the damage.
     """
     draw = random.Random(seed)
     out = bytearray()

@@ -47,23 +47,29 @@ def make_captures(folder: Path, seconds: float, seed: int) -> Iterator[Capture]:
 
 
 def _pick(lines: list[str], name: str) -> list[str]:
-    """Values of a field in the lines that have it."""
+    """Return the values of a field in the lines that have it."""
     return [value for line in lines for value in re.findall(rf" {name}=(\S*)", line) if value]
 
 
 def _run_client(language: str, capture: Capture) -> tuple[list[str], list[str]]:
-    """Lines of a client and the expected lines."""
+    """Run a client on a capture, and return its lines and the expected lines."""
     return run_program([*build_program(language, is_optimised=True), "capture", str(capture.path)]), capture.expected
 
 
 def _run_kaitai(capture: Capture) -> tuple[list[str], list[str]]:
-    """Lines of the Kaitai description and the expected lines, both without the content of compact snapshots."""
+    """Decode a capture by the Kaitai description, and return its lines and the expected lines.
+
+    Both omit the content of compact snapshots.
+    """
     lines = format_frames(interpret("taxel_stream"), read_records(interpret("taxel_capture"), capture.path))
     return [line.partition(" data=")[0] for line in lines], shorten(capture.expected)
 
 
 def _run_tshark(capture: Capture) -> tuple[list[str], list[str]]:
-    """Columns of the dissector and the expected ones: sequence, lost, missing and counts."""
+    """Dissect a capture with tshark, and return the found and the expected values.
+
+    The values are all sequences, then all lost frames, missing frames and counts.
+    """
     target = capture.path.with_suffix(".pcapng")
     convert(capture.path, target, overwrite=True)
     packets = run_dissector(target, DISSECTED)
@@ -73,7 +79,7 @@ def _run_tshark(capture: Capture) -> tuple[list[str], list[str]]:
 
 
 def list_clients() -> dict[str, Callable[[Capture], tuple[list[str], list[str]]]]:
-    """Each client by its name: a function that returns the found and the expected lines of a capture."""
+    """Return for each client, by name, a function from a capture to the found and the expected lines."""
     clients: dict[str, Callable[[Capture], tuple[list[str], list[str]]]] = {}
     for language in LANGUAGES:
         clients[language] = lambda capture, language=language: _run_client(language, capture)  # type: ignore[misc]
@@ -81,7 +87,7 @@ def list_clients() -> dict[str, Callable[[Capture], tuple[list[str], list[str]]]
 
 
 def main() -> int:
-    """Compare all clients on all captures. Returns the exit status."""
+    """Compare all clients on all captures. Returns the exit status: 1 if a client differs, otherwise 0."""
     parser = argparse.ArgumentParser(description="Compare all clients with the Python decoder.")
     parser.add_argument("--seconds", type=float, default=60.0, help="virtual time of each capture (60)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the damage (1)")

@@ -14,7 +14,10 @@ SNAPSHOTS = 8
 
 
 def make_random_stream(seed: int) -> Stream:
-    """Random bytes, few of them zeros or only few different values, so that blocks and headers occur."""
+    """Create a stream of random bytes.
+
+    Some streams consist of only a few different byte values, so that blocks and headers occur.
+    """
     draw = random.Random(f"random {seed}")
     values = draw.choice((256, 256, 8, 3))
     data = bytes(draw.randrange(values) for _ in range(draw.randint(1, 3000)))
@@ -22,14 +25,17 @@ def make_random_stream(seed: int) -> Stream:
 
 
 def _make_snapshot(draw: random.Random, address: int, key_frame: bytes) -> bytes:
-    """A compact snapshot with a valid CRC and arbitrary content, which refers to a key frame by its id."""
+    """Create a compact snapshot with a valid CRC and arbitrary content.
+
+    key_frame: id of the key frame to which it refers, two bytes.
+    """
     format_byte = draw.choice((0, COMPACT_KEY_FRAME, COMPACT_KEY_FRAME, draw.randrange(256)))
     body = draw.randbytes(2) + bytes([format_byte]) + key_frame + draw.randbytes(3 + draw.randint(0, 60))
     return body + crc32(body, crc32(bytes([address]))).to_bytes(4, "little")
 
 
 def make_compact_stream(seed: int) -> Stream:
-    """A packed key frame of one board, then compact snapshots of arbitrary content."""
+    """Create a stream with a packed key frame of one board, then compact snapshots of arbitrary content."""
     draw = random.Random(f"compact {seed}")
     address, taxels = draw.randint(ADDRESS_MIN, ADDRESS_MAX), draw.randint(1, 40)
     counts: Sequence[int] = [draw.randrange(1 << 16) for _ in range(taxels)]

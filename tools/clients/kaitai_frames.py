@@ -37,7 +37,7 @@ compiler.compile("python", JSON.parse(fs.readFileSync(process.argv[2])), null, f
 
 
 def _load_process() -> Callable[[bytes], bytes]:
-    """The process taxel_deframe of the folder of the description."""
+    """Load the decoding process `taxel_deframe` from the folder of the description, as a function of bytes."""
     sys.path.insert(0, str(FOLDER))
     try:
         process: Callable[[bytes], bytes] = importlib.import_module("taxel_deframe").TaxelDeframe().decode
@@ -82,12 +82,15 @@ def compile_description(name: str) -> Parser:
 
 
 def read_records(parse_capture: Parser, path: Path) -> bytes:
-    """The bytes of all records of a capture file, by the description of capture files."""
+    """Read the bytes of all records of a capture file, by the description of capture files."""
     return b"".join(record.bytes for record in parse_capture(path.read_bytes(), None).records)
 
 
 def _find_field(payload: Any, name: str) -> Any:
-    """The value of a field by its flat name: an attribute of the payload, or of one of its structs."""
+    """Return the value of a field by its flat name: an attribute of the payload, or of one of its structs.
+
+    For example, "header_cycle" is the attribute `cycle` of `header`. Raises AttributeError for an unknown name.
+    """
     for prefix in ("", "fields", "header", "snapshot", "snapshot_header"):
         owner = getattr(payload, prefix, None) if prefix else payload
         rest = name.removeprefix(f"{prefix}_") if prefix not in ("", "fields") else name
@@ -97,15 +100,15 @@ def _find_field(payload: Any, name: str) -> Any:
 
 
 def format_value(value: Any) -> str:
-    """A field value as text: a number, a code of an enumeration, or bytes in hexadecimal."""
+    """Format a field value as text: a number, a code of an enumeration, or bytes in hexadecimal."""
     return value.hex() if isinstance(value, bytes) else str(int(getattr(value, "value", value)))
 
 
 def format_frames(parse: Parser, data: bytes, directions: int = 1) -> list[str]:
-    """The lines of the frames of a stream: type, sequence, lost frames, all fields, and raw counts or trailing bytes.
+    """Format one line for each known frame of a stream.
 
-    A compact frame has the bytes of its snapshot instead of counts. directions: bits of the accepted directions, 1: to
-    the host, 2: to the hub. A frame that is not known has no line.
+    A line contains type, sequence, lost frames, all fields, and the raw counts or the bytes behind the fields; for a
+    compact frame the bytes of its snapshot. directions: bits of the accepted directions, 1: to the host, 2: to the hub.
     """
     lines, previous, lost = [], None, 0
     for entry in parse(data, None).frames.entries:
@@ -129,7 +132,7 @@ def format_frames(parse: Parser, data: bytes, directions: int = 1) -> list[str]:
 
 
 def _format_rest(kind: FrameType, payload: Any) -> str:
-    """What follows the structs of a payload."""
+    """Format the part of a payload behind its structs: raw counts, snapshot, acknowledgements or bytes."""
     if kind == FrameType.TAXELS:
         return f"counts={','.join(map(str, payload.raw_counts))}"
     if kind == FrameType.COMPACT_TAXELS:
@@ -142,7 +145,7 @@ def _format_rest(kind: FrameType, payload: Any) -> str:
 
 
 def shorten(lines: Sequence[str]) -> list[str]:
-    """Lines of the Python decoder for frames, reduced to what the description describes."""
+    """Reduce the lines of the Python decoder to the content that the Kaitai description provides."""
     shortened = []
     for line in lines:
         words = [word for word in line.split(" ") if not word.startswith(("flags=", "wire="))]

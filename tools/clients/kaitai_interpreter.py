@@ -76,6 +76,7 @@ class Node:
         self._parser, self._spec, self._io = parser, spec, source
 
     def __getattr__(self, name: str) -> Any:
+        """Parse an instance at its first use, and store its value as an attribute."""
         instances = self._spec.get("instances", {})
         if name.startswith("__") or name not in instances:
             raise AttributeError(name)
@@ -103,14 +104,14 @@ class Description:
         return self._parse_type(self._find(type_name) if type_name else self._root, Source(data), list(arguments))
 
     def _find(self, name: str) -> dict[str, Any]:
-        """Part of the description for a user type."""
+        """Return the part of the description for a user type. Raises DescriptionError if it is not defined."""
         types: dict[str, dict[str, Any]] = self._root.get("types", {})
         if name not in types:
             raise DescriptionError(f"type {name} is not defined")
         return types[name]
 
     def _parse_type(self, spec: Mapping[str, Any], source: Source, arguments: list[Any]) -> Node:
-        """Parse a user type with the arguments of its parameters."""
+        """Parse a user type from `source`. spec: its part of the description. arguments: values of its parameters."""
         unknown = set(spec) - {"meta", "doc", "doc-ref", "seq", "types", "enums", "params", "instances"}
         if unknown:
             raise DescriptionError(f"{sorted(unknown)} are not interpreted")
@@ -131,7 +132,7 @@ class Description:
         return self._read_attribute(node, attribute, source)
 
     def _read_attribute(self, node: Node, attribute: Mapping[str, Any], source: Source) -> Any:
-        """Read an attribute with its repetitions."""
+        """Read an attribute: one value, or a list of values if the attribute is repeated."""
         unknown = set(attribute) - _ATTRIBUTES
         if unknown:
             raise DescriptionError(f"{sorted(unknown)} of {attribute.get('id')} are not interpreted")
@@ -147,7 +148,10 @@ class Description:
         return self._read_value(node, attribute, source)
 
     def _read_value(self, node: Node, attribute: Mapping[str, Any], source: Source) -> Any:
-        """Read one value of an attribute."""
+        """Read one value of an attribute: an integer, bytes, a string, or a `Node`.
+
+        Raises ValueError if the value is not the one that the description requires.
+        """
         if "contents" in attribute:
             contents = attribute["contents"]
             expected = contents.encode() if isinstance(contents, str) else bytes(contents)
@@ -177,7 +181,7 @@ class Description:
         return value
 
     def _switch(self, node: Node, switch: Mapping[str, Any]) -> str | None:
-        """The type that a switch selects; None for a value without a case."""
+        """Return the type that a switch selects; None for a value without a case."""
         value = self._evaluate(switch["switch-on"], node)
         for case, kind in switch["cases"].items():
             if self._evaluate(case, node) == value:
@@ -191,7 +195,7 @@ class Description:
         return self._parse_type(self._find(name), source, values)
 
     def _process(self, data: bytes, process: str | None, node: Node) -> bytes:
-        """Apply a process to bytes."""
+        """Apply the process of an attribute to its bytes: none, `xor` with a key, or a custom process."""
         if process is None:
             return data
         name, _, argument = process.partition("(")
@@ -201,7 +205,7 @@ class Description:
         return self._processes[name](data)
 
     def _evaluate(self, expression: Any, node: Node) -> Any:
-        """Value of an expression of the description."""
+        """Return the value of an expression of the description."""
         if not isinstance(expression, str):
             return expression
         if "::" in expression:
@@ -211,7 +215,7 @@ class Description:
         return self._compute(ast.parse(expression.strip(), mode="eval").body, node)
 
     def _compute(self, part: ast.expr, node: Node) -> Any:
-        """Value of a part of an expression."""
+        """Compute the value of a part of an expression; names are attributes of `node`."""
         match part:
             case ast.Constant(value=value):
                 return value

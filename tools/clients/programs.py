@@ -40,9 +40,10 @@ def build_program(language: str, name: str = "dump", is_optimised: bool = False)
 
 
 def _compile(command: Sequence[str], language: str, name: str) -> Path:
-    """Compile to a file whose name contains a digest of command and sources, and return the file.
+    """Compile to a file whose name contains a digest of command and sources, and return this file.
 
-    An existing file is up to date. The output of the compiler belongs to the CalledProcessError of a failure.
+    A file that exists already is up to date and is not compiled again. Raises CalledProcessError with the output of the
+    compiler if it fails.
     """
     digest = hashlib.sha256("\0".join(command).encode())
     for path in sorted(CLIENTS.joinpath(language).rglob("*.*")):
@@ -64,7 +65,7 @@ def _compile(command: Sequence[str], language: str, name: str) -> Path:
 
 
 def _find_source(language: str, name: str, suffix: str) -> Path:
-    """Path of a source file of a client in its folder `tests` or `examples`."""
+    """Return the path of a client's source file in its folder `tests` or `examples`. name: file name without suffix."""
     folders = (CLIENTS / language / part for part in ("tests", "examples"))
     return next(path for folder in folders if (path := folder / f"{name}{suffix}").exists())
 
@@ -78,13 +79,13 @@ def compile_cpp(source: Path, name: str, options: Sequence[str]) -> Path:
 
 
 def _build_cpp(name: str, is_optimised: bool) -> list[str]:
-    """Compile a program of the C++ client."""
+    """Compile a program of the C++ client; return the command that starts it."""
     options = ["-O2" if is_optimised else "-O0"]
     return [str(compile_cpp(_find_source("cpp", name, ".cpp"), f"cpp-{name}", options))]
 
 
 def _build_rust(name: str, is_optimised: bool) -> list[str]:
-    """Compile the crate and a program that uses it."""
+    """Compile the crate and a program that uses it; return the command that starts the program."""
     compiler = find_program(("rustc",), "rustc")
     command = [compiler, "--edition", "2021", "-D", "warnings", *(["-O"] if is_optimised else [])]
     source = str(CLIENTS / "rust/src/lib.rs")
@@ -95,7 +96,7 @@ def _build_rust(name: str, is_optimised: bool) -> list[str]:
 
 
 def _build_lua(name: str, is_optimised: bool) -> list[str]:
-    """The command of a program of the Lua client, which needs no build."""
+    """Return the command of a program of the Lua client, which needs no build."""
     interpreter = find_program(("lua5.4", "lua5.3", "lua"), "lua5.4")
     return [interpreter, str(_find_source("lua", name, ".lua"))]
 
@@ -109,9 +110,10 @@ def run_program(command: Sequence[str], text: str = "") -> list[str]:
 
 
 def run_dissector(path: Path, fields: Sequence[str]) -> list[list[str]]:
-    """The values of fields in each packet of a PCAPNG file, by tshark with the dissector.
+    """Dissect a PCAPNG file with tshark, and return the values of `fields` in each packet.
 
-    A field that occurs several times in a packet is one text with ";". Raises ProgramMissingError.
+    The values of a field that occurs several times in a packet are one string, separated by ";". Raises
+    ProgramMissingError.
     """
     tshark = find_program(("tshark",), "tshark")
     options = [part for name in fields for part in ("-e", name)]

@@ -42,7 +42,7 @@ class DirectedDecoder(StreamDecoder):
 
 
 def read_stream(path: Path) -> bytes:
-    """All bytes of a capture file."""
+    """Read all bytes of a capture file."""
     data = bytearray()
     with CaptureLink(path) as link:
         try:
@@ -53,7 +53,10 @@ def read_stream(path: Path) -> bytes:
 
 
 def _format_fields(frame_type: int, payload: bytes) -> tuple[str, bytes]:
-    """The fields at the front of a payload as " name=value" each, and the bytes behind these fields."""
+    """Format the fields at the front of a payload as " name=value" each.
+
+    Returns this text and the bytes behind the fields.
+    """
     text, size = "", 0
     for field in list_fields(FRAMES[FrameType(frame_type)].payload):
         data = payload[field.offset : field.offset + field.size]
@@ -63,7 +66,11 @@ def _format_fields(frame_type: int, payload: bytes) -> tuple[str, bytes]:
 
 
 def _iterate_rows(decoder: StreamDecoder, data: bytes) -> tuple[list[Any], list[Any]]:
-    """Decode a stream; return (row, counts) of each taxel frame, and (row, None) of each other frame."""
+    """Decode a stream to two lists.
+
+    The first has (row of the batch, raw counts) for each taxel frame, the second (row of the batch, None) for each
+    other frame.
+    """
     taxels: list[Any] = []
     messages: list[Any] = []
     for batch in [*decoder.push(data), *decoder.finish()]:
@@ -74,7 +81,7 @@ def _iterate_rows(decoder: StreamDecoder, data: bytes) -> tuple[list[Any], list[
 
 
 def format_stream(stream: Stream, has_wire: bool) -> list[str]:
-    """The lines that a client prints for a stream. has_wire: each frame states its bytes on the wire."""
+    """Format the lines that a client prints for a stream. has_wire: each frame states its bytes on the wire."""
     plain = ReferenceDecoder()
     frames = plain.push(stream.data) + plain.finish()
     frames = [frame for frame in frames if stream.directions & (TO_HUB if frame[0] & 0x80 else TO_HOST)]
@@ -98,7 +105,7 @@ def format_stream(stream: Stream, has_wire: bool) -> list[str]:
 
 
 def format_totals(decoder: StreamDecoder) -> list[str]:
-    """The last lines for a stream: totals, and counters of each board."""
+    """Format the last lines for a stream: totals, and counters of each board."""
     totals = decoder.totals
     lines = [
         f"end frames={totals[0]} lost={totals[1]} restarts={totals[2]} unknown={totals[3]} "
@@ -115,13 +122,13 @@ def format_totals(decoder: StreamDecoder) -> list[str]:
 
 
 def load_vectors(name: str, key: str) -> list[dict[str, Any]]:
-    """The vectors of one file of protocol/vectors."""
+    """Load the vectors of one file of protocol/vectors."""
     content: list[dict[str, Any]] = json.loads((VECTORS / f"{name}.json").read_text())[key]
     return content
 
 
 def wrap_history(board: Mapping[str, Any]) -> Stream:
-    """The snapshots of a board of compact.json as a stream of COMPACT_TAXELS frames."""
+    """Wrap the snapshots of a board of compact.json into a stream of COMPACT_TAXELS frames."""
     data = b""
     for i, step in enumerate(board["snapshots"]):
         header = {
@@ -136,7 +143,7 @@ def wrap_history(board: Mapping[str, Any]) -> Stream:
 
 
 def list_streams() -> Iterator[Stream]:
-    """Every golden vector that is a frame or a stream: frames.json, damaged.json and compact.json."""
+    """Yield every golden vector that is a frame or a stream: frames.json, damaged.json and compact.json."""
     for vector in load_vectors("frames", "frames"):
         yield Stream(f"frame {vector['name']}", TO_HOST | TO_HUB, bytes.fromhex(vector["wire"]))
     for vector in load_vectors("damaged", "streams"):
@@ -145,25 +152,28 @@ def list_streams() -> Iterator[Stream]:
 
 
 def list_registers() -> list[dict[str, Any]]:
-    """The golden vectors of registers.json."""
+    """Load the golden vectors of registers.json."""
     return load_vectors("registers", "registers")
 
 
 def format_register(vector: Mapping[str, Any]) -> str:
-    """The line that a client prints for a register vector."""
+    """Format the line that a client prints for a register vector."""
     fields = "".join(f" {name}={value}" for name, value in vector["fields"].items())
     return f"register{fields} bytes={vector['bytes'][: 2 * _count_fixed_bytes(vector)]}"
 
 
 def _count_fixed_bytes(vector: Mapping[str, Any]) -> int:
-    """Bytes of the fixed fields of a register vector: a snapshot continues with its counts and its CRC."""
+    """Return the number of bytes of a register's fixed fields.
+
+    A snapshot has counts and a CRC behind its fixed fields.
+    """
     return len(vector["bytes"]) // 2 - (2 * len(vector["counts"]) + 4 if "counts" in vector else 0)
 
 
 def format_requests(
     streams: Iterable[Stream], registers: Iterable[Mapping[str, Any]] = (), originals: Iterable[Mapping[str, Any]] = ()
 ) -> str:
-    """The standard input of a client's program for these vectors."""
+    """Format the standard input by which a client's program decodes these vectors, one line each."""
     lines = [f"stream {stream.directions} {stream.data.hex()}" for stream in streams]
     lines += [f"register {vector['struct']} {vector['bytes']}" for vector in registers]
     lines += [f"original {vector['format']} {vector['stream'] or '-'}" for vector in originals]
@@ -171,13 +181,13 @@ def format_requests(
 
 
 def list_originals() -> list[dict[str, Any]]:
-    """The golden vectors of original.json: messages and streams, each with `format` and its bytes as `stream`."""
+    """Load the golden vectors of original.json: messages and streams, each with `format` and its bytes as `stream`."""
     messages = [vector | {"stream": vector["wire"]} for vector in load_vectors("original", "messages")]
     return messages + load_vectors("original", "streams")
 
 
 def format_original(vector: Mapping[str, Any]) -> list[str]:
-    """The lines that a client prints for a stream of the original hub."""
+    """Format the lines that a client prints for a stream of the original hub."""
     decoder = OriginalDecoder(FORMATS[vector["format"]])
     lines = []
     for m in decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish():

@@ -37,9 +37,10 @@ class Operations:
 
 @dataclass(frozen=True)
 class Candidate:
-    """load: function that imports the library and returns its operations.
+    """A library to be compared.
 
-    package: distribution; "" if taxel needs it.
+    name: name in the tables. package: its distribution; "" if taxel needs it anyway. load: imports the library and
+    returns its operations.
     """
 
     name: str
@@ -48,7 +49,7 @@ class Candidate:
 
 
 def _load_taxel() -> Operations:
-    """Operations of this project's own package taxel.cloud, for the comparison with other libraries."""
+    """Load the operations of this project's own package taxel.cloud, for the comparison with other libraries."""
     from taxel.cloud.mesh import TriangleMesh
     from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 
@@ -65,11 +66,12 @@ def _load_taxel() -> Operations:
 
 
 def _load_reference() -> Operations:
+    """Return the operations of the reference, in SciPy and NumPy."""
     return Operations(_align_by_kd_tree, compute_exact_distances)
 
 
 def _align_by_kd_tree(points: FloatArray, target: FloatArray) -> FloatArray:
-    """Transform f64[4, 4] that aligns points with target points, both f64[n, 3], by ICP in SciPy and NumPy.
+    """Align points with target points, both f64[n, 3], by ICP in SciPy and NumPy; return the transform f64[4, 4].
 
     Algorithm of Besl and McKay: nearest points by a k-d tree, and the best rotation by Kabsch's method.
     """
@@ -95,7 +97,10 @@ def _align_by_kd_tree(points: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Distance of every point to the nearest triangle: the smallest of the distances to its plane and edges."""
+    """Compute the distance of every point f64[n, 3] to the nearest triangle, f64[n].
+
+    The distance to a triangle is the height above its plane, or the distance to its nearest edge.
+    """
     best = np.full(len(points), np.inf)
     for face in faces:
         a, b, c = vertices[face]
@@ -114,11 +119,11 @@ def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: Int
 
 
 def _load_small_gicp() -> Operations:
-    """Operations of the library small_gicp: alignment only."""
+    """Load the operations of the library small_gicp: alignment only."""
     import small_gicp
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
-        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the ICP of small_gicp."""
+        """Align `points` with `target`, both f64[n, 3], by the ICP of small_gicp; return the transform f64[4, 4]."""
         cloud = small_gicp.PointCloud(target)
         result = small_gicp.align(
             cloud,
@@ -137,7 +142,7 @@ def _load_small_gicp() -> Operations:
 
 
 def _load_open3d() -> Operations:
-    """Operations of the library Open3D: alignment and distances to a mesh."""
+    """Load the operations of the library Open3D: alignment and distances to a mesh."""
     import open3d  # type: ignore[import-not-found,unused-ignore]
 
     registration = open3d.pipelines.registration
@@ -146,9 +151,7 @@ def _load_open3d() -> Operations:
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
-        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the point-to-point ICP of
-        Open3D.
-        """
+        """Return the pose, as a 4 x 4 matrix, that Open3D's feature matching and refinement find for a cloud."""
         criteria = registration.ICPConvergenceCriteria(TOLERANCE, TOLERANCE, MAX_ITERATIONS)
         method = registration.TransformationEstimationPointToPoint()
         result = registration.registration_icp(
@@ -157,7 +160,7 @@ def _load_open3d() -> Operations:
         return np.array(result.transformation)
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by the ray casting scene of Open3D."""
+        """Measure the distances f64[n] of `points` f64[n, 3] to a triangle mesh, by the ray casting scene of Open3D."""
         scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
         return np.asarray(scene.compute_distance(points.astype(np.float32), nthreads=1).numpy(), dtype=np.float64)
@@ -166,11 +169,11 @@ def _load_open3d() -> Operations:
 
 
 def _load_trimesh() -> Operations:
-    """Operations of the library trimesh: alignment and distances to a mesh."""
+    """Load the operations of the library trimesh: alignment and distances to a mesh."""
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
-        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the ICP of trimesh."""
+        """Align `points` with `target`, both f64[n, 3], by the ICP of trimesh; return the transform f64[4, 4]."""
         return np.asarray(
             trimesh.registration.icp(
                 points, target, threshold=TOLERANCE, max_iterations=MAX_ITERATIONS, reflection=False, scale=False
@@ -178,7 +181,7 @@ def _load_trimesh() -> Operations:
         )
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by trimesh."""
+        """Measure the distances f64[n] of `points` f64[n, 3] to a triangle mesh, by trimesh."""
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         return np.asarray(trimesh.proximity.closest_point(mesh, points)[1])
 
@@ -186,22 +189,22 @@ def _load_trimesh() -> Operations:
 
 
 def _load_igl() -> Operations:
-    """Operations of libigl: distances of points to a triangle mesh."""
+    """Load the operations of libigl: distances of points to a triangle mesh."""
     import igl
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by libigl."""
+        """Measure the distances f64[n] of `points` f64[n, 3] to a triangle mesh, by libigl."""
         return np.asarray(np.sqrt(igl.point_mesh_squared_distance(points, vertices, faces)[0]))
 
     return Operations(measure=measure)
 
 
 def _load_point_cloud_utils() -> Operations:
-    """Operations of point_cloud_utils: distances of points to a triangle mesh."""
+    """Load the operations of point_cloud_utils: distances of points to a triangle mesh."""
     import point_cloud_utils  # type: ignore[import-not-found,unused-ignore]
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by point_cloud_utils."""
+        """Measure the distances f64[n] of `points` f64[n, 3] to a triangle mesh, by point_cloud_utils."""
         return np.asarray(point_cloud_utils.closest_points_on_mesh(points, vertices, faces)[0], dtype=np.float64)
 
     return Operations(measure=measure)

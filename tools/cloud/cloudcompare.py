@@ -26,20 +26,21 @@ C2M: Final = ("-C2M_DIST", "-OCTREE_LEVEL", "6")
 
 
 def find_program() -> str | None:
-    """The path of CloudCompare, or None if it is not installed."""
+    """Return the path of CloudCompare, or None if it is not installed."""
     return next((path for name in PROGRAMS if (path := shutil.which(name))), None)
 
 
 @dataclass(frozen=True)
 class CloudCompare:
-    """program: path of CloudCompare. folder: for temporary files."""
+    """The program CloudCompare. program: its path. folder: folder for temporary files."""
 
     program: str
     folder: Path
 
     def run(self, *arguments: str) -> str:
-        """Run one command of the program CloudCompare in its folder. Returns its log; raises RuntimeError if it
-        fails.
+        """Run one command of CloudCompare in its folder, and return its log.
+
+        Raises RuntimeError if the command fails.
         """
         log = self.folder / "cloudcompare.log"
         log.unlink(missing_ok=True)
@@ -59,7 +60,7 @@ class CloudCompare:
         return f"{name}.xyz"
 
     def remove_outliers(self, cloud: str, k: int, n_sigma: float) -> FloatArray:
-        """Points f64[m, 3] that CloudCompare's statistical outlier removal (SOR) keeps.
+        """Return the points f64[m, 3] that CloudCompare's statistical outlier removal (SOR) keeps.
 
         k: number of neighbours; n_sigma: limit of the mean neighbour distance, in standard deviations.
         """
@@ -67,18 +68,19 @@ class CloudCompare:
         return self._read_table("kept")[:, :3]
 
     def measure_to_mesh(self, cloud: str, mesh: str) -> FloatArray:
-        """Unsigned distances of the points of a cloud to a mesh, f64[n]."""
+        """Measure the unsigned distances f64[n] of the points of a cloud to a mesh. cloud, mesh: file names."""
         self.run("-O", cloud, "-O", mesh, *C2M, *self._save_as("distances"))
         return np.abs(self._read_table("distances")[:, -1])
 
     def measure_to_cloud(self, cloud: str, target: str) -> FloatArray:
-        """Distances of the points of a cloud to another cloud, f64[n]."""
+        """Measure the distances f64[n] of the points of a cloud to another cloud. cloud, target: file names."""
         self.run("-O", cloud, "-O", target, "-C2C_DIST", *self._save_as("distances", 2))
         return self._read_table("distances")[:, -1]
 
     def align(self, cloud: str, target: str) -> tuple[FloatArray, float]:
-        """Align a cloud by the ICP of CloudCompare to a mesh (.ply) or another cloud. Returns points f64[n, 3], and
-        the RMS.
+        """Align a cloud by the ICP of CloudCompare to a mesh (.ply) or another cloud.
+
+        Returns the aligned points f64[n, 3] and the RMS distance that CloudCompare reports.
         """
         log = self.run("-O", cloud, "-O", target, *ICP, *self._save_as("aligned", 1 if target.endswith(".ply") else 2))
         return self._read_table("aligned")[:, :3], parse_rms(log)
@@ -86,11 +88,10 @@ class CloudCompare:
     def compute_sweep_row(
         self, cloud: str, mesh: str, threshold: float, sor: tuple[int, float] | None
     ) -> tuple[float, FloatArray]:
-        """Filter a cloud by force and outliers, align it to a mesh and measure distances, in one command of
-        CloudCompare.
+        """Filter a cloud by force and outliers, align it to a mesh and measure distances, in one command.
 
-        threshold: smallest force. sor: settings of the outlier removal. Returns the RMS of the alignment, and the
-        unsigned distances.
+        threshold: smallest force in counts. sor: number of neighbours and limit of the outlier removal; None without
+        it. Returns the RMS of the alignment, and the unsigned distances.
         """
         outlier_options = ("-SOR", str(sor[0]), f"{sor[1]:g}") if sor else ()
         force_options = ("-FILTER_SF", f"{threshold:g}", "MAX")
@@ -99,14 +100,18 @@ class CloudCompare:
         return parse_rms(log), np.abs(self._read_table("distances")[:, -1])
 
     def _save_as(self, name: str, clouds: int = 1) -> tuple[str, ...]:
-        """Options that save the first open cloud under a name. CloudCompare requires a name for every open cloud."""
+        """Return the options that save the first open cloud under a name.
+
+        CloudCompare requires a name for every open cloud.
+        """
         for old in self.folder.glob("*.asc"):
             old.unlink()
         return "-SAVE_CLOUDS", "FILE", " ".join([f"{name}.asc", "other.asc"][:clouds])
 
     def _read_table(self, name: str) -> FloatArray:
-        """Read the text table `name`.asc that CloudCompare has written. Raises `RuntimeError` if the file does not
-        exist.
+        """Read the text table `name`.asc that CloudCompare has written.
+
+        Raises `RuntimeError` if the file does not exist.
         """
         path = self.folder / f"{name}.asc"
         if not path.exists():
@@ -115,7 +120,7 @@ class CloudCompare:
 
 
 def parse_rms(log: str) -> float:
-    """RMS of an alignment, from the log of CloudCompare. Raises RuntimeError if the log has none."""
+    """Parse the RMS of the last alignment from a log of CloudCompare. Raises RuntimeError if the log has none."""
     values = re.findall(r"RMS: ([0-9.eE+-]+)", log)
     if not values:
         raise RuntimeError("ICP: expected an RMS in the log of CloudCompare, found none")

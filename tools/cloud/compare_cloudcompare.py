@@ -102,9 +102,10 @@ class Speed:
 def build_variants(
     real: GraspDataset, sim: GraspDataset, name: str
 ) -> Iterator[tuple[str, ContactCloud, ContactCloud]]:
-    """Clouds of an object for the comparison with CloudCompare: label, cloud, cloud of the other dataset.
+    """Build the clouds of one object for the comparison with CloudCompare.
 
-    real, sim: datasets of grasps, measured and simulated. name: of the object.
+    real, sim: measured and simulated grasp dataset. name: name of the object. Yields (label, cloud, unfiltered cloud of
+    the other dataset).
     """
     real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
     filtered = filter_by_force(real_cloud, FORCE_FILTER_COUNTS)
@@ -122,7 +123,7 @@ def build_variants(
 def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: ContactCloud, mesh: TriangleMesh) -> Row:
     """Compare the results of taxel.cloud and CloudCompare on one cloud.
 
-    tool: CloudCompare. label: name of the row. other: cloud of the other dataset. mesh: of the object.
+    tool: CloudCompare. label: name of the row. other: cloud of the other dataset. mesh: mesh of the object.
     """
     mesh_file = "mesh.ply"
     write_mesh(mesh, tool.folder / mesh_file, overwrite=True)
@@ -157,16 +158,22 @@ def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: Co
 
 
 def measure_agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
-    """Share of the points for which both outlier filters decide equally, percent."""
+    """Measure the percentage of points for which both outlier filters decide equally.
+
+    file, points: the same cloud, as file of CloudCompare and f64[n, 3]. k: number of neighbours. n_sigma: limit in
+    standard deviations.
+    """
     is_inlier = find_inliers(points, k, n_sigma)
     is_inlier_cc = cKDTree(tool.remove_outliers(file, k, n_sigma)).query(points)[0] < SAME_POINT_M
     return 100.0 * float((is_inlier == is_inlier_cc).mean())
 
 
 def compare_filter_definitions(tool: CloudCompare) -> dict[str, int]:
-    """Number of small clouds on which the filter of CloudCompare keeps the points of each of four definitions.
+    """Find the definition of CloudCompare's outlier filter: which of four possible definitions it follows.
 
-    Each cloud has 12 points, for which the four definitions keep different points.
+    The definitions differ in whether a point is its own neighbour, and in the formula of the standard deviation.
+    Returns for each definition the number of small clouds (of `SMALL_CLOUDS`) from which both keep the same points.
+    Each cloud has 12 points, from which the four definitions keep different points.
     """
     agreements = dict.fromkeys(("itself, population", "itself, sample", "others, population", "others, sample"), 0)
     seed = clouds = 0
@@ -189,7 +196,7 @@ def compare_filter_definitions(tool: CloudCompare) -> dict[str, int]:
 
 
 def compute_excess_percent(value: float, reference: float) -> float:
-    """Relative excess of a value over a reference, percent; 0 for a reference of 0."""
+    """Compute by how many percent a value exceeds a reference; 0 for a reference of 0."""
     return 100.0 * (value / reference - 1.0) if reference > 0.0 else 0.0
 
 
@@ -216,7 +223,7 @@ def measure_sweep_time(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMe
 
 
 def list_violations(rows: list[Row], speed: Speed) -> list[str]:
-    """One line for each permitted difference between taxel.cloud and CloudCompare that is exceeded."""
+    """List the exceeded bounds of the comparison, one line each."""
     violations = []
     for row in rows:
         for name in ("mesh_mean", "mesh_rms", "cloud_mean", "cloud_rms"):
@@ -233,7 +240,10 @@ def list_violations(rows: list[Row], speed: Speed) -> list[str]:
 
 
 def main() -> int:
-    """Compare both programs and print the result; exit status 0 if all bounds hold."""
+    """Compare both programs and print the result.
+
+    Returns the exit status: 0 if all bounds hold, 1 if one is exceeded, 2 after an error or without CloudCompare.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("real", help="grasp dataset of the hand")
     parser.add_argument("sim", help="grasp dataset of the simulator")

@@ -54,7 +54,7 @@ def main() -> int:
 
 
 def measure_in_process(name: str) -> Result | None:
-    """Measurements of one library in a process of its own; None if the library cannot be imported."""
+    """Measure one library in a process of its own; None if the library cannot be imported."""
     run = subprocess.run([sys.executable, __file__, "--only", name], capture_output=True, text=True)
     if run.returncode != 0:
         last_line = (run.stderr.strip().splitlines() or ["failed"])[-1]
@@ -65,7 +65,11 @@ def measure_in_process(name: str) -> Result | None:
 
 
 def measure_library(name: str) -> Result:
-    """Measurements of one library in this process."""
+    """Measure one library in this process.
+
+    Returns times, outcomes of valid, malformed and changed files, and for an installed library its size in MB, version
+    and licence.
+    """
     started = time.perf_counter()
     library = LOADERS[name]()
     result: Result = {"import_s": time.perf_counter() - started}
@@ -133,7 +137,7 @@ def _print_speed(results: dict[str, Result]) -> None:
 
 
 def _read_licence(package: str) -> str:
-    """Licence of an installed Python package, according to its metadata."""
+    """Return the licence that the metadata of an installed Python package state."""
     fields = metadata.metadata(package)
     classifiers: list[str] = fields.get_all("Classifier") or []
     licences = [line.rpartition(" :: ")[2] for line in classifiers if line.startswith("License ::")]

@@ -58,7 +58,10 @@ def write_inputs(real: str, sim: str, out: Path) -> None:
 
 
 def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
-    """Transforms, distances, times and memory of one candidate, measured in this process."""
+    """Measure one candidate in this process: transforms, distances, times in ms and memory in MB.
+
+    data: file of `write_inputs`. An operation that the candidate lacks has no entry in the result.
+    """
     before = _read_peak_mb()
     started = time.perf_counter()
     operations = candidate.load()
@@ -97,8 +100,9 @@ def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
 
 
 def _measure_time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float, FloatArray]:
-    """Run a function `repeats` times after one run to warm up. Returns the median processor time of all threads in
-    s, and the result.
+    """Run a function once to warm up, then `repeats` times.
+
+    Returns the median processor time of all threads in s, and the result of the function.
     """
     result = run()
     seconds = []
@@ -110,6 +114,7 @@ def _measure_time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tupl
 
 
 def _compute_mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
+    """Return the mean time in ms of several (seconds, result) pairs."""
     return 1e3 * float(np.mean([seconds for seconds, _ in runs]))
 
 
@@ -137,19 +142,25 @@ def compute_errors(results: dict[str, dict[str, Any]], data: Path) -> None:
 
 
 def _read_peak_mb() -> float:
-    """Largest resident memory of this process, MB. `getrusage` would include the memory of the parent process."""
+    """Return the largest resident memory of this process so far, MB.
+
+    `getrusage` would include the memory of the parent process.
+    """
     status = Path("/proc/self/status").read_text()
     return int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0]) / 1024.0
 
 
 def measure_size_mb(package: str) -> tuple[float, float]:
-    """Installed size of a distribution, alone and with the dependencies that taxel does not require otherwise, MB."""
+    """Measure the installed size of a distribution in MB: alone, and with its dependencies.
+
+    Dependencies that taxel requires anyway are excluded.
+    """
     added = _list_dependencies(package).difference(*map(_list_dependencies, REQUIRED))
     return _measure_own_size(package), sum(_measure_own_size(name) for name in added)
 
 
 def _list_dependencies(package: str) -> set[str]:
-    """Names of a distribution and of all its installed dependencies."""
+    """List the names of a distribution and of all its installed dependencies, in lower case with hyphens."""
     names: set[str] = set()
     pending = [package]
     while pending:
@@ -166,14 +177,14 @@ def _list_dependencies(package: str) -> set[str]:
 
 
 def _measure_own_size(package: str) -> float:
-    """Size in MB of the installed files of a Python package, without the packages that it requires."""
+    """Measure the size in MB of the installed files of a Python package, without the packages that it requires."""
     files = metadata.files(package) or []
     paths = [Path(str(file.locate())) for file in files]
     return sum(path.stat().st_size for path in paths if path.is_file()) / MEGABYTE
 
 
 def describe_wheel(package: str) -> str:
-    """Version and platform tag of an installed distribution."""
+    """Return the version and the platform tag of an installed distribution."""
     text = metadata.distribution(package).read_text("WHEEL") or ""
     tags = re.findall(r"^Tag: (\S+)", text, re.MULTILINE)
     return f"{metadata.version(package)}, {tags[0] if tags else 'no wheel'}"
@@ -204,7 +215,10 @@ def main() -> int:
 
 
 def _measure_in_process(candidate: Candidate, data: Path) -> dict[str, Any] | None:
-    """Results of one candidate, measured in a process with one thread; None if the process fails."""
+    """Measure one candidate in a process with one thread; None if the process fails.
+
+    For a candidate that taxel does not need, the size and the wheel are added.
+    """
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     command = [sys.executable, __file__, str(data), str(data), "--only", candidate.name]
     run = subprocess.run(command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=TIME_LIMIT_S)

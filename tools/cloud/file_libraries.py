@@ -19,10 +19,10 @@ Table = dict[str, FloatArray]
 
 @dataclass
 class Contents:
-    """What a reader found in a file; None where the file or the library does not have that part.
+    """Content of a file; None for a part that the file or the library does not have.
 
-    points: f64[n, 3]. counts: f64[n]. grasps: names of the grasps. grasp, taxel: row of each point. silent: f64[m, 3],
-    taxels that were read and not active. vertices: f64[v, 3]. faces: i64[t, 3].
+    points: f64[n, 3]. counts: f64[n]. grasps: names of the grasps. grasp, taxel: i64[n], index of the grasp and of the
+    taxel of each point. silent: f64[m, 3], taxels that were read and not active. vertices: f64[v, 3]. faces: i64[t, 3].
     """
 
     points: FloatArray | None = None
@@ -60,7 +60,7 @@ class FileLibrary:
 
 
 def load_taxel() -> FileLibrary:
-    """Readers and writers of this project's own module `taxel.cloud.files`."""
+    """Load the readers and writers of this project's own module `taxel.cloud.files`."""
     from taxel.cloud.contact_cloud import ContactCloud
     from taxel.cloud.files import MESH_READERS, read_cloud, write_cloud, write_mesh
     from taxel.cloud.files.source import Source
@@ -105,7 +105,7 @@ def load_taxel() -> FileLibrary:
 
 
 def load_trimesh() -> FileLibrary:
-    """Readers and writers of the library trimesh.
+    """Load the readers and writers of the library trimesh.
 
     Files are passed as open streams, so that the loader of OBJ cannot open material libraries.
     """
@@ -149,7 +149,7 @@ def load_trimesh() -> FileLibrary:
 
 
 def load_meshio() -> FileLibrary:
-    """Readers and writers of the library meshio."""
+    """Load the readers and writers of the library meshio."""
     import meshio  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
@@ -182,7 +182,7 @@ def load_meshio() -> FileLibrary:
 
 
 def load_plyfile() -> FileLibrary:
-    """Readers and writers of the library plyfile."""
+    """Load the readers and writers of the library plyfile."""
     import plyfile  # type: ignore[import-not-found,unused-ignore]
 
     def read_columns(element: Any) -> Table:
@@ -229,7 +229,7 @@ def load_plyfile() -> FileLibrary:
 
 
 def load_pypcd4() -> FileLibrary:
-    """Readers and writers of the library pypcd4."""
+    """Load the readers and writers of the library pypcd4."""
     import pypcd4  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
@@ -249,7 +249,7 @@ def load_pypcd4() -> FileLibrary:
 
 
 def load_numpy() -> FileLibrary:
-    """Readers and writers of point clouds as text, by `numpy.loadtxt` and `numpy.savetxt`."""
+    """Load the readers and writers of point clouds as text, by `numpy.loadtxt` and `numpy.savetxt`."""
 
     def read_points(path: Path) -> Contents:
         """Read a text file of numbers with NumPy: three columns of coordinates and, if present, one of counts."""
@@ -263,7 +263,7 @@ def load_numpy() -> FileLibrary:
 
 
 def load_igl() -> FileLibrary:
-    """Readers and writers of libigl, which supports triangle meshes only."""
+    """Load the readers and writers of libigl, which supports triangle meshes only."""
     import igl
 
     def read_triangles(path: Path) -> Contents:
@@ -281,10 +281,10 @@ def load_igl() -> FileLibrary:
 
 
 def build_contents(columns: Table, silent: Table | None) -> Contents:
-    """Point cloud from the named columns of a file.
+    """Build a point cloud from the named columns of a file.
 
-    columns: x, y, z and, where present, counts, grasp and taxel, each f64[n]. silent: the same for taxels that were
-    read and not active. CloudCompare writes `scalar_` before the names of its columns.
+    columns: x, y, z and, where present, counts, grasp and taxel, each f64[n]. silent: the same columns for taxels that
+    were read and not active; None without such taxels. CloudCompare writes `scalar_` before the names of its columns.
     """
     by_name = {name.removeprefix("scalar_"): np.asarray(column, np.float64) for name, column in columns.items()}
     has_grasps = "grasp" in by_name

@@ -1,6 +1,6 @@
-"""Measurements of one library for files: valid, malformed and randomly changed files, and the time for large files.
+"""Measurements of how one library reads valid, malformed and randomly changed files, and how fast it reads large files.
 
-Every file is read in a forked process with limits of memory and time, so that a crash or an endless loop of a reader is
+Every file is read in a forked process with memory and time limits, so that a crash or an endless loop of a reader is
 a result and not the end of the comparison.
 """
 
@@ -39,10 +39,17 @@ CHANGED_FILES: Final = 200
 PARTS: Final = {"points", "counts", "grasps", "grasp", "taxel", "silent", "corners"}
 CORRECT, REFUSED, ACCEPTED = "correct", "refused", "accepted"
 CRASH, TIME_LIMIT, OUT_OF_MEMORY = "crash", "time limit", "memory limit"
+"""Outcomes of reading a file: the content equals the expected content; the reader raises an exception or its result is
+not usable; the result is usable; the process ends without an answer; a limit is exceeded.
+"""
 
 
 def check_valid_files(library: FileLibrary, samples: list[Sample], folder: Path) -> list[dict[str, str]]:
-    """Read each valid sample file with a library: "correct", the parts that differ, or the error, by sample."""
+    """Read each valid sample file with a library and compare the content with the expected content.
+
+    Returns one dictionary per sample whose format the library reads: name and kind (format) of the sample, `outcome`
+    (`CORRECT`, the deviating parts as in "no counts, other points", or a failure) and `message` (error text or "").
+    """
     results = []
     for sample in samples:
         if (reader := library.readers.get(sample["kind"])) is not None:
@@ -53,7 +60,11 @@ def check_valid_files(library: FileLibrary, samples: list[Sample], folder: Path)
 
 
 def check_malformed_files(library: FileLibrary, samples: list[Sample], folder: Path) -> list[dict[str, str]]:
-    """Read each malformed sample file with a library: refused, accepted, or a limit of time or memory exceeded."""
+    """Read each malformed sample file with a library.
+
+    Returns one dictionary per sample whose format the library reads: name and kind (format) of the sample, `outcome`
+    (`REFUSED`, `ACCEPTED`, `CRASH`, `TIME_LIMIT` or `OUT_OF_MEMORY`) and `message` (error text or "").
+    """
     results = []
     for sample in samples:
         if (reader := library.readers.get(sample["kind"])) is not None:
@@ -64,7 +75,11 @@ def check_malformed_files(library: FileLibrary, samples: list[Sample], folder: P
 
 
 def count_failures_on_changed_files(library: FileLibrary, samples: list[Sample], folder: Path) -> dict[str, int]:
-    """Number of randomly changed files on which a reader crashes or exceeds a limit, by the kind of failure."""
+    """Count the randomly changed files on which a reader crashes or exceeds a limit.
+
+    Returns the number of all files under the key "files", and the number of files for each failure that occurred
+    (`CRASH`, `TIME_LIMIT`, `OUT_OF_MEMORY`).
+    """
     counts: Counter[str] = Counter()
     for kind, reader in library.readers.items():
         contents = [sample["content"].encode("latin-1") for sample in samples if sample["kind"] == kind]
@@ -77,7 +92,11 @@ def count_failures_on_changed_files(library: FileLibrary, samples: list[Sample],
 
 
 def change_randomly(content: bytes, seed: int) -> bytes:
-    """The content with one to four random changes: a byte replaced, digits inserted, bytes deleted, the end removed."""
+    """Return a file's content with one to four random changes.
+
+    Each change replaces a byte, inserts digits, deletes up to 19 bytes, or removes everything behind a position. An
+    empty result becomes b"x".
+    """
     rng = np.random.default_rng(seed)
     data = bytearray(content)
     for _ in range(rng.integers(1, 5)):
@@ -94,44 +113,63 @@ def change_randomly(content: bytes, seed: int) -> bytes:
 
 
 def run_with_limits(read: Callable[[], str]) -> dict[str, str]:
-    """Run a file reader in a forked process with limits of memory and time. Returns its outcome and a message."""
+    """Run a file reader in a forked process with memory and time limits.
+
+    read: reads a file and returns an outcome (`CORRECT`, `ACCEPTED` or `REFUSED`). Returns {"outcome": ..., "message":
+    ...}: the outcome of `read` without a message; `REFUSED` or `OUT_OF_MEMORY` with the text of the exception that
+    `read` raised; or `CRASH` or `TIME_LIMIT` without a message.
+    """
     receiver, sender = os.pipe()
     child = os.fork()
     if child == 0:
-        os.close(receiver)
-        _silence_standard_streams()
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_LIMIT, used + MEMORY_LIMIT))
         try:
-            outcome = {"outcome": read(), "message": ""}
-        except MemoryError as error:
-            outcome = {"outcome": OUT_OF_MEMORY, "message": f"MemoryError: {error}"}
-        except BaseException as error:  # a reader may raise anything, also SystemExit
-            outcome = {"outcome": REFUSED, "message": f"{type(error).__name__}: {error}"[:10_000]}
-        os.write(sender, json.dumps(outcome).encode())
-        os._exit(0)
+            os.close(receiver)
+            _send_outcome(read, sender)
+        finally:
+            os._exit(0)  # also after an error, because this copy of the comparison must never continue
     os.close(sender)
     is_ready = bool(select.select([receiver], [], [], TIME_LIMIT_S)[0])
-    answer = os.read(receiver, 65_536) if is_ready else b""
+    with os.fdopen(receiver, "rb") as answers:
+        answer = answers.read() if is_ready else b""  # until the process ends, because a pipe may split the answer
     if not answer:
         os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    os.close(receiver)
     if not answer:
         return {"outcome": CRASH if is_ready else TIME_LIMIT, "message": ""}
     result: dict[str, str] = json.loads(answer)
     return result
 
 
+def _send_outcome(read: Callable[[], str], sender: int) -> None:
+    """Run a file reader in this process under the memory limit, and write its outcome as JSON to the pipe `sender`."""
+    _silence_standard_streams()
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_LIMIT, used + MEMORY_LIMIT))
+    try:
+        outcome = {"outcome": read(), "message": ""}
+    except MemoryError as error:
+        outcome = {"outcome": OUT_OF_MEMORY, "message": f"MemoryError: {error}"}
+    except BaseException as error:  # a reader may raise anything, also SystemExit
+        outcome = {"outcome": REFUSED, "message": f"{type(error).__name__}: {error}"[:10_000]}
+    with os.fdopen(sender, "wb") as answers:
+        answers.write(json.dumps(outcome).encode())
+
+
 def write_file(content: bytes, kind: str, folder: Path) -> Path:
-    """Write a sample file with the suffix of its format. kind: format. Returns the path."""
+    """Write a sample file into a folder and return its path.
+
+    kind: format, such as "ply" or "ply mesh"; its first word becomes the suffix.
+    """
     path = folder / f"sample.{kind.split()[0]}"
     path.write_bytes(content)
     return path
 
 
 def measure_speed(library: FileLibrary, folder: Path) -> dict[str, float]:
-    """Median processor time in milliseconds of reading the same large files and of writing each format."""
+    """Measure the median processor time for reading the large files and for writing each format.
+
+    Returns milliseconds by task, such as "read ply, binary" or "write ply", for the formats that the library supports.
+    """
     table, vertices, faces = build_large_cloud(), *build_large_mesh()
     times: dict[str, float] = {}
     for name, (kind, path) in write_large_files(table, vertices, faces, folder).items():
@@ -146,7 +184,7 @@ def measure_speed(library: FileLibrary, folder: Path) -> dict[str, float]:
 
 
 def build_large_cloud() -> Table:
-    """Columns x, y, z and counts of `POINTS` random points."""
+    """Return `POINTS` random points: columns "x", "y", "z" in m, and "counts"."""
     rng = np.random.default_rng(1)
     table: Table = {name: rng.uniform(-0.1, 0.1, POINTS) for name in "xyz"}
     table["counts"] = rng.uniform(150.0, 400.0, POINTS)
@@ -154,7 +192,7 @@ def build_large_cloud() -> Table:
 
 
 def build_large_mesh() -> tuple[FloatArray, IntArray]:
-    """A sphere of 99,904 triangles: vertices f64[v, 3], faces i64[f, 3]."""
+    """Build a sphere of 99,904 triangles: vertices f64[v, 3] in m, vertex indices of the faces i64[f, 3]."""
     rings, around = 224, 224
     polar = np.pi * np.arange(1, rings) / rings
     angle = 2.0 * np.pi * np.arange(around) / around
@@ -173,8 +211,10 @@ def build_large_mesh() -> tuple[FloatArray, IntArray]:
 
 
 def write_large_files(table: Table, vertices: FloatArray, faces: IntArray, folder: Path) -> dict[str, tuple[str, Path]]:
-    """Write the large point cloud and mesh in every format, to measure the speed of readers. Returns paths by
-    format and name.
+    """Write a large point cloud and a large mesh in every format, to measure the speed of readers.
+
+    table: columns of the cloud by name. vertices f64[v, 3], faces i64[f, 3]: the mesh. Returns (key of the reader,
+    path of the file) by the name of the file format, such as "ply, binary".
     """
     cloud = ContactCloud.from_points(np.column_stack([table[axis] for axis in "xyz"]), table["counts"])
     mesh = TriangleMesh("mesh", vertices, faces)
@@ -205,7 +245,10 @@ def write_large_files(table: Table, vertices: FloatArray, faces: IntArray, folde
 
 
 def _compare_with_expected(reader: Reader, path: Path, sample: Sample) -> str:
-    """Read a sample file and compare the result. Returns the names of missing or different parts, or `CORRECT`."""
+    """Read a sample file and compare it with the expected parts of the sample.
+
+    Returns `CORRECT`, or the missing ("no counts") and different ("other points") parts, separated by commas.
+    """
     contents = reader(path)
     deviations = []
     for part in PARTS & sample.keys():
@@ -220,12 +263,15 @@ def _compare_with_expected(reader: Reader, path: Path, sample: Sample) -> str:
 
 
 def _read_and_check(reader: Reader, path: Path) -> str:
-    """Read a file: `ACCEPTED`, or `REFUSED` if taxel could not use the result as a cloud or a mesh."""
+    """Read a file; return `ACCEPTED`, or `REFUSED` if taxel could not use the result as a cloud or a mesh."""
     return ACCEPTED if _is_usable(reader(path)) else REFUSED
 
 
 def _is_usable(contents: Contents) -> bool:
-    """Whether file contents can be processed further: points are finite and not empty, and all indices are in range."""
+    """Return whether file contents can be processed further.
+
+    The points or vertices must exist and be finite, faces must be triangles, and indices must be in range.
+    """
     values = contents.points if contents.vertices is None else contents.vertices
     if values is None or not len(values) or not np.isfinite(values).all():
         return False
@@ -244,7 +290,7 @@ def _silence_standard_streams() -> None:
 
 
 def _measure_median_ms(run: Callable[[], object]) -> float:
-    """Median processor time of `REPEATS` calls of a function, in ms."""
+    """Return the median processor time of `REPEATS` calls of a function, in ms."""
     seconds = []
     for _ in range(REPEATS):
         started = time.process_time()

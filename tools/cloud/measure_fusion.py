@@ -35,10 +35,11 @@ VARIANTS = (("accumulated", None), ("fused", 0.0), ("fused, half of the repeats"
 
 @dataclass(frozen=True)
 class Row:
-    """One cloud. Lengths in mm.
+    """Result for one cloud.
 
-    genuine: share of genuine points; genuine_removed, others_removed: shares of the genuine and of the other points
-    that SOR removes; percent.
+    mesh_mean, mesh_rms: distances to the object in mm; sim_mean, sim_rms: distances to the simulated cloud in mm.
+    genuine: percentage of genuine points. genuine_removed, others_removed: percentages of the genuine and of the other
+    points that the outlier filter (SOR) removes.
     """
 
     object: str
@@ -54,10 +55,10 @@ class Row:
 
 
 def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mesh: TriangleMesh) -> Row:
-    """Compare a real point cloud with the object and with the simulated cloud, before and after the outlier removal
-    (SOR).
+    """Compare a real point cloud with its object and with the simulated cloud, and count what the outlier filter
+    removes.
 
-    name, mesh: of the object. variant: name of the fusion of repeats that made the cloud.
+    name, mesh: name and mesh of the object. variant: name of the fusion of repeats that made the cloud.
     """
     distances = compute_distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)
     to_sim = align_to_points(cloud.points, PointTarget(sim.points)).transform
@@ -85,7 +86,7 @@ def measure_all(real: GraspDataset, sim: GraspDataset) -> Iterator[Row]:
 
 
 def main() -> int:
-    """Measure all clouds and print the table."""
+    """Measure all clouds and print the table. Returns the exit status: 2 after an error, otherwise 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("real", help="grasp dataset of the hand")
     parser.add_argument("sim", help="grasp dataset of the simulator")

@@ -40,7 +40,7 @@ ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, 
 
 
 def format_header() -> str:
-    """Text of the C header of the bootloader: constants, names, the table of flash layouts, packed structs."""
+    """Format the C header of the bootloader: constants, names, the table of flash layouts, packed structs."""
     lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
     lines += ['#include "generated/taxel_protocol.h"', ""]
     for name, value in vars(boot).items():
@@ -58,13 +58,13 @@ def format_header() -> str:
 
 
 def _format_array(name: str, data: bytes) -> list[str]:
-    """Lines of C code that define a constant array of bytes, 16 bytes per line."""
+    """Format the lines of C code that define a constant array of bytes, 16 bytes per line."""
     body = [", ".join(f"0x{byte:02X}" for byte in data[i : i + 16]) for i in range(0, len(data), 16)]
     return [f"static const uint8_t {name}[{len(data)}] = {{", *[f"    {line}," for line in body], "};"]
 
 
 def format_vectors() -> str:
-    """Text of the test vectors of the bootloader: packets with both checksums, an image, and two flash rows."""
+    """Format the test vectors of the bootloader: packets with both checksums, an image, and two flash rows."""
     draw = random.Random(SEED)
     lines = [f"/* {MARK} Seed {SEED}. */", "#ifndef TEST_BOOTLOADER_VECTORS_H", "#define TEST_BOOTLOADER_VECTORS_H", ""]
     lines += ["#include <stdint.h>", ""]

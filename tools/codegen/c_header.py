@@ -73,7 +73,7 @@ def to_snake_case(name: str) -> str:
 
 
 def format_constants() -> list[str]:
-    """Lines of C code that define the limits of the protocol and the tables of the compact coding."""
+    """Format the C lines that define the limits of the protocol and the tables of the compact coding."""
     lines = []
     for name, value in (vars(limits) | vars(compact_tables)).items():
         if name.isupper() and isinstance(value, tuple):
@@ -84,41 +84,41 @@ def format_constants() -> list[str]:
 
 
 def _format_table(values: tuple[int, ...]) -> list[str]:
-    """Lines of a C initializer for an array of numbers, 16 numbers per line, inside a macro."""
+    """Format the C lines of an initializer for an array of numbers, 16 numbers per line, inside a macro."""
     rows = [", ".join(str(value) for value in values[i : i + 16]) for i in range(0, len(values), 16)]
     return ["    {" + ", \\\n     ".join(rows) + "}"]
 
 
 def format_enumeration(enum: type[IntEnum]) -> list[str]:
-    """Lines of C code that define a Python enumeration of the protocol."""
+    """Format the C lines that define an enumeration of the protocol."""
     prefix = f"TAXEL_{to_snake_case(enum.__name__).upper()}"
     body = [f"    {prefix}_{member.name} = 0x{member.value:02X}," for member in enum]
     return [f"enum taxel_{to_snake_case(enum.__name__)} {{", *body, "};", ""]
 
 
 def _format_member(field: Field) -> str:
-    """The C declaration of a message field as a struct member: an integer or an array of bytes."""
+    """Format the C declaration of a message field as a struct member: an integer or an array of bytes."""
     if field.is_bytes:
         return f"    uint8_t {field.name}[{field.size}];"
     return f"    {C_TYPES[field.code]} {field.name};"
 
 
-def _pack_line(field: Field) -> str:
-    """The line of C code that copies a field from the struct `value` to its offset in the message bytes."""
+def _format_pack_line(field: Field) -> str:
+    """Format the C line that copies a field from the struct `value` to its offset in the message bytes."""
     if field.is_bytes:
         return f"    memcpy(bytes + {field.offset}, value->{field.name}, {field.size});"
     return f"    taxel_put_u{8 * field.size}(bytes + {field.offset}, value->{field.name});"
 
 
-def _unpack_line(field: Field) -> str:
-    """The line of C code that copies a field from its offset in the message bytes to the struct `value`."""
+def _format_unpack_line(field: Field) -> str:
+    """Format the C line that copies a field from its offset in the message bytes to the struct `value`."""
     if field.is_bytes:
         return f"    memcpy(value->{field.name}, bytes + {field.offset}, {field.size});"
     return f"    value->{field.name} = taxel_get_u{8 * field.size}(bytes + {field.offset});"
 
 
 def format_structure(name: str, definition: Struct) -> list[str]:
-    """Lines of C code for a message: struct, size, offsets, and functions that pack and unpack the bytes."""
+    """Format the C lines of a message: struct, size, offsets, and functions that pack and unpack the bytes."""
     fields = list_fields(definition)
     size = sum(field.size for field in fields)
     upper = name.upper()
@@ -131,18 +131,18 @@ def format_structure(name: str, definition: Struct) -> list[str]:
         "};",
         f"static inline void taxel_{name}_pack(const struct taxel_{name} *value, uint8_t *bytes)",
         "{",
-        *[_pack_line(field) for field in fields],
+        *[_format_pack_line(field) for field in fields],
         "}",
         f"static inline void taxel_{name}_unpack(struct taxel_{name} *value, const uint8_t *bytes)",
         "{",
-        *[_unpack_line(field) for field in fields],
+        *[_format_unpack_line(field) for field in fields],
         "}",
         "",
     ]
 
 
 def format_frame_rules() -> list[str]:
-    """Lines of C code with the rules that a decoder checks before the CRC of a frame.
+    """Format the C lines with the rules that a decoder checks before the CRC of a frame.
 
     For each frame type: whether it has a board address, and its shortest and longest payload.
     """
@@ -206,7 +206,7 @@ static inline uint16_t taxel_compact_size(uint8_t length)
 
 
 def format_text() -> str:
-    """Text of the C header of the protocol."""
+    """Format the text of the C header of the protocol."""
     lines = [
         "/* Generated from protocol/taxel_protocol by tools/codegen/c_header.py (make generate). Do not edit. */",
         "#ifndef TAXEL_PROTOCOL_H",

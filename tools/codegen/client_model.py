@@ -47,7 +47,7 @@ class Message:
 
 
 def list_messages() -> list[Message]:
-    """Every frame type of the protocol.
+    """List every frame type of the protocol.
 
     Raises ValueError for a frame type whose structs are not listed in field_tables.PAYLOAD_PARTS.
     """
@@ -62,33 +62,33 @@ def list_messages() -> list[Message]:
 
 
 def list_structs() -> dict[str, Struct]:
-    """Every struct of the protocol by its name in snake case, as in the C header."""
+    """Return every struct of the protocol by its name in snake case, as in the C header."""
     return dict(STRUCTS)
 
 
 def list_struct_fields(name: str) -> tuple[Field, ...]:
-    """Fields of fixed size of a struct, by its name in snake case."""
+    """List the fields of fixed size of a struct. name: in snake case."""
     return list_fields(STRUCTS[name])
 
 
 def get_struct_size(name: str) -> int:
-    """Bytes of the fixed fields of a struct, by its name in snake case."""
+    """Return the number of bytes of a struct's fixed fields. name: in snake case."""
     return sum(field.size for field in list_struct_fields(name))
 
 
 def list_constants() -> dict[str, int]:
-    """Numbers of the protocol by their name in upper case."""
+    """Return the numbers of the protocol by name in upper case."""
     values = vars(limits) | vars(compact_tables)
     return {name: value for name, value in values.items() if name.isupper() and isinstance(value, int)}
 
 
 def list_tables() -> dict[str, tuple[int, ...]]:
-    """Tables of the compact coding by their name in upper case."""
+    """Return the tables of the compact coding by name in upper case."""
     return {name: value for name, value in vars(compact_tables).items() if name.isupper() and isinstance(value, tuple)}
 
 
 def list_enumerations() -> dict[str, dict[str, int]]:
-    """Named codes: for each enumeration its members and their codes."""
+    """Return the codes of each enumeration, by names of enumeration and member."""
     return {enum.__name__: {member.name: int(member) for member in enum} for enum in ENUMS}
 
 
@@ -98,7 +98,7 @@ def to_camel_case(name: str) -> str:
 
 
 def format_rows(values: tuple[int, ...], indent: str, per_row: int = 13) -> list[str]:
-    """Lines with the numbers of a table, each followed by a comma."""
+    """Format the numbers of a table as lines, each number followed by a comma."""
     return [indent + " ".join(f"{value}," for value in values[i : i + per_row]) for i in range(0, len(values), per_row)]
 
 

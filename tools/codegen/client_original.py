@@ -21,24 +21,24 @@ _PER_ROW = 16
 
 
 def _list_by_address(values: dict[int, int]) -> list[int]:
-    """A value for each of the 128 addresses; 0 for addresses without one."""
+    """Return a value for each of the 128 addresses; 0 for an address without a value."""
     return [values.get(address, 0) for address in range(original.ADDRESSES)]
 
 
 def _format_rows(values: list[int], indent: str) -> list[str]:
-    """Lines with the values for all addresses, 16 per line."""
+    """Format the values of all addresses as lines, 16 values per line."""
     return [indent + ", ".join(map(str, values[i : i + _PER_ROW])) + "," for i in range(0, len(values), _PER_ROW)]
 
 
 def _list_formats() -> Iterable[tuple[original.OriginalFormat, list[int], list[int]]]:
-    """Each message format with its taxels and its accelerations by address."""
+    """Yield each message format with its numbers of taxels and of accelerations, both by address (128 values)."""
     for layout in original.FORMATS.values():
         accelerated = dict.fromkeys(layout.accelerated, original.ACCELERATIONS)
         yield layout, _list_by_address(dict(layout.taxels)), _list_by_address(accelerated)
 
 
 def _format_cpp() -> str:
-    """Text of the C++ header."""
+    """Format the C++ header with constants and message formats."""
     lines = [f"/* {ORIGIN} */", "// clang-format off", "#ifndef TAXEL_CLIENT_ORIGINAL_FORMATS_HPP"]
     lines += ["#define TAXEL_CLIENT_ORIGINAL_FORMATS_HPP", "", "#include <cstddef>", "#include <cstdint>", ""]
     lines += ["namespace taxel", "{", ""]
@@ -65,7 +65,7 @@ def _format_cpp() -> str:
 
 
 def _format_rust() -> str:
-    """Text of the Rust module."""
+    """Format the Rust module with constants and message formats."""
     lines = [f"// {ORIGIN}", "//! Constants and message formats of the original hub.", ""]
     lines += [f"pub const {name}: u32 = {value};" for name, value in CONSTANTS.items()]
     lines += [
@@ -98,7 +98,7 @@ def _format_rust() -> str:
 
 
 def _format_lua() -> str:
-    """Text of the Lua module."""
+    """Format the Lua module with constants and message formats."""
     lines = [f"-- {ORIGIN}", "-- Constants and message formats of the original hub.", "local original = {}", ""]
     lines += [f"original.{name.removeprefix('ORIGINAL_')} = {value}" for name, value in CONSTANTS.items()]
     lines += [
@@ -118,7 +118,7 @@ def _format_lua() -> str:
 
 
 def format_files() -> dict[Path, str]:
-    """Text of each generated file of the original hub."""
+    """Return the text of each generated file of the original hub, by path."""
     return {
         CLIENTS / "cpp" / "include" / "taxel" / "original_formats.hpp": _format_cpp(),
         CLIENTS / "rust" / "src" / "original_formats.rs": _format_rust(),

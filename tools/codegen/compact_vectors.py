@@ -26,7 +26,12 @@ SNAPSHOTS = 12
 def simulate_history(
     name: str, taxels: int, sigma: float, seed: int, start: int = 0, jumps: float = 0.01
 ) -> dict[str, Any]:
-    """Snapshots of a board with noise of `sigma` counts; a share `jumps` of the taxels jumps at each scan."""
+    """Simulate the history of one board: its compact snapshots in order, as a test vector.
+
+    sigma: standard deviation of the noise in counts. start: parameter of the coder for the first packed snapshot.
+    jumps: share of the taxels whose mean count jumps at each scan. The seed repeats the history; an odd seed has means
+    anywhere in the 16-bit range.
+    """
     draw = random.Random(f"{SEED} {seed}")
     address = draw.randint(0x08, 0x77)
     means = [draw.uniform(0, 65535) if seed % 2 else draw.uniform(1800, 2600) for _ in range(taxels)]
@@ -56,7 +61,7 @@ def simulate_history(
 
 
 def format_text() -> str:
-    """Text of the file of test vectors of compact frames."""
+    """Format the file of test vectors of compact frames."""
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [
         simulate_history(f"noise_{sigma:g}", 27, sigma, 2 * i, 2 * (sigma > 100)) for i, sigma in enumerate(noises)

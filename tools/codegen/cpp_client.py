@@ -21,12 +21,12 @@ TYPES = {1: "std::uint8_t", 2: "std::uint16_t", 4: "std::uint32_t", 8: "std::uin
 
 
 def _format_type(field: Field) -> str:
-    """The C++ type of a field: an unsigned integer or an array of bytes."""
+    """Format the C++ type of a field: an unsigned integer or an array of bytes."""
     return f"std::array<std::uint8_t, {field.size}>" if field.is_bytes else TYPES[field.size]
 
 
 def _format_struct(name: str) -> list[str]:
-    """C++ lines of a struct with `unpack`, `pack` and `visit`."""
+    """Format the C++ lines of a struct with its functions `unpack`, `pack` and `visit`. name: in snake case."""
     fields, cpp_name = list_struct_fields(name), to_camel_case(name)
     lines = [f"struct {cpp_name} {{", f"    static constexpr std::size_t size = {get_struct_size(name)};"]
     lines += [f"    {_format_type(field)} {field.name}{{}};" for field in fields]
@@ -41,7 +41,7 @@ def _format_struct(name: str) -> list[str]:
 
 
 def _format_enumeration(name: str, members: dict[str, int]) -> list[str]:
-    """C++ lines of an enumeration, and of the function that returns the name of a code."""
+    """Format the C++ lines of an enumeration, and of the function that returns the name of a code."""
     lines = [f"enum class {name} : std::uint8_t {{"]
     lines += [f"    {member} = 0x{code:02X}," for member, code in members.items()]
     lines += ["};", f"inline const char *to_string({name} code)", "{", "    switch (code) {"]
@@ -50,7 +50,7 @@ def _format_enumeration(name: str, members: dict[str, int]) -> list[str]:
 
 
 def _format_rules() -> list[str]:
-    """C++ lines of the table of frame types."""
+    """Format the C++ lines of the table of frame types."""
     lines = [
         "/* Payloads that a frame type allows; has_address: the payload begins with the address of a board. */",
         *("struct FrameRule {", "    FrameType type;", "    bool has_address;"),
@@ -64,7 +64,7 @@ def _format_rules() -> list[str]:
 
 
 def _format_visits() -> list[str]:
-    """C++ lines of the functions that visit, unpack and pack the structs at the front of a payload."""
+    """Format the C++ lines of the functions that visit, unpack and pack the structs at the front of a payload."""
     lines = [
         "/* Calls visitor(prefix, value) for each struct at the front of a payload, in order, and returns the number",
         " * of bytes of these structs. `payload` has a length that the frame type allows. */",
@@ -149,7 +149,7 @@ template <std::size_t N> void store(std::uint8_t *bytes, const std::array<std::u
 
 
 def format_text() -> str:
-    """Text of the generated C++ header."""
+    """Format the generated C++ header."""
     lines = [f"/* {ORIGIN} */", "// clang-format off", HEAD]
     lines += [f"inline constexpr std::uint32_t {name} = {value};" for name, value in list_constants().items()]
     for name, values in list_tables().items():

@@ -50,7 +50,10 @@ class Sent:
 
 
 def build_raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
-    """Wire bytes of a frame with a valid CRC that the protocol need not allow; `length` is the length in its header."""
+    """Build the wire bytes of a frame with a valid CRC, which the protocol may forbid.
+
+    length: length in its header; None for the actual length of the payload.
+    """
     body = bytes([frame_type, 1, 0]) + (len(payload) if length is None else length).to_bytes(2, "little") + payload
     return encode_body(body + crc32(body).to_bytes(4, "little"))
 
@@ -61,7 +64,7 @@ def _flip_bits(data: bytes, position: int, mask: int = 0x01) -> bytes:
 
 
 class Streams:
-    """Collects damaged streams. Most streams consist of the three frames A, B and C."""
+    """Collection of damaged streams as test vectors. Most streams consist of the three frames A, B and C."""
 
     def __init__(self, frames: Mapping[str, Sent]) -> None:
         """Create an empty collection of test streams with damage. frames: valid frames by name, of which three are
@@ -91,7 +94,7 @@ class Streams:
         self.vectors.append(vector | {"stream": stream.hex(), "expected": expected, "unknown": unknown})
 
     def make_garbage(self, size: int) -> bytes:
-        """Random bytes without a zero, which do not contain the delimiter of frames."""
+        """Create random bytes without a zero, which do not contain the delimiter of frames."""
         return bytes(self.rng.randrange(1, 256) for _ in range(size))
 
     def add_delimiter_streams(self) -> None:
@@ -127,8 +130,9 @@ class Streams:
         self.add("8_longest_frames_glued", [longest] * 8, longest.stuffed * 8, list(range(8)))
 
     def add_damaged_frames(self) -> None:
-        """Add streams with a damaged frame, whose bytes are changed, lost or added: only its neighbours must be
-        decoded.
+        """Add streams with a damaged frame, whose bytes are changed, lost or added.
+
+        Only the neighbours of this frame must be decoded.
         """
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
@@ -155,8 +159,9 @@ class Streams:
         self.add("code_byte_reaches_over_the_next_frame", abc, reaching, [1, 2])
 
     def add_quotations(self) -> None:
-        """Add streams with a frame in the payload of another frame, which must never be decoded, even if the outer
-        one is damaged.
+        """Add streams with a frame in the payload of another frame.
+
+        The inner frame must never be decoded, even if the outer frame is damaged.
         """
         quoted = self.b
         for name in [name for name in self.frames if "_quotes_" in name]:
@@ -215,7 +220,7 @@ class Streams:
         self.add("damaged_status_of_a_newer_hub", [b, c], b.wire + damaged + c.wire, [0, 1], TO_HOST)
 
     def add_directions(self) -> None:
-        """Add streams with frames of both directions, of which a decoder must accept only its own."""
+        """Add streams with frames of both directions, of which a decoder must accept only the permitted ones."""
         b, handshake = self.b, self.frames["host_handshake_arbitrary"]
         stream = b.wire + handshake.wire + b.wire
         self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST, 1)
@@ -224,7 +229,7 @@ class Streams:
 
 
 def format_text() -> str:
-    """Text of the file of test vectors of damaged streams."""
+    """Format the file of test vectors of damaged streams."""
     frames = json.loads((VECTORS / "frames.json").read_text())["frames"]
     streams = Streams({vector["name"]: Sent(vector) for vector in frames})
     streams.add_delimiter_streams()

@@ -66,7 +66,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
 
 
 def _format_layout(name: str, definition: Struct) -> list[str]:
-    """C lines with the field table of a struct and its pack and unpack functions."""
+    """Format the C lines of a struct's field table, and of its pack and unpack functions with generic types."""
     rows = []
     for field in list_fields(definition):
         member = f"offsetof(struct taxel_{name}, {field.name})"
@@ -124,7 +124,7 @@ struct payload_part {
 
 
 def format_fields_header() -> str:
-    """Text of the C header with the field tables of all messages, for the C test."""
+    """Format the C header with the field tables of all messages, for the C test."""
     definitions = {name: definition for parts in PAYLOAD_PARTS.values() for name, _, definition in parts}
     definitions |= INNER | REGISTERS
     lines = [FIELDS_HEAD]
@@ -142,7 +142,10 @@ def format_fields_header() -> str:
 
 
 def main() -> int:
-    """Write the C header with the field tables of all messages, or check that it is up to date."""
+    """Write the C header with the field tables of all messages, or check that it is up to date (`--check`).
+
+    Returns the exit status: 1 if the checked file is missing or stale.
+    """
     text = format_fields_header()
     if "--check" in sys.argv[1:]:
         if not HEADER.exists() or HEADER.read_text() != text:

@@ -13,7 +13,7 @@ SEED = 20
 
 
 def nest_values(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested field values that construct needs to build a message, from values by flat field name.
+    """Convert values by flat field name to the nested values from which construct builds a message.
 
     prefix: start of the flat names of this part of the message.
     """
@@ -28,13 +28,16 @@ def nest_values(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -
 
 
 def find_tail_name(definition: Struct) -> str | None:
-    """Name of the part without a fixed length at the end of `definition`, if it has one."""
+    """Return the name of the part without a fixed length at the end of `definition`; None if there is none."""
     last = definition.subcons[-1]
     return str(last.name) if last.subcon is GreedyBytes else None
 
 
 def to_json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Field values for a JSON file: numbers, and byte strings in hexadecimal."""
+    """Convert field values for a JSON file: numbers stay, byte strings become hexadecimal digits.
+
+    A constant field has its constant value.
+    """
     converted: dict[str, Any] = {}
     for field in fields:
         value: Any = field.constant if field.constant is not None else values[field.name]
@@ -43,14 +46,15 @@ def to_json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[s
 
 
 def compute_board_crc(address: int, data: bytes) -> int:
-    """CRC-32 with the board's address before the data, as boards compute it."""
+    """Compute the CRC-32 over the board's address and the data, as boards compute it."""
     return crc32(data, crc32(bytes([address])))
 
 
 def fill_fields(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
-    """Values for all fields of a message. value: function that returns the value of a field.
+    """Fill all fields of a message. Returns the values by field name.
 
-    has_address: whether the first field is an I2C address, which is limited to the valid range.
+    value: returns the number for a field. has_address: whether the first field is an I2C address, which is clipped to
+    the valid range.
     """
     values: dict[str, Any] = {}
     for field in fields:

@@ -104,7 +104,7 @@ types:
 
 
 def _format_field(field: Field) -> list[str]:
-    """Lines of an attribute for a field of a struct."""
+    """Format the lines of the description for one field of a struct."""
     lines = [f"      - id: {field.name}"]
     lines.append(f"        size: {field.size}" if field.is_bytes else f"        type: {TYPES[field.size]}")
     enum = ENUMS_OF_FIELDS.get(field.name)
@@ -112,12 +112,12 @@ def _format_field(field: Field) -> list[str]:
 
 
 def _format_struct(name: str) -> list[str]:
-    """Lines of the type of a struct."""
+    """Format the lines of the description for the type of a struct."""
     return [f"  {name}:", "    seq:", *(line for field in list_struct_fields(name) for line in _format_field(field))]
 
 
 def _format_payload(message: Message) -> list[str]:
-    """Lines of the type of a payload: its structs, and the bytes behind these structs."""
+    """Format the lines of the description for the payload of a frame type: its structs, and the bytes behind them."""
     lines = [f"  payload_{message.frame_type.name.lower()}:", "    seq:"]
     for part in message.parts:
         name = part.prefix.rstrip("_") or "fields"
@@ -137,7 +137,10 @@ def _format_payload(message: Message) -> list[str]:
 
 
 def _format_compact() -> list[str]:
-    """Lines of the types of compact snapshots. The counts of each width, 1 to 16 bits, have a type of their own."""
+    """Format the lines of the description for compact snapshots.
+
+    The counts of each width, 1 to 16 bits, have a type of their own.
+    """
     lines = ["  compact_snapshot:", "    params:", "      - id: taxel_count", "        type: u1", "    seq:"]
     lines += ["      - id: header", "        type: compact_header"]
     lines += ["      - id: timestamp_us", "        type: u4", "        if: width != 0"]
@@ -157,7 +160,7 @@ def _format_compact() -> list[str]:
 
 
 def _format_enumerations() -> list[str]:
-    """Lines of all enumerations."""
+    """Format the lines of the description for all enumerations."""
     lines = ["enums:"]
     for name, members in list_enumerations().items():
         lines.append(f"  {to_snake_case(name)}:")
@@ -166,7 +169,7 @@ def _format_enumerations() -> list[str]:
 
 
 def format_description() -> str:
-    """Text of taxel_stream.ksy."""
+    """Format the text of taxel_stream.ksy."""
     key = ", ".join(str(byte) for byte in whiten(bytes(min(PERIOD, BODY_MAX))))
     messages = list_messages()
     names = [message.frame_type.name.lower() for message in messages]
@@ -180,7 +183,7 @@ def format_description() -> str:
 
 
 def format_rules() -> str:
-    """Text of taxel_rules.py: the numbers that the deframing process needs."""
+    """Format the text of taxel_rules.py: the numbers that the deframing process needs."""
     names = [
         *("ADDRESS_MIN", "ADDRESS_MAX", "BODY_MAX", "PAYLOAD_MAX", "FRAME_HEADER_SIZE", "FRAME_CRC_SIZE"),
         "SNAPSHOT_OVERHEAD",
@@ -196,5 +199,5 @@ def format_rules() -> str:
 
 
 def format_files() -> dict[Path, str]:
-    """Text of each generated file of the Kaitai description."""
+    """Return the text of each generated file of the Kaitai description, by path."""
     return {FOLDER / "taxel_stream.ksy": format_description(), FOLDER / "taxel_rules.py": format_rules()}

@@ -24,7 +24,7 @@ MODULES = ("bits", "protocol", "fields", "crc32", "framing", "compact", "decoder
 
 
 def _format_struct(name: str) -> list[str]:
-    """Lua lines of the description of a struct: its size, and name, offset, size and kind of each field."""
+    """Return the Lua lines that describe a struct: its size, and name, offset, size and kind of each field."""
     lines = [f"    {name} = {{", f"        size = {get_struct_size(name)},"]
     for field in list_struct_fields(name):
         kind = ", is_bytes = true" if field.is_bytes else ""
@@ -33,7 +33,7 @@ def _format_struct(name: str) -> list[str]:
 
 
 def _format_messages() -> list[str]:
-    """Lua lines of the table of frame types by their code."""
+    """Return the Lua lines of the table of frame types, which is indexed by the type's code."""
     lines = ["-- Frame types by code. parts: structs at the front of the payload; tail: name of the bytes behind them."]
     lines.append("protocol.frames = {")
     for m in list_messages():
@@ -48,7 +48,7 @@ def _format_messages() -> list[str]:
 
 
 def format_protocol() -> str:
-    """Text of the generated Lua module."""
+    """Return the source text of the generated Lua module protocol.lua."""
     lines = [
         f"-- {ORIGIN}",
         "-- Constants, named codes, structs and frame types of the protocol.",
@@ -69,12 +69,12 @@ def format_protocol() -> str:
 
 
 def _read_module(path: Path) -> str:
-    """Source of a hand-written module without the final line feed."""
+    """Read the source of a hand-written Lua module without the final line feed."""
     return path.read_text().rstrip("\n")
 
 
 def format_bundle() -> str:
-    """Text of the dissector as one file: every module is loaded by `require` from `package.preload`."""
+    """Return the dissector's source text as one file: `require` finds every module in `package.preload`."""
     lines = [
         "-- Dissector of the taxel protocol for Wireshark and tshark, as one file.",
         "-- Generated from protocol/clients/lua/taxel by tools/codegen/clients.py (make generate). Do not edit.",
@@ -88,5 +88,5 @@ def format_bundle() -> str:
 
 
 def format_files() -> dict[Path, str]:
-    """Text of each generated file of the Lua client."""
+    """Return the text of each generated file of the Lua client, by path."""
     return {FILE: format_protocol(), BUNDLE: format_bundle()}

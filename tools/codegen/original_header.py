@@ -22,7 +22,7 @@ CONSTANTS = (
 
 
 def format_boards(known: OriginalFormat) -> list[str]:
-    """The lines of the macro that lists the boards of a format: X(address, taxels, accelerations)."""
+    """Return the lines of the macro that lists a format's boards, one X(address, taxels, accelerations) for each."""
     lines = [f"#define TAXEL_{_get_macro_name(known)}_BOARDS(X) \\"]
     for address, taxels in sorted(known.taxels.items()):
         accelerations = original.ACCELERATIONS if address in known.accelerated else 0
@@ -31,13 +31,13 @@ def format_boards(known: OriginalFormat) -> list[str]:
 
 
 def _get_macro_name(known: OriginalFormat) -> str:
-    """`ORIGINAL` for the format `original`; all other names get this prefix."""
+    """Return the prefix of a format's macros: `ORIGINAL` for the format `original`, `ORIGINAL_NAME` for any other."""
     name = known.name.removeprefix("original").strip("_").upper()
     return f"ORIGINAL_{name}" if name else "ORIGINAL"
 
 
 def format_text() -> str:
-    """The whole header."""
+    """Return the whole text of the header file."""
     lines = [
         "/* Generated from taxel_protocol by tools/codegen/original_header.py (make generate). Do not edit. */",
         "#ifndef TAXEL_ORIGINAL_H",
@@ -60,7 +60,7 @@ def format_text() -> str:
 
 
 def main() -> int:
-    """Write or check the header."""
+    """Write the header, or with --check compare it with the file on disk; the exit status is 1 if that one is stale."""
     return write_or_check({HEADER: format_text()})
 
 

@@ -32,7 +32,11 @@ UNTIMED = FORMATS["first_generation_untimed"]
 def build_message(
     name: str, known: OriginalFormat, address: int, words: Sequence[int], time_ms: int = 0
 ) -> dict[str, Any]:
-    """A message as fields and as bytes. words: counts, then accelerations modulo 2^16."""
+    """Build the test vector of one message: its fields, and its bytes on the wire as hexadecimal digits.
+
+    words: raw counts, then accelerations as unsigned numbers modulo 2^16. time_ms: ignored for formats without a
+    timestamp.
+    """
     taxels = known.taxels[address]
     counts, accelerations = list(words[:taxels]), list(words[taxels:])
     signed = [(value ^ 0x8000) - 0x8000 for value in accelerations]
@@ -43,12 +47,15 @@ def build_message(
 
 
 def count_words(known: OriginalFormat, address: int) -> int:
-    """Counts and accelerations of a message."""
+    """Return the number of 16-bit words in a message of the board `address`: its counts and its accelerations."""
     return known.taxels[address] + ACCELERATIONS * (address in known.accelerated)
 
 
 def build_messages() -> list[dict[str, Any]]:
-    """Every board of every format with arbitrary counts; the shortest and the longest message with extreme counts."""
+    """Build one message with arbitrary counts for every board of every format, and messages with extreme counts.
+
+    The shortest and the longest message have the extreme counts.
+    """
     messages = []
     for known in FORMATS.values():
         draw = random.Random(f"{SEED} {known.name}")
@@ -72,7 +79,7 @@ def build_messages() -> list[dict[str, Any]]:
 
 
 def build_stream(name: str, known: OriginalFormat, stream: bytes, undamaged: Iterable[int]) -> dict[str, Any]:
-    """A stream, and what the framing rule makes of it."""
+    """Build a test vector of a stream: its bytes, and the messages that the framing rule finds in it."""
     decoded = decode_stream(known, stream)
     return {
         "name": name,
@@ -88,12 +95,12 @@ def build_stream(name: str, known: OriginalFormat, stream: bytes, undamaged: Ite
 
 
 def find_undamaged(stream: bytes, sent: Iterable[bytes]) -> list[int]:
-    """Positions of the sent messages that are contiguous in the stream."""
+    """Return the positions of the sent messages whose bytes are contiguous in the stream, in ascending order."""
     return sorted({stream.find(wire) for wire in sent if wire in stream})
 
 
 def build_random_streams(known: OriginalFormat) -> list[dict[str, Any]]:
-    """Rounds of six boards with no damage, and with changed, lost and inserted bytes."""
+    """Build five streams of six random messages each: undamaged, and with changed, lost, inserted and mixed bytes."""
     draw = random.Random(f"{SEED} {known.name} streams")
     streams = []
     for name in ("intact", "changed", "lost", "inserted", "mixed"):
@@ -114,16 +121,20 @@ def build_random_streams(known: OriginalFormat) -> list[dict[str, Any]]:
 
 
 def _to_wire(known: OriginalFormat, address: int, time_ms: int, counts: Sequence[int] = ()) -> bytes:
+    """Return the wire bytes of a message with the given first counts; all further words are 2000."""
     words = list(counts) + [2000] * (count_words(known, address) - len(counts))
     return bytes.fromhex(build_message("", known, address, words, time_ms)["wire"])
 
 
 def _to_counts(data: bytes) -> list[int]:
+    """Return the 16-bit little-endian counts whose bytes in a message are `data`; an odd last byte is dropped."""
     return [data[i] | data[i + 1] << 8 for i in range(0, len(data) - 1, 2)]
 
 
 def build_edge_streams() -> list[dict[str, Any]]:
-    """Streams at the edges of the framing rule."""
+    """Build the test vectors of streams at the edge cases of the framing rule, such as a message inside another
+    message.
+    """
     palm, follower, first = (_to_wire(ORIGINAL, a, t) for a, t in ((0x15, 5012), (0x0A, 5024), (0x1D, 5000)))
     inner_late = _to_wire(ORIGINAL, 0x18, 0xDEADBEEF)
     nested = _to_wire(ORIGINAL, 0x15, 5012, _to_counts(inner_late))
@@ -167,7 +178,7 @@ def build_edge_streams() -> list[dict[str, Any]]:
 
 
 def format_text() -> str:
-    """The whole file, one message or stream per line."""
+    """Return the whole text of original.json, with one message or stream per line."""
     head = json.dumps({"about": "original hub: messages, and damaged streams", "made_by": Path(__file__).name})
     streams = [stream for known in FORMATS.values() for stream in build_random_streams(known)] + build_edge_streams()
     messages_text = ",\n".join(json.dumps(message) for message in build_messages())
@@ -176,7 +187,10 @@ def format_text() -> str:
 
 
 def main() -> int:
-    """Write or check the file."""
+    """Write original.json, or with --check compare it with the file on disk.
+
+    The exit status is 1 if that one is stale.
+    """
     return write_or_check({VECTORS / "original.json": format_text()})
 
 

@@ -24,13 +24,13 @@ PAGE_TERMS: Final = (
 
 
 def read_definitions(text: str) -> dict[str, str]:
-    """The definition of each term of a glossary page, without links. text: Markdown."""
+    """Return the definition of each term of a glossary page without its links, by term. text: the page as Markdown."""
     sections = re.findall(r"^## ([^\n]+)\n\n(.+?)\n*(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
     return {term: re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", " ".join(body.split())) for term, body in sections}
 
 
 def format_terms(definitions: dict[str, str]) -> str:
-    """The content of terms.toml. Raises KeyError for a term that the glossary lacks."""
+    """Return the content of terms.toml. Raises KeyError for a term that the glossary lacks."""
     entries = (
         f"\n[[term]]\nname = {json.dumps(term)}\ndefinition = {json.dumps(definitions[term], ensure_ascii=False)}\n"
         for term in PAGE_TERMS
@@ -39,7 +39,7 @@ def format_terms(definitions: dict[str, str]) -> str:
 
 
 def main() -> int:
-    """Write the file terms.toml, which gives the reports their definitions of terms, or check that it is up to date."""
+    """Write terms.toml, or with --check report whether it differs from the glossary; the exit status is then 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare only")
     arguments = parser.parse_args()

@@ -27,7 +27,10 @@ REGISTERS: dict[str, Struct] = {
 
 
 def build_register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Test vector of a block of registers of a board. start: first register; values: by field name."""
+    """Build the test vector of a struct in a board's register map: its fields, and its bytes as hexadecimal digits.
+
+    struct: name in `REGISTERS`. start: number of the first register. values: by field name.
+    """
     definition = REGISTERS[struct]
     data = definition.build(nest_values(definition, values))
     shown = to_json_values(list_fields(definition), values)
@@ -35,16 +38,15 @@ def build_register_vector(name: str, struct: str, start: int, values: Mapping[st
 
 
 def _build_identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
-    """Build a test vector of the identity register of a board from its field values; the CRC is computed."""
+    """Build the test vector of a board's identity registers; the CRC is computed from the other field values."""
     without_crc = registers.Identity.build(nest_values(registers.Identity, values | {"crc32": 0}))[:-4]
     return build_register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
 
 
 def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
-    """Build a test vector of the settings register of a board.
+    """Build the test vector of a board's settings registers; the CRC is computed.
 
-    address: I2C address of the board, which is part of the CRC. numbers: values of all fields except the CRC, in
-    order.
+    address: I2C address of the board, which is part of the CRC. numbers: values of all fields except the CRC, in order.
     """
     fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
@@ -55,7 +57,10 @@ def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str
 
 
 def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
-    """Test vector of a snapshot of a board. header: scan number and timestamp in us. counts: raw counts."""
+    """Build the test vector of a board's snapshot registers; the CRC is computed.
+
+    header: scan number and board time in microseconds. counts: raw counts.
+    """
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
     definition = registers.snapshot(len(counts))
@@ -73,7 +78,7 @@ def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Se
 
 
 def _build_compact() -> list[dict[str, Any]]:
-    """Build test vectors of the registers for compact snapshots, with random field values."""
+    """Build the test vectors of the registers for compact snapshots, with random field values."""
     rng = random.Random(SEED + 1)  # a separate generator: the vectors of version 1 do not change
     vectors = []
     for name in ("compact_packed", "compact_delta", "compact_acknowledge"):
@@ -86,7 +91,7 @@ def _build_compact() -> list[dict[str, Any]]:
 
 
 def _build_revision_1(board: dict[str, Any]) -> list[dict[str, Any]]:
-    """Build test vectors of revision 1 of the register map: identity, key of ENTER_BOOTLOADER, fault record.
+    """Build the test vectors that revision 1 of the register map adds: identity, bootloader key, fault records.
 
     board: field values of the identity of a board of revision 0.
     """
@@ -112,7 +117,7 @@ def _build_revision_1(board: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def build_register_vectors() -> list[dict[str, Any]]:
-    """Content of registers.json."""
+    """Build all test vectors of registers.json, in the order of the file."""
     rng = random.Random(SEED)
     board: dict[str, Any] = {"map_version": 1, "firmware_major": 1, "firmware_minor": 2, "firmware_patch": 3}
     board |= {

@@ -77,7 +77,11 @@ LOSSES = (
 
 
 def read_meanings() -> dict[tuple[str, str], str]:
-    """The meaning of each field from the tables of SPEC.md, by (struct in snake case, field)."""
+    """Read the description of each field from the layout tables of SPEC.md, without links and code marks.
+
+    Returns the descriptions by (struct in snake case, field). Tables of structs that the clients do not use are
+    skipped.
+    """
     names = {id(definition): name for name, definition in list_structs().items()}
     meanings: dict[tuple[str, str], str] = {}
     for match in re.finditer(r"<!-- layout: (\w+)\.(\w+) -->\n\n((?:\|.*\n)+)", SPEC.read_text()):
@@ -93,12 +97,12 @@ def read_meanings() -> dict[tuple[str, str], str]:
 
 
 def _format_line(declaration: str, meaning: str) -> str:
-    """A field of a message with its meaning as a comment."""
+    """Return the line of a message definition that declares a field, with the field's meaning as a comment."""
     return f"{declaration:<32} # {meaning}" if meaning else declaration
 
 
 def _format_constants(part: Part, field: Field) -> list[str]:
-    """Constants of a message for the codes of a field."""
+    """Return the lines that declare the codes of a field as constants; [] for a field without an enumeration."""
     enum = ENUMS_OF_FIELDS.get((part.struct, field.name))
     members = list_enumerations()[enum] if enum else {}
     prefix = field.name.removeprefix("last_").upper()
@@ -106,7 +110,11 @@ def _format_constants(part: Part, field: Field) -> list[str]:
 
 
 def _format_part(part: Part, meanings: dict[tuple[str, str], str]) -> list[str]:
-    """Fields of a message for a struct at the front of a payload."""
+    """Return the lines that declare the fields of one struct of a payload, with their meanings as comments.
+
+    meanings: result of `read_meanings`. A field of a nested struct, such as `settings_...`, has the meaning of the
+    field in the nested struct.
+    """
     lines = []
     for field in list_struct_fields(part.struct):
         kind = f"uint8[{field.size}]" if field.is_bytes else TYPES[field.size]
@@ -119,7 +127,7 @@ def _format_part(part: Part, meanings: dict[tuple[str, str], str]) -> list[str]:
 
 
 def _format_message(message: Message, meanings: dict[tuple[str, str], str]) -> str:
-    """Text of the message of a frame type."""
+    """Return the ROS 2 message definition (.msg file) of a frame type."""
     lines = [f"# Frame {message.frame_type.name} (protocol/SPEC.md).", f"# {ORIGIN}", ""]
     constants = [
         line
@@ -140,12 +148,15 @@ def _format_message(message: Message, meanings: dict[tuple[str, str], str]) -> s
 
 
 def _format_plain(title: str, fields: tuple[tuple[str, str], ...]) -> str:
-    """Text of a message that is no frame, or a decoded one."""
+    """Return a ROS 2 message definition with the given (declaration, meaning) fields.
+
+    For messages that are not the direct copy of a frame: decoded taxel frames and loss counters.
+    """
     return "\n".join([f"# {title}", f"# {ORIGIN}", "", *(_format_line(*field) for field in fields), ""])
 
 
 def format_messages() -> dict[str, str]:
-    """Text of each message definition by the name of the message."""
+    """Return all ROS 2 message definitions (.msg files) by message name."""
     meanings = read_meanings()
     texts = {
         to_camel_case(m.frame_type.name.lower()): _format_message(m, meanings)
@@ -161,7 +172,7 @@ def format_messages() -> dict[str, str]:
 
 
 def _format_cmake(names: list[str]) -> str:
-    """Text of CMakeLists.txt."""
+    """Return the text of CMakeLists.txt for the messages with these names."""
     listed = "\n".join(f'  "msg/{name}.msg"' for name in names)
     return f"""\
 # {ORIGIN}
@@ -180,7 +191,7 @@ ament_package()
 
 
 def format_files() -> dict[Path, str]:
-    """Text of each generated file of the ROS 2 package."""
+    """Return the text of each generated file of the ROS 2 package, by path."""
     texts = format_messages()
     files = {FOLDER / "msg" / f"{name}.msg": text for name, text in texts.items()}
     return files | {FOLDER / "CMakeLists.txt": _format_cmake(sorted(texts))}

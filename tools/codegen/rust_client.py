@@ -55,7 +55,7 @@ def _to_variant(member: str) -> str:
 
 
 def _format_enumeration(name: str, members: dict[str, int]) -> list[str]:
-    """Rust lines of an enumeration with the conversions from and to its codes and names."""
+    """Return the Rust lines of an enumeration with the conversions from a code, and to the name."""
     lines = ["#[derive(Clone, Copy, Debug, PartialEq, Eq)]", "#[repr(u8)]", f"pub enum {name} {{"]
     lines += [f"    {_to_variant(member)} = 0x{code:02X}," for member, code in members.items()]
     lines += ["}", "", f"impl {name} {{", "    /// The code of this number, or None if it is not defined."]
@@ -68,24 +68,24 @@ def _format_enumeration(name: str, members: dict[str, int]) -> list[str]:
 
 
 def _format_type(field: Field) -> str:
-    """The Rust type of a field."""
+    """Return the Rust type of a field."""
     return f"[u8; {field.size}]" if field.is_bytes else TYPES[field.size]
 
 
 def _format_unpack(field: Field) -> str:
-    """The Rust expression that reads a field from `bytes`."""
+    """Return the Rust expression that reads a field from `bytes`."""
     read = f"array(bytes, {field.offset})"
     return read if field.is_bytes else f"{TYPES[field.size]}::from_le_bytes({read})"
 
 
 def _format_pack(field: Field) -> str:
-    """The Rust statement that writes a field to `bytes`."""
+    """Return the Rust statement that writes a field to `bytes`."""
     value = f"self.{field.name}" if field.is_bytes else f"self.{field.name}.to_le_bytes()"
     return f"        bytes[{field.offset}..{field.offset + field.size}].copy_from_slice(&{value});"
 
 
 def _format_struct(name: str) -> list[str]:
-    """Rust lines of a struct with `unpack`, `pack` and `visit`."""
+    """Return the Rust lines of a struct with its functions `unpack`, `pack` and `visit`."""
     fields, rust_name = list_struct_fields(name), to_camel_case(name)
     lines = ["#[derive(Clone, Copy, Debug, PartialEq, Eq)]", f"pub struct {rust_name} {{"]
     lines += [f"    pub {field.name}: {_format_type(field)}," for field in fields]
@@ -111,23 +111,23 @@ def _format_struct(name: str) -> list[str]:
 
 
 def _widen(field: Field) -> str:
-    """The conversion of a number to 64 bits; empty if it has 64 bits."""
+    """Return the Rust suffix that converts a field's number to 64 bits; "" if it has 64 bits already."""
     return "" if field.size == 8 else " as u64"
 
 
 def _has_tail(message: Message) -> bool:
-    """Whether bytes may follow the structs of a payload."""
+    """Return whether bytes of variable length may follow the structs of a payload."""
     return message.tail is not None or message.frame_type in TAXEL_FRAMES
 
 
 def _list_members(message: Message) -> list[tuple[str, str]]:
-    """Name and Rust type of each member of a message."""
+    """Return (name, Rust type) of each member of a message's enumeration variant."""
     members = [(part.prefix.rstrip("_") or "fields", to_camel_case(part.struct)) for part in message.parts]
     return [*members, ("tail", "&'a [u8]")] if _has_tail(message) else members
 
 
 def _format_messages() -> list[str]:
-    """Rust lines of the enumeration `Message`: the structs of each payload, and the bytes behind these structs."""
+    """Return the Rust lines of the enumeration `Message`: each variant holds the structs of a payload and its tail."""
     messages = list_messages()
     lines = ["/// A payload: its structs, and the bytes behind these structs (`tail`)."]
     lines += ["#[derive(Clone, Copy, Debug, PartialEq, Eq)]", "pub enum Message<'a> {"]
@@ -155,7 +155,7 @@ def _format_messages() -> list[str]:
 
 
 def _format_parse(message: Message) -> list[str]:
-    """Rust lines of the arm that parses a message."""
+    """Return the lines of the `match` arm that parses the payload of a frame type."""
     offset, values = 0, []
     for (name, _), part in zip(_list_members(message), message.parts, strict=False):
         values.append(f"{name}: {to_camel_case(part.struct)}::unpack(payload.get({offset}..)?)?")
@@ -170,13 +170,13 @@ def _format_parse(message: Message) -> list[str]:
 
 
 def _bind(message: Message) -> str:
-    """The Rust pattern that binds the structs of a message."""
+    """Return the Rust pattern that matches a message and binds its structs to variables of their names."""
     names = [name for (name, _), _ in zip(_list_members(message), message.parts, strict=False)]
     return f"Self::{_to_variant(message.frame_type.name)} {{ {', '.join([*names, '..'])} }}"
 
 
 def _format_visit(message: Message) -> list[str]:
-    """Rust lines of the arm that visits the fields of a message."""
+    """Return the lines of the `match` arm that calls the visitor for each field of a message."""
     lines = [f"            {_bind(message)} => {{"]
     for (name, _), part in zip(_list_members(message), message.parts, strict=False):
         lines.append(f'                {name}.visit(&mut |name, value| visitor("{part.prefix}", name, value));')
@@ -184,7 +184,7 @@ def _format_visit(message: Message) -> list[str]:
 
 
 def _format_pack_message(message: Message) -> list[str]:
-    """Rust lines of the arm that packs the structs of a message."""
+    """Return the lines of the `match` arm that packs the structs of a message; its value is their size."""
     lines, offset = [f"            {_bind(message)} => {{"], 0
     for (name, _), part in zip(_list_members(message), message.parts, strict=False):
         lines.append(f"                {name}.pack(&mut payload[{offset}..]);")
@@ -193,7 +193,7 @@ def _format_pack_message(message: Message) -> list[str]:
 
 
 def _format_visit_struct() -> list[str]:
-    """Rust lines of the function that reads a struct by its name and packs it again."""
+    """Return the Rust lines of `visit_struct`, which reads a struct by its name and packs it again."""
     lines = ["/// Visit the fields of the struct with this name in snake case, and pack them again; returns its size."]
     lines += ["pub fn visit_struct(", "    name: &str,", "    bytes: &[u8],", "    packed: &mut [u8],"]
     lines += ["    visitor: &mut dyn FnMut(&'static str, Value<'_>),", ") -> Option<usize> {", "    match name {"]
@@ -206,7 +206,7 @@ def _format_visit_struct() -> list[str]:
 
 
 def _format_rules() -> list[str]:
-    """Rust lines of the table of frame types."""
+    """Return the Rust lines of the table of frame types and their permitted payload sizes."""
     messages = list_messages()
     lines = ["/// Every frame type of this version.", f"pub const FRAME_RULES: [FrameRule; {len(messages)}] = ["]
     for m in messages:
@@ -219,7 +219,7 @@ def _format_rules() -> list[str]:
 
 
 def format_text() -> str:
-    """Text of the generated Rust module."""
+    """Return the source text of the generated Rust module protocol.rs."""
     lines = [HEAD, *(f"pub const {name}: u32 = {value};" for name, value in list_constants().items())]
     for name, values in list_tables().items():
         lines += [f"pub const {name}: [u16; {len(values)}] = [", *format_rows(values, "    "), "];"]

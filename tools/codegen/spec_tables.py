@@ -21,7 +21,10 @@ _PER_ROW = 10
 
 
 def _format_numbers(name: str) -> str:
-    """A table of a list of numbers, ten per row; the first column is the index of the first number of the row."""
+    """Return the constants of the tuple `name` of `compact_tables` as a Markdown table with ten numbers per row.
+
+    The first column is the index of the row's first number.
+    """
     values: tuple[int, ...] = getattr(compact_tables, name)
     lines = [f"`{name}`, {len(values)} integers:", "", f"| index | {' | '.join(f'+{i}' for i in range(_PER_ROW))} |"]
     lines.append("|---" * (_PER_ROW + 1) + "|")
@@ -32,7 +35,7 @@ def _format_numbers(name: str) -> str:
 
 
 def _format_addresses() -> str:
-    """A table of the frame types: whether the payload begins with the address of a board."""
+    """Return a Markdown table of the frame types: whether the payload begins with the address of a board."""
     lines = ["| type | name | first byte of the payload is an address that the receiver checks |", "|---|---|---|"]
     for frame_type, spec in FRAMES.items():
         lines.append(f"| 0x{frame_type:02X} | `{frame_type.name}` | {'yes' if spec.has_address else 'no'} |")
@@ -40,7 +43,7 @@ def _format_addresses() -> str:
 
 
 def _find_last_zero() -> int:
-    """The first sequence for which the whitened body of a START command ends in a zero byte."""
+    """Return the first sequence number for which the whitened body of a START command ends in a zero byte."""
     for sequence in range(1 << 16):
         if encode_frame(FrameType.COMMAND, sequence, bytes([1, Command.START]))[-2] == 1:
             return sequence
@@ -48,7 +51,7 @@ def _find_last_zero() -> int:
 
 
 def _format_empty_block() -> str:
-    """An example of a frame whose last block is empty, as three lines of bytes."""
+    """Return the example of a frame whose last block of the byte stuffing is empty: body, whitened body, wire bytes."""
     sequence, payload = _find_last_zero(), bytes([1, Command.START])
     wire = encode_frame(FrameType.COMMAND, sequence, payload)
     head = bytes([FrameType.COMMAND]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little")
@@ -70,7 +73,10 @@ PARTS: dict[str, Callable[[], str]] = {
 
 
 def replace_parts(text: str) -> str:
-    """The page with all generated parts. Raises ValueError if the mark of a part is missing."""
+    """Return the page's text with all generated parts replaced.
+
+    Raises ValueError if the mark of a part is missing.
+    """
     for name, make in PARTS.items():
         head, begin, tail = text.partition(_BEGIN.format(name))
         _, end, tail = tail.partition(_END)
@@ -81,7 +87,9 @@ def replace_parts(text: str) -> str:
 
 
 def main() -> int:
-    """Write the generated parts of the specification, or check that they are up to date."""
+    """Write the generated parts of the specification, or with --check compare them; the exit status is 1 if one is
+    stale.
+    """
     return write_or_check({SPEC: replace_parts(SPEC.read_text())})
 
 

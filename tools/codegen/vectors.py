@@ -72,8 +72,10 @@ def build_sample(
     tail: bytes = b"",
     inner: dict[str, Any] | None = None,
 ) -> Sample:
-    """Build a test frame of any type except TAXELS. values: by field name; tail: bytes of variable length at its
-    end.
+    """Build a test frame of any type except TAXELS.
+
+    values: by field name. tail: bytes of variable length at the end of the payload. inner: entry of the file for the
+    struct that these bytes contain, if they contain one.
     """
     definition = FRAMES[frame_type].payload
     flat = dict(values)
@@ -93,7 +95,9 @@ def build_sample(
 
 
 def _encode_frame(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
-    """Hexadecimal texts of a frame: its payload, its body with header and CRC, and its encoded bytes on the wire."""
+    """Return the payload, the body (with header and CRC, before whitening) and the wire bytes, all in hexadecimal
+    digits.
+    """
     content = {"type": int(frame_type), "sequence": sequence, "payload": payload}
     body = Body.build({"content": {"value": content}})
     return {"payload": body[5:-4].hex(), "body": body.hex(), "wire": WireFrame.build(content).hex()}
@@ -111,7 +115,7 @@ def build_taxel_frame(
 ) -> Sample:
     """Build a test frame with raw counts.
 
-    times_us: times of the hub and of the board. crc_error: number that is XORed into the board's CRC.
+    times_us: hub time and board time. crc_error: number that is XORed into the board's CRC; 0 leaves it correct.
     """
     flat: dict[str, Any] = {
         "header_address": address,
@@ -145,8 +149,9 @@ VERSION_2 = (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE)
 
 
 def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
-    """Test frames of all `types` except TAXELS, with fields of zeros, ones and random numbers, and short and long
-    tails.
+    """Build test frames of all `types` except TAXELS.
+
+    Each type occurs with fields of zeros, ones and random numbers, and with the shortest and the longest tail.
     """
     samples = []
     fillings: tuple[tuple[str, Callable[[Field], int], int], ...] = (
@@ -172,8 +177,9 @@ def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sam
 
 
 def _build_inner_struct(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[bytes, dict[str, Any]]:
-    """Build a struct that is the tail of a command or a reply. Returns its bytes, and its fields as an entry of the
-    file.
+    """Build a struct that is the tail of a command or a reply.
+
+    Returns its bytes, and its entry in the file: name, fields and its own tail.
     """
     definition = INNER[name]
     flat = dict(values)
@@ -184,7 +190,7 @@ def _build_inner_struct(name: str, values: Mapping[str, Any], tail: bytes = b"")
 
 
 def build_every_command() -> list[Sample]:
-    """Test frames of each command, and of the replies that carry a struct."""
+    """Build a test frame of each command, and of the replies and acknowledgements that carry a struct."""
     settings = {"sub_conversions": 100, "sense_clock_divider": 40, "modulator_clock_divider": 1}
     settings |= {"idac_code": 96, "settle_cycles": 240}
     on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
@@ -216,7 +222,7 @@ def build_every_command() -> list[Sample]:
 
 
 def _find_zeros(frame: Sample) -> list[int]:
-    """Positions of the zero bytes in the body of a frame, which the encoding on the wire has to replace."""
+    """Return the positions of the zero bytes in a frame's whitened body, which byte stuffing has to replace."""
     body = whiten(bytes.fromhex(frame.vector["body"]))
     return [i for i, byte in enumerate(body) if byte == 0]
 
@@ -224,7 +230,7 @@ def _find_zeros(frame: Sample) -> list[int]:
 def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     """Build a taxel frame whose whitened body has zero bytes at exactly the given positions.
 
-    The byte stuffing replaces zeros, so its runs get known lengths.
+    Byte stuffing replaces zeros, so the lengths of its runs are known.
     """
     key = whiten(bytes(limits.BODY_MAX))
     sequence = sum((key[i] if i in zeros else 0x77) << (8 * (i - 1)) for i in (1, 2))
@@ -240,7 +246,7 @@ def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sa
 
 
 def build_stuffing_edges() -> list[Sample]:
-    """Frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
+    """Build the frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
     key = whiten(bytes(limits.BODY_MAX))
     samples = [
         _build_frame_with_zeros("run_253_then_zero", 120, [2, 256]),
@@ -270,7 +276,7 @@ def build_stuffing_edges() -> list[Sample]:
 
 
 def build_taxel_frames(rng: random.Random) -> list[Sample]:
-    """Taxel frames from 1 to 240 taxels; 63 is the average board of the default hand."""
+    """Build taxel frames with 1 to 240 taxels; 63 is the mean of the default hand's boards."""
     arbitrary = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
     last = {"address": limits.ADDRESS_MAX, "cycle": 0xFFFF, "times_us": (0xFFFFFFFF, 0xFFFFFFFF)}
     return [
@@ -287,7 +293,7 @@ def build_taxel_frames(rng: random.Random) -> list[Sample]:
 
 
 def build_quotations(quoted: Sample) -> list[Sample]:
-    """Frames whose payload holds the wire bytes of another frame."""
+    """Build frames whose payload contains the wire bytes of the frame `quoted`: once, twice, and without delimiters."""
     once, twice, stuffed = quoted.wire, quoted.wire * 2, quoted.wire[1:-1]
     log = {"level": 2, "code": 0x102, "hub_time_us": 123_456}
     reply = {"tag": 7, "command": int(Command.I2C_TRANSFER), "status": 0}
@@ -299,7 +305,7 @@ def build_quotations(quoted: Sample) -> list[Sample]:
 
 
 def build_all_frames() -> list[Sample]:
-    """Content of frames.json."""
+    """Build all test frames of frames.json, in the order of the file."""
     rng = random.Random(SEED)
     samples = [
         *build_every_type(rng, VERSION_1),
@@ -312,7 +318,7 @@ def build_all_frames() -> list[Sample]:
 
 
 def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
-    """Text of a vector file, with one vector per line so that a diff shows which vector changed."""
+    """Return the text of a vector file, with one vector per line so that a diff shows which vector changed."""
     head = json.dumps(
         {"about": about, "protocol_version": limits.PROTOCOL_VERSION, "made_by": "tools/codegen/vectors.py"}
     )
@@ -321,7 +327,7 @@ def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> s
 
 
 def main() -> int:
-    """Write the files of test vectors of the protocol, or check that they are up to date."""
+    """Write all files of test vectors, or with --check compare them; the exit status is not 0 if a file is stale."""
     frames = [frame.vector for frame in build_all_frames()]
     status = write_or_check(
         {

@@ -61,7 +61,7 @@ UNCOMPRESSED_BYTES = 11
 
 
 class _QueueLink:
-    """A link whose received bytes are a queue that the caller fills."""
+    """Link whose received bytes come from a queue that the caller fills."""
 
     name, baud, is_recorded, is_real_time, has_flow_control = "emulated boards", 1e6, True, False, False
 
@@ -69,7 +69,7 @@ class _QueueLink:
         self.waiting: deque[bytes] = deque()
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next bytes that the caller has queued; None if there are none."""
+        """Read the next bytes that the caller has queued; None if there are none."""
         return Chunk(self.waiting.popleft(), 0) if self.waiting else None
 
     def write(self, data: bytes) -> None:
@@ -81,10 +81,11 @@ class _QueueLink:
 
 @dataclass
 class Tally:
-    """Bytes on the bus over `cycles` poll cycles.
+    """Bytes on the I2C bus in `cycles` poll cycles.
 
-    coded, packed: bytes between header and CRC of delta frames and packed frames. overhead: their headers and CRCs.
-    acknowledgements: number of acknowledgements. counts: decoded counts of each complete cycle.
+    snapshots: polls, with and without a new snapshot. coded, packed: bytes between header and CRC of delta frames and
+    of packed frames. overhead: bytes of their headers and CRCs. acknowledgements: number of acknowledgements. counts:
+    decoded raw counts of each complete cycle.
     """
 
     cycles: int = 0
@@ -96,11 +97,7 @@ class Tally:
     counts: list[np.ndarray] = field(default_factory=list)
 
     def count_clocks(self, boards: int) -> float:
-        """Mean number of I2C clocks per poll cycle.
-
-        Contains the bytes of all frames, polls and acknowledgements (9 clocks each), the further bytes of a cycle, and
-        one start and one stop condition for each transaction. boards: number of boards, each of which is polled once.
-        """
+        """Return the mean number of I2C clocks per poll cycle of a skin with `boards` boards."""
         poll_bytes = (
             self.coded
             + self.packed
@@ -113,10 +110,10 @@ class Tally:
 
 
 class Skin:
-    """Emulated boards, polled at register A0."""
+    """Host of emulated boards, which it polls for compact snapshots at register A0."""
 
     def __init__(self, world: VirtualWorld, hand: Hand) -> None:
-        """Create the host of emulated boards whose compact snapshots are polled, and acknowledged two cycles later."""
+        """Connect to the boards of `hand` in `world`. Key frames are acknowledged two cycles after they arrive."""
         self.world, self.hand = world, hand
         self.sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         self.link = _QueueLink()
@@ -125,16 +122,20 @@ class Skin:
         self._sequence = 0
 
     def _queue_acknowledgements(self, payload: bytes) -> None:
-        """Queue the acknowledgements that the host has sent, to be written to the boards two cycles later.
+        """Queue the acknowledgements of the frame stream, to be written to the boards two cycles later.
 
-        payload: three bytes per board: I2C address with the bit "forget", id of the key frame.
+        payload: three bytes per board: I2C address with the bit "forget", and the two-byte id of the key frame.
         """
         for i in range(0, len(payload), 3):
             forget = payload[i] & ACKNOWLEDGE_FORGET
             self._pending[-1][payload[i] & 0x7F] = b"\0" if forget else payload[i + 1 : i + 3]
 
     def poll_cycle(self, number: int, tally: Tally | None) -> None:
-        """Poll every board once and add the bytes to `tally`."""
+        """Write the due acknowledgements, poll every board once and decode the frames.
+
+        number: index of the cycle; cycle 0 also selects the register. tally: receives the bytes and counts; None while
+        the coder warms up.
+        """
         acknowledgements = self._pending.popleft()
         self._pending.append({})
         for address, size in self.sizes.items():
@@ -175,10 +176,9 @@ class Skin:
 
 
 def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tally:
-    """Bytes that compact frames of an emulated skin take on the bus.
+    """Poll an emulated skin for `seconds` after `WARM_UP` cycles and return the bytes that its compact frames take.
 
-    noise: standard deviation in counts. seconds: duration after `WARM_UP` cycles. has_contacts: with seven
-    contacts, one per second.
+    noise: standard deviation in counts. has_contacts: whether the skin is touched seven times, once per second.
     """
     settings = WorldSettings(seed=SEED, noise_counts=noise, scl_hz=BUS_HZ)
     first_s = DEMO_CONTACTS[0].start_s
@@ -202,7 +202,7 @@ def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tal
 
 
 def format_row(name: str, hand: Hand, tally: Tally, entropy: float) -> str:
-    """One line of the table that compares coded bits per count with the entropy."""
+    """Return one line of the table that compares coded bits per count with `entropy`, and gives the resulting rates."""
     sent = tally.coded + tally.packed
     bits = 8.0 * sent / (tally.cycles * hand.n_taxels)
     boards = len(hand.boards)

@@ -20,7 +20,7 @@ WARM_UP = 60
 
 
 def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
-    """Entropy in bits of a rounded normal random number with known mean and standard deviation `sigma`.
+    """Compute the entropy in bits of a rounded normal random number with known mean and standard deviation `sigma`.
 
     The result is the mean over `phases` uniformly distributed fractions of the mean.
     """
@@ -32,10 +32,9 @@ def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
 
 
 def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative distribution function with which the compact coder models the residual of a count.
+    """Compute the cumulative distribution function with which the compact coder models a count's residual.
 
-    distance: residual divided by the scale of the taxel. The density is a normal one plus a small share of a Cauchy
-    one.
+    distance: residual divided by the taxel's scale. The density is a normal one plus a small share of a Cauchy one.
     """
     limited = np.clip(distance, -REACH, REACH)
     wide = 0.5 + np.arctan(limited / CAUCHY_WIDTH) / (2 * math.atan(REACH / CAUCHY_WIDTH))
@@ -44,9 +43,10 @@ def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _compute_cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bits that an ideal coder needs for each count, with the assumed mean and scale of the count's distribution.
+    """Compute the bits that an ideal coder needs for each count.
 
-    A count beyond the truncation of the distribution costs 14 bits plus the bits of its distance.
+    mean, scale: assumed parameters of each count's distribution. A count beyond the distribution's truncation costs 14
+    bits plus the bits of its distance.
     """
     share = _compute_cumulative((counts + 0.5 - mean) / scale) - _compute_cumulative((counts - 0.5 - mean) / scale)
     escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
@@ -54,9 +54,10 @@ def _compute_cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np
 
 
 def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float, jump: float) -> float:
-    """Bits per count of a predictor with sliding mean and scale, updated by every frame. counts: i[T, n].
+    """Compute the bits per count of a predictor whose mean and scale follow the counts of every frame.
 
-    jump: distance in scales from which the mean follows a count at once.
+    counts: i64[T, n], T frames of n taxels. mean_gain, scale_gain: share of a deviation by which the mean, and the
+    logarithm of the scale, follow it. jump: deviation in scales from which the mean follows a count at once.
     """
     mean = counts[0].astype(float)
     scale = np.full(counts.shape[1], 4.0)
@@ -75,5 +76,8 @@ def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float
 
 
 def compute_recording_entropy(counts: IntArray) -> float:
-    """Bits per count of the best predictor, selected in hindsight, without delay, rounding and padding to bytes."""
+    """Compute the bits per count of the predictor that is best in hindsight.
+
+    It codes every frame without delay, rounding and padding to bytes. counts: i64[T, n], T frames of n taxels.
+    """
     return min(compute_predictor_bits(counts, *parameters) for parameters in product(GAINS, GAINS, JUMPS))

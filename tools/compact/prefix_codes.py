@@ -20,8 +20,9 @@ PHASES = 64
 
 
 def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Residuals of rounded normal noise from its rounded mean, and their probabilities. sigma: standard deviation
-    in counts.
+    """Compute the residuals of rounded normal noise from its rounded mean, and their probabilities.
+
+    sigma: standard deviation in counts. Returns residuals i64[k] and probabilities f64[k].
     """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)
@@ -31,14 +32,14 @@ def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float
 
 
 def compute_rice_bits(sigma: float) -> float:
-    """Bits per count of the best Rice code for normal noise. sigma: standard deviation in counts."""
+    """Compute the bits per count of the best Rice code for normal noise. sigma: standard deviation in counts."""
     k, share = compute_residuals(sigma)
     zigzag = np.where(k >= 0, 2 * k, -2 * k - 1)
     return min(float((share * ((zigzag >> low) + 1 + low)).sum()) for low in range(8))
 
 
 def compute_huffman_bits(sigma: float) -> float:
-    """Bits per count of the Huffman code for normal noise. sigma: standard deviation in counts."""
+    """Compute the bits per count of the Huffman code for normal noise. sigma: standard deviation in counts."""
     heap = [float(share) for share in compute_residuals(sigma)[1] if share > 1e-12]
     heapq.heapify(heap)
     bits = 0.0

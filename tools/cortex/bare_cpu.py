@@ -28,7 +28,7 @@ STATE = np.dtype(
 
 
 class Reason(IntEnum):
-    """Reason for which a run ended (enum cortex_m0_reason)."""
+    """Reason why a run ended (enum cortex_m0_reason)."""
 
     DEADLINE = 0
     ASLEEP = 1
@@ -186,7 +186,7 @@ class BareCpu:
         self._library.taxel_cortex_m0_skip_breakpoint(self._handle)
 
     def describe_fault(self) -> str:
-        """Description of the latest fault."""
+        """Return one phrase with the kind of the latest fault and the program counter."""
         state = self.state[0]
         return f"{Fault(int(state['fault'])).name} fault, r15 0x{state['r'][15]:08X}"
 
@@ -195,11 +195,11 @@ class BareCpu:
         self._library.taxel_cortex_m0_run_cases(self._handle, states.ctypes.data, len(states))
 
     def set_accounting(self, enabled: bool) -> None:
-        """Start or stop cycle accounting of handlers."""
+        """Switch the cycle accounting of exception handlers on or off."""
         self._library.taxel_cortex_m0_set_accounting(self._handle, enabled)
 
     def read_handler_cost(self, exception: int) -> Cost:
-        """Cycle counts of the handler of `exception`."""
+        """Return the cycle counts of the handler of an exception. exception: number of the exception."""
         values = (ctypes.c_uint64 * len(fields(Cost)))()
         self._library.taxel_cortex_m0_get_cost(self._handle, exception, ctypes.addressof(values))
         return Cost(*values)

@@ -37,8 +37,9 @@ class Block(NamedTuple):
 
 
 def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """Random second halfwords u16[n] of test instructions; a sixth of them, after a matching first halfword, encode
-    BL.
+    """Return random second halfwords u16[n] for the first halfwords u16[n].
+
+    A sixth of them has the bits that make BL out of a matching first halfword.
     """
     n = len(first)
     second = rng.integers(0, 0x10000, n, dtype=np.uint16)
@@ -48,7 +49,10 @@ def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]
 
 
 def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
-    """Random BL, MSR, MRS and barriers u16[n, 2], which a sequence of all first halfwords rarely contains."""
+    """Return n random instructions u16[n, 2]: BL, MSR, MRS and barriers.
+
+    They are rare in a sequence of all first halfwords.
+    """
     kind = rng.integers(0, 4, n)
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
     register = rng.integers(0, 16, n, dtype=np.uint16)
@@ -62,9 +66,9 @@ def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np
 
 
 def _sample_instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Halfwords of the test instructions of block `index`.
+    """Return the first and second halfwords, u16[BLOCK] each, of the test instructions of block `index`.
 
-    Consecutive blocks contain all first halfwords in order; a tenth of the instructions are special cases.
+    Consecutive blocks contain all first halfwords in a fixed order; a tenth of the instructions are special ones.
     """
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
@@ -75,8 +79,10 @@ def _sample_instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[
 
 
 def _sample_registers(rng: np.random.Generator) -> NDArray[np.uint32]:
-    """Random registers u32[n, 16]: aligned and unaligned addresses in RAM and flash and at their ends, small numbers,
-    edge cases, and arbitrary values.
+    """Return random values u32[BLOCK, 16] for the registers r0 to r15 of each test case.
+
+    They are addresses in RAM and flash (aligned, unaligned, at the ends), small numbers, edge cases, and arbitrary
+    values.
     """
     shape = (BLOCK, 16)
     kind = rng.integers(0, 10, shape)
@@ -93,7 +99,7 @@ def _sample_registers(rng: np.random.Generator) -> NDArray[np.uint32]:
 
 
 def generate_block(seed: int, index: int) -> Block:
-    """Generate block `index` of the sequence that belongs to `seed`."""
+    """Generate the test cases of block `index` of the sequence that belongs to `seed`."""
     rng = np.random.default_rng([seed, index])
     first, second = _sample_instructions(rng, index)
     states = np.zeros(BLOCK, STATE)

@@ -35,7 +35,10 @@ class Deviation(NamedTuple):
     matches: Callable[[CountArray, CountArray], Any]
 
     def cases(self, outcome: Outcome) -> BoolArray:
-        """Mask bool[n] of the cases of a block that this deviation explains; they are not compared further."""
+        """Return the test cases that this deviation explains, as bool[n]; they are not compared further.
+
+        The emulator reports an undefined instruction there, and Unicorn executes it.
+        """
         emulated = outcome.emulated
         undefined = (emulated["reason"] == Reason.FAULTED) & (emulated["fault"] == Fault.UNDEFINED)
         explained_cases = undefined & (outcome.verdict != Verdict.UNDEFINED)
@@ -43,49 +46,43 @@ class Deviation(NamedTuple):
 
 
 def _is_compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is a CMP in the encoding for high registers with two low registers or the program
-    counter.
-
-    first: first halfwords of the instructions; the behaviour of such a CMP is not defined.
-    """
+    """Return which instructions are CMP for high registers, but with two low registers or with PC (unpredictable)."""
     d, m = first & 7 | first >> 4 & 8, first >> 3 & 15
     return (first >> 8 == 0x45) & (((d < 8) & (m < 8)) | (d == 15) | (m == 15))
 
 
 def _is_add_pc_to_pc(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is ADD PC, PC. first: first halfwords of the instructions."""
+    """Return which instructions are ADD PC, PC. first: first halfwords u16[n]; the result is bool[n]."""
     return first == 0x44FF
 
 
 def _is_branch_with_low_bits_or_pc(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is BX or BLX with nonzero low bits or of the program counter. first: first halfwords."""
+    """Return which instructions are BX or BLX with nonzero low bits, or to the program counter."""
     return (first >> 8 == 0x47) & ((first & 7 != 0) | (first >> 3 & 15 == 15))
 
 
 def _is_if_then(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is IT (if-then), which a Cortex-M0 does not have. first: first halfwords."""
+    """Return which instructions are IT (if-then), which a Cortex-M0 does not have."""
     return (first >> 8 == 0xBF) & (first & 15 != 0)
 
 
 def _is_compare_and_branch(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is CBZ or CBNZ, which a Cortex-M0 does not have. first: first halfwords."""
+    """Return which instructions are CBZ or CBNZ, which a Cortex-M0 does not have."""
     return first & 0xF500 == 0xB100
 
 
 def _is_set_endianness(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is SETEND, which a Cortex-M0 does not have. first: first halfwords."""
+    """Return which instructions are SETEND, which a Cortex-M0 does not have."""
     return first & 0xFFF7 == 0xB650
 
 
 def _is_change_state(first: CountArray, _: CountArray) -> Any:
-    """Whether an instruction is CPS in an encoding that a Cortex-M0 does not have. first: first halfwords."""
+    """Return which instructions are CPS in an encoding that a Cortex-M0 does not have."""
     return (first & 0xFFE8 == 0xB660) & (first & 0xFFEF != 0xB662)
 
 
 def _is_special_register_access(first: CountArray, second: CountArray) -> Any:
-    """Whether an instruction is MSR or MRS, which access the special registers. first, second: halfwords of the
-    instructions.
-    """
+    """Return which instructions are MSR or MRS, which access the special registers."""
     either = (first & 0xFFE0 == 0xF380) | (first & 0xFFE0 == 0xF3E0)
     return either & (second & 0xD000 == 0x8000)
 

@@ -30,7 +30,7 @@ COMPARED = ("xpsr", "msp", "psp", "primask", "control")
 
 
 def run_block(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> tuple[Outcome, bool]:
-    """Run a block in the emulator and in Unicorn. Returns the outcome, and whether RAM is equal afterwards."""
+    """Run a block in the emulator and in Unicorn. Returns the outcome, and whether the RAM contents are then equal."""
     for engine in (cpu.write_memory, oracle.write_memory):
         engine(0, block.flash)
         engine(RAM_BASE, block.ram)
@@ -43,7 +43,7 @@ def run_block(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> tuple[Outcom
 
 
 def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
-    """Verdicts i64[n] of the emulator, as `Verdict` values."""
+    """Return the emulator's result of each case as a value of `Verdict`, i64[n], to compare it with Unicorn's."""
     emulated = outcome.emulated
     verdict = np.full(len(emulated), int(Verdict.DONE))
     faulted = emulated["reason"] == Reason.FAULTED
@@ -60,7 +60,9 @@ def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
 
 
 def find_differences(outcome: Outcome) -> NDArray[np.bool_]:
-    """Mask bool[n] of the test cases in which the emulator and Unicorn disagree, or a fault changed a register."""
+    """Return which test cases differ between the emulator and Unicorn, or have a fault that changed a register,
+    bool[n].
+    """
     emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
     different = get_emulated_verdict(outcome) != outcome.verdict
     different |= (emulated["reason"] == Reason.FAULTED) & (emulated["r"] != before["r"]).any(1)
@@ -72,7 +74,7 @@ def find_differences(outcome: Outcome) -> NDArray[np.bool_]:
 
 
 def describe(outcome: Outcome, case: int) -> str:
-    """One line with the instruction of a test case and the differences between the emulator and Unicorn."""
+    """Return one line with the instruction of a test case and the differences between the emulator and Unicorn."""
     emulated, reference = outcome.emulated[case], outcome.reference[case]
     first, second = outcome.block.first[case], outcome.block.second[case]
     parts = [f"{first:04x} {second:04x}:"]
@@ -92,7 +94,7 @@ def describe(outcome: Outcome, case: int) -> str:
 
 
 def find_first_memory_difference(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> str:
-    """Describe in one line the first instruction after which the memories differ."""
+    """Run a block case by case and describe in one line the first instruction after which the memories differ."""
     for engine in (cpu.write_memory, oracle.write_memory):
         engine(0, block.flash)
         engine(RAM_BASE, block.ram)
@@ -144,15 +146,14 @@ def check_blocks(seed: int, first: int, blocks: int) -> tuple[Counter[str], list
 
 
 def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], list[str]]:
-    """Compare the emulator with Unicorn on a part (seed, first block, count) of the instructions, in a worker
-    process.
-    """
+    """Call `check_blocks` with (seed, first block, number of blocks), in a worker process."""
     return check_blocks(*part)
 
 
 def main() -> int:
-    """Compare random instructions in the emulator and in Unicorn, and print the counts of equal and different
-    results.
+    """Compare random instructions in the emulator and in Unicorn, and print the numbers of cases by result.
+
+    The exit status is 0 without unexplained differences, 1 with one, and 2 if Unicorn is not installed.
     """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(

@@ -65,6 +65,7 @@ class Run(NamedTuple):
 
 @cache
 def _get_folder() -> tempfile.TemporaryDirectory[str]:
+    """Return the temporary folder of the compiled programs, which is removed when the process ends."""
     return tempfile.TemporaryDirectory(prefix="taxel-cortex-")
 
 
@@ -101,6 +102,7 @@ def _run(command: list[str]) -> None:
 
 
 def _decode_text(memory: bytes) -> str:
+    """Return the zero-terminated ASCII string at the start of `memory`."""
     return memory.split(b"\0", 1)[0].decode("ascii")
 
 
@@ -127,7 +129,7 @@ def run_emulator(image: Image, cpu: BareCpu | None = None) -> Run:
 
 
 class UnicornRun:
-    """A program in Unicorn."""
+    """One run of a compiled program in Unicorn."""
 
     def __init__(self, image: Image) -> None:
         """Load a compiled program into the processor emulator Unicorn. Raises `UnicornMissingError` if it is not
@@ -150,8 +152,9 @@ class UnicornRun:
         self._ended = False
 
     def _on_interrupt(self, engine: Any, number: int, _: object) -> None:
-        """Handle an exception of the emulated program: a breakpoint that requests output of a text; any other one
-        ends the run.
+        """Handle an exception of the emulated program.
+
+        A breakpoint that requests output appends its string to the output; any other exception ends the run.
         """
         if number != INTERRUPT_BREAKPOINT or engine.reg_read(self._arm.UC_ARM_REG_R0) != SYS_WRITE0:
             self._ended = True
@@ -162,7 +165,10 @@ class UnicornRun:
         engine.reg_write(self._arm.UC_ARM_REG_PC, (engine.reg_read(self._arm.UC_ARM_REG_PC) + 2) | 1)
 
     def run(self, instructions_per_call: int = 0) -> str:
-        """Run the program to its end and return its output. instructions_per_call: 0 for one call."""
+        """Run the program to its end and return its output.
+
+        instructions_per_call: number of instructions per call of Unicorn; 0 runs the whole program in one call.
+        """
         address = self._entry
         while not self._ended:
             self._engine.emu_start(address | 1, 0xFFFFFFFE, count=instructions_per_call)

@@ -25,7 +25,7 @@ SLICES = (0, 1000, 100)
 
 
 def count_instructions(image: Image) -> int:
-    """Count the instructions of the whole program in single steps."""
+    """Run the whole program in the emulator in single steps, and return the number of its instructions."""
     with BareCpu() as cpu:
         cpu.write_memory(0, image.binary)
         cpu.reset()
@@ -38,7 +38,7 @@ def count_instructions(image: Image) -> int:
 
 
 def measure_median_seconds(action: Callable[[], object], repeats: int) -> float:
-    """Median processor time of `action` in seconds."""
+    """Call `action` `repeats` times and return the median of its processor time in seconds."""
     times = []
     for _ in range(repeats):
         begin = time.process_time()
@@ -48,7 +48,7 @@ def measure_median_seconds(action: Callable[[], object], repeats: int) -> float:
 
 
 def run_in_slices(cpu: BareCpu, image: Image, cycles: int) -> None:
-    """Run the program in the emulator with `cycles` cycles per call."""
+    """Run the program in the emulator to its end, with `cycles` cycles per call."""
     cpu.write_memory(0, image.binary)
     cpu.reset()
     while True:
@@ -60,12 +60,18 @@ def run_in_slices(cpu: BareCpu, image: Image, cycles: int) -> None:
 
 
 def run_in_unicorn(image: Image, size: int) -> str:
-    """Run the program in a new Unicorn engine."""
+    """Run the program in a new Unicorn engine and return its output.
+
+    size: instructions per call; 0: all in one call.
+    """
     return UnicornRun(image).run(size)
 
 
 def main() -> int:
-    """Measure and print the instructions per second of the emulator and of Unicorn, and their ratio."""
+    """Measure and print the instructions per second of the emulator and of Unicorn, and their ratio.
+
+    The exit status is 2 if the compiler or Unicorn is missing, or if the program cannot be compiled or does not end.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default="speed", help="program of tools/cortex/programs (default: speed)")
     parser.add_argument("--optimise", default="2", help="optimisation level, 2 or s (default: 2)")

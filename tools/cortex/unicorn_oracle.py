@@ -38,13 +38,18 @@ class UnicornMissingError(Exception):
 
 
 class _Constants(NamedTuple):
+    """Constants of Unicorn and of its Arm processors, and its C library."""
+
     unicorn: Any
     arm: Any
     library: ctypes.CDLL
 
 
 def _load_unicorn() -> _Constants:
-    """Constants and library of the package unicorn. Raises `UnicornMissingError` with the installation command."""
+    """Load the constants and library of the package unicorn.
+
+    Raises `UnicornMissingError` with the installation command.
+    """
     try:
         package = importlib.import_module("unicorn")
         unicorn = importlib.import_module("unicorn.unicorn_const")
@@ -62,8 +67,7 @@ class UnicornOracle:
     """Cortex-M0 in Unicorn with the memory of `bare_cpu.BareCpu()`. Raises `UnicornMissingError`."""
 
     def __init__(self) -> None:
-        """Create a Cortex-M0 in the emulator Unicorn, with the same flash and RAM as `BareCpu`, for comparison with
-        `BareCpu`.
+        """Create a Cortex-M0 in the emulator Unicorn with the same flash and RAM as `BareCpu`.
 
         Raises `UnicornMissingError` if Unicorn is not installed.
         """
@@ -112,7 +116,7 @@ class UnicornOracle:
         self._call("hook_add", ctypes.byref(hook), self._u.UC_HOOK_INTR, self._callback, None, begin, end)
 
     def _prepare_batches(self) -> None:
-        """Prepare the arrays of registers and pointers into the state for uc_reg_read_batch and uc_reg_write_batch."""
+        """Prepare the arguments of the calls that write and read all registers of `_state` at once."""
         arm = self._arm
         registers = [arm.UC_ARM_REG_R0 + i for i in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR]
         self._state = np.zeros(1, STATE)
@@ -133,16 +137,16 @@ class UnicornOracle:
 
     @staticmethod
     def _get_word_index(name: str) -> int:
-        """Index of a field in the array of 32-bit words that holds the state of the processor."""
+        """Return the index of a field of `STATE`, such as "xpsr", in the state's array of 32-bit words."""
         assert STATE.fields is not None
         return int(STATE.fields[name][1]) // 4
 
     @staticmethod
     def _make_batch(registers: list[int], word_indices: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
-        """Arguments of a Unicorn function that transfers several registers in one call.
+        """Create the arguments of a Unicorn function that transfers several registers in one call.
 
-        registers: register numbers of Unicorn. word_indices: index in `words` of the value of each register.
-        Returns the array of register numbers, the array of pointers to the values, and their count.
+        registers: register numbers of Unicorn. word_indices: index of each register's value in `words`. Returns the
+        array of register numbers, the array of pointers to the values, and their count.
         """
         numbers = (ctypes.c_int * len(registers))(*registers)
         pointers = (ctypes.c_void_p * len(registers))(
@@ -177,7 +181,10 @@ class UnicornOracle:
         return self._classify(int(error), begin, state)
 
     def _classify(self, error: int, begin: int, state: NDArray[np.void]) -> Verdict:
-        """Verdict on one instruction from Unicorn's error code, the interrupt and the program counter."""
+        """Return the verdict on one instruction.
+
+        error: Unicorn's error code. begin: address of the instruction. state: registers afterwards.
+        """
         u, moved = self._u, int(state["r"][0, 15]) != begin
         if self._interrupt != NO_INTERRUPT:
             verdicts = {

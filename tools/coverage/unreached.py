@@ -42,7 +42,7 @@ class UnreachedFunction(NamedTuple):
 
 
 class NameUse(NamedTuple):
-    """Identifiers in tests, in statements that were not executed, and in all other places."""
+    """Identifiers that occur in tests, in statements that were not executed, and in all other places."""
 
     tests: set[str]
     unreached: set[str]
@@ -65,7 +65,7 @@ def main() -> int:
 
 
 def find_unreached(report: Report) -> Iterator[UnreachedFunction]:
-    """Functions without an executed line, except stubs of interfaces and special methods."""
+    """Yield the functions of which no line was executed, except stubs of interfaces and special methods."""
     use = collect_names(report)
     for file, content in sorted(report["files"].items()):
         stub_lines = find_stub_lines(ROOT / file)
@@ -78,8 +78,8 @@ def find_unreached(report: Report) -> Iterator[UnreachedFunction]:
 
 
 def find_user(name: str, use: NameUse) -> str:
-    """The places that use an identifier: "reached code", "unreached code", "tests" or "nothing" (the first that
-    applies).
+    """Return which places use an identifier; the first that applies of "reached code", "unreached code", "tests",
+    "nothing".
     """
     if name in use.reached:
         return "reached code"
@@ -89,7 +89,10 @@ def find_user(name: str, use: NameUse) -> str:
 
 
 def collect_names(report: Report) -> NameUse:
-    """Identifiers of all tracked files. The name in a definition and names in imports are no use."""
+    """Collect the identifiers that the tracked files use.
+
+    The name in a definition and the names in imports are not uses.
+    """
     use = NameUse(set(), set(), set())
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     for file in listed.splitlines():
@@ -108,9 +111,9 @@ def collect_names(report: Report) -> NameUse:
 
 
 def split_statements(text: str, is_interface: bool) -> Iterator[tuple[int, str]]:
-    """First line and source of each statement without its body, docstrings excluded.
+    """Yield the first line number and the source of each statement without its body, except docstrings.
 
-    is_interface: names in imports count, since other packages use them.
+    is_interface: also yields imports, whose names other packages use. A decorator is yielded separately.
     """
     lines = text.splitlines()
     for node in ast.walk(ast.parse(text)):
@@ -129,7 +132,7 @@ def split_statements(text: str, is_interface: bool) -> Iterator[tuple[int, str]]
 
 
 def find_stub_lines(path: Path) -> set[int]:
-    """First lines of functions whose body is a docstring, `...`, `pass` or `raise NotImplementedError`."""
+    """Return the first lines of functions whose body is a docstring, `...`, `pass` or `raise NotImplementedError`."""
     lines = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and all(map(is_empty_statement, node.body)):
@@ -138,7 +141,7 @@ def find_stub_lines(path: Path) -> set[int]:
 
 
 def is_empty_statement(statement: ast.stmt) -> bool:
-    """Whether a statement has no effect: a docstring, `...`, `pass` and `raise NotImplementedError`."""
+    """Return whether a statement has no effect: a docstring, `...`, `pass` or `raise NotImplementedError`."""
     if isinstance(statement, ast.Raise):
         return "NotImplementedError" in ast.unparse(statement)
     is_constant = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)

@@ -37,10 +37,13 @@ class Outcome:
 
 
 class Campaign:
-    """Runs one writer with faults in copies of a prepared folder."""
+    """Runs of one writer with faults, each in a new copy of a prepared folder."""
 
     def __init__(self, case: Case, injector: Injector, folder: Path, source: Path) -> None:
-        """Prepare the old output. folder: empty folder for all runs. source: capture that conversions read."""
+        """Write the old output, which every run then replaces or extends.
+
+        folder: empty folder for all runs. source: capture that conversions read.
+        """
         self._case, self._injector, self._source = case, injector, source
         self._template, self._work = folder / "old", folder / "work"
         self._template.mkdir()
@@ -48,7 +51,11 @@ class Campaign:
         self.outcome = Outcome(case.name, case.guarantee)
 
     def measure(self) -> list[str]:
-        """Run the writer without fault, and return the names of its calls; sets the accepted states of the output."""
+        """Run the writer without a fault and return the names of the calls that change a file, in order.
+
+        Also stores the permitted states of the output, which `run` needs: the old output, and the output after each
+        record.
+        """
         self._renew()
         self._states = [repr(self._case.read(self._work))]
         result = self._execute(0, Mode.COUNT)
@@ -60,7 +67,9 @@ class Campaign:
         return result.calls
 
     def run(self, faults: Iterable[tuple[int, Mode]]) -> None:
-        """Run the writer with each fault: number of the call, and mode."""
+        """Run the writer once for each fault (number of the call from 1, mode), judge the result, and run it again
+        without a fault.
+        """
         for call, mode in faults:
             self._renew()
             result = self._execute(call, mode)
@@ -69,12 +78,12 @@ class Campaign:
             self._recover(call, mode)
 
     def _renew(self) -> None:
-        """Replace the working folder by a copy of the prepared folder."""
+        """Replace the working folder with a new copy of the prepared folder."""
         shutil.rmtree(self._work, ignore_errors=True)
         shutil.copytree(self._template, self._work)
 
     def _execute(self, call: int, mode: Mode) -> RunResult:
-        """Run the writer in a child process."""
+        """Run the writer in a child process with a fault at the call `call`; 0 for no fault."""
         case, work = self._case, self._work
 
         def write(acknowledge: Acknowledge) -> None:
@@ -83,12 +92,12 @@ class Campaign:
         return self._injector.run(write, work, call, mode, lambda: repr(case.read(work)))
 
     def _judge(self, call: int, mode: Mode, result: RunResult) -> None:
-        """Compare the end of a run with the guarantee of the writer."""
+        """Compare the result of a run with the writer's guarantee, and store one problem for each difference."""
         for problem in (*_judge_end(mode, result), *self._judge_output(call, mode, result)):
             self._report(call, mode, problem)
 
     def _judge_output(self, call: int, mode: Mode, result: RunResult) -> Iterator[str]:
-        """Problems of the files that a run has left."""
+        """Yield one line for each broken guarantee of the files that a run has left, and count the kind of output."""
         try:
             state = repr(self._case.read(self._work))
         except Exception as error:
@@ -111,20 +120,23 @@ class Campaign:
             yield from self._judge_names(result.status != 0)
 
     def _judge_previous(self) -> Iterator[str]:
-        """Problem if an incomplete recording has destroyed the one that it replaces."""
+        """Yield a problem if an incomplete recording has destroyed the recording that it replaces."""
         name = self._case.names[0]
         previous = self._work / f".{name}{PREVIOUS}"
         if not previous.exists() or previous.read_bytes() != (self._template / name).read_bytes():
             yield "the replaced recording is lost"
 
     def _judge_names(self, has_failed: bool) -> Iterator[str]:
-        """Problem if a run that could clean up has left temporary files. has_failed: the old recording may remain."""
+        """Yield a problem for each temporary file that a run has left although it could clean up.
+
+        has_failed: the run has failed, so the replaced recording may remain.
+        """
         for path in sorted(self._work.rglob(".*")):
             if not (has_failed and self._case.guarantee == "live" and path.name.endswith(PREVIOUS)):
                 yield f"left over: {path.name}"
 
     def _recover(self, call: int, mode: Mode) -> None:
-        """Run the writer again without fault: it must succeed and leave no temporary file."""
+        """Run the writer again without a fault: it must succeed and leave no temporary file."""
         result = self._execute(0, Mode.COUNT)
         if result.status != 0:
             self._report(call, mode, f"the next run fails: {result.errors.strip()}")
@@ -137,7 +149,7 @@ class Campaign:
             self._report(call, mode, f"the next run leaves {sorted(names - set(self._case.names))}")
 
     def _report(self, call: int, mode: Mode, problem: str) -> None:
-        """Store a problem with the options that repeat it."""
+        """Store a problem with the command-line options that repeat it."""
         name = self._calls[call - 1] if 0 < call <= len(self._calls) else "no fault"
         text = f'{problem} [--case "{self._case.name}" --call {call} --mode {mode.name}; {name}]'
         self.outcome.problems.append(" ".join(text.split()))
@@ -147,7 +159,9 @@ class Campaign:
 
 
 def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
-    """Problems of the end of the process itself."""
+    """Yield the problems with the end of the process itself: a hang, a crash, a wrong exit status or wrong error
+    output.
+    """
     if result.is_hung:
         yield "hang"
     elif result.status < 0 and not (mode.is_kill and result.status == -9):
@@ -161,7 +175,7 @@ def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
 
 
 def list_faults(calls: int, sample: int | None, seed: str) -> list[tuple[int, Mode]]:
-    """All pairs of call and mode, or a random sample of them that a seed repeats."""
+    """Return all pairs (number of the call, mode), or `sample` random ones of them, which the same seed repeats."""
     pairs: list[tuple[int, Mode]] = list(product(range(1, calls + 1), FAULTS))
     if sample is None or sample >= len(pairs):
         return pairs

@@ -63,12 +63,15 @@ class Case:
 
 
 def _digest(*parts: bytes) -> str:
-    """SHA-256 of bytes, shortened."""
+    """Return the first 16 hexadecimal digits of the SHA-256 of the parts, joined by zero bytes."""
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
 
 
 def _whole(name: str, file: str, write: Callable[[Path, bool], None], read: Callable[[Path], Hashable]) -> Case:
-    """Case of a writer that replaces a file. write: called with the path and whether the content is the new one."""
+    """Create the case of a writer that replaces a file.
+
+    write: called with the path, and whether it writes the new content. read: called with the path.
+    """
 
     def run(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
         write(folder / file, True)
@@ -80,14 +83,14 @@ def _whole(name: str, file: str, write: Callable[[Path, bool], None], read: Call
 
 
 def _read_bytes(path: Path) -> str:
-    """Digest of a file, or of all files of a folder with their names."""
+    """Return the digest of a file's bytes, or of the names and bytes of all files in a folder."""
     if path.is_dir():
         return _digest(*(part for file in sorted(path.iterdir()) for part in (file.name.encode(), file.read_bytes())))
     return _digest(path.read_bytes())
 
 
 def _read_hdf5(path: Path) -> tuple[str, ...]:
-    """Digest of each array of an HDF5 file, in order of its name."""
+    """Return the digests of the arrays in an HDF5 file, in the order of their names."""
     found: dict[str, str] = {}
 
     def visit(name: str, node: object) -> None:
@@ -100,7 +103,7 @@ def _read_hdf5(path: Path) -> tuple[str, ...]:
 
 
 def _read_grasps(path: Path) -> tuple[str, ...]:
-    """Digest of each grasp of a dataset, in order of time."""
+    """Return the digest of the raw counts of each grasp in a dataset, in order of the grasps' names."""
     with h5py.File(path, "r", locking=False) as file:
         return tuple(
             _digest(name.encode(), file["grasps"][name]["raw_counts"][()].tobytes()) for name in file["grasps"]
@@ -108,23 +111,27 @@ def _read_grasps(path: Path) -> tuple[str, ...]:
 
 
 def _read_frames(path: Path) -> str:
-    """Digest of all frames of a recording."""
+    """Return one digest of all frames of a recording."""
     link, hand = open_recording(path)
     with Skin(link, hand) as skin:
         return _digest(*(frame.raw_counts.tobytes() + bytes([frame.address]) for frame in skin))
 
 
 def _write_text(path: Path, is_new: bool) -> None:
+    """Write a report of 16,000 (new) or 12,000 (old) characters."""
     write_whole(path, "new " * 4000 if is_new else "old " * 3000)
 
 
 def _write_table(path: Path, is_new: bool) -> None:
+    """Write a CSV table of 2,000 rows; the second column states whether the content is new."""
     with open_whole_text(path) as file:
         for row in range(2000):
             file.write(f"{row},{is_new}\n")
 
 
 def _write_picture(path: Path, is_new: bool) -> None:
+    """Write a picture of 150 kB through the function that saves figures."""
+
     class Figure:
         """Figure whose picture has the bytes of a large PNG file; the content is of no importance here."""
 
@@ -135,11 +142,13 @@ def _write_picture(path: Path, is_new: bool) -> None:
 
 
 def _write_cloud(path: Path, is_new: bool) -> None:
+    """Write a cloud of 100 points; the new one is displaced by 1 m."""
     points = np.arange(300.0).reshape(-1, 3) + is_new
     write_cloud(ContactCloud.from_points(points), path, overwrite=True)
 
 
 def _write_general(path: Path, is_new: bool) -> None:
+    """Write an HDF5 file of the general format with three contacts; the new values are larger by 1."""
     header = GeneralHeader("real", "pad", generator="fault campaign", properties=Properties(contact="lowers"))
     values = np.full((40, 6), 100.0 + is_new)
     contacts = [Contact(f"{number:04}", 0, np.arange(40) / 100.0, values) for number in range(3)]
@@ -147,7 +156,7 @@ def _write_general(path: Path, is_new: bool) -> None:
 
 
 def _make_header() -> DatasetHeader:
-    """Header of a dataset of 12 taxels on one board."""
+    """Create the header of a dataset of 12 taxels on one board."""
     index = np.arange(12)
     taxels = TaxelTable(
         np.full(12, 8, np.uint8), (index // 4).astype(np.uint8), (index % 4).astype(np.uint8),
@@ -159,7 +168,10 @@ def _make_header() -> DatasetHeader:
 
 
 def _make_grasp(number: int) -> GraspRecord:
-    """Grasp whose counts depend on its number; its array of counts is stored in compressed chunks."""
+    """Create a grasp whose counts depend on its number.
+
+    The counts are random, so their compressed chunks are large enough for several write calls.
+    """
     frames = 800
     phase = np.repeat(np.arange(4, dtype=np.uint8), frames // 4)
     counts = np.random.default_rng(number).integers(0, 65_536, (frames, 12)).astype(np.uint16)
@@ -170,6 +182,7 @@ def _make_grasp(number: int) -> GraspRecord:
 
 
 def _write_dataset(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Write a dataset of `RECORDS` grasps, numbered from `first`."""
     with GraspDatasetWriter.create(path, _make_header(), overwrite=True) as out:
         for number in range(RECORDS):
             out.add(_make_grasp(first + number))
@@ -177,6 +190,7 @@ def _write_dataset(path: Path, first: int, acknowledge: Acknowledge = lambda: No
 
 
 def _extend_dataset(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
+    """Append `RECORDS` grasps with the numbers from 100 to the dataset x.h5."""
     with GraspDatasetWriter.extend(folder / "x.h5") as out:
         for number in range(RECORDS):
             out.add(_make_grasp(100 + number))
@@ -184,6 +198,7 @@ def _extend_dataset(folder: Path, source: Path, acknowledge: Acknowledge) -> Non
 
 
 def _apply(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
+    """Replace the counts of one grasp of x.h5 as `taxel gap apply` does: in a temporary copy that replaces the file."""
     target = folder / "x.h5"
     with open_temporary_output(target, (), overwrite=True) as whole:
         copy_file(target, whole)
@@ -194,7 +209,10 @@ def _apply(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
 
 
 def _convert(name: str, file: str, read: Callable[[Path], Hashable]) -> Case:
-    """Case of a conversion. The old output contains other frames: those of a shortened capture."""
+    """Create the case of a conversion of a capture to another format.
+
+    The old output contains the frames of a shorter capture.
+    """
 
     def prepare(folder: Path, source: Path) -> None:
         convert(source.with_name("short.bin"), folder / file)
@@ -207,6 +225,7 @@ def _convert(name: str, file: str, read: Callable[[Path], Hashable]) -> Case:
 
 
 def _record_capture(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Record a capture of `RECORDS` chunks, whose bytes contain their numbers from `first`."""
     with CaptureWriter(path, {"note": "x"}, overwrite=True) as writer:
         for number in range(RECORDS):
             writer.write(f"record {first + number} ".encode() * 30, number)
@@ -214,13 +233,13 @@ def _record_capture(path: Path, first: int, acknowledge: Acknowledge = lambda: N
 
 
 def _read_capture(path: Path) -> tuple[str, ...]:
-    """Digest of each complete record of a capture, of which the last one may be incomplete."""
+    """Return the digest of each complete record of a capture; an incomplete last record is omitted."""
     with CaptureLink(path) as link:
         return _read_chunks(link)
 
 
 def _read_chunks(link: CaptureLink | PcapngLink) -> tuple[str, ...]:
-    """Digest of each chunk of an open recording up to its end, or up to an incomplete record."""
+    """Return the digest of each chunk of an open recording, up to its end or up to an incomplete record."""
     found: list[str] = []
     while True:
         try:
@@ -234,6 +253,7 @@ def _read_chunks(link: CaptureLink | PcapngLink) -> tuple[str, ...]:
 
 
 def _record_pcapng(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Record a PCAPNG file of `RECORDS` packets, whose bytes contain their numbers from `first`."""
     with PcapngWriter(path, {"note": "x"}, overwrite=True) as writer:
         for number in range(RECORDS):
             writer.write(f"record {first + number} ".encode() * 30 + b"\0", number)
@@ -241,12 +261,13 @@ def _record_pcapng(path: Path, first: int, acknowledge: Acknowledge = lambda: No
 
 
 def _read_pcapng(path: Path) -> tuple[str, ...]:
-    """Digest of each complete packet of a PCAPNG file, of which the last one may be incomplete."""
+    """Return the digest of each complete packet of a PCAPNG file; an incomplete last packet is omitted."""
     with PcapngLink(path) as link:
         return _read_chunks(link)
 
 
 def _record_mcap(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Record an MCAP file of `RECORDS` messages, whose bytes contain their numbers from `first`."""
     longest = mcap_file.FLUSH_S
     mcap_file.FLUSH_S = 0.0  # type: ignore[misc] # a message is complete when it is flushed: flush each of them
     try:
@@ -259,7 +280,7 @@ def _record_mcap(path: Path, first: int, acknowledge: Acknowledge = lambda: None
 
 
 def _read_mcap(path: Path) -> tuple[str, ...]:
-    """Digest of each complete message of an MCAP file, read from front to back."""
+    """Return the digest of each complete message of an MCAP file, read from front to back."""
     from mcap.records import Message
     from mcap.stream_reader import StreamReader
 
@@ -280,6 +301,7 @@ def _read_mcap(path: Path) -> tuple[str, ...]:
 
 
 def _record_joints(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Record a CSV file of joint angles with `RECORDS` rows; the first angle is the number of the row from `first`."""
     writer = JointFileWriter(LiveOutput(path, overwrite=True), ("a", "b"))
     try:
         for number in range(RECORDS):
@@ -290,12 +312,13 @@ def _record_joints(path: Path, first: int, acknowledge: Acknowledge = lambda: No
 
 
 def _read_lines(path: Path) -> tuple[str, ...]:
-    """Complete lines of a text file."""
+    """Return the complete lines of a text file; an incomplete last line is omitted."""
     text = path.read_text()
     return tuple(text[: text.rfind("\n") + 1].splitlines())
 
 
 def _append_lines(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
+    """Append `RECORDS` answers to answers.jsonl."""
     with AppendedLines(folder / "answers.jsonl") as file:
         for number in range(RECORDS):
             file.append(f'{{"number": {number}}}' + " " * 200)
@@ -303,7 +326,7 @@ def _append_lines(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
 
 
 def _make_test(number: int) -> TestRecord:
-    """Record of a bench test without measurements."""
+    """Create the record of a bench test without measurements; serial number and time contain `number`."""
     phase = PhaseRecord("scan", "Scan", Outcome.PASS, True, 1.0, [], [], [], [f"test {number}"], "")
     return TestRecord(
         f"AB-{number:04}", "", "bench", "plan", "1", "0" * 64, {}, "1.0", f"2024-01-01T00:00:{number:02}Z",
@@ -312,6 +335,7 @@ def _make_test(number: int) -> TestRecord:
 
 
 def _add_to_history(folder: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
+    """Add two bench tests with the numbers from `first` to the history, each in a separate connection."""
     for number in range(2):
         with History(folder / "history.sqlite") as history:
             history.add(_make_test(first + number))
@@ -319,7 +343,7 @@ def _add_to_history(folder: Path, first: int, acknowledge: Acknowledge = lambda:
 
 
 def _read_history(folder: Path) -> tuple[str, ...]:
-    """Serial numbers in a history, whose database is checked."""
+    """Return the serial numbers of the tests in a history, after an integrity check of the database."""
     connection = sqlite3.connect(folder / "history.sqlite")
     try:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
@@ -329,12 +353,16 @@ def _read_history(folder: Path) -> tuple[str, ...]:
 
 
 def _save_test(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
+    """Save a bench test as `taxel bench` does: its reports in a folder, and its entry in the history."""
     save_record(_make_test(1), folder / "tests", folder / "history.sqlite")
     acknowledge()
 
 
 def _read_tests(folder: Path) -> tuple[str, ...]:
-    """Complete folders of bench tests. A folder with a final name must contain all three files."""
+    """Return the names of the bench-test folders that have their final name.
+
+    Raises AssertionError if such a folder does not contain exactly the three reports.
+    """
     done = sorted(path for path in (folder / "tests").iterdir() if not path.name.startswith("."))
     for path in done:
         assert {file.name for file in path.iterdir()} == {"report.html", "result.json", "junit.xml"}, path
@@ -342,17 +370,21 @@ def _read_tests(folder: Path) -> tuple[str, ...]:
 
 
 def _seal(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
+    """Seal two worlds of a blind check in the folder check."""
     seal_worlds(folder / "check", 2, 0, 7)
     acknowledge()
 
 
 def _read_seal(folder: Path) -> int:
-    """Number of sealed worlds, each verified against its commitment."""
+    """Return the number of sealed worlds, each verified against its commitment; 0 without the file of keys."""
     return len(open_sealed_worlds(folder / "check")) if (folder / "check" / "sealed" / "keys.json").exists() else 0
 
 
 def _live(name: str, file: str, write: Callable[..., None], read: Callable[[Path], Hashable]) -> Case:
-    """Case of a recording that replaces another one. write: called with the path and the number of the first record."""
+    """Create the case of a recording that replaces another one.
+
+    write: called with the path and the number of the first record.
+    """
     return Case(
         name, "live", lambda folder, source: write(folder / file, 0),
         lambda folder, source, acknowledge: write(folder / file, 10, acknowledge), lambda at: read(at / file), (file,),

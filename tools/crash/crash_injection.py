@@ -64,7 +64,7 @@ class Injector:
     """Starts writers in child processes of this process."""
 
     def __init__(self, shim: Path) -> None:
-        """Load the functions of the shim, which LD_PRELOAD has loaded already."""
+        """Load the functions of the shim, which LD_PRELOAD has already loaded into this process."""
         library = ctypes.CDLL(str(shim))
         self._arm, self._disarm = library.taxel_fault_arm, library.taxel_fault_disarm
         self._arm.argtypes = (ctypes.c_char_p, ctypes.c_long, ctypes.c_int)
@@ -76,10 +76,10 @@ class Injector:
         self, write: Callable[[Callable[[], None]], None], folder: Path, call: int, mode: Mode,
         state: Callable[[], object],
     ) -> RunResult:  # fmt: skip
-        """Run `write` with a fault at a call (from 1) below `folder`.
+        """Run `write` in a child process with a fault at the call `call` (from 1) below `folder`.
 
-        state: value that is passed on with each acknowledgement; called only in the mode COUNT. In the child process
-        the method ends with ChildExitError, which the caller must not catch.
+        state: returns the value that is passed on with each acknowledgement; called only in the mode COUNT. The parent
+        returns the result. In the child the method ends with ChildExitError, which the caller must not catch.
         """
         progress, errors = os.pipe(), os.pipe()
         child = os.fork()
@@ -112,7 +112,10 @@ class Injector:
 
 
 def _collect(child: int, progress: int, errors: int) -> RunResult:
-    """Read the pipes of a child process until it ends."""
+    """Read the pipes of a child process until it ends, and return its result; a child that hangs is killed.
+
+    progress, errors: descriptors of the pipes for acknowledgements and for standard error.
+    """
     texts = {progress: b"", errors: b""}
     opened = set(texts)
     end_s = time.monotonic() + TIMEOUT_S

@@ -23,7 +23,10 @@ MARKS = ("<!-- table: begin -->", "<!-- table: end -->")
 
 
 def build_shim() -> Path:
-    """Compile the shim; return its path. Raises OSError or CalledProcessError without a C compiler."""
+    """Compile the shim if it is missing or older than its source, and return its path.
+
+    Raises OSError or CalledProcessError without a C compiler.
+    """
     BUILD.mkdir(parents=True, exist_ok=True)
     shim = BUILD / "fault_shim.so"
     source = HERE / "fault_shim.c"
@@ -36,7 +39,10 @@ def build_shim() -> Path:
 
 
 def run_worker(options: argparse.Namespace) -> None:
-    """Run the campaigns of the selected cases in this process, which has the shim; print each result as a JSON line."""
+    """Run this worker's share of the campaigns in a process that has loaded the shim.
+
+    Print each result as a JSON line.
+    """
     from crash_campaign import Campaign, list_faults
     from crash_cases import CASES
     from crash_injection import Injector, Mode
@@ -66,11 +72,15 @@ def run_worker(options: argparse.Namespace) -> None:
 
 
 def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
-    """Run all campaigns in several processes; return their results."""
+    """Run all campaigns in `options.jobs` processes and return their results.
+
+    Each result is also printed to standard error as a table row.
+    """
     shim = build_shim()
     environment = {**os.environ, "LD_PRELOAD": str(shim), "OMP_NUM_THREADS": "1", "ARROW_NUM_THREADS": "1"}
 
     def start(worker: int) -> list[dict[str, object]]:
+        """Run one worker process and return its results. Exits the program if the worker fails."""
         command = [sys.executable, __file__, *sys.argv[1:], "--worker", str(worker), "--jobs", str(options.jobs)]
         outcomes = []
         with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
@@ -87,7 +97,7 @@ def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
 
 
 def format_table(outcomes: list[dict[str, object]]) -> str:
-    """Table of all writers in Markdown."""
+    """Return the Markdown table of the campaigns' results, with a last row of totals."""
     rows = [
         "| writer | guarantee | calls | runs | old | part | new | broken guarantees |",
         "|---|---|---|---|---|---|---|---|",
@@ -111,7 +121,7 @@ def format_table(outcomes: list[dict[str, object]]) -> str:
 
 
 def write_page(page: Path, table: str) -> None:
-    """Replace the table in a page of the documentation."""
+    """Replace the table between the marks of a documentation page."""
     from taxel.output import write_whole
 
     before, _, remainder = page.read_text().partition(MARKS[0])
@@ -120,7 +130,7 @@ def write_page(page: Path, table: str) -> None:
 
 
 def main() -> int:
-    """Run the campaign; exit status 1 if a guarantee is broken."""
+    """Run the campaigns of all writers and print their results; the exit status is 1 if a guarantee is broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", help="only this writer")
     parser.add_argument("--call", type=int, help="only this call, from 1; with --mode")

@@ -62,17 +62,20 @@ long taxel_fault_disarm(void)
     return atomic_load(&counter);
 }
 
-/* Name of the counted call `number` (from 1); "" if it was not counted. */
+/* Return the name of the counted call `number` (from 1); "" if there was no such call. */
 const char *taxel_fault_name(long number)
 {
     return number >= 1 && number <= LARGEST_LIST && names[number - 1] != NULL ? names[number - 1] : "";
 }
 
+/* Return whether an absolute path is below the watched folder. */
 static bool is_below(const char *path)
 {
     return strncmp(path, folder, folder_length) == 0;
 }
 
+/* Return whether a descriptor belongs to the watched folder or to a file below it. needs_writing: and is open for
+ * writing. */
 static bool is_watched_descriptor(int descriptor, bool needs_writing)
 {
     char link[64];
@@ -93,6 +96,7 @@ static bool is_watched_descriptor(int descriptor, bool needs_writing)
     return !needs_writing || (fcntl(descriptor, F_GETFL) & O_ACCMODE) != O_RDONLY;
 }
 
+/* Return whether a path, relative to the open directory `directory` unless absolute, is below the watched folder. */
 static bool is_watched_path(int directory, const char *path)
 {
     if (folder_length == 0 || path == NULL) {
@@ -107,7 +111,9 @@ static bool is_watched_path(int directory, const char *path)
     return false; /* the writers use absolute paths */
 }
 
-/* Count a call. name: of the function. needs_space: it fails on a full disk. */
+/* Count a call that changes the folder, and decide its fate: PASS (execute it), HALF (execute half of it) or FAIL (do
+ * not execute it; errno is set). Kills the process in the mode KILL. name: name of the function. needs_space: the call
+ * fails on a full disk. */
 static enum verdict judge(const char *name, bool needs_space)
 {
     const int saved = errno;
@@ -146,7 +152,8 @@ static enum verdict judge(const char *name, bool needs_space)
     return PASS;
 }
 
-/* End of a call without bytes that was judged as HALF: a killed program has done it, a full disk refuses it. */
+/* Return whether a call that writes no bytes fails; errno is then set. Half of such a call does not exist: after the
+ * verdict HALF the program that is killed has executed the call, and a full disk refuses it. */
 static bool is_refused(enum verdict verdict, bool needs_space)
 {
     if (verdict == FAIL) {
@@ -159,6 +166,7 @@ static bool is_refused(enum verdict verdict, bool needs_space)
     return false;
 }
 
+/* Kill the process after a call that was executed by half, in the mode KILL_TORN. */
 static void end(enum verdict verdict)
 {
     if (verdict == HALF && fault_mode == MODE_KILL_TORN) {
@@ -166,6 +174,8 @@ static void end(enum verdict verdict)
     }
 }
 
+/* Body of an interposed function that writes no bytes: execute `expression`, the original function. watched: whether
+ * the call is counted. failure: value to return if a fault refuses the call. */
 #define CALL(watched, needs_space, failure, expression) \
     do { \
         if (!(watched)) { \
@@ -180,6 +190,8 @@ static void end(enum verdict verdict)
         return result_; \
     } while (0)
 
+/* Body of an interposed function that writes `count` bytes or parts: execute `whole`, the original function, or `half`,
+ * the same with half the count. */
 #define WRITE(count, whole, half) \
     do { \
         if (!is_watched_descriptor(descriptor, true)) { \
@@ -251,7 +263,7 @@ int fdatasync(int descriptor)
     CALL(is_watched_descriptor(descriptor, false), true, -1, REAL(fdatasync)(descriptor));
 }
 
-/* A failed close has closed the descriptor (manual page of close). */
+/* Interposed close(): a close that fails has nevertheless closed the descriptor (manual page of close). */
 int close(int descriptor)
 {
     if (!is_watched_descriptor(descriptor, true)) {
@@ -268,11 +280,13 @@ int close(int descriptor)
     return result;
 }
 
+/* Return whether opening a file with these flags can change it or create it. */
 static bool is_change(int flags)
 {
     return (flags & (O_CREAT | O_TRUNC)) != 0 || (flags & O_ACCMODE) != O_RDONLY;
 }
 
+/* Body of the interposed open function `name`: read the optional argument `mode`, then as CALL. */
 #define OPEN(name, directory, ...) \
     do { \
         mode_t mode = 0; \

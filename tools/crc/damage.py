@@ -36,7 +36,10 @@ Each of them has its own content, because the share that only the CRC rejects de
 
 
 def load_codec() -> ctypes.CDLL:
-    """Load the C library that encodes and decodes frames. Exits with one line if it is not built."""
+    """Load the C library that encodes and decodes frames.
+
+    Exits the program with a one-line message if the library is not built.
+    """
     configured = os.environ.get("TAXEL_CODEC_LIBRARY")
     try:
         path = (
@@ -66,12 +69,14 @@ class Tally:
 
 
 def _sample_positions(frames: ByteArray, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return a random byte index for each frame, i64[n]. frames: u8[n, size]."""
     return rng.integers(0, frames.shape[1], len(frames))
 
 
 def _change_bytes(frames: ByteArray, rng: np.random.Generator, places: NDArray[np.int64]) -> ByteArray:
-    """Replace one byte of each frame by a different nonzero byte. frames: u8[n, size]; places: index of the byte,
-    i64[n].
+    """Change one byte of each frame to a different nonzero value.
+
+    frames: u8[n, size], n frames of equal size. places: i64[n], index of the byte in each frame.
     """
     out = frames.copy()
     rows = np.arange(len(frames))
@@ -98,7 +103,10 @@ def change_ten_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def change_code_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change a code byte of the byte stuffing of each frame, which moves the boundaries of all later blocks."""
+    """Change a code byte of each frame's byte stuffing, which moves the boundaries of all later blocks.
+
+    frames: u8[n, size]; all have the same code bytes as the first.
+    """
     codes = [0]
     while codes[-1] + int(frames[0, codes[-1]]) < frames.shape[1]:
         codes.append(codes[-1] + int(frames[0, codes[-1]]))
@@ -129,13 +137,13 @@ def insert_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def randomise_end(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Replace all bytes from a random position on by random bytes, as after a bit slip in the receiver."""
+    """Replace all bytes from a random position on with random nonzero bytes, as after a bit slip in the receiver."""
     noise = rng.integers(1, 256, frames.shape, dtype=np.uint8)
     return np.where(np.arange(frames.shape[1]) < _sample_positions(frames, rng)[:, None], frames, noise)
 
 
 def randomise_all(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Replace all bytes of each frame by random bytes without a zero. frames: u8[n, size]."""
+    """Replace all bytes of each frame with random nonzero bytes. frames: u8[n, size]."""
     return rng.integers(1, 256, frames.shape, dtype=np.uint8)
 
 
@@ -153,7 +161,10 @@ KINDS: tuple[Damage, ...] = (
 
 
 def build_taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple[int, int, bytes], bytes]:
-    """A taxel frame with random counts: (type, sequence, payload), and its stuffed bytes."""
+    """Build a taxel frame with random counts.
+
+    Returns its content (type, sequence, payload), and its bytes on the wire without the delimiters.
+    """
     counts = rng.normal(4000, 20, taxel_count).astype("<u2").tobytes()
     head = bytes([0x20, taxel_count]) + rng.bytes(6)
     snapshot = rng.bytes(6) + counts
@@ -163,7 +174,10 @@ def build_taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple
 
 
 def reaches_crc(stuffed: bytes) -> bool:
-    """Whether these bytes begin with a taxel frame that passes all checks before the CRC."""
+    """Return whether a decoder rejects or accepts these bytes by the CRC alone.
+
+    They must begin with a taxel frame that passes all checks before the CRC: byte stuffing, type, address and length.
+    """
     body = bytearray()
     position = 0
     while position < len(stuffed) and len(body) <= BODY_MAX:
@@ -185,7 +199,7 @@ def reaches_crc(stuffed: bytes) -> bool:
 
 
 def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframer, taxel_count: int) -> Tally:
-    """Damage `total` frames in one way, decode them, and count the results."""
+    """Damage about `total` frames with `kind`, decode them, and count the results."""
     tally = Tally()
     (sample_rng,) = rng.spawn(1)
     while tally.frames < total:
@@ -210,7 +224,9 @@ def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframe
 
 
 def main() -> int:
-    """Print for each kind of damage the number of damaged frames that the decoder accepts."""
+    """Print for each kind of damage how many damaged frames the decoder accepts; the exit status is 1 if it accepts
+    altered ones.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=1_000_000, help="frames of each kind (default: 1000000)")
     parser.add_argument("--taxels", type=int, default=63, help="taxels of a frame (default: 63, the average board)")

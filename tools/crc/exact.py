@@ -44,8 +44,9 @@ BYTE_RATE = 100_000
 
 
 def compute_bit_syndromes(count: int) -> WordArray:
-    """CRC syndromes of single bit errors: x^i modulo the generator for i below `count`; bit 0 is the last bit on
-    the wire.
+    """Compute the CRC syndromes u32[count] of single-bit errors.
+
+    Element i is x^i modulo the generator: the error of the bit i bits before the last one on the wire.
     """
     values = np.empty(count, np.uint32)
     state = 1
@@ -56,7 +57,7 @@ def compute_bit_syndromes(count: int) -> WordArray:
 
 
 def xor_subsets(syndromes: WordArray, size: int) -> WordArray:
-    """XOR of every subset of `size` syndromes, in colexicographic order (sorted by the largest index)."""
+    """Return the XOR of every subset of `size` syndromes, in colexicographic order (sorted by the largest index)."""
     values = syndromes
     for k in range(2, size + 1):
         parts = [values[: math.comb(j, k - 1)] ^ syndromes[j] for j in range(len(syndromes))]
@@ -65,15 +66,15 @@ def xor_subsets(syndromes: WordArray, size: int) -> WordArray:
 
 
 def find_largest_index(order: int, size: int, count: int) -> int:
-    """Largest index in subset number `order` of `xor_subsets` over `count` syndromes."""
+    """Return the largest index in the subset number `order` of the result of `xor_subsets` over `count` syndromes."""
     return next(j for j in range(count) if math.comb(j + 1, size) > order)
 
 
 def find_shortest_word(weight: int, bits: int) -> int | None:
-    """Bits of the shortest code word with an undetected pattern of `weight` bits; None without one in up to `bits`.
+    """Return the shortest length in bits at which the CRC misses a pattern of `weight` changed bits.
 
-    Valid only if no undetected pattern of `weight` - 2 bits fits into `bits`: two halves that share a bit would be
-    counted as a pattern.
+    bits: largest length that is searched; the result is None if no pattern fits into it. Valid only if no undetected
+    pattern of `weight` - 2 bits fits into `bits`: two halves that share a bit would be taken for a pattern.
     """
     syndromes = compute_bit_syndromes(bits)
     first_size = (weight - 1) // 2
@@ -91,8 +92,9 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
 
 
 def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
-    """Number [n] of four-bit error patterns that the CRC does not detect and that span exactly n bits from first to
-    last.
+    """Count the four-bit error patterns that the CRC does not detect, by span: i64[bits + 1].
+
+    Element n counts the patterns whose first and last changed bits span exactly n bits, both included.
     """
     syndromes = compute_bit_syndromes(bits)
     order = np.argsort(syndromes)
@@ -107,7 +109,10 @@ def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
 
 
 def compute_burst_rank() -> int:
-    """Rank of 32 neighbouring bit syndromes; rank 32 means that every burst of up to 32 bits is detected."""
+    """Compute the rank of 32 neighbouring bit syndromes.
+
+    Rank 32 means that every burst of up to 32 bits is detected.
+    """
     rows = [int(value) for value in compute_bit_syndromes(32)]
     rank = 0
     for bit in reversed(range(32)):
@@ -120,7 +125,10 @@ def compute_burst_rank() -> int:
 
 
 def compute_byte_syndromes(count: int) -> WordArray:
-    """CRC syndromes [d, e] of an error byte e (1 to 255; column 0 is unused) at d bytes before the last byte."""
+    """Compute the CRC syndromes u32[count, 256] of single changed bytes.
+
+    Element [d, e] belongs to the error e (XOR of the sent and the received byte) at d bytes before the last byte.
+    """
     bits = compute_bit_syndromes(8 * count).reshape(count, 8)
     table = np.zeros((count, 256), np.uint32)
     for bit in range(8):
@@ -130,7 +138,7 @@ def compute_byte_syndromes(count: int) -> WordArray:
 
 
 def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers of undetected patterns of two and of three changed bytes, i64[count + 1] each, by span.
+    """Return the numbers of undetected patterns of two and of three changed bytes, i64[count + 1] each, by span.
 
     Element n counts the patterns whose first and last changed bytes span exactly n bytes, both included. The syndrome
     of an error in the last byte of a word is the error byte itself, in the low 8 bits. A pattern is therefore
@@ -156,15 +164,17 @@ def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def count_placements(spans: NDArray[np.int64], length: int) -> int:
-    """Number of error patterns in a word of `length`. spans: number of patterns of each span from first to last
-    error.
+    """Return the number of positions and patterns with which errors fit into a word of `length` bits or bytes.
+
+    spans: number of patterns of each span from the first to the last error, in the same unit.
     """
     return sum(int(spans[n]) * (length - n + 1) for n in range(1, length + 1))
 
 
 def compute_block_end_probability(length: int) -> NDArray[np.float64]:
-    """Probability [n] that random bytes without zeros have a block of the byte stuffing that ends at exactly n
-    bytes.
+    """Compute the probability that a block of the byte stuffing ends after exactly n random bytes: f64[length + 1].
+
+    The bytes are uniformly distributed from 1 to 255.
     """
     starts = np.zeros(length + 256)
     ends = np.zeros(length + 256)
@@ -177,7 +187,7 @@ def compute_block_end_probability(length: int) -> NDArray[np.float64]:
 
 
 def list_allowed_bodies() -> Iterator[tuple[int, float]]:
-    """(body length, probability that a random header is valid and states this length) for all frames to a host."""
+    """Yield the length of each permitted frame body to a host, and the probability that a random header states it."""
     for frame_type, spec in FRAMES.items():
         if frame_type & 0x80:
             continue
@@ -193,13 +203,13 @@ def list_allowed_bodies() -> Iterator[tuple[int, float]]:
 
 
 def compute_random_frame_probability() -> float:
-    """Probability that a decoder accepts a frame at one position of random bytes without zeros."""
+    """Compute the probability that a decoder accepts a frame at one position of a stream of random nonzero bytes."""
     ends = compute_block_end_probability(BODY_MAX)
     return float(sum(chance * ends[body] for body, chance in list_allowed_bodies())) * 2.0**-32
 
 
 def print_break_points() -> None:
-    """Print the frame lengths at which the Hamming distance of the CRC changes: computed and published values."""
+    """Print the frame lengths at which the CRC's Hamming distance changes: computed and published values."""
     print("Shortest code word (bits) with an undetected pattern of this number of bits")
     print("  bits   computed  published")
     four = count_four_bit_spans(8 * BODY_MAX)
@@ -213,9 +223,7 @@ def print_break_points() -> None:
 
 
 def print_lengths() -> None:
-    """Print the Hamming distance of the CRC and the number of undetected error patterns for the lengths of the
-    frames.
-    """
+    """Print the CRC's Hamming distance and the number of undetected error patterns for each length of `LENGTHS`."""
     four = count_four_bit_spans(8 * BODY_MAX)
     two_bytes, three_bytes = count_byte_pattern_spans(BODY_MAX)
     print("Undetected patterns by body length (bytes, CRC included)")
@@ -238,7 +246,10 @@ def print_lengths() -> None:
 
 
 def print_rates(frame_rate: float, body: int) -> None:
-    """Print the number of falsely accepted frames per year by byte error rate."""
+    """Print how many damaged frames per year a decoder accepts, for several byte error rates.
+
+    frame_rate: frames per second. body: bytes of a frame's body.
+    """
     random_frame = compute_random_frame_probability()
     wire = body + body // 254 + 1
     print("Random bytes without a zero")
@@ -260,7 +271,7 @@ def print_rates(frame_rate: float, body: int) -> None:
 
 
 def main() -> None:
-    """Print all tables on the errors that the CRC does not detect."""
+    """Print all tables of the errors that the CRC does not detect."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--frame-rate",

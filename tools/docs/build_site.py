@@ -25,7 +25,11 @@ ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#]+)\)", re.MULTILINE)
 
 
 def make_navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[str, Any]]:
-    """The navigation: the four kinds of page as in the index, then all other pages by folder."""
+    """Create the site's navigation: the four kinds of page as in the index, then all other pages by folder.
+
+    index: copy of docs/README.md in the folder `source`. pages: all pages, relative to `source`. Exits the program if
+    the index links to a page that does not exist.
+    """
     from site_pages import read_title
 
     text = index.read_text()
@@ -51,7 +55,9 @@ def make_navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[s
 
 
 def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
-    """Write the pages of all commands and of the Python API, and add them to the section Reference."""
+    """Write the reference pages of all commands and of the Python API, and add them to the section Reference of
+    `entries`.
+    """
     from site_commands import make_reference
     from site_modules import list_packages, make_package_page
 
@@ -69,7 +75,10 @@ def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
 
 
 def main() -> int:
-    """Check the README and the drawings, copy the pages, and build the site with MkDocs."""
+    """Check the README and the drawings, then build the site.
+
+    The exit status is not 0 if a check or the build fails.
+    """
     errors = [*find_readme_errors(ROOT), *find_stale_drawings()]
     for error in errors:
         print(f"docs: {error}", file=sys.stderr)

@@ -12,7 +12,10 @@ PROMPT = ">>> "
 
 
 def fence_examples(text: str) -> str:
-    """A docstring whose examples are fenced code blocks. An example ends at an empty line."""
+    """Return a docstring in which the examples (lines after >>>) are fenced code blocks.
+
+    An example ends at an empty line.
+    """
     blocks = []
     for block in re.split(r"\n\s*\n", text):
         lines = block.split("\n")

@@ -51,7 +51,7 @@ WIDTH: Final = 880
 
 
 def draw_data_flow() -> str:
-    """Draw the path of the data from the contact to the report."""
+    """Return the SVG text of the picture that shows the path of the data from the contact to the report."""
     drawing = Drawing(WIDTH, 958, "Data flow of taxel: contact, firmware, host library, simulator, diagnosis, report")
     left_x, box_width, box_height, step = 44, 380, 50, 86
     right_x, right_width = 540, 280
@@ -114,7 +114,7 @@ def draw_data_flow() -> str:
 
 
 def draw_layers() -> str:
-    """Draw the layers of packages of the import contract, the highest layer first."""
+    """Return the SVG text of the picture of the import contract's layers, highest layer first."""
     layers = read_layers()
     height, step, left_x = 46, 56, 60
     drawing = Drawing(WIDTH, 92 + step * (len(layers) + 1), "Layers of the Python packages, highest first")
@@ -138,19 +138,19 @@ def draw_layers() -> str:
 
 
 def read_layers() -> list[list[str]]:
-    """Packages of each layer of the import contract, highest layer first."""
+    """Read the packages of each layer of the import contract in pyproject.toml, highest layer first."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     (layers,) = (contract["layers"] for contract in contracts if contract["name"] == CONTRACT)
     return [[name.strip(" ()") for name in layer.split("|")] for layer in layers]
 
 
 def draw_all() -> dict[Path, str]:
-    """Draw all pictures of the architecture. Returns the text of each SVG file by path."""
+    """Draw all pictures of the architecture and return the SVG text of each, by path."""
     return {IMAGES / "data-flow.svg": draw_data_flow(), IMAGES / "layers.svg": draw_layers()}
 
 
 def find_stale_drawings() -> list[str]:
-    """One line for each picture of the architecture that is not up to date."""
+    """Return one message for each picture of the architecture that is not up to date."""
     return [
         f"{path.relative_to(ROOT)} is not up to date; run python tools/docs/draw_architecture.py"
         for path, text in draw_all().items()
@@ -159,7 +159,7 @@ def find_stale_drawings() -> list[str]:
 
 
 def main() -> int:
-    """Write the pictures of the architecture, or check that they are up to date."""
+    """Write the pictures of the architecture, or with --check report stale ones; the exit status is then 1."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="report drawings that are not up to date")
     if parser.parse_args().check:

@@ -13,14 +13,17 @@ BRANCH: Final = "main"
 
 
 def get_repository_urls(root: Path) -> tuple[str, str]:
-    """URL prefixes of a page and of a raw file of the repository, from `[project.urls]` of pyproject.toml."""
+    """Return the URL prefixes of a page and of a raw file of the repository.
+
+    They follow from `[project.urls]` of pyproject.toml.
+    """
     repository = tomllib.loads((root / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
     raw = RAW_HOST + repository.removeprefix("https://github.com/")
     return f"{repository}/blob/{BRANCH}/", f"{raw}/{BRANCH}/"
 
 
 def find_readme_errors(root: Path) -> Iterator[str]:
-    """One line for each link of README.md that is relative, or that names a file that the repository lacks.
+    """Yield one message for each link of README.md that is relative or names a file that the repository lacks.
 
     An image must use the prefix of raw files, because the page of a file is not an image.
     """
@@ -36,6 +39,6 @@ def find_readme_errors(root: Path) -> Iterator[str]:
 
 
 def make_links_relative(text: str, root: Path) -> str:
-    """Text of README.md with links relative to the root of the repository, as the site needs them."""
+    """Return `text` with links to the repository relative to its root, as the site needs them. text: README.md."""
     page, raw = get_repository_urls(root)
     return text.replace(f"]({page}", "](").replace(f"]({raw}", "](")

@@ -10,7 +10,10 @@ from taxel.cli.main import build_app
 
 
 def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
-    """List all commands of the command line that have no subcommands, with their full names."""
+    """Yield the full name and the object of each command that has no subcommands.
+
+    command: only the commands below this one, whose name consists of the words in `path`; default: all.
+    """
     command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)
     if inner is None:
@@ -21,7 +24,7 @@ def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> It
 
 
 def make_reference() -> str:
-    """Markdown text of the page that lists all commands with their options."""
+    """Return the Markdown page of all commands with their help, arguments and options."""
     parts = ["# Commands\n", "The help text, arguments and options of every command.\n"]
     for name, command in list_commands():
         parts.append(f"## `{name}`\n")
@@ -31,7 +34,7 @@ def make_reference() -> str:
 
 
 def _format_help(text: str) -> str:
-    """Markdown of the help text of a command. The example becomes a code block with one command per line."""
+    """Return a command's help text as Markdown; its example becomes a code block with one command per line."""
     prose, separator, example = text.partition("Example")
     if not separator:
         return f"{text}\n"
@@ -41,7 +44,7 @@ def _format_help(text: str) -> str:
 
 
 def _make_rows(params: list[Any]) -> list[str]:
-    """Markdown table of the arguments and options of a command; empty if the command has none."""
+    """Return the rows of the Markdown table of a command's arguments and options; [] if it has none."""
     rows = ["| argument or option | meaning | default |", "|---|---|---|"]
     for param in params:
         name = ", ".join(param.opts) if param.param_type_name == "option" else (param.metavar or param.name.upper())
@@ -51,7 +54,7 @@ def _make_rows(params: list[Any]) -> list[str]:
 
 
 def _format_default(param: Any) -> str:
-    """Text for the default value of a command-line parameter: "required", the value, or empty if there is no
+    """Return the default of a command-line parameter as shown in the table: "required", the value, or "" without a
     default.
     """
     if param.required:

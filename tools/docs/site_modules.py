@@ -6,7 +6,10 @@ SOURCES = {"host": "taxel", "protocol": "taxel_protocol", "tools": "taxel_tools"
 
 
 def list_packages(root: Path) -> dict[str, list[str]]:
-    """Names of the public modules of every package. The first name is the package itself."""
+    """Return the names of the public modules of each package, by package.
+
+    The first name is that of the package itself.
+    """
     found: dict[str, list[str]] = {}
     for folder, name in SOURCES.items():
         for init in sorted((root / folder / name).rglob("__init__.py")):
@@ -17,5 +20,5 @@ def list_packages(root: Path) -> dict[str, list[str]]:
 
 
 def make_package_page(package: str, modules: list[str]) -> str:
-    """Source text of the page of a package for mkdocstrings."""
+    """Return the Markdown text from which mkdocstrings makes the reference page of a package."""
     return "\n\n".join([f"# {package}", *(f"::: {module}" for module in modules)]) + "\n"

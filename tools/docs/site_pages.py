@@ -15,7 +15,10 @@ OUTSIDE = ("http://", "https://", "mailto:")
 
 
 def list_pages(root: Path) -> list[Path]:
-    """Every page of the repository, relative to its root, except templates and hidden folders such as `.github`."""
+    """Return the path of every Markdown page of the repository, relative to its root.
+
+    Templates and hidden folders such as `.github` are omitted.
+    """
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
         cwd=root,
@@ -29,7 +32,7 @@ def list_pages(root: Path) -> list[Path]:
 
 
 def find_links(text: str) -> Iterator[tuple[str, str]]:
-    """File and anchor of every link within the repository; either may be empty. Code blocks are ignored."""
+    """Yield the file and anchor of every link within the repository; either may be empty. Code blocks are ignored."""
     for _, target, anchor, _ in LINK.findall(FENCE.sub("", text)):
         if not target.startswith(OUTSIDE):
             yield target, anchor
@@ -38,7 +41,7 @@ def find_links(text: str) -> Iterator[tuple[str, str]]:
 def copy_pages(root: Path, out: Path) -> list[Path]:
     """Copy the Markdown pages, and the files to which they link, to the folder from which the site is built.
 
-    root: repository; out: folder. Returns the pages.
+    root: the repository. out: the folder. Returns the pages' paths relative to both.
     """
     pages = list_pages(root)
     for page in pages:
@@ -52,7 +55,7 @@ def copy_pages(root: Path, out: Path) -> list[Path]:
 
 
 def read_title(page: Path) -> str:
-    """The first heading of a page as plain text."""
+    """Return the first heading of a page as plain text; the file's name without its suffix if there is no heading."""
     for line in page.read_text().splitlines():
         if line.startswith("# "):
             return line[2:].replace("`", "").strip()
@@ -60,9 +63,7 @@ def read_title(page: Path) -> str:
 
 
 def _copy_linked(root: Path, path: Path, out: Path) -> None:
-    """Copy a file of the repository, to which a page links, to the same place in the site. Markdown pages are not
-    copied.
-    """
+    """Copy a file to which a page links to the same place in the site, unless it is a Markdown page."""
     path = path.resolve()
     if path.is_file() and path.suffix != ".md" and path.is_relative_to(root):
         copy = out / path.relative_to(root)
@@ -71,10 +72,13 @@ def _copy_linked(root: Path, path: Path, out: Path) -> None:
 
 
 def _link_readmes(folder: Path, text: str) -> str:
-    """Text in which a link to a folder is a link to its README, which a Git host shows for the folder."""
+    """Return `text` with each link to a folder changed to its README, which a Git host shows for the folder.
+
+    folder: folder of the page.
+    """
 
     def link_readme(link: re.Match[str]) -> str:
-        """Replace the target of a link to a folder by the README.md in this folder."""
+        """Return a link with README.md appended to its target if the target is a folder that has one."""
         before, target, anchor, after = link.groups(default="")
         if not target.startswith(OUTSIDE) and (folder / target / "README.md").is_file():
             target = target.rstrip("/") + "/README.md"

@@ -47,8 +47,9 @@ class Drawing:
     """
 
     def __init__(self, width: int, height: int, description: str) -> None:
-        """Create an empty SVG drawing. width, height: pixels. description: text for readers who do not see the
-        drawing.
+        """Create an empty SVG drawing.
+
+        width, height: pixels. description: text for readers who do not see the drawing.
         """
         self.width, self.height = width, height
         self._parts = [
@@ -66,7 +67,7 @@ class Drawing:
         self.draw_text("title", x + PADDING_PX, y + 20, title, width - 2 * PADDING_PX)
 
     def draw_box(self, x: int, y: int, width: int, height: int, name: str, note: str = "") -> None:
-        """Draw a box with a name and, below the name, a note, both centred."""
+        """Draw a box with a centred name and, below it, a centred note."""
         self._draw_rectangle("box", x, y, width, height)
         space, middle = width - 2 * PADDING_PX, y + height / 2
         if note:
@@ -81,9 +82,9 @@ class Drawing:
         self._parts.append(f'<path class="arrow" d="M {path}" marker-end="url(#head)"/>')
 
     def draw_text(self, kind: str, x: float, y: float, text: str, space: float, is_centred: bool = False) -> None:
-        """Draw a text with its baseline at y. kind: CSS class. space: available width in pixels.
+        """Draw a text with its baseline at y.
 
-        Raises `ValueError` if the text is wider than the space.
+        kind: CSS class. space: available width in pixels. Raises `ValueError` if the text is wider than the space.
         """
         if len(text) * CHARACTER_PX[kind] > space:
             raise ValueError(
@@ -93,7 +94,7 @@ class Drawing:
         self._parts.append(f'<text class="{kind}" x="{x:g}" y="{y:g}"{anchor}>{escape(text)}</text>')
 
     def to_svg(self) -> str:
-        """The text of the SVG file."""
+        """Return the text of the SVG file."""
         return "\n".join([*self._parts, "</svg>", ""])
 
     def _draw_rectangle(self, style: str, x: int, y: int, width: int, height: int) -> None:

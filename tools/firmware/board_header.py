@@ -66,7 +66,10 @@ class PinsError(TaxelError, ValueError):
 
 
 def encode_pin(path: str, field: str, name: object) -> str:
-    """C expression of a pin such as "P2.7". Raises PinsError."""
+    """Return the C expression of a pin such as "P2.7": PIN(2, 7).
+
+    Raises PinsError if the pin does not exist or belongs to the debugger.
+    """
     match = re.fullmatch(r"P([0-4])\.([0-7])", str(name))
     if not match or int(match[2]) >= PORTS[int(match[1])]:
         raise PinsError(path, field, "a pin from P0.0 to P4.3", repr(name))
@@ -78,11 +81,10 @@ def encode_pin(path: str, field: str, name: object) -> str:
 def check_table(
     path: str, name: str, table: dict[str, Any], single: Iterable[str], fixed: dict[str, str] = FIXED
 ) -> None:
-    """Check that every pin of a board is used once and that pins with a fixed function are correct. Raises
-    PinsError.
+    """Check that every pin of a board is used once and that pins with a fixed function are correct.
 
-    name: of the board. table: pin names by use. single: uses that need exactly one pin. fixed: pins with a fixed
-    function.
+    name: name of the board's table. table: pin names by use. single: uses that need exactly one pin. fixed: required
+    pin of each use that the silicon fixes. Raises PinsError.
     """
     used: dict[str, str] = {}
     for key in single:
@@ -100,13 +102,17 @@ def check_table(
 
 
 def list_kinds_of_hands(hands: list[str]) -> list[BoardKind]:
-    """Board kinds of the hands, each once, ordered by code. Raises HandDescriptionError."""
+    """Return the board kinds of the named hands, each once, ordered by code. Raises HandDescriptionError."""
     kinds = {board.kind.code: board.kind for name in hands for board in load_hand(name).boards}
     return [kinds[code] for code in sorted(kinds)]
 
 
 def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iterable[str], lines: list[str]) -> str:
-    """Text of the C header board_pins.h with the pins of a board. lines: additional C lines."""
+    """Return the text of the C header board_pins.h with the pins of a board.
+
+    name: "sensor" or "hub". table: pin names by use. single: uses with one pin, each of which becomes a macro. lines:
+    additional C lines.
+    """
     guard = f"PSOC4200_BOARD_PINS_{name.upper()}_H"
     text = [MARK, f"#ifndef {guard}", f"#define {guard}", "", '#include "boards/psoc4200/pins.h"', ""]
     text += [f"#define BOARD_PIN_{key.upper()} {encode_pin(path, f'{name}.{key}', table[key])}" for key in single]
@@ -114,7 +120,7 @@ def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iter
 
 
 def format_sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> list[str]:
-    """C lines that define the TX and RX lines of the capacitance measurement, and the initial scan settings.
+    """Return the C lines that define a board's TX and RX pins and its initial scan settings.
 
     Raises PinsError if a board kind has more lines than there are pins.
     """
@@ -130,7 +136,7 @@ def format_sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]
 
 
 def format_scan_settings(scan: ScanSettings) -> str:
-    """C line with the initial scan settings."""
+    """Return the C line that defines the initial scan settings."""
     values = (
         scan.sub_conversions,
         scan.sense_clock_divider,
@@ -142,7 +148,10 @@ def format_scan_settings(scan: ScanSettings) -> str:
 
 
 def read_integer(path: str, field: str, table: dict[str, Any], low: int, high: int) -> int:
-    """Integer of a table, from low to high. field: name with the table, for the message. Raises PinsError."""
+    """Return the integer of a table, if it is from low to high.
+
+    field: name of the table and key, such as "part.flash_rows", for the message. Raises PinsError.
+    """
     value = table.get(field.rpartition(".")[2])
     if type(value) is not int or not low <= value <= high:
         raise PinsError(path, field, f"a whole number from {low} to {high}", repr(value))
@@ -158,7 +167,7 @@ def check_part(path: str, part: dict[str, Any]) -> None:
 
 
 def read_scan_settings(path: str, table: dict[str, Any]) -> ScanSettings:
-    """Scan settings of the table [scan] of an original board. Raises PinsError."""
+    """Return the scan settings in the table [scan] of an original board. Raises PinsError."""
     limits = {
         "sub_conversions": (1, 65535),
         "sense_clock_divider": (2, 65535),
@@ -172,10 +181,10 @@ def read_scan_settings(path: str, table: dict[str, Any]) -> ScanSettings:
 def format_original_sensor_lines(
     path: str, sensor: dict[str, Any], scan: dict[str, Any], kind: BoardKind
 ) -> tuple[list[str], BoardKind]:
-    """C lines of an original board with one TX line, and its kind with the rows and columns of the register map.
+    """Return the C lines of an original board with one TX line, and its kind as the register map shows it.
 
-    The register map has at most LINES_MAX columns: more RX lines are distributed over rows, which are groups of RX
-    lines on the one TX line. The order of the taxels remains that of the RX lines. Raises PinsError.
+    The register map has at most LINES_MAX columns, so more RX lines are distributed over several of its rows. The order
+    of the taxels remains that of the RX lines. Raises PinsError.
     """
     rx = sensor.get("rx", [])
     if len(sensor.get("tx", [])) != 1:
@@ -203,15 +212,15 @@ def format_original_sensor_lines(
 
 
 def format_version_lines() -> list[str]:
-    """C lines with the version of the project, which a standalone image contains."""
+    """Return the C lines with the project's version, which a standalone image contains."""
     names = ("MAJOR", "MINOR", "PATCH")
     return [f"#define BOARD_VERSION_{name} {part}u" for name, part in zip(names, VERSION.split("."), strict=True)]
 
 
 def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], out: Path) -> None:
-    """Write the C files of one device of the original hardware, DIR/board_pins.h and, of a board, DIR/kinds.c.
+    """Write the C files of one device of the original hardware: board_pins.h, and for a sensor board kinds.c.
 
-    kinds: of the hands of the file. Raises PinsError, OSError.
+    kinds: board kinds of the hands that the pins file names. Raises PinsError, OSError.
     """
     check_part(path, document["part"])
     if ("sensor" in document) == ("hub" in document):
@@ -251,7 +260,7 @@ def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], 
 
 
 def format_kinds_source(kinds: list[BoardKind]) -> str:
-    """Text of kinds.c, the table of board kinds that a sensor image contains."""
+    """Return the text of kinds.c, the table of board kinds that a sensor image contains."""
     rows = []
     for kind in kinds:
         bitmap = ", ".join(f"0x{byte:02X}" for byte in kind.crossing_bitmap())
@@ -303,7 +312,7 @@ def write_all(pins: Path, out: Path) -> None:
 
 
 def main() -> int:
-    """Write the C files with pins and board kinds; print an error as one line."""
+    """Write the C files with pins and board kinds; after a one-line error message the exit status is 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pins", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)

@@ -59,8 +59,9 @@ Costs = dict[str, int | list[int]]
 
 
 def round_exactly(value: float, quantity: str) -> int:
-    """Round a measured number of processor cycles that must be whole. Raises ValueError with `quantity` if it is
-    not.
+    """Round a measured number of processor cycles, which must be within 0.2 of a whole number.
+
+    quantity: name of the number in the message. Raises ValueError if it is not whole.
     """
     if abs(value - round(value)) > 0.2:
         raise ValueError(f"{quantity}: expected whole cycles, found {value:.3f}")
@@ -68,15 +69,16 @@ def round_exactly(value: float, quantity: str) -> int:
 
 
 def list_crossings(board: Board) -> list[int]:
-    """Indices of the crossings that have a taxel."""
+    """Return the indices of the crossings of a TX and an RX line at which the board has a taxel, in ascending order."""
     bits = board.kind.crossing_bitmap()
     crossings = range(board.kind.tx_count * board.kind.rx_count)
     return [crossing for crossing in crossings if bits[crossing >> 3] >> (crossing & 7) & 1]
 
 
 def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
-    """Measure the processor cycles of each interrupt that starts the conversion of a taxel, in the order of the
-    crossings.
+    """Return the processor cycles of each conversion interrupt of one scan, in the order of the crossings.
+
+    The most expensive interrupt is the one at the start of a scan.
     """
     costs: list[int] = []
     last = world.read_handler_costs(board.address)["CSD"]
@@ -91,7 +93,11 @@ def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
 
 
 def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
-    """Processor cycles of each kind of conversion interrupt, derived from the interrupts of whole scans."""
+    """Return the processor cycles of each kind of conversion interrupt.
+
+    scans: for each board by address, the board and its result of `measure_conversions`. The costs of a new TX line, of
+    a skipped crossing and of the start of a scan are differences between these interrupts.
+    """
     cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []
     first: tuple[int, int] | None = None
@@ -128,8 +134,9 @@ def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs
 
 
 def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
-    """Read a snapshot of an emulated board. Returns its scan number, time in us, and cycles of the conversion
-    interrupt.
+    """Read a snapshot of an emulated board.
+
+    Returns its scan number, its board time in microseconds, and the cycle counts of the conversion interrupt.
     """
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
@@ -137,9 +144,9 @@ def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerC
 
 
 def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
-    """Measure the processor cycles of a scan beyond its conversions.
+    """Measure a scan's processor cycles beyond those of its conversions.
 
-    Also returns the time of the board clock in us at the start of the first scan.
+    Also returns the board time in microseconds at the start of the first scan.
     """
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
@@ -156,17 +163,16 @@ def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, flo
 
 
 def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
-    """Measure the processor cycles of a board's I2C interrupts, and the time by which each delays the bus.
+    """Measure the processor cycles of a board's I2C interrupts, and the cycles by which each delays the bus
+    ("..._hold").
 
-    Each value is the minimum of several transfers, which no other interrupt has prolonged.
+    Each value is the minimum of several transfers, so no other interrupt has prolonged it.
     """
 
     def find_fastest_transfer(write: bytes, size: int) -> tuple[int, float]:
-        """The smallest costs of an I2C transfer to an emulated board over 12 repetitions, which an interrupt may
-        prolong.
+        """Return the fewest cycles of the I2C interrupt, and of the whole transfer, in 12 repetitions.
 
-        write: bytes written. size: number of bytes read. Returns processor cycles of the I2C handler, and total
-        cycles.
+        write: bytes written. size: number of bytes read. Another interrupt may prolong a repetition.
         """
         own, durations = [], []
         for _ in range(12):
@@ -198,7 +204,7 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
 
 
 def measure_board(image: Path) -> Costs:
-    """Measure all processor costs of a sensor board. image: its firmware image.
+    """Measure all processor costs of a sensor board that executes a firmware image. image: path of the image.
 
     Raises ValueError if the measurements contradict the model of costs.h.
     """
@@ -232,10 +238,10 @@ def measure_board(image: Path) -> Costs:
 
 
 def format_header(board: Costs, hub: Costs) -> str:
-    """Text of the C header costs.h with the processor costs of board and hub."""
+    """Return the text of the C header costs.h with the processor costs of board and hub."""
 
     def format_definition(name: str, value: int | list[int]) -> str:
-        """Line of C code that defines a cost as a macro: a number or an initializer."""
+        """Return the C line that defines a cost as a macro: a number, or an initializer for a list."""
         text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
         return f"#define COST_{name.upper()} {text}"
 
@@ -263,8 +269,9 @@ def format_header(board: Costs, hub: Costs) -> str:
 
 
 def main() -> int:
-    """Measure the processor costs of the firmware images and write costs.h, or compare it; print an error as one
-    line.
+    """Measure the costs of the firmware images, and write costs.h and its page, or with --check compare them.
+
+    The exit status is 1 after an error, which is one line, or if a file is stale.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="only report whether costs.h or its page is stale")

@@ -19,7 +19,10 @@ SETTLE_S, RUN_S = 2.0, 4.0
 
 
 def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
-    """Processor cycles of the main loop per scan while a hub streams the board. frames: frame format."""
+    """Return the processor cycles that a board's main loop needs per scan while a hub streams the board.
+
+    image: path of the board's firmware image. frames: frame format.
+    """
     hand = load_hand("allegro")
     text = make_board_world(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + format_image_line(address)
     with (
@@ -28,7 +31,7 @@ def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "com
     ):
 
         def run(seconds: float) -> None:
-            """Read frames from the emulated hub for a virtual time in seconds."""
+            """Read frames from the emulated hub for `seconds` of virtual time."""
             end = world.now_s + seconds
             while world.now_s < end:
                 skin.poll(0.01)
@@ -42,7 +45,7 @@ def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "com
 
 
 def _read_busy(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """Processor cycles of an emulated board so far: cycles awake outside interrupts, and number of conversions."""
+    """Return a board's cycles awake outside interrupts, and its conversions, both since the start."""
     processor, handlers = world.read_processor(address), world.read_handler_costs(address)
     return processor.cycles - processor.sleep_cycles - sum(cost.own for cost in handlers.values()), handlers[
         "CSD"
@@ -50,8 +53,9 @@ def _read_busy(world: VirtualWorld, address: int) -> tuple[int, int]:
 
 
 def measure_compact(image: Path) -> dict[str, int | list[int]]:
-    """The figures `compact` and `compact_taxel` of costs.h: cycles added to the main loop, from a straight line
-    through two boards.
+    """Return the costs `compact` (per snapshot) and `compact_taxel` (per taxel) of costs.h, in cycles.
+
+    They are the straight line through the cycles that compact frames add to the main loop of two boards.
     """
     hand = load_hand("allegro")
     taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]

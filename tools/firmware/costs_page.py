@@ -95,7 +95,10 @@ reached 52 us.
 
 
 def parse_costs(header: str) -> dict[str, str]:
-    """Values of the constants `COST_*` in costs.h. Raises ValueError unless `MEANINGS` has exactly these constants."""
+    """Return the values of the constants `COST_*` in the text of costs.h, by name without the prefix.
+
+    Raises ValueError unless `MEANINGS` has exactly these constants.
+    """
     values = dict(re.findall(r"#define COST_(\w+) (\{.*\}|\d+u)", header))
     unmatched = values.keys() ^ MEANINGS.keys()
     if unmatched:
@@ -104,14 +107,17 @@ def parse_costs(header: str) -> dict[str, str]:
 
 
 def _format_board_line(board: BoardCycles) -> str:
-    """The table row of a board kind: cycles of a scan and a poll, and their share of the cycles available."""
+    """Return the table row of a board kind: cycles of a scan and of a poll, length of a scan, and share of it awake."""
     share = (board.scan + board.poll) / board.budget
     numbers = f"{board.taxels} | {board.scan:,} | {board.poll:,} | {board.length:,} | {share:.0%}"
     return f"| {board.kind} | {numbers} |"
 
 
 def format_costs_page(costs: dict[str, str], cycles: FirmwareCycles) -> str:
-    """Text of docs/firmware-cycles.md from the constants of costs.h and the counted processor cycles."""
+    """Return the text of docs/firmware-cycles.md.
+
+    costs: result of `parse_costs`. cycles: counted processor cycles of all boards and of the hub.
+    """
     boards = ["| board | taxels | scan | poll | length of a scan | awake |", "|---|---:|---:|---:|---:|---:|"]
     boards += [_format_board_line(board) for board in cycles.boards]
     rows = ["| `COST_` | cycles | meaning | measurement |", "|---|---:|---|---|"]

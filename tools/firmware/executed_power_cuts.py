@@ -40,8 +40,9 @@ Version = tuple[int, int, int]
 class Cuts:
     """Result of a series of power cuts.
 
-    outcomes: cuts by (time within a write, version that runs afterwards). updates: number of successful updates.
-    failure: first failure.
+    outcomes: number of cuts by (time within a write, "old" or "new" version that runs afterwards). updates: number of
+    successful updates. torn: rows that a cut left partly written. stack: largest stack in bytes. failure: first
+    failure; None without one.
     """
 
     outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -58,7 +59,7 @@ class Cuts:
 
 
 def _sample_time_s(generator: random.Random) -> float:
-    """Random time in s after the start of a flash write at which the power is cut."""
+    """Return a random time in seconds after the start of a flash write, at which the power is cut."""
     return generator.choice(POINTS_S) if generator.random() < 0.3 else generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
@@ -66,30 +67,29 @@ class _Board:
     """The board under test and the version that it runs."""
 
     def __init__(self, world: VirtualWorld, images: Path) -> None:
-        """Create the access to an emulated board that executes compiled firmware. images: folder of the firmware
-        images.
-        """
+        """Connect to a board of `world` that executes compiled firmware. images: folder of the firmware images."""
         self.world, self.images = world, images
         self.route = BoardRoute(world, through_hub=False)
         self.version = self._read_version()
 
     def _read_version(self) -> Version:
-        """Firmware version that the board runs. Raises `TaxelError` if no application starts."""
+        """Return the firmware version that the board runs. Raises `TaxelError` if no application starts."""
         version = self.route.version()
         if version is None:
             raise TaxelError("bricked: no application starts")
         return version
 
     def update(self, number: int, planned_cuts: int, result: Cuts) -> None:
-        """Update the firmware of the board until the update succeeds and all planned power cuts have occurred.
+        """Update the board's firmware until the update succeeds and all planned power cuts have occurred.
 
-        number: of the update, which determines the version. Raises `TaxelError`.
+        number: number of the update, which determines the version. Adds cuts and update to `result`. Raises
+        `TaxelError`.
         """
         firmware = make_firmware((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
         target = firmware.images[0].version
         cuts_before = counted_cuts = self.world.count_power_cuts(BOARD)
         for _ in range(RUNS_MAX):
-            failure = self._try(firmware)
+            failure = self._try_update(firmware)
             self.world.run(POWER_OFF_S + 0.01)
             version = self._read_version()
             for cut in self.world.read_power_cuts(BOARD, counted_cuts):
@@ -102,22 +102,20 @@ class _Board:
         else:
             cuts = f"{counted_cuts - cuts_before} of {planned_cuts} cuts"
             raise TaxelError(f"{RUNS_MAX} runs did not finish the update ({cuts}): {failure}")
-        self._check(firmware)
+        self._check_image(firmware)
         self.version = target
         result.updates += 1
 
-    def _try(self, firmware: Firmware) -> str | None:
-        """Write the firmware to the board. Returns the error message of a failed update, or None."""
+    def _try_update(self, firmware: Firmware) -> str | None:
+        """Run the update command once. Returns the error message of a failed update, or None."""
         try:
             self.route.update(firmware)
         except TaxelError as error:
             return str(error)
         return None
 
-    def _check(self, firmware: Firmware) -> None:
-        """Check that one flash slot contains the new image and that the processor has not faulted since the last
-        start.
-        """
+    def _check_image(self, firmware: Firmware) -> None:
+        """Check that a slot contains the new image and that the processor has not faulted since its last start."""
         flash, layout = self.world.read_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
         if not any(flash[layout.slot_address(image.slot) :].startswith(image.data) for image in firmware.images):
             raise TaxelError("the command succeeded, but neither slot contains the new image")
@@ -127,7 +125,7 @@ class _Board:
 
 
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
-    """Run firmware updates with at least `cuts` power cuts in total; stop at the first failure.
+    """Run firmware updates with at least `cuts` power cuts in total, up to the first failure.
 
     images: folder of the firmware images that the emulated board executes.
     """
@@ -153,7 +151,7 @@ def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
 
 
 def main() -> int:
-    """Run firmware updates with power cuts and print the outcomes."""
+    """Run firmware updates with power cuts and print the outcomes; the exit status is 1 after a failure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cuts", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
@@ -162,7 +160,7 @@ def main() -> int:
     try:
         result = cut_updates(options.cuts, options.seed, options.images)
     except OSError as error:
-        print(f"cut_executed: {error}", file=sys.stderr)
+        print(f"executed_power_cuts: {error}", file=sys.stderr)
         return 1
     for (moment, outcome), count in sorted(result.outcomes.items()):
         print(f"{count:6d} cuts {moment}: the {outcome} version runs")

@@ -21,18 +21,19 @@ HUB_IMAGE: Final = "hub-factory.hex"
 
 
 def find_image_files(images: Path = IMAGES) -> dict[str, Path]:
-    """Paths of the factory firmware images of board and hub, by the names that the world files use."""
+    """Return the paths of the factory images of board and hub, by the names that the world files use."""
     return {name: images / name for name in (BOARD_IMAGE, HUB_IMAGE)}
 
 
 def format_image_line(address: int) -> str:
-    """Line of a world file that makes a board, or the hub (address 0), execute its firmware image."""
+    """Return the world-file line that makes a board, or the hub (address 0), execute its firmware image."""
     return f"image 0x{address:02X} {BOARD_IMAGE}\n" if address else f"hub_image {HUB_IMAGE}\n"
 
 
 def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
-    """Text of a world file with only the board at `address`, without branches, whose firmware runs natively instead of
-    executed.
+    """Return the text of a world file with only the board at `address`, without branches of the bus.
+
+    The board runs natively unless a line of `format_image_line` is appended.
     """
     lines = format_world(hand, settings).splitlines()
     of_boards, of_all = ("board ", "surface ", "margin "), ("wiring ", "branch ")  # a branch lists several boards
@@ -46,7 +47,10 @@ def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = 
 
 @contextmanager
 def open_scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
-    """Emulated world in which a board executes its firmware image and scans its taxels, and no hub reads it."""
+    """Open an emulated world in which a board executes its firmware image and scans its taxels.
+
+    No hub reads the board. The scans have started when the world is yielded.
+    """
     text = make_board_world(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + format_image_line(board.address)
     with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
         world.inject("hub_unplug")
@@ -55,10 +59,9 @@ def open_scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[Virtu
 
 
 def make_firmware(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:
-    """Images of both slots of a board under another version.
+    """Create the images of both slots of a board, from the built ones but with another version.
 
-    rows: number of flash rows with version-dependent bytes after the program, so that an update has something to
-    write.
+    rows: number of flash rows with version-dependent bytes after the program, so that an update has rows to write.
     """
     images_of_slots = []
     for slot, name in enumerate("ab"):

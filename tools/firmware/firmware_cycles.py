@@ -71,14 +71,14 @@ class FirmwareCycles(NamedTuple):
 
 
 def _read_snapshot_header(world: VirtualWorld, board: Board) -> tuple[int, int]:
-    """Scan number and time in us of the current snapshot of an emulated board."""
+    """Return the scan number and the board time in microseconds of an emulated board's current snapshot."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
     return int(sequence), int(time_us)
 
 
 def _read_cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """Processor cycles of an executed board or hub so far: all cycles, and cycles awake."""
+    """Return the processor cycles of an executed board or hub since its start: all cycles, and cycles awake."""
     processor = world.read_processor(address)
     return processor.cycles, processor.cycles - processor.sleep_cycles
 
@@ -106,14 +106,15 @@ def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
 
 
 def measure_hub(hand: Hand, image: Path) -> HubCycles:
-    """Count the processor cycles of a hub that executes its image and polls the whole hand, whose boards are
-    emulated natively.
+    """Count the processor cycles of a hub that executes its image and polls the whole hand.
+
+    The boards are emulated natively.
     """
     text = format_world(hand, WorldSettings(noise_counts=0.0)) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
         def count_frames(seconds: float) -> int:
-            """Number of frames that the emulated hub delivers within a virtual time in seconds."""
+            """Return the number of frames that the emulated hub delivers within `seconds` of virtual time."""
             end, frames = world.now_s + seconds, 0
             while world.now_s < end:
                 frames += len(skin.poll(0.01))
@@ -131,10 +132,9 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
 
 def measure(images: Path) -> FirmwareCycles:
-    """Count the processor cycles of every board kind of the default hand and of its hub. images: folder of firmware
-    images.
+    """Count the processor cycles of every board kind of the default hand and of its hub.
 
-    Raises `TaxelError`, OSError.
+    images: folder of the firmware images. Raises `TaxelError`, OSError.
     """
     hand = load_hand("original")
     kinds = {board.kind.name: board for board in hand.boards}

@@ -50,7 +50,7 @@ class LinkedImage:
     functions: tuple[Function, ...]
 
     def symbol(self, name: str) -> int:
-        """Value of a symbol of the linked image. Raises FirmwareFileError if it is missing."""
+        """Return the value of a symbol of the linked image. Raises FirmwareFileError if it is missing."""
         if name not in self.symbols:
             _fail(self.path, f"symbol {name}", "one", "none", "link it with image.ld.in")
         return self.symbols[name]
@@ -62,7 +62,10 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str = "rebui
 
 
 def read_linked_image(path: Path) -> LinkedImage:
-    """Read an ELF file. Raises FirmwareFileError with one line for a damaged file, OSError."""
+    """Read a linked image from an ELF file.
+
+    Raises FirmwareFileError with a one-line message for a damaged file, OSError.
+    """
     data = path.read_bytes()
     if not data.startswith(IDENTIFICATION) or len(data) < HEADER.size:
         _fail(str(path), "file", "a 32-bit little-endian ELF", repr(data[:6]), "pass the linker's output")
@@ -95,12 +98,15 @@ def read_linked_image(path: Path) -> LinkedImage:
 
 
 def _read_text(data: bytes, offset: int) -> str:
-    """Text in the bytes of an ELF file from `offset` to the next zero byte."""
+    """Return the string in the bytes of an ELF file from `offset` to the next zero byte; "" if there is none."""
     return data[offset : data.index(0, offset)].decode("ascii") if 0 in data[offset:] else ""
 
 
 def _read_flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
-    """Address and bytes of everything that a linked image loads into flash. header: fields of the ELF header."""
+    """Return the start address and the bytes of everything that a linked image loads into flash.
+
+    header: fields of the ELF header. Gaps between the loaded pieces become zeros.
+    """
     pieces: list[tuple[int, bytes]] = []
     for place in range(header[10]):
         segment = PROGRAM_HEADER.unpack_from(data, header[5] + place * header[9])
@@ -124,7 +130,10 @@ def _read_flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, b
 
 
 def _read_symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
-    """Values of all symbols of an ELF file by name, and its functions in the order of their addresses."""
+    """Return the values of all symbols of an ELF file by name, and its functions in ascending order of address.
+
+    tables: fields of each section header.
+    """
     values: dict[str, int] = {}
     functions: list[Function] = []
     for table in tables:

@@ -46,7 +46,7 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoRe
 
 
 def read_project_version(version_file: Path) -> tuple[int, int, int]:
-    """Version of the project from taxel/version.py. Raises FirmwareFileError, OSError."""
+    """Read the project's version from taxel/version.py. Raises FirmwareFileError, OSError."""
     line = re.search(r'^VERSION = "(.*)"$', version_file.read_text(), re.MULTILINE)
     if line is None:
         _fail(str(version_file), "VERSION", "a version", "none", "add it")
@@ -67,7 +67,7 @@ def read_project_version(version_file: Path) -> tuple[int, int, int]:
 def _check_vectors(linked: LinkedImage, offset: int) -> None:
     """Check the first two entries of the vector table at `offset` of a linked image.
 
-    The stack pointer must be in RAM, the reset vector in this image with the Thumb bit.
+    The stack pointer must be in RAM, and the reset vector in the image, with the Thumb bit set.
     """
     stack, reset = (int.from_bytes(linked.content[at : at + 4], "little") for at in (offset, offset + 4))
     if not RAM_BEGIN < stack <= RAM_BEGIN + RAM_SIZE or stack % 8:
@@ -79,7 +79,10 @@ def _check_vectors(linked: LinkedImage, offset: int) -> None:
 
 
 def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
-    """Bytes of a firmware image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
+    """Build a firmware image with a complete header from a linked image.
+
+    Raises FirmwareFileError if it is not linked for this slot.
+    """
     device = _read_device(linked)
     layout = LAYOUTS[device]
     linked_slot = linked.symbol("image_slot")
@@ -97,7 +100,7 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
 
 
 def _read_device(linked: LinkedImage) -> BootDevice:
-    """Whether a linked firmware image is for a board or for the hub, according to its symbol `image_device`."""
+    """Return whether a linked image is for a board or for the hub, from its symbol `image_device`."""
     value = linked.symbol("image_device")
     if value not in LAYOUTS:
         _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it again")
@@ -105,7 +108,10 @@ def _read_device(linked: LinkedImage) -> BootDevice:
 
 
 def read_bootloader(linked: LinkedImage) -> bytes:
-    """Bytes of a bootloader from address 0 on. Raises FirmwareFileError for another image."""
+    """Return the bytes of a linked bootloader from address 0 on.
+
+    Raises FirmwareFileError for an image that is not a bootloader.
+    """
     if linked.address or len(linked.content) > BOOTLOADER_SIZE or "image_slot" in linked.symbols:
         found = f"{len(linked.content)} bytes at 0x{linked.address:X}"
         _fail(linked.path, "address", f"{BOOTLOADER_SIZE} bytes or fewer at 0", found, "pass the bootloader's ELF")
@@ -114,7 +120,7 @@ def read_bootloader(linked: LinkedImage) -> bytes:
 
 
 def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
-    """Text of a manifest that names the files in its folder."""
+    """Return the text of the manifest that lists the images and their files, which are in the same folder."""
     lines = ["# Written by tools/firmware/firmware_image.py.", "taxel_firmware = 1"]
     for file_image, file in zip(images, files, strict=True):
         lines += [
@@ -140,9 +146,9 @@ def write_images(
 ) -> None:
     """Write all firmware files of one device: images, manifest, factory file, and their signatures.
 
-    slots: linked images of both slots. name: start of the file names. key_file: private key of the signatures; None:
-    the development key, which only emulated devices accept. Raises FirmwareFileError, OSError; no usable
-    manifest remains after an error.
+    slots: linked images of slots A and B. name: prefix of the file names. key_file: private key of the signatures;
+    None: the development key, which only emulated devices accept. Raises FirmwareFileError, OSError; no usable manifest
+    remains after an error.
     """
     version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)
@@ -178,9 +184,10 @@ def write_images(
 
 
 def _sign(manifest: Path, factory: Path, key_file: Path | None) -> None:
-    """Sign the images of a manifest and the factory file. key_file: private key; None: the development key.
+    """Sign the images of a manifest and the factory file.
 
-    Without the package `cryptography` the files stay without signatures if no key is given.
+    key_file: private key; None: the development key. Without the package `cryptography` the files stay unsigned if no
+    key is given.
     """
     try:
         key = load_private_key(key_file, os.environ.get(PASSPHRASE_VARIABLE)) if key_file else load_development_key()
@@ -194,7 +201,10 @@ def _sign(manifest: Path, factory: Path, key_file: Path | None) -> None:
 
 
 def main() -> int:
-    """Write the firmware files of a device from its linked images; print an error as one line."""
+    """Write the firmware files of a device from its linked images.
+
+    After a one-line error message the exit status is 1.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
         parser.add_argument(option, type=Path, required=True)

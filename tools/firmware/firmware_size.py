@@ -89,7 +89,7 @@ class Size:
         return sum(count for name, count in (self.cycles or {}).items() if name != "of")
 
     def describe_excess(self) -> str:
-        """Quantities that exceed their budgets, or an empty string."""
+        """Return the quantities that exceed their budgets in one line, or "" if there are none."""
         exceeded = [
             f"{name} {used} of {budget} {unit}"
             for name, used, budget, unit in (
@@ -103,9 +103,9 @@ class Size:
         return ", ".join(exceeded)
 
 
-def flash_budget(linked: LinkedImage) -> int:
-    """Number of flash bytes available to an image: its slot, the rows of the bootloader, or the flash of an
-    original device.
+def compute_flash_budget(linked: LinkedImage) -> int:
+    """Return the flash bytes available to an image: its slot, the bootloader's rows, or the flash of an original
+    device.
     """
     if "image_slot" in linked.symbols:
         return LAYOUTS[BootDevice(linked.symbol("image_device"))].slot_size
@@ -115,13 +115,13 @@ def flash_budget(linked: LinkedImage) -> int:
 
 
 def measure(linked: LinkedImage, use: StackUse) -> Size:
-    """Flash, RAM and stack of one linked image. use: its worst-case stack."""
+    """Measure the flash, RAM and stack of one linked image. use: its worst-case stack."""
     in_ram = [part for part in linked.sections if part.address >= RAM_BEGIN]
     fault_record = sum(part.size for part in in_ram if part.name == FAULT_RECORD)
     end = max((part.address + part.size for part in in_ram if part.name != FAULT_RECORD), default=RAM_BEGIN)
     return Size(
         len(linked.content),
-        flash_budget(linked),
+        compute_flash_budget(linked),
         end - RAM_BEGIN + fault_record,
         use.total,
         linked.symbol("image_stack"),
@@ -131,7 +131,10 @@ def measure(linked: LinkedImage, use: StackUse) -> Size:
 
 
 def find_noted_frames(build: Path, sources: tuple[str, ...]) -> list[Path]:
-    """Find the stack files of some sources in a build folder; a folder that another build removes is left out."""
+    """Return the compiler's .su files (stack sizes) of the named sources in a build folder.
+
+    A subfolder that another build removes meanwhile is omitted.
+    """
     return [
         Path(folder) / name
         for folder, _, names in os.walk(build)
@@ -141,9 +144,9 @@ def find_noted_frames(build: Path, sources: tuple[str, ...]) -> list[Path]:
 
 
 def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
-    """Flash, RAM and stack of all images of a build folder. objdump: path of the tool; calls: path of calls.toml.
+    """Measure the flash, RAM and stack of all images in a build folder.
 
-    Raises FirmwareFileError, OSError.
+    objdump: path of the tool. calls: path of calls.toml. Raises FirmwareFileError, OSError.
     """
     table = read_call_table(calls)
     shared = find_noted_frames(build, ("memory.c", "standalone.c"))
@@ -153,12 +156,15 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
         linked = read_linked_image(path)
         noted = read_noted_frames([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
         graph = CallGraph(linked, disassemble(str(path), objdump), noted, table)
-        sizes[name] = measure(linked, graph.use(name))
+        sizes[name] = measure(linked, graph.compute_stack_use(name))
     return sizes
 
 
 def add_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
-    """Add counted processor cycles to the sizes of the images of slot A; the images of slot B are the same program."""
+    """Return the sizes with the counted processor cycles of the images of slot A.
+
+    The images of slot B are the same programs, so theirs remain without cycles.
+    """
     palm, hub = counted.boards[-1], counted.hub
     cycles = {
         "board": {"scan": palm.scan, "poll": palm.poll, "of": palm.budget},
@@ -168,7 +174,10 @@ def add_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Siz
 
 
 def _format_cycles(cycles: dict[str, int] | None) -> str:
-    """Text such as "scan 120 + poll 30 of 200" for processor cycles by name; the key "of" is the number available."""
+    """Return a text such as "scan 120 + poll 30 of 200"; "" for None.
+
+    cycles: processor cycles by activity, and those available by the key "of".
+    """
     if cycles is None:
         return ""
     parts = [f"{name} {count:,}" for name, count in cycles.items() if name != "of"]
@@ -176,7 +185,7 @@ def _format_cycles(cycles: dict[str, int] | None) -> str:
 
 
 def format_table(sizes: dict[str, Size]) -> list[str]:
-    """Markdown table of flash, RAM, stack and processor cycles of all images."""
+    """Return the lines of the Markdown table of flash, RAM, stack and processor cycles of all images."""
     lines = [f"| {' | '.join(COLUMNS)} |", f"|---{'|---:' * (len(COLUMNS) - 1)}|"]
     for name, size in sizes.items():
         numbers = (size.flash, size.flash_budget, size.static_ram, size.stack, size.stack_reserve, size.ram)
@@ -186,7 +195,7 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
 
 
 def format_page(sizes: dict[str, Size], compiler: str) -> str:
-    """Text of docs/firmware-size.md. compiler: sentence that names the compiler."""
+    """Return the text of docs/firmware-size.md. compiler: sentence that names the compiler."""
     chains = [
         f"- Deepest call chain of the image {name}: {', '.join(size.chain)}"
         for name, size in sizes.items()
@@ -196,13 +205,19 @@ def format_page(sizes: dict[str, Size], compiler: str) -> str:
 
 
 def format_json(sizes: dict[str, Size], compiler: str) -> str:
-    """JSON text of the sizes of all images, for a later comparison. compiler: sentence that names the compiler."""
+    """Return the sizes of all images as a JSON text, for a later comparison.
+
+    compiler: sentence that names the compiler.
+    """
     document = {"compiler": compiler, "images": {name: asdict(size) for name, size in sizes.items()}}
     return json.dumps(document, indent=1) + "\n"
 
 
 def compare_sizes(sizes: dict[str, Size], before: Path) -> list[str]:
-    """A line for each image whose size changed since the JSON file `before`. Raises FirmwareFileError, OSError."""
+    """Return one line for each image that has changed since the JSON file `before`, or a line that none has.
+
+    Raises FirmwareFileError, OSError.
+    """
     try:
         images: dict[str, dict[str, Any]] = json.loads(before.read_text())["images"]
         lines = []
@@ -227,7 +242,7 @@ def compare_sizes(sizes: dict[str, Size], before: Path) -> list[str]:
 
 
 def describe_compiler(objdump: str) -> str:
-    """Sentence that names the compiler belonging to this objdump."""
+    """Return the sentence that names the compiler to which this objdump belongs."""
     run = subprocess.run(
         [objdump.replace("objdump", "gcc"), "-dumpversion"], capture_output=True, text=True, check=True
     )
@@ -235,8 +250,9 @@ def describe_compiler(objdump: str) -> str:
 
 
 def main() -> int:
-    """Measure the sizes of the images, write and compare them; return 1 if a budget is exceeded or a file is
-    unusable.
+    """Measure the sizes of the images, print, write and compare them.
+
+    The exit status is 1 if a budget is exceeded or a file is unusable.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--build", type=Path, required=True, help="folder of the cross build")
@@ -260,8 +276,8 @@ def main() -> int:
         print(f"firmware_size: {error}", file=sys.stderr)
         return 1
     over = {name: size.describe_excess() for name, size in sizes.items() if size.describe_excess()}
-    for name, describe_excess in over.items():
-        print(f"firmware_size: {name}: over budget: {describe_excess}", file=sys.stderr)
+    for name, excess in over.items():
+        print(f"firmware_size: {name}: over budget: {excess}", file=sys.stderr)
     return 1 if over else 0
 
 

@@ -39,7 +39,11 @@ class Routine:
 
 @dataclass(frozen=True)
 class CallTable:
-    """Rows of calls.toml: (callers, targets) and (images, handlers of each priority level)."""
+    """Content of calls.toml, at `path`.
+
+    pointers: (names of functions that call through a pointer, names of the functions that they may call). levels:
+    (names of images, names of the interrupt handlers of each priority level).
+    """
 
     path: str
     pointers: tuple[tuple[list[str], list[str]], ...]
@@ -48,8 +52,10 @@ class CallTable:
 
 @dataclass(frozen=True)
 class StackUse:
-    """Stack in bytes of the deepest call chain from the start, and of the interrupts on top; `chain` names the
-    functions.
+    """Worst-case stack of an image in bytes.
+
+    start: deepest call chain from the reset handler. interrupts: all interrupts that can nest on top of it. chain:
+    names of the functions, interrupts last.
     """
 
     start: int
@@ -79,13 +85,19 @@ def read_call_table(path: Path) -> CallTable:
 
 
 def disassemble(path: str, objdump: str) -> dict[int, Routine]:
-    """Functions of an ELF file by address, from the output of objdump. Raises OSError if the tool is missing."""
+    """Disassemble an ELF file with objdump and return its functions, by address.
+
+    Raises OSError if the tool is missing, CalledProcessError if it fails.
+    """
     run = subprocess.run([objdump, "-d", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
     return read_disassembly(run.stdout)
 
 
 def read_disassembly(text: str) -> dict[int, Routine]:
-    """Functions in the text of objdump, by address."""
+    """Return the functions in the output of objdump, by address.
+
+    A jump into the middle of another function is treated as a call of that function.
+    """
     routines: dict[int, Routine] = {}
     begin, previous = -1, ""
     for line in text.splitlines():
@@ -106,7 +118,10 @@ def read_disassembly(text: str) -> dict[int, Routine]:
 
 
 def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str, previous: str) -> None:
-    """Add the effect of one instruction to its routine: frame size, calls, calls by pointer."""
+    """Add one instruction's effect on the stack and the calls to its function.
+
+    begin: address of the function. previous: line of the preceding instruction.
+    """
     if mnemonic == "push":
         routine.frame += 4 * _count_registers(operands)
     elif mnemonic == "sub" and operands.startswith("sp, #"):
@@ -122,7 +137,7 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
 
 
 def _count_registers(operands: str) -> int:
-    """Number of registers in the operand list of an ARM instruction; "{r4-r7, lr}" has 5."""
+    """Return the number of registers in an ARM instruction's operand list; "{r4-r7, lr}" has 5."""
     count = 0
     for part in operands.strip("{}").split(","):
         first, _, last = part.strip().partition("-")
@@ -131,8 +146,9 @@ def _count_registers(operands: str) -> int:
 
 
 def read_noted_frames(paths: list[Path]) -> dict[str, int]:
-    """Frame size of each function in bytes from the compiler's .su files. Raises FirmwareFileError for an unbounded
-    frame.
+    """Return the frame size of each function in bytes, from the compiler's .su files.
+
+    Raises FirmwareFileError for an unbounded frame.
     """
     frames: dict[str, int] = {}
     for path in paths:
@@ -146,15 +162,15 @@ def read_noted_frames(paths: list[Path]) -> dict[str, int]:
 
 
 class CallGraph:
-    """Call graph of one image."""
+    """Call graph of one image, from which its largest stack depth is computed."""
 
     def __init__(
         self, image: LinkedImage, routines: dict[int, Routine], noted: dict[str, int], table: CallTable
     ) -> None:
-        """Create the call graph of a linked firmware image, from which the largest stack depth is computed.
+        """Complete the frame sizes of the functions and find the functions that can be called through pointers.
 
-        routines: disassembled functions by address. noted: bytes of the stack frames by function name, from the
-        compiler. table: permitted targets of calls through function pointers.
+        routines: disassembled functions by address. noted: frame sizes in bytes by function name, from the compiler.
+        Raises FirmwareFileError for a frame of unknown size, or for a function that calls.toml must list.
         """
         self._path = image.path
         self._routines = routines
@@ -167,9 +183,9 @@ class CallGraph:
         self._pointer_targets = self._find_pointer_targets(image)
 
     def _find_pointer_targets(self, image: LinkedImage) -> dict[int, str]:
-        """Names of the functions whose address is stored as a word of the image, by address.
+        """Return the names of the functions whose address is stored as a word of the image, by address.
 
-        These functions can be called through pointers; each must be listed in calls.toml.
+        They can be called through pointers, so each of them must be listed in calls.toml.
         """
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
         known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
@@ -184,7 +200,7 @@ class CallGraph:
         return names
 
     def _list_callees(self, address: int) -> set[int]:
-        """Addresses of the functions that a function may call, directly or through a function pointer."""
+        """Return the addresses of the functions that a function may call, directly or through a pointer."""
         routine = self._routines[address]
         callees = set(routine.calls)
         if routine.uses_pointer:
@@ -195,10 +211,9 @@ class CallGraph:
         return callees
 
     def compute_depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
-        """Stack in bytes of the deepest call chain that begins with a function, and the names of the functions in
-        it.
+        """Return the stack in bytes of the deepest call chain that begins with a function, and the names in this chain.
 
-        address: of the function. ancestors: its callers. Raises FirmwareFileError for recursion.
+        address: address of the function. ancestors: its callers. Raises FirmwareFileError for recursion.
         """
         if address in self._depths:
             return self._depths[address]
@@ -211,9 +226,10 @@ class CallGraph:
         self._depths[address] = deepest[0] + self._routines[address].frame, (name, *deepest[1])
         return self._depths[address]
 
-    def use(self, image: str) -> StackUse:
-        """Worst-case stack of the image: deepest call chain from the start, and the interrupts that can nest.
-        image: its name.
+    def compute_stack_use(self, image: str) -> StackUse:
+        """Compute the image's worst-case stack: deepest call chain from the start, and the interrupts that can nest.
+
+        image: name of the image.
         """
         by_name = {routine.name: address for address, routine in self._routines.items()}
         if ENTRY not in by_name:
@@ -231,7 +247,7 @@ class CallGraph:
 
 
 def _matches_patterns(name: str, patterns: list[str]) -> bool:
-    """Whether a function name matches one of the shell patterns and none of the patterns that begin with "!"."""
+    """Return whether a function name matches one of the shell patterns and none of the patterns that begin with "!"."""
     if any(fnmatchcase(name, pattern[1:]) for pattern in patterns if pattern.startswith("!")):
         return False
     return any(fnmatchcase(name, pattern) for pattern in patterns)

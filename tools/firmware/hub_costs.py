@@ -26,8 +26,8 @@ SAMPLE_S, SAMPLES = 2.03e-6, 60_000
 
 
 def measure_pass_cycles(world: VirtualWorld) -> int:
-    """Processor cycles of the hub from the end of an I2C address probe to the start of the next while it searches
-    for boards.
+    """Return the processor cycles from the end of an I2C probe to the start of the next, while the hub searches for
+    boards.
     """
     times: list[float] = []
     probes = 0
@@ -42,18 +42,16 @@ def measure_pass_cycles(world: VirtualWorld) -> int:
 
 
 def measure_byte_cycles(world: VirtualWorld) -> int:
-    """Processor cycles of the hub's I2C interrupts per byte on the bus while it streams."""
+    """Return the processor cycles of the hub's I2C interrupts per byte on the bus while it streams."""
     cycles, count = world.read_handler_costs(0)["SCB0"].own, int(world.statistics()["bus_bytes"])
     world.run(BYTES_S)
     return round((world.read_handler_costs(0)["SCB0"].own - cycles) / (int(world.statistics()["bus_bytes"]) - count))
 
 
 def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
-    """Processor costs of a hub that streams a board: cycles of the UART interrupt, and of the processing of each
-    frame byte.
+    """Measure the processor cycles of a streaming hub: of the UART interrupt, and of the framing of each byte.
 
-    The processing is measured by sampling of the program counter. elf: linked image, for the addresses of
-    functions.
+    The framing is measured by sampling the program counter. elf: linked image, for the addresses of its functions.
     """
     functions = read_linked_image(elf).functions
     addresses = [function.address for function in functions]
@@ -78,7 +76,10 @@ def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
 
 
 def measure_hub(image: Path) -> Costs:
-    """All processor costs of the hub in costs.h. image: hub-factory.hex, next to the folder that contains hub-a.elf."""
+    """Measure all processor costs of the hub in costs.h, by their names in lower case.
+
+    image: path of hub-factory.hex; the folder above it contains hub-a.elf.
+    """
     hand = load_hand("allegro")
     text = make_board_world(hand, BOARD, WorldSettings()) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world:

@@ -28,9 +28,10 @@ LINE: Final = re.compile(r"(TX|RX)(\d+)")
 
 
 def build_table(path: str, nets: Mapping[str, Sequence[str]]) -> tuple[str, dict[str, Any], list[str]]:
-    """Build the table of a board: its name, `sensor` or `hub`, its pins by use, and the other pins with their nets.
+    """Build the pin table of a board from its nets.
 
-    nets: names of the nets by port pin. Raises PinsError for a missing or doubled line and for a wrong pin.
+    nets: names of the nets by port pin. Returns the table's name (`sensor` or `hub`), the pins by use, and the other
+    pins with their nets. Raises PinsError for a missing or doubled line and for a wrong pin.
     """
     single: dict[str, str] = {}
     lines: dict[str, dict[int, str]] = {"tx": {}, "rx": {}}
@@ -40,9 +41,9 @@ def build_table(path: str, nets: Mapping[str, Sequence[str]]) -> tuple[str, dict
             name = net.rsplit("/", 1)[-1].upper().replace("_", "")
             match = LINE.fullmatch(name)
             if match is not None:
-                _add(path, lines[match[1].lower()], int(match[2]), pin, net)
+                _store_pin(path, lines[match[1].lower()], int(match[2]), pin, net)
             elif name in SINGLE:
-                _add(path, single, SINGLE[name], pin, net)
+                _store_pin(path, single, SINGLE[name], pin, net)
             else:
                 others.append(f"{pin}: {net}")
     board = "hub" if "uart_rx" in single else "sensor"
@@ -61,15 +62,15 @@ def build_table(path: str, nets: Mapping[str, Sequence[str]]) -> tuple[str, dict
     return board, table, others
 
 
-def _add(path: str, uses: dict[Any, str], use: Any, pin: str, net: str) -> None:
-    """Note the pin of a use. Raises PinsError if another pin has it."""
+def _store_pin(path: str, uses: dict[Any, str], use: Any, pin: str, net: str) -> None:
+    """Store `pin` as the pin of `use`. Raises PinsError, which names `net`, if the use has a pin already."""
     if use in uses:
         raise PinsError(path, net, "one pin", f"{uses[use]} and {pin}")
     uses[use] = pin
 
 
 def format_table(source: str, board: str, table: Mapping[str, Any]) -> str:
-    """Text of a TOML file with the table. source: name of the imported file."""
+    """Return the pin table as the text of a TOML file. source: name of the imported file."""
     text = [f"# Pins of a {'hub' if board == 'hub' else 'sensor board'}, from {source}.", "", f"[{board}]"]
     for use, pins in table.items():
         quoted = [f'"{pin}"' for pin in ([pins] if isinstance(pins, str) else pins)]
@@ -78,7 +79,10 @@ def format_table(source: str, board: str, table: Mapping[str, Any]) -> str:
 
 
 def main() -> int:
-    """Write the table; print an error as one line."""
+    """Write the pin table, and list unused pins on standard error.
+
+    After a one-line error message the exit status is 1.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("netlist", type=Path, help="KiCad netlist, or CSV file with the columns net and pin")
     parser.add_argument("--part", default="U1", help="reference of the processor in a KiCad netlist")

@@ -23,10 +23,10 @@ Node = list["Node | str"]
 
 
 def read_nets(path: Path, reference: str) -> dict[str, list[str]]:
-    """Read the names of the nets at each port pin, such as {"P2.0": ["/TX0"]}. reference: of the part, such as "U1".
+    """Read the names of the nets at each port pin of a part, such as {"P2.0": ["/TX0"]}.
 
-    A CSV file has the columns `net` and `pin`, and the reference is ignored. Raises PinsError and FileError with one
-    line.
+    reference: the part's reference, such as "U1"; ignored for a CSV file, which has the columns `net` and `pin`. Raises
+    PinsError and FileError with a one-line message.
     """
     try:
         text = read_regular_file(path, SIZE_MAX).decode("utf-8")
@@ -42,7 +42,7 @@ def read_nets(path: Path, reference: str) -> dict[str, list[str]]:
 
 
 def _read_csv(path: Path, text: str) -> Iterator[tuple[str, str]]:
-    """Pins and nets of a CSV file."""
+    """Yield the port pin and the net of each row of a CSV file."""
     rows = csv.DictReader(text.splitlines())
     if not {"net", "pin"} <= set(rows.fieldnames or ()):
         raise PinsError(str(path), "line 1", "the columns net and pin, or a KiCad netlist", repr(rows.fieldnames))
@@ -54,24 +54,27 @@ def _read_csv(path: Path, text: str) -> Iterator[tuple[str, str]]:
 
 
 def _read_kicad(path: Path, text: str, reference: str) -> Iterator[tuple[str, str]]:
-    """Port pins and nets of a part in a KiCad netlist. Other pins of the part, such as the supply, are left out."""
+    """Yield the port pins and nets of a part in a KiCad netlist.
+
+    Other pins of the part, such as those of the supply, are omitted.
+    """
     tree = _parse(path, text)
-    for net in _children(_first(tree, "nets"), "net"):
-        name = _value(net, "name")
-        for node in _children(net, "node"):
-            pin = _find_pin(_value(node, "pinfunction"))
-            if _value(node, "ref") == reference and pin is not None:
+    for net in _find_lists(_find_first_list(tree, "nets"), "net"):
+        name = _get_string(net, "name")
+        for node in _find_lists(net, "node"):
+            pin = _find_pin(_get_string(node, "pinfunction"))
+            if _get_string(node, "ref") == reference and pin is not None:
                 yield pin, name
 
 
 def _find_pin(text: str) -> str | None:
-    """The port pin that a text names: P2.0 for P2.0, P2_0, P2[0] and P20; None if it names none."""
+    """Return the port pin that a name contains: P2.0 for P2.0, P2_0, P2[0] and P20; None if it contains none."""
     match = PORT_PIN.search(text)
     return None if match is None else f"P{match[1]}.{match[2]}"
 
 
 def _parse(path: Path, text: str) -> Node:
-    """Parse one S-expression. Raises PinsError for unbalanced or too deeply nested brackets."""
+    """Parse one S-expression to nested lists. Raises PinsError for unbalanced or too deeply nested brackets."""
     stack: list[Node] = [[]]
     for match in TOKEN.finditer(text):
         token = match[0]
@@ -91,16 +94,16 @@ def _parse(path: Path, text: str) -> Node:
     return stack[0][0]
 
 
-def _children(node: Node, name: str) -> list[Node]:
-    """The lists below a list that begin with a name."""
+def _find_lists(node: Node, name: str) -> list[Node]:
+    """Return the lists in `node` whose first element is `name`."""
     return [child for child in node if isinstance(child, list) and child[:1] == [name]]
 
 
-def _first(node: Node, name: str) -> Node:
-    """The first list below a list that begins with a name; empty if there is none."""
-    return next(iter(_children(node, name)), [])
+def _find_first_list(node: Node, name: str) -> Node:
+    """Return the first list in `node` whose first element is `name`; [] if there is none."""
+    return next(iter(_find_lists(node, name)), [])
 
 
-def _value(node: Node, name: str) -> str:
-    """The text of a list such as (name "TX0") below a list; empty if there is none."""
-    return next((part for part in _first(node, name)[1:] if isinstance(part, str)), "")
+def _get_string(node: Node, name: str) -> str:
+    """Return the string after `name` in a list such as (name "TX0") in `node`; "" if there is none."""
+    return next((part for part in _find_first_list(node, name)[1:] if isinstance(part, str)), "")

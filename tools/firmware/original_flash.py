@@ -21,7 +21,7 @@ from taxel_tools.session import BootSession
 
 
 def format_info(info: OriginalInfo) -> str:
-    """One line with the part and the rows that the bootloader reports."""
+    """Return one line with the part and the rows that the bootloader reports."""
     application = "an application" if info.has_application else "no application"
     return (
         f"silicon id {info.silicon_id:08X}, revision {info.revision}, bootloader {info.version.hex('.')}, "
@@ -36,7 +36,10 @@ def show_progress(done: int, total: int) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Report the part of an original board, or write a file to it; print an error as one line."""
+    """Report the part of an original board, or write a file to it.
+
+    After a one-line error message the exit status is 1.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wire", help="I2C adapter, such as /dev/i2c-1")
     parser.add_argument("file", type=Path, nargs="?", help=".cyacd to write")

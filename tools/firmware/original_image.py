@@ -33,9 +33,9 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoRe
 
 
 def read_original_image(linked: LinkedImage, address: int | None = None) -> OriginalImage:
-    """Image of a linked file. address: I2C address of the board, or None for that of the pins file.
+    """Return the image in a linked file of the original hardware.
 
-    Raises FirmwareFileError.
+    address: I2C address of the board; None: the one of the pins file. Raises FirmwareFileError.
     """
     for symbol in ("image_first_row", "image_end_row", "standalone_entry"):
         if symbol not in linked.symbols:
@@ -58,7 +58,7 @@ def read_original_image(linked: LinkedImage, address: int | None = None) -> Orig
 
 
 def write_cyacd_rows(image: OriginalImage, silicon_id: int) -> str:
-    """Text of a .cyacd file with packet checksum "basic sum", for the manufacturer's tools."""
+    """Return the text of a .cyacd file with the packet checksum "basic sum", for the manufacturer's tools."""
     lines = [f"{silicon_id:08X}0000"]
     for row, data in image.list_rows():
         body = bytes([0]) + row.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
@@ -67,7 +67,10 @@ def write_cyacd_rows(image: OriginalImage, silicon_id: int) -> str:
 
 
 def write_files(linked: Path, name: str, out: Path, address: int | None, silicon_id: int | None) -> None:
-    """Write NAME.hex, and NAME.cyacd with a silicon id, to the folder `out`. Raises FirmwareFileError, OSError."""
+    """Write NAME.hex, and NAME.cyacd if a silicon id is given, to the folder `out`.
+
+    Raises FirmwareFileError, OSError.
+    """
     image = read_original_image(read_linked_image(linked), address)
     if silicon_id is not None and not image.first_row:
         remedy = "build with -DTAXEL_ORIGINAL_FIRST_ROW=N (docs/migrate-original-boards.md)"
@@ -83,7 +86,7 @@ def write_files(linked: Path, name: str, out: Path, address: int | None, silicon
 
 
 def main() -> int:
-    """Write the files of one device of the original hardware; print an error as one line."""
+    """Write the files of one device of the original hardware; after a one-line error message the exit status is 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--linked", type=Path, required=True)
     parser.add_argument("--name", required=True, help="prefix of the file names")

@@ -52,10 +52,9 @@ class _Board:
     """The board, its increasing stimulus, and the snapshots read from it."""
 
     def __init__(self, world: VirtualWorld, address: int, taxels: int, seed: int) -> None:
-        """Create the access to an emulated board whose raw counts increase with time, and select its snapshot
-        register.
+        """Select the snapshot register of an emulated board, whose raw counts increase with time.
 
-        address: I2C address. taxels: number of taxels. seed: of the random times at which snapshots are read.
+        address: I2C address. taxels: number of taxels. seed: seed of the random times at which snapshots are read.
         """
         self._world, self._address, self._taxels = world, address, taxels
         self._random = np.random.default_rng(seed)
@@ -66,7 +65,7 @@ class _Board:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
 
     def _advance(self, seconds: float) -> None:
-        """Advance the virtual time; the raw count of all taxels increases by 1 every `STEP_S`."""
+        """Advance the virtual time by `seconds`; the raw count of every taxel increases by 1 every `STEP_S`."""
         end = self._world.now_s + seconds
         while self._world.now_s < end:
             self._value += 1
@@ -76,7 +75,7 @@ class _Board:
             self._world.run(min(STEP_S, max(end - self._world.now_s, 1e-9)))
 
     def read(self, result: Reads) -> None:
-        """Read a snapshot at a random time; set `result.error` if it cannot originate from one scan."""
+        """Read a snapshot at a random time and count it; set `result.error` if it cannot originate from one scan."""
         self._advance(float(self._random.uniform(0.0, PAUSE_MAX_S)))
         code, data = self._world.transfer(self._address, b"", SNAPSHOT_OVERHEAD + 2 * self._taxels)
         result.reads += 1
@@ -101,7 +100,7 @@ class _Board:
 
 
 def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images: Path = IMAGES) -> Reads:
-    """Read `reads` snapshots of a board at random times; stop at the first that cannot originate from one scan.
+    """Read up to `reads` snapshots of a board at random times, up to the first that cannot originate from one scan.
 
     address: I2C address. images: folder of the firmware images that the board executes.
     """
@@ -120,7 +119,9 @@ def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images
 
 
 def main() -> int:
-    """Read snapshots of an executed board at random times and print the result; print an error as one line."""
+    """Read snapshots at random times and print the result; the exit status is 1 after an incoherent one, a fault or an
+    error.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--reads", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
@@ -130,7 +131,7 @@ def main() -> int:
     try:
         result = read_random_snapshots(options.reads, options.seed, options.board, options.images)
     except (TaxelError, OSError) as error:
-        print(f"read_anywhere: {error}", file=sys.stderr)
+        print(f"random_snapshot_reads: {error}", file=sys.stderr)
         return 1
     finding = "all coherent" if result.error is None else result.error
     print(

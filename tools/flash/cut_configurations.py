@@ -21,9 +21,9 @@ NEW_ADDRESS: Final = 0x30
 
 
 def run_configurations(plan: WorldPlan) -> WorldResult:
-    """Run every planned configuration write with power cuts in one emulated world, until the first failure.
+    """Run the planned configuration writes with power cuts in one emulated world, up to the first failure.
 
-    All writes are to one board, or each to another blank board.
+    All writes are to one board, or each is to another blank board.
     """
     result = WorldResult(plan.number, plan.route)
     is_blank = "blank" in plan.route
@@ -33,7 +33,7 @@ def run_configurations(plan: WorldPlan) -> WorldResult:
     unique_ids_by_address = read_unique_ids(text)
     with VirtualWorld(text) as world:
         world.run(0.4)
-        bench = _Blank(world) if is_blank else _Configured(world, plan.route.endswith("hub"))
+        bench = _BlankBoards(world) if is_blank else _ConfiguredBoard(world, plan.route.endswith("hub"))
         for index, sequence in enumerate(plan.sequences):
             board = BOARD + index if is_blank else BOARD
             try:
@@ -47,7 +47,7 @@ def run_configurations(plan: WorldPlan) -> WorldResult:
     return result
 
 
-class _Configured:
+class _ConfiguredBoard:
     """A board that keeps its address, reached through an adapter or the hub; the hub polls the neighbour board."""
 
     def __init__(self, world: VirtualWorld, through_hub: bool) -> None:
@@ -57,22 +57,23 @@ class _Configured:
 
     @property
     def longest_gap_s(self) -> float:
-        """Longest time in s without a frame of the neighbour board, which keeps its power."""
+        """Longest time in seconds without a frame of the neighbour board, which keeps its power."""
         return self._route.neighbour.longest_gap_s
 
-    def addresses(self, board: int) -> tuple[int, int]:
-        """The present and the new I2C address of a board, which are equal here."""
+    def get_addresses(self, board: int) -> tuple[int, int]:
+        """Return the present and the new I2C address of a board, which are equal here."""
         return board, board
 
     def is_alive(self, board: int, unique_id: bytes, configuration: dict[str, Any] | None) -> bool:
-        """Whether the application of the board runs. Raises `TaxelError` if the hub does not poll the neighbour
-        board.
+        """Return whether the application of the board runs.
+
+        Raises `TaxelError` if the hub does not poll the neighbour board.
         """
         self._route.check_hub()
         return self._route.version() is not None
 
 
-class _Blank:
+class _BlankBoards:
     """Blank boards that share an address, reached through an adapter."""
 
     longest_gap_s = 0.0
@@ -81,13 +82,14 @@ class _Blank:
         """Connect to blank emulated boards through an I2C adapter."""
         self.wire = SmbusWire(VirtualSMBus(world), "virtual", lambda: world.now_s, world.run)
 
-    def addresses(self, board: int) -> tuple[int, int]:
-        """The present I2C address of a blank board, and the new one."""
+    def get_addresses(self, board: int) -> tuple[int, int]:
+        """Return the present I2C address of a blank board, and the new one."""
         return BOOT_DEFAULT_ADDRESS, NEW_ADDRESS + board - BOARD
 
     def is_alive(self, board: int, unique_id: bytes, configuration: dict[str, Any] | None) -> bool:
-        """Whether the bootloader of a board answers at the address of its configuration, or at the default address
-        without one.
+        """Return whether the board's bootloader answers at the address of its configuration.
+
+        Without a configuration, the bootloader must answer at the default address.
         """
         address = configuration["address"] if configuration else BOOT_DEFAULT_ADDRESS
         return unique_id in [board.unique_id for board in find_boards(self.wire, address)]
@@ -99,28 +101,32 @@ class _Provision:
     def __init__(
         self,
         world: VirtualWorld,
-        bench: _Configured | _Blank,
+        bench: _ConfiguredBoard | _BlankBoards,
         board: int,
         unique_id: bytes,
         index: int,
         sequence: CutSequence,
         result: WorldResult,
     ) -> None:
-        """Prepare the write of a new configuration to a board during which its power is cut.
+        """Prepare the write of a new configuration to a board, during which its power is cut.
 
-        board: number of the board in the emulator. unique_id: id of the processor. index: number of this write in
-        the series. sequence: planned power cuts. result: receives one record per cut.
+        board: the board's number in the emulator. unique_id: id of its processor. index: number of this write in the
+        series. sequence: planned power cuts. result: receives one record per cut.
         """
         self.world, self.bench, self.board, self.unique_id = world, bench, board, unique_id
         self.sequence, self.result = sequence, result
-        self.present_address, address = bench.addresses(board)
+        self.present_address, address = bench.get_addresses(board)
         self.entry = Entry(unique_id, address, 9, f"S{index:05d}", tuple(1 + index % 200 for _ in range(7)))
         self.old_configuration = decode_configuration(world.read_flash(board).data)
         self.cuts_before = world.count_power_cuts(board)
         self.recorded_count = 0
 
     def run(self) -> None:
-        """Run the provisioning command until the configuration is written; the planned cuts interrupt it."""
+        """Repeat the provisioning command until the configuration is written; the planned cuts interrupt it.
+
+        Raises `CampaignError` if the command does not succeed in `RUNS_MAX` runs or if the configuration is wrong
+        afterwards.
+        """
         for cut in self.sequence.cuts:
             self.world.plan_power_cut(self.board, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
@@ -139,7 +145,10 @@ class _Provision:
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish; the last ended with: {failure}")
 
     def _record_outcomes(self) -> str:
-        """Record the new power cuts with the configuration that is valid now. Returns this outcome."""
+        """Record the new power cuts with the configuration that is valid now, and return this outcome.
+
+        Raises `CampaignError` if the board is bricked or its configuration is neither the old nor the new one.
+        """
         cuts = self.world.read_power_cuts(self.board, self.cuts_before)
         configuration = decode_configuration(self.world.read_flash(self.board).data)
         outcome = self._classify_outcome(configuration)
@@ -154,7 +163,10 @@ class _Provision:
         return outcome
 
     def _classify_outcome(self, configuration: dict[str, Any] | None) -> str:
-        """The state of a board after a power cut: "old" or "new" configuration, bricked, or damaged."""
+        """Return the state after a power cut: "old" or "new" configuration, `BRICKED` or `DAMAGED`.
+
+        configuration: valid configuration in the flash; None without one.
+        """
         if not self.bench.is_alive(self.board, self.unique_id, configuration):
             return BRICKED
         if configuration == self.old_configuration:
@@ -162,7 +174,7 @@ class _Provision:
         return "new" if configuration is not None and self._matches_entry(configuration) else DAMAGED
 
     def _matches_entry(self, configuration: dict[str, Any]) -> bool:
-        """Whether a configuration in flash equals the entry that was written."""
+        """Return whether a configuration in flash equals the entry that was written."""
         entry = self.entry
         assert entry.serial_number is not None
         assert entry.idac_codes is not None

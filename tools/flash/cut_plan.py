@@ -39,7 +39,7 @@ MOMENTS: Final = ("before", "erasing", "programming", "after")
 
 
 def name_moment(after_s: float) -> str:
-    """Name of the phase of a flash write `after_s` seconds after its start: before, erasing, programming or after."""
+    """Return the phase of a flash write at `after_s` seconds after its start: before, erasing, programming or after."""
     if after_s == 0.0:
         return MOMENTS[0]
     if after_s >= WRITE_S:
@@ -64,8 +64,9 @@ class Cut:
 
     @property
     def can_be_complete(self) -> bool:
-        """Whether the interrupted record can be valid: fully written, or except for the last word, which no CRC
-        covers.
+        """Whether the interrupted record can be valid: it is complete, except possibly for the last word.
+
+        No CRC covers that word.
         """
         return self.after_s > WRITE_S - _WORD_S
 
@@ -90,7 +91,10 @@ class WorldPlan:
 
 
 def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
-    """Plan worlds whose sequences contain at least `cuts` cuts in total; deterministic for a seed."""
+    """Plan emulated worlds whose sequences contain at least `cuts` power cuts in total.
+
+    The same seed gives the same plan.
+    """
     worlds: list[WorldPlan] = []
     for route, share in ROUTES.items():
         generator = random.Random(f"{seed} {route}")
@@ -110,7 +114,7 @@ def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
 
 
 def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
-    """Firmware updates without end in which the power is cut in every write at every point, in random order.
+    """Yield firmware updates without end in which the power is cut in every write at every point, in random order.
 
     When all combinations of image size, write and point have been planned, they repeat with other second cuts.
     """
@@ -122,11 +126,10 @@ def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
 
 
 def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
-    """A random second power cut of an update, in one of the writes that must follow the first cut; [] if none
-    follows.
+    """Return a random second power cut of an update, in one of the writes that must follow the first cut.
 
-    The following writes are the missing rows, the record of the pending image, the boot attempt and the
-    confirmation.
+    These are the missing rows, the record of the pending image, the boot attempt and the confirmation. Returns [] if no
+    write follows.
     """
     if first.operation <= rows:
         following = rows - first.operation + 3
@@ -138,7 +141,10 @@ def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[
 
 
 def _sample_instant(generator: random.Random) -> float:
-    """Random time in s after the start of a flash write; before or after the write with a probability of 0.1 each."""
+    """Return a random time in seconds after the start of a flash write.
+
+    It is before the write with a probability of 0.1, and after the write with the same probability.
+    """
     fraction = generator.random()
     if fraction < 0.2:
         return POINTS_S[0] if fraction < 0.1 else POINTS_S[-1]
@@ -146,9 +152,9 @@ def _sample_instant(generator: random.Random) -> float:
 
 
 def _list_configuration_writes(generator: random.Random) -> Iterator[CutSequence]:
-    """Planned power cuts of configuration writes: before, at each point of, and after the write.
+    """Yield configuration writes without end that the power cuts at each point in turn.
 
-    A second cut follows if the write was not complete.
+    A second cut follows if the write cannot be complete.
     """
     for after in itertools.cycle(POINTS_S):
         first = Cut(1, after)

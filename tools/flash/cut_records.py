@@ -22,7 +22,7 @@ OPERATIONS: Final = ("row of the image", "image made pending", "try counted", "i
 
 
 def name_operation(cut: PowerCut) -> str:
-    """Name of the flash operation that a power cut interrupted, such as a row, a record or a configuration."""
+    """Return which flash operation a power cut interrupted, as one of `OPERATIONS`."""
     if cut.row in (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_ROW + 1):
         return OPERATIONS[4]
     if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
@@ -34,9 +34,9 @@ def name_operation(cut: PowerCut) -> str:
 
 
 def _find_newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
-    """Payload of the valid flash record with the highest sequence number; None without a valid record.
+    """Return the payload of the valid flash record with the highest sequence number; None without a valid record.
 
-    flash: content of the whole flash. first_row: first of the rows with such records. magic: their first bytes.
+    flash: content of the whole flash. first_row: first of the two rows with such records. magic: their first bytes.
     """
     newest: tuple[int, bytes] | None = None
     for row in (first_row, first_row + 1):
@@ -50,12 +50,12 @@ def _find_newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | No
 
 
 def find_confirmed_slot(flash: bytes) -> int | None:
-    """Slot of the confirmed image; None without a record."""
+    """Return the slot of the confirmed image; None without a valid record. flash: content of the whole flash."""
     payload = _find_newest_payload(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
     return None if payload is None else int(unpack(Metadata, payload)[0]["confirmed"])
 
 
 def decode_configuration(flash: bytes) -> dict[str, Any] | None:
-    """Fields of the valid configuration; None if there is none."""
+    """Return the fields of the valid configuration; None if there is none. flash: content of the whole flash."""
     payload = _find_newest_payload(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
     return None if payload is None else unpack(Configuration, payload)[0]

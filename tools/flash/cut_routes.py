@@ -30,11 +30,11 @@ class Route(Protocol):
         ...
 
     def version(self) -> tuple[int, int, int] | None:
-        """Version of the running application; None if no application starts (bricked)."""
+        """Return the version of the running application; None if no application starts (bricked)."""
         ...
 
     def check_hub(self) -> None:
-        """Raises `TaxelError` if the hub has stopped polling or does not answer."""
+        """Raise `TaxelError` if the hub has stopped polling or does not answer."""
         ...
 
 
@@ -43,12 +43,10 @@ def ignore_progress(progress: Progress) -> None:
 
 
 class NeighbourMonitor:
-    """Monitors the frames of a neighbour board while the hub polls and another board loses power."""
+    """Check of the frames of a neighbour board, which keeps its power while another board loses it."""
 
     def __init__(self, client: HubClient) -> None:
-        """Start the stream of the hub, in order to measure the longest time without a frame of a board that keeps
-        its power.
-        """
+        """Start the hub's stream of frames at `RATE_HZ`."""
         self.client = client
         self.longest_gap_s = 0.0
         self._last_s: float | None = None
@@ -56,8 +54,9 @@ class NeighbourMonitor:
         client.start()
 
     def check_frames(self) -> None:
-        """Check the new frames of the neighbour board. Raises `TaxelError` if the hub restarted or the board is
-        missing.
+        """Read the new frames of the neighbour board and update `longest_gap_s`.
+
+        Raises `TaxelError` if the hub has restarted or if there is no frame of the board.
         """
         self.client.wait(2.5 / RATE_HZ)
         times = [frame.time_s for frame in self.client.stream.frames if frame.address == NEIGHBOUR]
@@ -76,8 +75,9 @@ class BoardRoute:
     address = BOARD
 
     def __init__(self, world: VirtualWorld, through_hub: bool) -> None:
-        """Connect to an emulated board through the hub or, otherwise, through an I2C adapter while the hub also
-        polls.
+        """Connect to an emulated board through the hub or, otherwise, through an I2C adapter.
+
+        The hub polls the boards in both cases.
         """
         self.wire: BoardWire
         link = VirtualMemoryLink(world)
@@ -95,12 +95,12 @@ class BoardRoute:
         run(self.wire, update_board(BOARD, firmware, self.wire.now_s, ignore_progress))
 
     def version(self) -> tuple[int, int, int] | None:
-        """Firmware version of the board from its identity registers; None if no application starts."""
+        """Return the firmware version of the board from its identity registers; None if no application starts."""
         identity = run(self.wire, wait_for_application(BOARD, self.wire.now_s, START_TIMEOUT_S))
         return None if identity is None else get_firmware_version(identity)
 
     def check_hub(self) -> None:
-        """Check that the neighbour board is still polled."""
+        """Check that the hub still polls the neighbour board. Raises `TaxelError` otherwise."""
         self.neighbour.check_frames()
 
 
@@ -119,12 +119,12 @@ class HubRoute:
         run(target.wire, update_target(target, firmware, ignore_progress))
 
     def version(self) -> tuple[int, int, int] | None:
-        """Firmware version of the hub from its handshake; None if no application starts."""
+        """Return the firmware version of the hub from its handshake; None if no application starts."""
         target = HubTarget(self._link)
         return run(target.wire, target.wait_for_application(START_TIMEOUT_S))
 
     def check_hub(self) -> None:
-        """Check that the hub polls its boards."""
+        """Check that the hub polls its boards. Raises `TaxelError` otherwise."""
         target = HubTarget(self._link)
         target.polled_addresses = [BOARD]
         run(target.wire, target.check_operation())

@@ -51,9 +51,7 @@ class WorldResult:
 
 
 def run_updates(plan: WorldPlan) -> WorldResult:
-    """Run every planned update of an emulated world with its power cuts, one after the other, until the first
-    failure.
-    """
+    """Run the planned updates of an emulated world with their power cuts in order, up to the first failure."""
     result = WorldResult(plan.number, plan.route)
     is_hub = plan.route.startswith("hub")
     text = make_small_world(
@@ -83,8 +81,8 @@ class _Update:
     ) -> None:
         """Prepare a firmware update during which the power is cut.
 
-        route: access to the board or the hub to update. index: number of the update, which determines the new
-        version. sequence: planned power cuts. result: receives one record per cut.
+        route: access to the board or hub to update. index: number of the update, which determines the new version.
+        sequence: planned power cuts. result: receives one record per cut.
         """
         self.world = world
         self.route = route
@@ -102,16 +100,19 @@ class _Update:
         self.recorded_count = 0
 
     def _read_slot(self, flash: bytes, slot: int) -> bytes:
-        """The bytes of a firmware slot. flash: content of the whole flash."""
+        """Return the bytes of a firmware slot. flash: content of the whole flash."""
         begin = self.layout.slot_address(slot)
         return flash[begin : begin + self.layout.slot_size]
 
     def run(self) -> None:
-        """Run the update command until the image is confirmed; the planned cuts interrupt it."""
+        """Repeat the update command until the image is confirmed; the planned cuts interrupt it.
+
+        Raises `CampaignError` if the command does not succeed in `RUNS_MAX` runs or if the device is wrong afterwards.
+        """
         for cut in self.sequence.cuts:
             self.world.plan_power_cut(self.route.address, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
-            failure = self._try()
+            failure = self._try_update()
             cut_count = self._record_outcomes()
             if failure is None and cut_count == len(self.sequence.cuts):
                 self.result.runs.append(runs)
@@ -120,7 +121,7 @@ class _Update:
         cause = f"the last run ended with: {failure}" if failure else f"only {cut_count} cuts were made"
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish the update; {cause}")
 
-    def _try(self) -> str | None:
+    def _try_update(self) -> str | None:
         """Run the update command once. Returns the error message of a failed update, or None."""
         try:
             self.route.update(self.firmware)
@@ -129,10 +130,10 @@ class _Update:
         return None
 
     def _record_outcomes(self) -> int:
-        """Record the outcome of the new power cuts. Returns the number of cuts of this update so far.
+        """Record the outcome of the new power cuts, and return the number of cuts of this update so far.
 
-        Checking the device can trigger the next planned cut, because an image confirms itself when a host
-        communicates with it.
+        Checking the device can trigger the next planned cut, because an image confirms itself when a host communicates
+        with it.
         """
         while True:
             self.world.run(OFF_S + 0.01)  # Until the power is back.
@@ -146,12 +147,11 @@ class _Update:
                 return recorded_count
 
     def _count_cuts(self) -> int:
-        """Number of power cuts of this update so far."""
+        """Return the number of power cuts of this update so far."""
         return self.world.count_power_cuts(self.route.address) - self.cuts_before
 
     def _record_cuts(self, version: tuple[int, int, int] | None) -> int:
-        """Record the new power cuts with the version that runs afterwards. Returns the number of cuts of this
-        update so far.
+        """Record the new power cuts with the version that runs afterwards, and return the number of cuts so far.
 
         Raises `CampaignError` if the device does not start or its flash is damaged.
         """
@@ -167,8 +167,9 @@ class _Update:
         return len(cuts)
 
     def _classify_outcome(self, version: tuple[int, int, int] | None) -> str:
-        """The state after a power cut: "old" or "new" version, bricked (no version runs), or damaged (wrong bytes
-        in flash).
+        """Return the state after a power cut: "old" or "new" version, `BRICKED` or `DAMAGED`.
+
+        BRICKED: no version runs. DAMAGED: wrong bytes in the flash, or a version that is neither old nor new.
         """
         if version is None:
             return BRICKED
@@ -182,8 +183,9 @@ class _Update:
         return "old" if version == self.old_version else DAMAGED
 
     def _check_end(self) -> None:
-        """Check that the new image runs and is confirmed after a successful update. Raises `CampaignError`
-        otherwise.
+        """Check after a successful update that the new image runs and is confirmed.
+
+        Raises `CampaignError` otherwise.
         """
         flash = self.world.read_flash(self.route.address).data
         if self._classify_outcome(self.route.version()) != "new" or find_confirmed_slot(flash) != 1 - self.old_slot:

@@ -48,14 +48,15 @@ class Tally:
         self.failures += result.failures
 
     def count_cuts(self, name: str) -> int:
-        """Number of power cuts with a phase of the write or an outcome, such as "erasing" or "old", over all
-        operations.
+        """Return the number of power cuts over all operations.
+
+        name: phase of the write or outcome, such as "erasing" or "old".
         """
         return sum(counter[name] for counter in self.by_operation.values())
 
 
 def build_tally(results: Iterable[WorldResult]) -> Tally:
-    """Sum of the counts of power cuts over all emulated worlds."""
+    """Add up the counts of power cuts over all emulated worlds."""
     tally = Tally()
     for result in results:
         tally.add(result)
@@ -63,7 +64,7 @@ def build_tally(results: Iterable[WorldResult]) -> Tally:
 
 
 def build_document(tally: Tally, seed: int) -> dict[str, Any]:
-    """JSON document with the counts of all power cuts."""
+    """Build the JSON document with the counts of all power cuts."""
     return {
         "seed": seed,
         "cuts": tally.cuts,
@@ -88,7 +89,7 @@ def build_document(tally: Tally, seed: int) -> dict[str, Any]:
 
 
 def format_operation_rows(tally: Tally) -> list[list[str]]:
-    """Table of power cuts by interrupted flash operation: headings, one row for each operation, and the totals."""
+    """Return the table cells of power cuts by interrupted operation: headings, one row per operation, and totals."""
     rows = [["interrupted operation", *MOMENTS, "cuts", "old", "new", CUT_AGAIN, DAMAGED, BRICKED]]
     for name, counter in tally.by_operation.items():
         cuts = sum(counter[moment] for moment in MOMENTS)
@@ -100,7 +101,7 @@ def format_operation_rows(tally: Tally) -> list[list[str]]:
 
 
 def format_route_rows(tally: Tally) -> list[list[str]]:
-    """Table of power cuts by route (adapter, hub, blank boards): headings and one row for each route."""
+    """Return the table cells of power cuts by route (adapter, hub, blank boards): headings, and one row per route."""
     rows = [["route", "updates", "command runs", "cuts", "old", "new", CUT_AGAIN, BRICKED]]
     for name, counter in tally.by_route.items():
         cuts = sum(counter[key] for key in OUTCOMES)
@@ -115,7 +116,7 @@ def format_route_rows(tally: Tally) -> list[list[str]]:
 
 
 def render_text(tally: Tally, seed: int) -> str:
-    """Text with both tables of power cuts and the totals."""
+    """Return the text with both tables of power cuts, the totals and the failures."""
     run_counts = ", ".join(f"{count} in {runs}" for runs, count in sorted(tally.runs.items()))
     lines = [*_format_columns(format_operation_rows(tally)), "", *_format_columns(format_route_rows(tally)), ""]
     lines.append(
@@ -128,7 +129,7 @@ def render_text(tally: Tally, seed: int) -> str:
 
 
 def _format_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a text table with aligned columns: the first column to the left, the others to the right."""
+    """Return the lines of a text table with aligned columns: the first one to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(
@@ -140,7 +141,7 @@ def _format_columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def render_page(tally: Tally, seed: int, command: str) -> str:
-    """Text of docs/flash-power-cuts.md from its template. command: that reproduces the page."""
+    """Return the text of docs/flash-power-cuts.md. command: command that writes the same page."""
     values = {
         "command": command,
         "seed": str(seed),
@@ -164,6 +165,6 @@ def render_page(tally: Tally, seed: int, command: str) -> str:
 
 
 def _format_markdown(rows: Sequence[Sequence[str]]) -> str:
-    """Markdown table; the first row is the header."""
+    """Return the cells as a Markdown table; the first row contains the headings."""
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])

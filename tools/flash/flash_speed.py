@@ -65,7 +65,7 @@ class Speed:
         return BOARDS * self.alone_s
 
     def to_json(self) -> dict[str, Any]:
-        """The measured durations of updates as values of a JSON document."""
+        """Return the measured durations of updates as values of a JSON document."""
         setting = {
             "latency": self.setting.latency,
             "held": self.setting.has_flow_control,
@@ -94,7 +94,10 @@ def ignore_progress(progress: Progress) -> None:
 
 
 def measure_boards(setting: Setting, boards: int, rows: int) -> float:
-    """Virtual seconds until `boards` boards run new firmware. Raises `TaxelError` if an update fails."""
+    """Return the virtual seconds until `boards` boards run new firmware of `rows` rows.
+
+    Raises `TaxelError` if an update fails.
+    """
     firmware = make_firmware_images(BootDevice.BOARD, rows, VERSION, seed=1)
     with VirtualWorld(make_full_hand_world(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
         world.run(BOOT_S)
@@ -112,7 +115,7 @@ def measure_boards(setting: Setting, boards: int, rows: int) -> float:
 
 
 def measure_hub(setting: Setting, rows: int) -> float:
-    """Virtual seconds until the hub runs new firmware and polls its boards."""
+    """Return the virtual seconds until the hub runs new firmware of `rows` rows and polls its boards."""
     firmware = make_firmware_images(BootDevice.HUB, rows, VERSION, seed=1)
     with VirtualWorld(make_full_hand_world(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
         world.run(BOOT_S)
@@ -123,7 +126,7 @@ def measure_hub(setting: Setting, rows: int) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure the durations of firmware updates and print the table."""
+    """Measure the durations of firmware updates, print the table, and write it as JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=LAYOUTS[BootDevice.BOARD].slot_rows, help="rows of a board's image")
     parser.add_argument("--json", type=Path, help="write the results to this file")

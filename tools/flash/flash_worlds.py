@@ -14,7 +14,10 @@ HEADER = 32
 
 
 def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int, int], seed: int) -> Firmware:
-    """Images for both slots that almost fill `rows` flash rows; content depends on seed, slot and version."""
+    """Create the images for both slots of a device, which almost fill `rows` flash rows.
+
+    Their content is random and depends on seed, slot and version.
+    """
     size = rows * BOOT_ROW_SIZE - 40
     images = []
     for slot in (0, 1):
@@ -24,9 +27,9 @@ def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int,
 
 
 def make_small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> str:
-    """Text of a world file with the first boards of a small rig, without noise and with a short boot time.
+    """Return the text of a world file with the first boards of the hand rig4, without noise and with a short boot time.
 
-    lines: additional lines of the world file.
+    boards: number of boards. lines: additional lines of the world file.
     """
     settings = WorldSettings(seed=seed, noise_counts=0.0, boot_ms=4.0, usb_latency_ms=1.0)
     text = format_world(load_hand("rig4"), settings).splitlines()
@@ -36,12 +39,12 @@ def make_small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> s
 
 
 def read_unique_ids(world: str) -> dict[int, bytes]:
-    """Unique id of each board of a world file, by address."""
+    """Read the unique id of each board of a world file, by address."""
     boards = [line.split() for line in world.splitlines() if line.startswith("board ")]
     return {int(fields[1], 0): bytes.fromhex(fields[7]) for fields in boards}
 
 
 def make_full_hand_world(lines: Sequence[str] = (), **settings: float) -> str:
-    """World file of the default hand with its 17 boards, plus `lines`."""
+    """Return the text of a world file of the default hand with its 17 boards, followed by `lines`."""
     text = format_world(load_hand("original"), WorldSettings(**settings))  # type: ignore[arg-type]
     return text + "".join(f"{line}\n" for line in lines)

@@ -38,7 +38,10 @@ def run_world(plan: WorldPlan) -> WorldResult:
 
 
 def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
-    """Run the planned power cuts of all emulated worlds in `jobs` processes; results in arbitrary order."""
+    """Run the planned power cuts of all emulated worlds in `jobs` processes.
+
+    Yields the results; their order is arbitrary with several processes.
+    """
     if jobs == 1:
         yield from map(run_world, plans)
         return
@@ -47,7 +50,7 @@ def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the campaign of power cuts during firmware updates and print its results."""
+    """Run the campaign and print its results; the exit status is 1 after a failure, or if there was no cut."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=10_000, help="least number of cuts (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="seed of images, second cuts and torn words")

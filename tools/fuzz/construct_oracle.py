@@ -30,8 +30,10 @@ TO_HUB = 2
 
 
 def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
-    """Ends of the blocks of the byte stuffing in a chunk of received bytes: (encoded bytes so far, decoded body so
-    far).
+    """Decode the byte stuffing of a chunk block by block.
+
+    chunk: received bytes between two zero bytes. After each block, yields the number of encoded bytes so far and the
+    decoded (whitened) body so far; stops at an incomplete block, and when the body exceeds `BODY_MAX`.
     """
     body = bytearray()
     position = 0
@@ -49,9 +51,10 @@ def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
-    """Parse the body of a frame with construct; None if construct or the rules of the frame type reject it.
+    """Parse a frame with construct. Returns None if construct or the rules of the frame type reject it.
 
-    wire: encoded bytes. directions: bit mask of the permitted directions.
+    wire: encoded bytes of the frame; body: the same frame, decoded. directions: bit mask of the permitted directions,
+    `TO_HOST` and `TO_HUB`. The rules of a type limit its direction, the payload's size and the board address.
     """
     try:
         content = WireFrame.parse(b"\0" + wire + b"\0")
@@ -70,10 +73,11 @@ def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
 
 
 def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame | None] | None:
-    """The whole frame at the start of a chunk of received bytes, and the number of its encoded bytes; None if none.
+    """Find the complete frame with a correct CRC at the start of a chunk of received bytes.
 
-    The frame is None if its CRC is right but construct or the rules of its type reject it: an unknown frame.
-    directions: bit mask of the permitted directions (host to hub, hub to host).
+    directions: bit mask of the permitted directions, `TO_HOST` and `TO_HUB`. Returns (number of encoded bytes, frame).
+    The frame is None if construct or the rules of its type reject it: an unknown frame. Returns None instead of the
+    tuple if no complete frame with a correct CRC starts here.
     """
     for end, body in _list_block_ends(chunk):
         if len(body) >= FRAME_HEADER_SIZE:
@@ -87,10 +91,10 @@ def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame | None]
 
 
 def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Frame]:
-    """All valid frames in a byte stream, in order; construct tries to parse a frame from each byte at which one can
-    begin.
+    """Return all valid frames in a byte stream, in order.
 
-    directions: bit mask of the permitted directions.
+    A frame may begin at any byte that is not part of a previous frame; construct parses it there. directions: bit mask
+    of the permitted directions, `TO_HOST` and `TO_HUB`.
     """
     frames: list[Frame] = []
     for chunk in stream.split(b"\0"):
@@ -118,10 +122,10 @@ class Losses:
     damaged: dict[int, int] = field(default_factory=dict)
 
     def to_totals(self) -> list[int]:
-        """The counts of lost frames in the layout of the C struct `taxel_batch_totals`.
+        """Return the counters as a list in the layout of the C struct `taxel_batch_totals`.
 
-        4 numbers, of which the last is the number of unknown frames (0 here), then 4 x 128 numbers by I2C address
-        (without compact frames).
+        First frames, lost frames, restarts and unknown frames (not counted here, 0). Then 128 numbers by I2C address
+        for each of received, missing and damaged frames, and for undecoded compact frames (not counted here, 0).
         """
         totals = [self.frames, self.lost, self.restarts, 0] + [0] * (4 * 128)
         for number, table in enumerate((self.received, self.missing, self.damaged)):
@@ -131,10 +135,10 @@ class Losses:
 
 
 def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: bytes) -> None:
-    """Count a received taxel frame for its board: as valid or damaged, and the frames missing since the previous
-    one.
+    """Count a received taxel frame in `losses`: as received or damaged, and the frames missing before it.
 
-    last: previous cycle and scan number of each board, by I2C address; updated. payload: of the taxel frame.
+    last: (poll cycle, scan number) of the previous frame of each board, by I2C address; updated. payload: payload of
+    the taxel frame.
     """
     address = payload[0]
     cycle, scan = int.from_bytes(payload[2:4], "little"), int.from_bytes(payload[8:10], "little")
@@ -148,13 +152,13 @@ def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: byte
 
 
 def _read_uptime_us(frame_type: int, payload: bytes) -> int | None:
-    """Uptime of the hub in a frame, microseconds; None for a frame without it."""
+    """Return the hub's uptime in microseconds from a frame; None for a frame type that does not contain it."""
     start = {int(FrameType.HUB_HANDSHAKE): 16, int(FrameType.HUB_STATUS): 0}.get(frame_type)
     return None if start is None else int.from_bytes(payload[start : start + 8], "little")
 
 
 def count_losses(frames: Iterable[Frame]) -> Losses:
-    """Losses that a host must count after these frames."""
+    """Count the losses that a host must report after it has received these frames, in order."""
     losses = Losses()
     previous: int | None = None
     last_uptime_us = 0

@@ -43,22 +43,22 @@ TYPES = (
 
 
 class Decoders:
-    """The decoders under test; each method decodes a complete stream."""
+    """The C decoders under test; each method decodes a complete stream."""
 
     def __init__(self) -> None:
-        """Load the C library of the codec and create the decoders under test."""
+        """Load the codec's C library and create the decoders."""
         self._library = load_codec_library()
         self._deframer = Deframer(self._library)
         self._decoder = StreamDecoder()
 
     def decode_frames(self, pieces: list[bytes]) -> list[Frame]:
-        """Decode a byte stream, given in pieces, with the C deframer."""
+        """Decode a byte stream with the C deframer. pieces: consecutive parts of the stream."""
         return self._deframer.decode(pieces)
 
     def decode_batches(self, pieces: list[bytes]) -> tuple[list[Frame], list[Frame], list[int]]:
-        """Decode a byte stream, given in pieces, with the host's batch decoder.
+        """Decode a byte stream with the host's batch decoder. pieces: consecutive parts of the stream.
 
-        Returns taxel frames without the CRC of the board, other frames, and the totals of losses.
+        Returns the taxel frames without the board's CRC, the other frames, and the totals of losses.
         """
         self._library.taxel_batch_init(self._decoder._state, TO_HOST)
         batches = [batch for piece in pieces for batch in self._decoder.push(piece)] + self._decoder.finish()
@@ -68,7 +68,7 @@ class Decoders:
 
 
 def _list_taxel_frames(batch: Batch) -> list[Frame]:
-    """The taxel frames of a decoded batch as (type, sequence, payload bytes), for a comparison with another decoder."""
+    """Return the taxel frames of a decoded batch as (type, sequence, payload without the board's CRC)."""
     names = ("address", "size", "cycle", "hub_time_us", "board_sequence", "board_time_us", "sequence", "offset")
     frames = []
     for row in batch.taxel_rows[list(names)].tolist() if len(batch.taxel_rows) else []:
@@ -80,20 +80,23 @@ def _list_taxel_frames(batch: Batch) -> list[Frame]:
 
 
 def _list_other_frames(batch: Batch) -> list[Frame]:
-    """The frames of a decoded batch that are not taxel frames, as (type, sequence, payload bytes)."""
+    """Return the frames of a decoded batch that are not taxel frames, as (type, sequence, payload)."""
     rows = batch.message_rows[["type", "sequence", "offset", "size"]].tolist() if len(batch.message_rows) else []
     return [(kind, sequence, batch.payloads[offset : offset + size]) for kind, sequence, offset, size in rows]
 
 
 def decode_reference(pieces: list[bytes]) -> list[Frame]:
-    """Decode a byte stream, given in pieces, with the Python reference decoder of the protocol."""
+    """Decode a byte stream with the Python reference decoder and return the frames to the host.
+
+    pieces: consecutive parts of the stream.
+    """
     decoder = ReferenceDecoder()
     frames = [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
     return [frame for frame in frames if frame[0] < 0x80]
 
 
 def sample_frames(rng: np.random.Generator) -> list[Frame]:
-    """Two to six random frames of one hub with consecutive sequence numbers."""
+    """Return two to six random frames of one hub with consecutive sequence numbers."""
     sequence, cycle = (int(n) for n in rng.integers(0, 65536, 2))
     frames: list[Frame] = []
     for kind in rng.choice(TYPES, rng.integers(2, 7)):
@@ -116,7 +119,7 @@ def sample_frames(rng: np.random.Generator) -> list[Frame]:
 
 
 def apply_damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
-    """Damage a byte stream once at a random position. kind: one of `DAMAGES`, such as "flip" or "delete"."""
+    """Return a byte stream with one damage at a random position. kind: one of `DAMAGES`, such as "flip" or "delete"."""
     at = int(rng.integers(len(stream) + (kind == "insert"))) if stream else 0
     size = int(rng.integers(1, 12 if rng.random() < 0.8 else 200))
     part = stream[at : at + size]
@@ -134,9 +137,9 @@ def apply_damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
 
 
 def find_intact_frames(frames: list[Frame], bodies: list[bytes], stream: bytes) -> list[Frame]:
-    """The sent frames whose encoded bytes are complete in the damaged stream, once for each occurrence, in order.
+    """Return the sent frames whose encoded bytes are complete in the damaged stream, in the order of the stream.
 
-    bodies: encoded bytes of each frame.
+    A frame that occurs twice is returned twice. bodies: encoded bytes of each frame.
     """
     places: list[tuple[int, int]] = []
     for index, body in enumerate(bodies):
@@ -148,7 +151,10 @@ def find_intact_frames(frames: list[Frame], bodies: list[bytes], stream: bytes) 
 
 
 def split_randomly(stream: bytes, rng: np.random.Generator) -> list[bytes]:
-    """Split a byte stream into random pieces, as a serial port delivers them."""
+    """Split a byte stream into random pieces, as a serial port delivers them.
+
+    A tenth of the streams into single bytes.
+    """
     if rng.random() < 0.1:
         return [stream[i : i + 1] for i in range(len(stream))]
     places = sorted({0, len(stream), *(int(n) for n in rng.integers(0, len(stream) + 1, rng.integers(0, 6)))})
@@ -156,9 +162,10 @@ def split_randomly(stream: bytes, rng: np.random.Generator) -> list[bytes]:
 
 
 def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str]) -> str | None:
-    """Compare all decoders on damaged stream number `index`. Returns the name of a decoder that differs, or None.
+    """Compare all decoders on the damaged stream number `index`.
 
-    seed: of the stream. tally: counts of streams and frames, updated.
+    Returns the name of the first decoder that differs from the expected frames, or None. tally: counts of streams,
+    frames and damages, updated.
     """
     rng = np.random.default_rng([seed, index])
     frames = sample_frames(rng)
@@ -192,9 +199,9 @@ def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str])
 
 
 def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float, str | None]:
-    """Compare all decoders on `count` damaged streams from number `first` on.
+    """Compare all decoders on `count` damaged streams, beginning with number `first`, up to the first difference.
 
-    Returns counts, processor time of this process in s, and a text on the first difference or None.
+    Returns the counts, the processor time of this process in seconds, and a text on the difference or None.
     """
     tally: Counter[str] = Counter()
     decoders = Decoders()
@@ -207,7 +214,7 @@ def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float,
 
 
 def main() -> int:
-    """Compare the decoders on damaged streams and print the counts."""
+    """Compare the decoders on damaged streams and print the counts; the exit status is 1 after a difference."""
     arguments = parse_options(__doc__, 500_000)
     tally: Counter[str] = Counter()
     seconds = 0.0
@@ -230,7 +237,7 @@ def main() -> int:
 
 
 def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], float, str | None]:
-    """Compare all decoders on a part (seed, first stream, count) of the streams, in a worker process."""
+    """Call `check_range` with (seed, number of the first stream, number of streams), in a worker process."""
     return check_range(*part)
 
 

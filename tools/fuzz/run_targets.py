@@ -59,7 +59,10 @@ class Outcome:
 
 
 def _run_command(command: list[str]) -> str:
-    """Run a command. Returns its standard output; raises `FuzzError` with the last line of its output if it fails."""
+    """Run a command and return its standard output.
+
+    Raises `FuzzError` with the last line of its output if the command fails.
+    """
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = (result.stdout + result.stderr).strip().splitlines()
@@ -68,7 +71,7 @@ def _run_command(command: list[str]) -> str:
 
 
 def find_clang() -> str:
-    """A clang that can link a libFuzzer target. Raises FuzzError if there is none."""
+    """Return the path of a clang that can link a libFuzzer target. Raises FuzzError if there is none."""
     clang = shutil.which("clang")
     if not clang:
         raise FuzzError(MISSING)
@@ -83,7 +86,7 @@ def find_clang() -> str:
 
 
 def build(clang: str) -> Path:
-    """Build the fuzz targets with `clang`. Returns their folder; raises FuzzError."""
+    """Build the fuzz targets with the compiler `clang` and return their folder. Raises FuzzError."""
     tools = Path(sys.executable).parent
     cmake = str(tools / "cmake") if (tools / "cmake").exists() else "cmake"
     folder = BUILD / "cmake"
@@ -104,13 +107,16 @@ def build(clang: str) -> Path:
 
 
 def _find_last_number(pattern: str, text: str) -> int:
-    """The last number in a text that the regular expression matches; 0 if there is none."""
+    """Return the number of the last match of a regular expression in a text; 0 if there is none."""
     numbers = re.findall(pattern, text)
     return int(numbers[-1]) if numbers else 0
 
 
 def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
-    """Run one target within `limits` (libFuzzer options). Findings are files in out/fuzz/findings."""
+    """Run one target within `limits` (libFuzzer options) and return the result.
+
+    Findings are files in out/fuzz/findings; a failure without such a file is reported as the name of the log.
+    """
     corpus, findings = OUT / "corpus" / binary.name, OUT / "findings"
     for folder in (corpus, findings):
         folder.mkdir(parents=True, exist_ok=True)
@@ -144,7 +150,10 @@ def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
 
 
 def _select_cover(binary: Path, name: str, options: list[str], sources: list[Path]) -> list[Path]:
-    """Select a minimal set of fuzz inputs that has the coverage of all inputs in the folders `sources`."""
+    """Select a minimal set of the inputs in the folders `sources` that has the same coverage, and return its files.
+
+    name: subfolder for the set. options: further libFuzzer options.
+    """
     folder = OUT / "merged" / binary.name / name
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -153,9 +162,9 @@ def _select_cover(binary: Path, name: str, options: list[str], sources: list[Pat
 
 
 def merge_corpus(binary: Path) -> int:
-    """Merge the new inputs into the corpus of the repository. Returns its number of files.
+    """Merge the new inputs of a target into the repository's corpus, and return the corpus's number of files.
 
-    The corpus has the inputs that reach all edges, then the longest inputs that increase the execution counts.
+    It keeps the inputs that reach all edges, and then the longest inputs that increase the execution counts.
     """
     corpus, new_inputs = SEEDS / binary.name, OUT / "merged" / binary.name / "found"
     shutil.rmtree(new_inputs, ignore_errors=True)
@@ -173,7 +182,10 @@ def merge_corpus(binary: Path) -> int:
 
 
 def main() -> int:
-    """Run the fuzz targets of the firmware and print one line for each."""
+    """Run the fuzz targets of the firmware and print one line for each.
+
+    The exit status is 1 after a finding, and 2 if the targets cannot be built or run.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=int, default=60, help="seconds for each target (default: 60)")
     parser.add_argument("--runs", type=int, help="executions of each target instead of a time")

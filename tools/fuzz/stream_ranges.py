@@ -19,7 +19,7 @@ def parse_options(description: str, streams: int) -> argparse.Namespace:
 
 
 def list_ranges(options: argparse.Namespace) -> list[tuple[int, int, int]]:
-    """Divide the streams into blocks: (seed, number of the first stream, number of streams) of each block."""
+    """Divide the streams into blocks and return (seed, number of the first stream, number of streams) of each."""
     end = options.first + options.streams
     return [(options.seed, i, min(BLOCK, end - i)) for i in range(options.first, end, BLOCK)]
 

@@ -17,16 +17,16 @@ import pyarrow.parquet
 
 @dataclass(frozen=True)
 class Hdf5:
-    """HDF5 files; a document has datasets by path, and attributes by path, "@" and name."""
+    """HDF5 files. A document maps paths to datasets, and "path@name" to attributes."""
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return datasets and attributes."""
+        """Return the datasets by path, and the attributes by "path@name"."""
         document: dict[str, Any] = {}
 
         def add(name: str, item: Any) -> None:
-            """Add one object of the file."""
+            """Add the attributes of one group or dataset, and the content of a dataset."""
             for key, value in item.attrs.items():
                 document[f"{name}@{key}"] = _simplify(value)
             if isinstance(item, h5py.Dataset):
@@ -39,7 +39,10 @@ class Hdf5:
         return document
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the file."""
+        """Return the bytes of an HDF5 file with these datasets and attributes.
+
+        Raises ValueError for an object that occurs twice.
+        """
         target = io.BytesIO()
         with h5py.File(target, "w") as file:
             for name, value in document.items():
@@ -55,13 +58,13 @@ class Hdf5:
 
 
 def _read_text(dataset: Any) -> Any:
-    """Return a dataset of texts: one text, or a list of texts."""
+    """Return the content of a dataset of strings: one string, or a list of strings."""
     texts = dataset.asstr()[()]
     return texts if isinstance(texts, str) else list(texts)
 
 
 def _simplify(value: Any) -> Any:
-    """Return a number of NumPy as a number of Python."""
+    """Return a NumPy scalar as a Python scalar, and any other value unchanged."""
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -72,24 +75,27 @@ class Npz:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the arrays."""
+        """Return the arrays by name."""
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes. A value that is no array of numbers or texts is stored as a pickled object."""
+        """Return the bytes of the archive.
+
+        A value that is not an array of numbers or strings is stored as a pickled object.
+        """
         return encode_npz({name: np.asarray(value, dtype=_choose_type(value)) for name, value in document.items()})
 
 
 def encode_npz(arrays: dict[str, Any]) -> bytes:
-    """Return the bytes of a NumPy archive, not compressed."""
+    """Return the bytes of an uncompressed NumPy archive. arrays: by name."""
     target = io.BytesIO()
     np.savez(target, **arrays)
     return target.getvalue()
 
 
 def _choose_type(value: Any) -> Any:
-    """Return the NumPy type of a value; object for a value that is no array."""
+    """Return the NumPy type of a value; object for a value from which NumPy cannot make an array of scalars."""
     try:
         return np.asarray(value).dtype
     except (ValueError, OverflowError):
@@ -98,17 +104,20 @@ def _choose_type(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Zip:
-    """Archives as members of bytes, so that the headers of the arrays of a NumPy archive are mutated; the CRC fits."""
+    """ZIP archives as a list of members and their bytes.
+
+    As a model of a NumPy archive it mutates the headers of the arrays; the members' CRCs are recomputed.
+    """
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the members."""
+        """Return the name and the bytes of each member."""
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return [{"name": name, "data": archive.read(name)} for name in archive.namelist()]
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the archive."""
+        """Return the bytes of the compressed archive."""
         target = io.BytesIO()
         with (
             warnings.catch_warnings(),
@@ -122,18 +131,24 @@ class Zip:
 
 @dataclass(frozen=True)
 class Parquet:
-    """Parquet files: columns of Python values, and texts by key. Arrow derives the type of a column from its values."""
+    """Parquet files: columns of Python values, and metadata strings by key.
+
+    Arrow derives the type of a column from its values.
+    """
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return columns and metadata."""
+        """Return the columns and the metadata."""
         table = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
         metadata = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         return {"columns": {name: table.column(name).to_pylist() for name in table.column_names}, "metadata": metadata}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the file."""
+        """Return the bytes of the file.
+
+        Raises ValueError for lists that are nested more than thirty times.
+        """
         if any(_is_deep(values) for values in document["columns"].values()):
             raise ValueError("Arrow takes seconds for hundreds of levels")
         columns = {name: pyarrow.array(values) for name, values in document["columns"].items()}
@@ -144,7 +159,7 @@ class Parquet:
 
 
 def _is_deep(values: Any) -> bool:
-    """Whether lists are nested more than thirty times."""
+    """Return whether the first elements of lists are nested more than thirty times."""
     for _ in range(30):
         if not isinstance(values, list) or not values:
             return False
@@ -159,7 +174,7 @@ class Sqlite:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return settings, schema and rows."""
+        """Return the settings, the statements of the schema, and the rows of each table."""
         connection = sqlite3.connect(":memory:")
         try:
             connection.deserialize(data)
@@ -174,7 +189,7 @@ class Sqlite:
             connection.close()
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the database."""
+        """Return the bytes of the database, made by executing the schema and inserting the rows."""
         connection = sqlite3.connect(":memory:", isolation_level=None)
         try:
             for statement in document["schema"]:

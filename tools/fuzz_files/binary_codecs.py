@@ -20,7 +20,7 @@ class Capture:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return magic, version, header and records."""
+        """Return magic, version, header and records. Raises ValueError for a truncated record."""
         magic, version, zero, size = _CAPTURE.unpack_from(data)
         end = _CAPTURE.size + size
         header = Json().decode(data[_CAPTURE.size : end])
@@ -35,7 +35,10 @@ class Capture:
         return {"magic": magic, "version": version, "zero": zero, "header": header, "records": records}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes. The key `size` of a record, which a mutation may add, replaces its length."""
+        """Return the bytes of the file.
+
+        The key `size` of a record, which a mutation may add, replaces the length of its data.
+        """
         text = Json().encode(document["header"])
         head = _CAPTURE.pack(document["magic"], document["version"], document["zero"], len(text))
         records = [
@@ -51,23 +54,32 @@ _CHUNK: Final = 6
 
 @dataclass(frozen=True)
 class Mcap:
-    """MCAP files (mcap.dev/spec): records of an opcode and bytes; chunks contain records. The CRC of a chunk fits."""
+    """MCAP files (mcap.dev/spec): records of an opcode and bytes.
+
+    Chunks contain records, and their CRC is recomputed.
+    """
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the records; those of an uncompressed chunk are decoded."""
+        """Return the records; those in an uncompressed chunk are decoded, too.
+
+        Raises ValueError for a file without the magic bytes.
+        """
         if data[:8] != MCAP_MAGIC or data[-8:] != MCAP_MAGIC:
             raise ValueError("no MCAP file")
         return _split_records(data[8:-8])
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes."""
+        """Return the bytes of the file."""
         return MCAP_MAGIC + _join_records(document) + MCAP_MAGIC
 
 
 def _split_records(data: bytes) -> list[dict[str, Any]]:
-    """Return the records of a part of an MCAP file."""
+    """Return the records in a part of an MCAP file: opcode, and body or fields of a chunk.
+
+    Raises ValueError for a truncated record.
+    """
     records, place = [], 0
     while place < len(data):
         code, size = struct.unpack_from("<BQ", data, place)
@@ -80,7 +92,10 @@ def _split_records(data: bytes) -> list[dict[str, Any]]:
 
 
 def _split_chunk(body: bytes) -> dict[str, Any]:
-    """Return the fields of a chunk: times, compression and records."""
+    """Return the fields of a chunk: times, compression and records.
+
+    A compressed chunk has its data and CRC instead of records.
+    """
     start, end, _, crc = struct.unpack_from("<QQQI", body)
     (length,) = struct.unpack_from("<I", body, 28)
     compression = body[32 : 32 + length].decode()
@@ -91,7 +106,10 @@ def _split_chunk(body: bytes) -> dict[str, Any]:
 
 
 def _join_records(records: Any) -> bytes:
-    """Return the bytes of records."""
+    """Return the bytes of MCAP records.
+
+    The key `size` of a record, which a mutation may add, replaces the length of its body.
+    """
     parts = []
     for record in records:
         body = record["body"] if "body" in record else _join_chunk(record)
@@ -100,7 +118,10 @@ def _join_records(records: Any) -> bytes:
 
 
 def _join_chunk(record: Any) -> bytes:
-    """Return the body of a chunk; size and CRC are those of its records unless the record states them."""
+    """Return the body of a chunk.
+
+    Size and CRC are computed from its records unless the document states them.
+    """
     name = record["compression"].encode()
     data = record["data"] if "data" in record else _join_records(record["records"])
     crc = record.get("crc", zlib.crc32(data))
@@ -118,7 +139,7 @@ class Bag:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the records."""
+        """Return the records. Raises ValueError for a file without the magic bytes, or with a truncated record."""
         if not data.startswith(BAG_MAGIC):
             raise ValueError("no bag")
         records, place = [], len(BAG_MAGIC)
@@ -134,7 +155,7 @@ class Bag:
         return records
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes."""
+        """Return the bytes of the bag, with the lengths of the fields and data."""
         parts = [BAG_MAGIC]
         for record in document:
             fields = [field["name"].encode() + b"=" + field["value"] for field in record["fields"]]
@@ -144,7 +165,10 @@ class Bag:
 
 
 def _take_block(data: bytes, place: int) -> tuple[bytes, int]:
-    """Return a block with a length of 32 bits, and the place behind it."""
+    """Return the block at `place`, which begins with its length in 32 bits, and the place after the block.
+
+    Raises ValueError for a truncated block.
+    """
     (size,) = struct.unpack_from("<I", data, place)
     block = data[place + 4 : place + 4 + size]
     if len(block) != size:
@@ -154,14 +178,20 @@ def _take_block(data: bytes, place: int) -> tuple[bytes, int]:
 
 @dataclass(frozen=True)
 class BinaryTable:
-    """A text header, and rows of one fixed binary form: PLY and PCD. marker: end of the header. row: form of a row."""
+    """PLY and PCD files: a text header, and rows of one fixed binary form.
+
+    marker: end of the header. row: form of a row, as a format of the module struct.
+    """
 
     marker: bytes
     row: str
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the words of the header's lines, and the rows."""
+        """Return the words of the header's lines, the rows, and the bytes after the last complete row.
+
+        Raises ValueError for a file without the end of a header.
+        """
         head, marker, body = data.partition(self.marker)
         if not marker:
             raise ValueError("no header")
@@ -171,7 +201,7 @@ class BinaryTable:
         return {"head": lines, "rows": rows, "rest": body[count * struct.calcsize(self.row) :]}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes."""
+        """Return the bytes of the file."""
         head = "\n".join(" ".join(map(str, line)) for line in document["head"]).encode() + b"\n"
         rows = [struct.pack(self.row, *row) for row in document["rows"]]
         return b"".join([head, self.marker, *rows, document["rest"]])
@@ -184,12 +214,12 @@ class BinaryStl:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return header, number of triangles and triangles."""
+        """Return header, number of triangles, triangles, and the bytes after the last triangle."""
         (count,) = struct.unpack_from("<I", data, 80)
         triangles = [list(row) for row in struct.iter_unpack("<12fH", data[84 : 84 + 50 * count])]
         return {"head": data[:80], "count": count, "triangles": triangles, "rest": data[84 + 50 * count :]}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes."""
+        """Return the bytes of the file; the document states the number of triangles, which may be wrong."""
         rows = [struct.pack("<12fH", *row) for row in document["triangles"]]
         return b"".join([document["head"], struct.pack("<I", document["count"]), *rows, document["rest"]])

@@ -22,7 +22,10 @@ _BLOCKS: Final = (1, 2, 4, 8, 16, 64, 512, 4096)
 
 
 def mutate_bytes(data: bytes, random: Random) -> tuple[bytes, str]:
-    """Return changed bytes and a description of the changes."""
+    """Apply one, two or four random operations to bytes.
+
+    Returns the changed bytes and a description of the operations.
+    """
     changes = []
     for _ in range(random.choice((1, 1, 1, 2, 4))):
         operation = random.choice(OPERATIONS)
@@ -32,46 +35,60 @@ def mutate_bytes(data: bytes, random: Random) -> tuple[bytes, str]:
 
 
 def _place(data: bytes, random: Random) -> int:
-    """Choose an offset; the first 64 bytes, which are most often a header, are chosen more often."""
+    """Return a random offset in `data`, 0 without data.
+
+    The first 64 bytes, which are most often a header, are chosen more often.
+    """
     return random.randrange(min(len(data), 64) if random.random() < 0.25 else len(data)) if data else 0
 
 
 def _flip_bit(data: bytes, random: Random) -> bytes:
+    """Flip one bit; empty data become one byte."""
     place = _place(data, random)
     return data[:place] + bytes([data[place] ^ 1 << random.randrange(8)]) + data[place + 1 :] if data else b"\1"
 
 
 def _set_byte(data: bytes, random: Random) -> bytes:
+    """Replace one byte with a value at a limit or a random value."""
     place = _place(data, random)
     return data[:place] + bytes([random.choice((0, 1, 127, 128, 255, random.randrange(256)))]) + data[place + 1 :]
 
 
 def _remove_block(data: bytes, random: Random) -> bytes:
+    """Remove a block of 1 to 4,096 bytes."""
     place = _place(data, random)
     return data[:place] + data[place + random.choice(_BLOCKS) :]
 
 
 def _repeat_block(data: bytes, random: Random) -> bytes:
+    """Repeat a block of 1 to 4,096 bytes 2, 3 or 50 times."""
     place, size = _place(data, random), random.choice(_BLOCKS)
     return data[:place] + data[place : place + size] * random.choice((2, 3, 50)) + data[place + size :]
 
 
 def _move_block(data: bytes, random: Random) -> bytes:
+    """Move a block of 1 to 4,096 bytes to another place."""
     place, target, size = _place(data, random), _place(data, random), random.choice(_BLOCKS)
     block, rest = data[place : place + size], data[:place] + data[place + size :]
     return rest[:target] + block + rest[target:]
 
 
 def _clear_block(data: bytes, random: Random) -> bytes:
+    """Replace a block of 1 to 4,096 bytes with zeros."""
     place, size = _place(data, random), random.choice(_BLOCKS)
     return data[:place] + bytes(len(data[place : place + size])) + data[place + size :]
 
 
 def _truncate(data: bytes, random: Random) -> bytes:
+    """Remove all bytes from a random place on."""
     return data[: _place(data, random)]
 
 
 def _set_integer(data: bytes, random: Random) -> bytes:
+    """Replace an integer of 2, 4 or 8 bytes with a limit of its type or with a value near the present one.
+
+    Data that are shorter than the integer become longer by one byte.
+    """
     code = random.choice(_INTEGERS)
     size = struct.calcsize(code)
     if len(data) < size:
@@ -86,11 +103,13 @@ def _set_integer(data: bytes, random: Random) -> bytes:
 
 
 def _insert_fragment(data: bytes, random: Random) -> bytes:
+    """Insert a fragment that text readers often mishandle, such as a byte order mark or deep nesting."""
     place = _place(data, random)
     return data[:place] + random.choice(_FRAGMENTS) + data[place:]
 
 
 def _replace_number(data: bytes, random: Random) -> bytes:
+    """Replace a decimal number in a text with an unusual one; insert a fragment if there is no number."""
     match = _NUMBER.search(data, _place(data, random))
     if match is None:
         return _insert_fragment(data, random)
@@ -98,6 +117,7 @@ def _replace_number(data: bytes, random: Random) -> bytes:
 
 
 def _change_line(data: bytes, random: Random) -> bytes:
+    """Repeat or remove a line, or exchange two lines."""
     lines = data.split(b"\n")
     place, other = random.randrange(len(lines)), random.randrange(len(lines))
     change = random.randrange(3)

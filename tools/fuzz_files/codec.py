@@ -14,9 +14,12 @@ class Codec(Protocol):
         ...
 
     def decode(self, data: bytes) -> Any:
-        """Return the document of a file. Raises any exception for a file that the codec does not understand."""
+        """Return the document of a file. Raises any exception if the codec does not understand the file."""
         ...
 
     def encode(self, document: Any) -> bytes:
-        """Return the file of a document, with lengths and checksums that fit. Raises any exception if impossible."""
+        """Return the bytes of the file with this document, with correct lengths and checksums.
+
+        Raises any exception if the format cannot express the document.
+        """
         ...

@@ -20,14 +20,17 @@ EMPTY: Final = "(empty)"
 
 
 def flatten(value: Any, path: str = "", skip: tuple[str, ...] = ()) -> Flat:
-    """Return the leaves of nested dicts, lists and dataclasses by path. skip: names of fields that are left out."""
+    """Return the leaves (values without members) of nested dicts, lists and dataclasses, by path.
+
+    skip: names of fields that are omitted. The length of a list has its path followed by "#".
+    """
     result: Flat = {}
     _collect(value, path, skip, result)
     return result
 
 
 def _collect(value: Any, path: str, skip: tuple[str, ...], result: Flat) -> None:
-    """Add the leaves of a value to `result`."""
+    """Add the leaves of `value`, whose path is `path`, to `result`."""
     if isinstance(value, Enum):
         result[path] = str(value.value)
     elif isinstance(value, np.generic):
@@ -56,7 +59,7 @@ def _collect(value: Any, path: str, skip: tuple[str, ...], result: Flat) -> None
 
 
 def _collect_members(members: Mapping[str, Any], path: str, skip: tuple[str, ...], result: Flat) -> None:
-    """Add the leaves of named members to `result`."""
+    """Add the leaves of named members to `result`; `EMPTY` if there are no members."""
     if not members:
         result[path] = EMPTY
     for name, each in members.items():
@@ -65,13 +68,13 @@ def _collect_members(members: Mapping[str, Any], path: str, skip: tuple[str, ...
 
 
 def list_differences(before: Flat, after: Flat) -> list[str]:
-    """Return the paths whose values differ, or that only one of the two contains."""
+    """Return the paths whose values differ between two documents, or that only one of the two contains."""
     paths = [path for path in before if path not in after or not is_equal(before[path], after[path])]
     return paths + [path for path in after if path not in before]
 
 
 def is_equal(a: Any, b: Any) -> bool:
-    """Whether two leaves are equal: numbers by value, NaN equals NaN, a bool equals no number."""
+    """Return whether two leaves are equal: numbers by value, NaN equals NaN, and a bool equals no number."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return _is_equal_array(a, b)
     if isinstance(a, bool) != isinstance(b, bool):
@@ -82,7 +85,10 @@ def is_equal(a: Any, b: Any) -> bool:
 
 
 def _is_equal_array(a: Any, b: Any) -> bool:
-    """Whether two arrays have equal types of values, shapes and elements."""
+    """Return whether two values are arrays with equal shapes and elements.
+
+    The numeric types may differ, except that a complex array equals only a complex one.
+    """
     if not (isinstance(a, np.ndarray) and isinstance(b, np.ndarray)) or a.shape != b.shape:
         return False
     if a.dtype.kind != b.dtype.kind and "c" in a.dtype.kind + b.dtype.kind:

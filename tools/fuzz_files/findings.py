@@ -20,10 +20,10 @@ _NUMBER: Final = re.compile(r"\d+|0x[0-9a-f]+|'[^']*'|\"[^\"]*\"")
 
 
 class FindingStore:
-    """Stores findings below a folder, one folder for each."""
+    """Findings of a campaign, stored below a folder with a folder for each."""
 
     def __init__(self, folder: Path, targets: Mapping[str, Target]) -> None:
-        """Prepare the store; the folder is created with the first finding."""
+        """Prepare the store. folder: created with the first finding. targets: by name."""
         self.count = 0
         self._folder = folder
         self._targets = targets
@@ -31,7 +31,11 @@ class FindingStore:
         self._texts: dict[tuple[str, str], str] = {}
 
     def add(self, task: Task, number: int, text: str) -> None:
-        """Store the finding of one input."""
+        """Count the finding of one input, and store the input's files with a description.
+
+        task: task that contains the input. number: number of the input; -1 for the target as a whole. text:
+        description. Only the first `KEPT` findings of a kind (same target, message and place in the code) are stored.
+        """
         self.count += 1
         kind = (task.target, _NUMBER.sub("N", text.strip().splitlines()[-1])[:120] + _find_place(text))
         numbers = self._kinds.setdefault(kind, [])
@@ -52,7 +56,7 @@ class FindingStore:
         (own / "finding.txt").write_text("\n".join(lines) + "\n", errors="backslashreplace")
 
     def print_summary(self) -> None:
-        """Print each kind of finding with its number of inputs and the first of them."""
+        """Print each kind of finding with the number of its inputs and the number of the first of them."""
         for (target, _), numbers in sorted(self._kinds.items()):
             text = self._texts[target, _].strip().splitlines()
             head = text[-1] if text[0].startswith("traceback") else text[0]
@@ -64,7 +68,7 @@ class FindingStore:
 
 
 def _find_place(text: str) -> str:
-    """Return the last place in the project of a traceback; "" for another text."""
+    """Return the last line of a traceback that lies in the project, as " [file:line]"; "" for a text without one."""
     places = re.findall(r'File "[^"]*/((?:host|tools|hil_tests|protocol)/[^"]+)", line (\d+)', text)
     own = [place for place in places if "fuzz_files" not in place[0]]
     return f" [{own[-1][0]}:{own[-1][1]}]" if own else ""

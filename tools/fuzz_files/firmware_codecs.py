@@ -19,19 +19,25 @@ _CRC_BYTES: Final = 4
 
 @dataclass(frozen=True)
 class Image:
-    """Images (.bin): a header with CRC-32, and the program."""
+    """Firmware images (.bin): a header with CRC-32, and the program."""
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the fields of the header, and the program."""
+        """Return the fields of the header, and the program.
+
+        Raises ValueError or struct.error for a truncated header.
+        """
         fields = dict(zip(_NAMES, _HEADER.unpack_from(data), strict=True))
         if len(data) < _HEADER.size + _CRC_BYTES:
             raise ValueError("truncated")
         return {**fields, "program": data[_HEADER.size + _CRC_BYTES :]}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the image."""
+        """Return the bytes of the image.
+
+        The CRC is computed unless a mutation has added the key `crc`.
+        """
         head = _HEADER.pack(*(document[name] for name in _NAMES))
         program = document["program"]
         covered = program[: max(0, document["length"] - _HEADER.size - _CRC_BYTES)]
@@ -41,12 +47,12 @@ class Image:
 
 @dataclass(frozen=True)
 class IntelHex:
-    """Intel HEX: lines of length, address, type, data and sum."""
+    """Intel HEX files: lines of length, address, type, data and checksum."""
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the lines. Raises ValueError for a wrong sum."""
+        """Return address, type and data of each line. Raises ValueError for a wrong length or checksum."""
         lines = []
         for line in data.decode("ascii").split():
             raw = bytes.fromhex(line[1:])
@@ -56,7 +62,10 @@ class IntelHex:
         return lines
 
     def encode(self, document: Any) -> bytes:
-        """Return the text with lengths and sums that fit."""
+        """Return the text with correct checksums.
+
+        The key `size` of a line, which a mutation may add, replaces the length of its data.
+        """
         texts = []
         for line in document:
             size = line.get("size", len(line["data"]))
@@ -67,12 +76,12 @@ class IntelHex:
 
 @dataclass(frozen=True)
 class Cyacd:
-    """`.cyacd`: a header line, and a line with number, length, data and sum of each flash row."""
+    """`.cyacd` files: a header line, and a line with number, length, data and checksum of each flash row."""
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return header and rows. Raises ValueError for a wrong sum."""
+        """Return the header and the rows. Raises ValueError for a wrong length or checksum."""
         head, *lines = data.decode("ascii").split()
         rows = []
         for line in lines:
@@ -83,7 +92,10 @@ class Cyacd:
         return {"head": bytes.fromhex(head), "rows": rows}
 
     def encode(self, document: Any) -> bytes:
-        """Return the text with lengths and sums that fit."""
+        """Return the text with correct checksums.
+
+        The key `size` of a row, which a mutation may add, replaces the length of its data.
+        """
         texts = [document["head"].hex().upper() + "\n"]
         for row in document["rows"]:
             size = row.get("size", len(row["data"]))

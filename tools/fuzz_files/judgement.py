@@ -35,10 +35,13 @@ class Outcome:
 
 
 class MutantReader:
-    """Reads mutants of one target in a folder, and judges the outcomes."""
+    """Reader of one target's mutants in a folder, and judge of the outcomes."""
 
     def __init__(self, target: Target, folder: Path) -> None:
-        """Make the valid files and read them. Raises any error of the reader for the valid files."""
+        """Write the target's valid files to the emptied folder and read them twice.
+
+        Raises any error of the reader for the valid files, and RuntimeError if the two readings differ.
+        """
         self.target = target
         self._folder = folder
         _clear(folder)
@@ -51,7 +54,10 @@ class MutantReader:
             raise RuntimeError(f"{target.name}: two readings of the valid files differ")
 
     def judge(self, mutant: Mutant) -> Outcome:
-        """Read a mutant, and judge the outcome."""
+        """Read a mutant and judge the outcome.
+
+        A traceback, a warning of NumPy, excessive memory, an unsuitable message and wrong data are findings.
+        """
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
@@ -68,7 +74,11 @@ class MutantReader:
         return self._judge_data(mutant, data)
 
     def _judge_data(self, mutant: Mutant, data: Flat) -> Outcome:
-        """Judge the data of an accepted mutant."""
+        """Judge the data of a mutant that the reader has accepted.
+
+        A reader that returns the data before a damage puts the error under the key "reported"; these data must be
+        correct.
+        """
         change = self.maker.describe_change(mutant)
         if "reported" in data:
             data = {**data}
@@ -87,13 +97,13 @@ class MutantReader:
         return Outcome(CHANGED if is_modelled else UNMODELLED)
 
     def _read(self, files: Files) -> Flat:
-        """Write files to the folder and read them; files of an earlier input that differ are replaced."""
+        """Write the files to the folder and read them; files of an earlier mutant are replaced."""
         write_files(self._folder, files)
         return self.target.read(self._folder / self._name)
 
 
 def _judge_message(error: BaseException) -> Outcome:
-    """Judge the error by which a reader reports an invalid file: one printable line that names a file or a field."""
+    """Judge the error with which a reader refuses a file: its message must be one line of limited length."""
     text = str(error)
     if not text or len(text.splitlines()) != 1:
         return Outcome(FINDING, f"error text is not one line: {text[:300]!r}")
@@ -103,12 +113,12 @@ def _judge_message(error: BaseException) -> Outcome:
 
 
 def read_files(folder: Path) -> Files:
-    """Return the content of all files below a folder by relative name."""
+    """Return the bytes of all files below a folder, by relative name."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def write_files(folder: Path, files: Files) -> None:
-    """Write files below a folder."""
+    """Write files below a folder, and create their folders. files: bytes by relative name."""
     for name, data in files.items():
         path = folder / name
         try:

@@ -33,10 +33,10 @@ class Mutant:
 
 
 class MutantMaker:
-    """Makes the mutants of one target from its valid files."""
+    """Maker of one target's mutants, from its valid files."""
 
     def __init__(self, target: Target, files: Files) -> None:
-        """Decode the valid files."""
+        """Decode the valid files with the codecs of the target. files: bytes by name."""
         self._target = target
         self._files = files
         self._names = [name for name in sorted(files) if re.search(target.mutable, name)]
@@ -49,7 +49,10 @@ class MutantMaker:
             self._flat[name] = None if model is None else flatten(model)
 
     def make(self, seed: int, number: int) -> Mutant:
-        """Return mutant `number`; equal arguments give equal mutants."""
+        """Return mutant `number`; equal arguments give equal mutants.
+
+        Fields of a decoded file are mutated, or its bytes, which is also done for a file without a codec.
+        """
         random = Random(f"{seed} {self._target.name} {number}")
         name = random.choice(self._names)
         codecs = self._target.find_codecs(name)
@@ -63,7 +66,10 @@ class MutantMaker:
         return Mutant(name, description, {**self._files, name: data})
 
     def _mutate_fields(self, name: str, index: int, codec: Codec, random: Random) -> Mutant | None:
-        """Return a mutant with changed fields; None if the changed document cannot be encoded."""
+        """Return a mutant of the file `name` with changed fields; None if the codec cannot encode the changed document.
+
+        index: number of the codec among those of the file.
+        """
         try:
             document, description = mutate_tree(self._documents[name, index], random)
             data = codec.encode(document)
@@ -72,7 +78,10 @@ class MutantMaker:
         return Mutant(name, f"{type(codec).__name__}: {description}", {**self._files, name: data})
 
     def describe_change(self, mutant: Mutant) -> Change:
-        """Return which fields of the file a mutation has changed."""
+        """Return which fields of the file a mutation has changed.
+
+        The result states no fields if the file has no codec or the codec cannot decode the mutant.
+        """
         codecs, before = self._target.find_codecs(mutant.name), self._flat[mutant.name]
         if not codecs or before is None:
             return Change()
@@ -89,8 +98,10 @@ class MutantMaker:
 
 
 def _is_same(before: Flat, after: Flat, path: str) -> bool:
-    """Whether two values of a file are the same: texts of one number, such as 0.5 and .50, texts that differ in white
-    space only, or a number and an array of this number.
+    """Return whether the values at a path mean the same.
+
+    They are equal numbers in strings, such as 0.5 and .50, strings that differ only in white space, or a number and an
+    array of this one number.
     """
     own, other = before.get(path), after.get(path)
     if isinstance(other, np.ndarray) and other.size == 1 and other.dtype.kind in "iuf" and isinstance(own, int | float):
@@ -104,10 +115,10 @@ def _is_same(before: Flat, after: Flat, path: str) -> bool:
 
 
 def _list_values(fields: Flat, paths: list[str]) -> list[str]:
-    """Return the values of fields in an order that does not depend on their paths."""
+    """Return the sorted representations of the values of fields, independent of their paths."""
     return sorted(repr(fields[path]) for path in paths if path in fields)
 
 
 def list_sizes(files: Mapping[str, bytes]) -> str:
-    """Return names and sizes of the files of an input as text."""
+    """Return the names and sizes of an input's files as a text."""
     return ", ".join(f"{name} ({len(data)} bytes)" for name, data in files.items())

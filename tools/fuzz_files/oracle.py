@@ -21,10 +21,10 @@ _CHECKED: Final = 40
 class Change:
     """The change of a file by a mutation.
 
-    fields: all fields of the mutated file by path; None: the file cannot be decoded, so that only the rules that need
-    no fields are applied. paths: of the changed fields. equivalent: those of them whose new text is the same number.
-    must_be_refused: whether the file is no file of its kind.
-    is_reordered: whether only the order of the values differs, which many formats ignore.
+    fields: all fields of the mutated file by path; None if the file cannot be decoded, and only rules that need no
+    fields are applied. paths: paths of the changed fields. equivalent: those of them whose new text means the same
+    number. must_be_refused: whether the file is not a file of its kind. is_reordered: whether only the order of the
+    values differs, which many formats ignore.
     """
 
     fields: Flat | None = None
@@ -35,9 +35,10 @@ class Change:
 
 
 def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -> str:
-    """Return a description of the first silent error; "" if there is none.
+    """Return a description of the first silent error: data that do not follow from the changed file.
 
-    before, after: data of the valid and of the mutated file.
+    before, after: data that the reader has returned for the valid and for the mutated file. Returns "" if there is
+    none.
     """
     changed, changes = change.fields, change.paths
     differences = list_differences(before, after)
@@ -59,7 +60,7 @@ def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -
 
 
 def _find_ignored(rules: Rules, change: Change) -> str:
-    """Return a description of a changed field that the reader accepts without an effect on its data."""
+    """Return a description of the changed fields that the reader accepts without an effect on its data; "" if none."""
     if change.fields is None or change.is_reordered or rules.is_protected or rules.subset:
         return ""
     # A field without an effect may be removed: its value was the default.
@@ -70,21 +71,25 @@ def _find_ignored(rules: Rules, change: Change) -> str:
 
 
 def _find_foreign_elements(path: str, before: Flat, after: Flat) -> str:
-    """Return a description of elements of a list that the valid file does not contain."""
+    """Return how many elements of the list at `path` the data of the valid file do not contain, as a text; "" for 0."""
     known, found = before[path], after[path]
     foreign = [element for element in found if element not in known]
     return f"{path}: {len(foreign)} elements that the valid file does not contain" if foreign else ""
 
 
 def _is_related(rules: Rules, path: str, changes: Sequence[str]) -> bool:
-    """Whether a difference of the data may follow from one of the changed fields."""
+    """Return whether a difference of the data at `path` may follow from one of the changed fields."""
     if not rules.related:
         return True
     return any(field.search(change) and data.search(path) for field, data in rules.related for change in changes)
 
 
 def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[str], differences: Sequence[str]) -> str:
-    """Return a description of a changed field whose new value is not among the different data."""
+    """Return a description of a changed field whose new value is not among the data that differ; "" if there is none.
+
+    after: data for the mutated file. changed: fields of this file. changes: paths of its changed fields. differences:
+    paths of the data that differ.
+    """
     values = [after[path] for path in differences if path in after]
     names = "\n".join(differences)  # a name in the file may be a part of a path of the data
     for change in changes[:_CHECKED]:
@@ -99,7 +104,10 @@ def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[st
 
 
 def _states(value: Any, expected: Any) -> bool:
-    """Whether a value of the data is the value of the file; a text of the file may be a number in the data."""
+    """Return whether a value of the data is the value of the file.
+
+    A string in the file may be a number in the data, and an array may contain the value.
+    """
     if isinstance(expected, np.ndarray) and expected.ndim == 0:
         expected = expected.item()
     if is_equal(value, expected):
@@ -111,7 +119,7 @@ def _states(value: Any, expected: Any) -> bool:
 
 
 def _is_in(array: Any, expected: Any) -> bool:
-    """Whether an array contains a number or a text, or NaN for a missing value."""
+    """Return whether an array contains a number or a string; a missing value in the file may be NaN in the array."""
     if array.dtype.kind == "U":
         return bool(np.any(array == str(expected).strip()))
     if array.dtype.kind not in "iufb":
@@ -123,7 +131,7 @@ def _is_in(array: Any, expected: Any) -> bool:
 
 
 def _to_number(value: Any) -> float | None:
-    """Return a number or a text of a number as a float; None for other values."""
+    """Convert a number, or a string with a number, to a float; None for other values and for NaN."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
@@ -134,5 +142,5 @@ def _to_number(value: Any) -> float | None:
 
 
 def _list(paths: Sequence[str]) -> str:
-    """Return the first paths as text."""
+    """Return the first four paths as a text."""
     return ", ".join(paths[:_SHOWN]) + (", ..." if len(paths) > _SHOWN else "")

@@ -19,13 +19,16 @@ _COMMENT: Final = 1
 class Pcapng:
     """PCAPNG files (draft-ietf-opsawg-pcapng) in little endian: blocks of a fixed head, data and options.
 
-    The first comment of a section is the header of the recording in JSON.
+    The first comment of a section is the recording's header in JSON.
     """
 
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the blocks: kind, values of the head, options, and the data of a packet."""
+        """Return the blocks: kind, values of the head, options, and the data of a packet.
+
+        Raises ValueError for a truncated block.
+        """
         blocks, place = [], 0
         while place < len(data):
             kind, size = struct.unpack_from("<II", data, place)
@@ -37,12 +40,18 @@ class Pcapng:
         return blocks
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes. A key `size` or `captured` of a block, which a mutation may add, replaces its length."""
+        """Return the bytes of the file.
+
+        The keys `size` and `captured` of a block, which a mutation may add, replace its lengths.
+        """
         return b"".join(map(_join_block, document))
 
 
 def _split_block(kind: int, body: bytes) -> dict[str, Any]:
-    """Return the fields of a block."""
+    """Return the fields of a block: kind, values of the head, options, and data or header.
+
+    body: block without its lengths.
+    """
     head = _HEADS[kind]
     values = list(head.unpack_from(body))
     block: dict[str, Any] = {"kind": kind, "head": values}
@@ -81,5 +90,5 @@ def _join_block(block: Any) -> bytes:
 
 
 def _join_option(code: int, value: bytes) -> bytes:
-    """Return the bytes of an option."""
+    """Return the bytes of an option, padded to a multiple of four."""
     return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)

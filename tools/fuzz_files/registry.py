@@ -11,6 +11,6 @@ FAMILIES: Final = ("recordings", "descriptions", "firmware", "geometry", "datase
 
 
 def list_targets() -> dict[str, Target]:
-    """Return all targets by name, in the order of their families."""
+    """Return all targets by name, family by family."""
     modules = [import_module(f"fuzz_files.targets.{family}") for family in FAMILIES]
     return {target.name: target for module in modules for target in module.TARGETS}

@@ -50,7 +50,7 @@ def parse_options() -> argparse.Namespace:
 
 
 def make_tasks(targets: dict[str, Target], seed: int, count: int) -> list[Task]:
-    """Divide the inputs among the readers by their weights, and into blocks; every reader gets at least 20."""
+    """Divide the inputs among the readers by their weights, and into blocks; every reader gets at least 20 inputs."""
     total = sum(target.weight for target in targets.values())
     shares = {name: max(20, round(count * target.weight / total)) for name, target in targets.items()}
     return [
@@ -69,7 +69,7 @@ def print_tally(tally: Tally, seconds: float) -> None:
 
 
 def main() -> int:
-    """Run the campaign, or repeat one input."""
+    """Run the campaign, or repeat one input; the exit status is 1 after a finding, and 2 for an unknown reader."""
     options = parse_options()
     targets = list_targets()
     wanted = [name for name in (options.reader or options.readers).split(",") if name]
@@ -95,7 +95,7 @@ def main() -> int:
 
 
 def _show_progress(tally: Tally) -> None:
-    """Print the number of files on a terminal."""
+    """Print the number of files and findings so far, on the same line of a terminal."""
     print(f"\r{tally.total().total()} files, {tally.total()[FINDING]} findings", end="", file=sys.stderr, flush=True)
 
 

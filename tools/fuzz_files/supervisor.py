@@ -32,12 +32,12 @@ Store = Callable[[Task, int, str], None]
 
 @dataclass
 class Tally:
-    """Outcomes by target."""
+    """Number of inputs by target and outcome."""
 
     counts: dict[str, Counter[str]] = field(default_factory=dict)
 
     def add(self, target: str, counts: Counter[str]) -> None:
-        """Add outcomes of a target."""
+        """Add the outcomes of some inputs of a target."""
         self.counts.setdefault(target, Counter()).update(counts)
 
     def total(self) -> Counter[str]:
@@ -49,7 +49,7 @@ class _Worker:
     """A worker process and its present task."""
 
     def __init__(self) -> None:
-        """Start the process."""
+        """Start the process with a temporary folder of its own."""
         context = multiprocessing.get_context("spawn")
         parent = str(_FAST_FOLDER) if _FAST_FOLDER.is_dir() else None
         self.folder = tempfile.mkdtemp(prefix="taxel-fuzz-", dir=parent)
@@ -70,10 +70,10 @@ class _Worker:
         self.connection.send(task)
 
     def is_late(self, limit_s: float) -> bool:
-        """Whether the worker has spent more than the limit on one input.
+        """Return whether the worker has spent more than `limit_s` on one input.
 
-        The limit holds for the processor time, so that a loaded machine causes no finding; a worker that waits uses
-        none, and is late after `WAITING_FACTOR` times the limit.
+        The limit holds for the processor time, so a loaded machine causes no finding. A worker that waits uses none,
+        and is late after `WAITING_FACTOR` times the limit.
         """
         present = self.number.value
         now, cpu_s = time.monotonic(), _read_cpu_seconds(self.process.pid)
@@ -92,7 +92,7 @@ class _Worker:
 
 
 def _read_cpu_seconds(process: int | None) -> float:
-    """Return the processor time of a process, seconds; 0 for one that has ended."""
+    """Return the processor time of a process in seconds; 0 for one that has ended."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -101,9 +101,9 @@ def _read_cpu_seconds(process: int | None) -> float:
 
 
 def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: Callable[[Tally], None]) -> Tally:
-    """Carry out all tasks in worker processes.
+    """Carry out all tasks in worker processes and return the outcomes.
 
-    limit_s: longest processor time of one input. show: called about once a second.
+    limit_s: longest processor time of one input. store: called for each finding. show: called about once per second.
     """
     waiting, tally, shown_s = deque(tasks), Tally(), time.monotonic()
     workers = [_Worker() for _ in range(min(jobs, len(tasks)))]
@@ -124,7 +124,10 @@ def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: 
 
 
 def _attend(worker: _Worker, waiting: deque[Task], tally: Tally, limit_s: float, store: Store) -> _Worker:
-    """Take the result of a worker and give it the next task; replace a worker that has ended or is late."""
+    """Take the result of a worker and give it the next task; replace a worker that has ended or is late.
+
+    Returns the worker, or its replacement.
+    """
     task = worker.task
     if task is None:
         return worker
@@ -149,7 +152,11 @@ def _attend(worker: _Worker, waiting: deque[Task], tally: Tally, limit_s: float,
 
 
 def _replace(worker: _Worker, task: Task, text: str, waiting: deque[Task], tally: Tally, store: Store) -> _Worker:
-    """Store a finding of the present input of a worker, and continue behind this input with another worker."""
+    """Store a finding of the worker's present input, and continue after this input with a new worker, which is
+    returned.
+
+    text: description of the finding.
+    """
     number = worker.number.value
     worker.process.join(0.5)
     code = worker.process.exitcode

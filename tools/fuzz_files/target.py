@@ -24,10 +24,10 @@ class Rules:
     """Rules of the data that a reader returns for a changed file. Paths are those of `Flat`.
 
     related: (pattern of a changed field of the file, pattern of the data that may then differ); the default permits
-    every difference. unused: fields of the file that do not enter the data. derived: fields whose value enters the data
-    only after a computation, so that the data need not contain the value itself. protected: the files have a checksum
-    over all data, so that data of a file with other bytes never differ. subset: path of a list of data that have a
-    checksum each, so that only their number may differ, never an element.
+    every difference. unused: fields of the file that do not affect the data. derived: fields whose value affects the
+    data only after a computation, so the data need not contain the value itself. is_protected: the files have a
+    checksum over all data, so the data of a file with other bytes never differ. subset: path of a list of data that
+    have a checksum each, so only their number may differ, never an element.
     """
 
     related: tuple[tuple[re.Pattern[str], re.Pattern[str]], ...] = ()
@@ -61,5 +61,5 @@ class Target:
     mutable: str = ""
 
     def find_codecs(self, name: str) -> tuple[Codec, ...]:
-        """Return the codecs of a file; none: only its bytes are mutated."""
+        """Return the codecs of a file by its name; () if only its bytes are mutated."""
         return next((codecs for pattern, codecs in self.codecs if re.search(pattern, name)), ())

@@ -20,11 +20,11 @@ class Toml:
     is_strict: bool = True
 
     def decode(self, data: bytes) -> Any:
-        """Return the tables."""
+        """Return the document as nested tables. Raises an error for invalid TOML."""
         return tomllib.loads(data.decode())
 
     def encode(self, document: Any) -> bytes:
-        """Return the text of the tables."""
+        """Return the text of the document. Raises ValueError for None."""
         lines = [f"{_quote(key)} = {_write(value)}" for key, value in document.items() if not _is_tables(value)]
         for key, value in document.items():
             for table in (value if isinstance(value, list) else [value]) if _is_tables(value) else ():
@@ -34,19 +34,19 @@ class Toml:
 
 
 def _is_tables(value: Any) -> bool:
-    """Whether a value is a table, or a list of tables."""
+    """Return whether a value is a table, or a list of one or more tables."""
     return isinstance(value, dict) or (
         isinstance(value, list) and bool(value) and all(isinstance(each, dict) for each in value)
     )
 
 
 def _quote(text: str) -> str:
-    """Return a key or a text as a basic string of TOML."""
+    """Return a key or a string as a basic string of TOML."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _write(value: Any) -> str:
-    """Return a value as TOML."""
+    """Return a value in the syntax of TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
@@ -71,19 +71,21 @@ class Json:
     is_strict: bool = True
 
     def decode(self, data: bytes) -> Any:
-        """Return the value. Raises ValueError for NaN, for infinite numbers and for repeated keys."""
+        """Return the value. Raises ValueError for NaN, infinite numbers and repeated keys."""
         return json.loads(data.decode(), parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_make_unique)
 
     def encode(self, document: Any) -> bytes:
-        """Return the text; NaN and infinite numbers are written, although JSON does not have them."""
+        """Return the text; NaN and infinite numbers are written although JSON does not have them."""
         return json.dumps(document).encode()
 
 
 def _refuse(word: str) -> NoReturn:
+    """Refuse the constants NaN and Infinity, which JSON does not have."""
     raise ValueError(word)
 
 
 def _finite(text: str) -> float:
+    """Convert the text of a number; raise ValueError if it exceeds the range of a float."""
     value = float(text)
     if not np.isfinite(value):
         raise ValueError(text)
@@ -91,6 +93,7 @@ def _finite(text: str) -> float:
 
 
 def _make_unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the members of an object; raise ValueError for a repeated key."""
     if len(dict(pairs)) != len(pairs):
         raise ValueError("a repeated key")
     return dict(pairs)
@@ -107,13 +110,13 @@ class GzipJsonLines:
         return [Json().decode(line) for line in gzip.decompress(data).splitlines()]
 
     def encode(self, document: Any) -> bytes:
-        """Return the compressed lines."""
+        """Return the compressed text with one line per value."""
         return gzip.compress(b"".join(Json().encode(line) + b"\n" for line in document), 1, mtime=0)
 
 
 @dataclass(frozen=True)
 class Csv:
-    """Tables of comma-separated values; a document is a list of rows of texts."""
+    """Tables of comma-separated values; a document is a list of rows of strings."""
 
     is_strict: bool = False
 
@@ -129,7 +132,7 @@ class Csv:
 
 
 def _convert_entry(value: Any) -> Any:
-    """Return an entry of a row; the entry of a list or a table is its text."""
+    """Return the value of a table entry; a list or a table becomes its text."""
     return value if isinstance(value, str | int | float) else ascii(value)
 
 

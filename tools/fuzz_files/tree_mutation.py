@@ -28,7 +28,10 @@ Slot = tuple[Any, Any]
 
 
 def mutate_tree(document: Any, random: Random) -> tuple[Any, str]:
-    """Return a changed copy of a document and a description of the change. The document itself is not changed."""
+    """Return a copy of a document with one to three random changes, and a description of them.
+
+    The document itself is not changed.
+    """
     root = [copy.deepcopy(document)]
     changes = []
     for _ in range(random.choice((1, 1, 1, 2, 3))):
@@ -38,7 +41,10 @@ def mutate_tree(document: Any, random: Random) -> tuple[Any, str]:
 
 
 def _choose_slot(root: list[Any], random: Random) -> Slot:
-    """Choose a member of the document. The walk from the root stops at every level with equal probability."""
+    """Choose a random member of the document.
+
+    The walk from the root goes down one level at a time, and stops at each level with a probability of 0.1.
+    """
     container: Any = root
     key: Any = 0
     while True:
@@ -50,7 +56,7 @@ def _choose_slot(root: list[Any], random: Random) -> Slot:
 
 
 def _change(container: Any, key: Any, random: Random) -> str:
-    """Change one member of a container in place; return a description."""
+    """Change one member of a container in place, and return a description."""
     value = container[key]
     operation = random.random()
     if operation < 0.55 or not isinstance(container, dict | list):
@@ -74,7 +80,7 @@ def _change(container: Any, key: Any, random: Random) -> str:
 
 
 def _other_value(value: Any, random: Random) -> Any:
-    """Return a value that replaces another one, most often of the same type."""
+    """Return a replacement for a value, most often of the same type."""
     if random.random() < 0.2:
         return random.choice((None, True, False, [], {}, 0, "text", 1.5, [value], {"a": value}))
     if isinstance(value, bool):
@@ -95,7 +101,7 @@ def _other_value(value: Any, random: Random) -> Any:
 
 
 def _other_number(value: int | float, random: Random) -> int | float:
-    """Return a number near a number, or a number at a limit of some type."""
+    """Return a number near `value`, or a number at the limit of some type."""
     finite = value if math.isfinite(value) else 0
     near = (
         value + 1,
@@ -110,7 +116,7 @@ def _other_number(value: int | float, random: Random) -> int | float:
 
 
 def _other_text(value: str, random: Random) -> str:
-    """Return a text like another one, or an unusual text."""
+    """Return a string with one change, or an unusual string."""
     if value and random.random() < 0.5:
         place = random.randrange(len(value))
         return value[:place] + random.choice(("", "x", " ", "0", "\0", "é", value)) + value[place + 1 :]
@@ -118,7 +124,7 @@ def _other_text(value: str, random: Random) -> str:
 
 
 def _other_array(value: np.ndarray, random: Random) -> np.ndarray:
-    """Return an array with another element, shape or type."""
+    """Return an array with another element, length, shape or type."""
     choice = random.random()
     if choice < 0.45 and value.size and value.dtype.kind in "fiub":
         changed = value.copy()
@@ -147,7 +153,7 @@ def _other_array(value: np.ndarray, random: Random) -> np.ndarray:
 
 
 def _repeat(container: Any, key: Any, random: Random) -> str:
-    """Repeat a member: of a list as further elements, of a dict under a new key."""
+    """Repeat a member in place: in a list as further elements, in a dict under a new key. Returns a description."""
     count = random.choice(_REPEATS)
     if isinstance(container, list):
         limit = 2000 if isinstance(container[key], int | float | str) else 200
@@ -158,14 +164,17 @@ def _repeat(container: Any, key: Any, random: Random) -> str:
 
 
 def _exchange(container: Any, key: Any, random: Random) -> str:
-    """Exchange the values of two members of a container."""
+    """Exchange the values of two members of a container in place, and return a description."""
     other = random.choice(list(container) if isinstance(container, dict) else range(len(container)))
     container[key], container[other] = container[other], container[key]
     return f"{key!r} exchanged with {other!r}"
 
 
 def _rename(container: Any, key: Any, random: Random) -> str:
-    """Give a member of a dict another key; double the value of a list's member."""
+    """Give a member of a dict another key; replace a member of a list by a list of two copies.
+
+    Returns a description.
+    """
     if isinstance(container, dict):
         name = random.choice((f"{key}x", str(key)[:-1], str(key).upper(), "", "name", "a.b", "__class__"))
         container[name] = container.pop(key)
@@ -175,7 +184,7 @@ def _rename(container: Any, key: Any, random: Random) -> str:
 
 
 def _show(value: Any) -> str:
-    """Return a short text of a value, for the description of a mutation."""
+    """Return a short text for a value, for the description of a mutation."""
     if isinstance(value, np.ndarray):
         return f"array {value.dtype} {list(value.shape)}"
     if isinstance(value, int) and abs(value) > 10**40:

@@ -25,7 +25,11 @@ _MARGIN: Final = 1 << 29
 
 @dataclass(frozen=True)
 class Task:
-    """Inputs of one target. first, count: numbers of the inputs. is_repeated: whether a process has ended in it."""
+    """Inputs of one target that a worker reads.
+
+    first, count: number of the first input, and how many. is_repeated: a worker process has been killed in this task
+    before.
+    """
 
     target: str
     seed: int
@@ -35,9 +39,11 @@ class Task:
 
 
 def run_worker(connection: Connection, number: Any, folder: str) -> None:
-    """Carry out tasks until None is received; send a Counter of outcomes and a list of (number, finding) for each.
+    """Carry out tasks until None is received.
 
-    number: shared integer, in which the worker stores the number of the present input; -1: none.
+    Sends for each task a Counter of outcomes, and a list of (number of the input, description of the finding). number:
+    shared integer in which the worker stores the number of the present input; -1 for none. folder: temporary folder of
+    the worker.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["TMPDIR"] = tempfile.tempdir = folder
@@ -56,7 +62,10 @@ def run_worker(connection: Connection, number: Any, folder: str) -> None:
 
 
 def _run_task(reader: MutantReader, task: Task, number: Any) -> tuple[Counter[str], list[tuple[int, str]]]:
-    """Read the inputs of one task."""
+    """Read the inputs of one task.
+
+    Returns the number of inputs by outcome, and (number, description) of each finding.
+    """
     counts: Counter[str] = Counter()
     findings = []
     _limit_memory()
@@ -75,7 +84,7 @@ def _run_task(reader: MutantReader, task: Task, number: Any) -> tuple[Counter[st
 
 
 def _read_peak() -> int:
-    """Return the largest memory of the process so far, bytes."""
+    """Return the largest memory that the process has had so far, in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 

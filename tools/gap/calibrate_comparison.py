@@ -47,7 +47,7 @@ UNKNOWN_CAUSE = {"kind": "outside", "truth": [UNKNOWN]}
 
 
 def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str, Any]:
-    """Evidence of a comparison and the truth of its world as JSON values."""
+    """Return the evidence of a comparison and the true causes of its world as JSON values."""
     gap = comparison.gap
     return {
         **world.to_json(),
@@ -59,9 +59,10 @@ def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str
 
 
 def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) -> dict[str, Any]:
-    """Make a world, compare its datasets and return the evidence; or the line of an error.
+    """Make a world, compare its datasets and return the evidence, or the world with the text of an error.
 
-    datasets: folder that keeps the datasets of all worlds; None: they are deleted.
+    A world with one cause also has the evidence without its effect, under the key "without". datasets: folder that
+    keeps the datasets of all worlds; None: they are deleted.
     """
     with TemporaryDirectory(prefix="taxel-calibration-") as name:
         folder = Path(name) if datasets is None else datasets / f"{world.number:03d}"
@@ -83,9 +84,10 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
 def run(
     out: Path, count: int, seed: int, jobs: int | None, datasets: Path | None, only_stored: bool
 ) -> list[dict[str, Any]]:
-    """Evidence of all worlds; those that an earlier run stored are read. Worlds with an error are left out.
+    """Collect the evidence of all worlds and return it; worlds that an earlier run has stored are read.
 
-    datasets: folder that keeps the datasets; None: they are deleted. only_stored: no further worlds.
+    Worlds with an error, and worlds whose cause is too weak, are omitted. datasets: folder that keeps the datasets;
+    None: they are deleted. only_stored: make no further worlds.
     """
     out.mkdir(parents=True, exist_ok=True)
     path = out / "evidence.jsonl"
@@ -108,13 +110,19 @@ def run(
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
-    """Whether the single cause of a world is no cause by its size (definition of the gap report, version 2)."""
+    """Return whether the single cause of a world changes the data too little to be a cause.
+
+    The limit is that of the gap report's definition, version 2.
+    """
     _, floor, excess = one["gap"]
     return len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor
 
 
 def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
-    """Fit the models of effects and of the unknown cause to the evidence of worlds."""
+    """Fit the models of the effects, of an unknown cause and of any cause to the evidence of worlds.
+
+    source: text that names the origin of the evidence.
+    """
     inputs = []
     for one in evidence:
         effects, remainder, _ = get_inputs(one)
@@ -131,18 +139,24 @@ def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
 
 
 def get_inputs(one: dict[str, Any]) -> tuple[dict[str, FloatArray], FloatArray, list[str]]:
-    """Inputs of the calibration from the stored evidence of one world."""
+    """Return the models' inputs from the stored evidence of one world.
+
+    Returns inputs by effect, inputs of the remainder that no effect explains, and names of the effects that were tried.
+    """
     effects = {name: EffectEvidence(**values).to_inputs() for name, values in one["effects"].items()}
     return effects, RemainderEvidence(**one["remainder"]).to_inputs(), one["tried"]
 
 
 def predict(one: dict[str, Any], calibration: Calibration) -> dict[str, float]:
-    """Probabilities of one world from its stored evidence."""
+    """Return the probability of each cause of one world, from its stored evidence."""
     return calibration.compute_probabilities(*get_inputs(one))
 
 
 def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dict[str, Any]:
-    """Scores on forms of causes that the fit did not use; worlds without a cause are divided at random."""
+    """Return the scores on worlds whose form of cause the fit did not use, by family of worlds and for all.
+
+    Worlds without a cause are divided randomly among the folds.
+    """
     rng = np.random.default_rng(seed)
     variants = sorted({variant for one in evidence for variant in one["forms"]})
     fold_of = dict(zip(variants, rng.permutation(len(variants)) % folds, strict=True))
@@ -169,6 +183,7 @@ def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dic
 
 
 def _format(value: float | int | None) -> str:
+    """Return a score as the text of a table entry; "-" for None."""
     return "-" if value is None else f"{value:.3f}" if isinstance(value, float) else str(value)
 
 

@@ -82,7 +82,10 @@ COMPARISONS: Final = (
 
 
 def sample_repeats(recorded: Iterable[Frames], seed: int, max_touches: int | None = None) -> list[Repeat]:
-    """Random repeats of the touches of all recordings. max_touches: largest number of touches of each recording."""
+    """Return random repeats of the touches of all recordings.
+
+    max_touches: largest number of touches of each recording.
+    """
     rng = np.random.default_rng(seed)
     repeats: list[Repeat] = []
     for frames in recorded:
@@ -93,8 +96,9 @@ def sample_repeats(recorded: Iterable[Frames], seed: int, max_touches: int | Non
 
 
 def compare_halves(folder: Path, repeats: list[Repeat]) -> dict[str, Any]:
-    """Diagnosis of the first half of the repeats of every touch against the second half, between which no gap
-    exists.
+    """Diagnose the first half of the repeats of every touch against the second half.
+
+    There is no gap between the halves. Returns the summary of the report.
     """
     first, second = folder / "first_half.h5", folder / "second_half.h5"
     for path, half in zip((first, second), split_halves(repeats), strict=True):
@@ -103,7 +107,7 @@ def compare_halves(folder: Path, repeats: list[Repeat]) -> dict[str, Any]:
 
 
 def summarise(report: dict[str, Any]) -> dict[str, Any]:
-    """The parts of a diagnosis report that the result table contains."""
+    """Return the parts of a gap report that the result table contains."""
     rows = [line for line in report["where"]["lines"] if line["axis"] == "tx"]
     return {
         "status": report["verdict"]["status"],
@@ -120,8 +124,9 @@ def summarise(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def compare_versions(folder: Path, repeats: list[Repeat], comparison: Comparison) -> dict[str, Any]:
-    """Diagnosis of two versions of the same frames, such as recorded and corrected ones, and whether it is as
-    expected.
+    """Diagnose two versions of the same frames, such as measured and corrected ones.
+
+    Returns the summary, the location of the true difference, and under "right" whether the result is as expected.
     """
     for version in (comparison.first, comparison.second):
         if not (folder / f"{version}.h5").exists():
@@ -149,7 +154,10 @@ def compare_versions(folder: Path, repeats: list[Repeat], comparison: Comparison
 
 
 def locate_difference(repeats: list[Repeat], comparison: Comparison) -> dict[str, Any]:
-    """Location of the difference of two versions, from the frames alone: rows, worst row, RMS by row and phase."""
+    """Return the location of the difference between two versions, from the frames alone.
+
+    Contains the rows that differ, the row that differs most, and the RMS difference by row and by phase.
+    """
     squares: FloatArray = np.zeros((4, ROWS))
     for phase in range(4):
         parts = []
@@ -170,9 +178,10 @@ def locate_difference(repeats: list[Repeat], comparison: Comparison) -> dict[str
 
 
 def run(folder: Path, recorded: list[Frames], splits: int, seed: int, show: Callable[[str], None]) -> dict[str, Any]:
-    """Run the diagnosis on recordings of a touch panel: all comparisons for a number of random splits into repeats.
+    """Run all comparisons on recordings of a touch panel.
 
-    splits: number of splits, with the seeds from `seed` on. show: called with one line for each result.
+    splits: number of random splits into repeats, with the seeds from `seed` on. show: called with one line for each
+    result. Returns all results as JSON values.
     """
     repeats = sample_repeats(recorded, seed)
     touches = len(repeats) // N_REPEATS
@@ -203,7 +212,7 @@ def run(folder: Path, recorded: list[Frames], splits: int, seed: int, show: Call
 
 
 def read_recordings(data: Path | None) -> list[Frames]:
-    """Recordings of a folder of text files; None: those of the library. Raises `TaxelError`."""
+    """Read the recordings of a folder of text files, or those of the library if `data` is None. Raises `TaxelError`."""
     if data is None:
         return [Frames.from_recording(load_recording(name)) for name in list_recordings()]
     importer = runpy.run_path(str(Path(__file__).resolve().parents[1] / "import_capfingerid.py"))
@@ -223,7 +232,7 @@ def read_recordings(data: Path | None) -> list[Frames]:
 
 
 def main() -> int:
-    """Run the command line; the exit status is 2 if a result differs from the expected result."""
+    """Run the comparisons; the exit status is 1 after an error, and 2 if a result differs from the expected result."""
     parser = argparse.ArgumentParser(description="Run the diagnosis on measured touches.")
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder of CapMatrix_<name>.txt")
     parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="a new folder")

@@ -29,22 +29,22 @@ SHORT_SHARDS = 2
 
 
 class RunTime(NamedTuple):
-    """Seconds: wall clock, processor time of this process, processor time of the worker processes."""
+    """Times of a run in seconds: wall clock, processor time of this process, processor time of the worker processes."""
 
     wall: float
     own: float
     workers: float
 
     def subtract(self, other: RunTime) -> RunTime:
-        """Difference of the times of this run and another run."""
+        """Return the differences between the times of this run and of another run."""
         return RunTime(*(a - b for a, b in zip(self, other, strict=True)))
 
 
 def measure_run(recipe: Recipe, workers: int) -> RunTime:
-    """Generate grasps with `workers` processes. Returns real time and processor times."""
+    """Generate grasps with `workers` processes and return the times."""
 
     def read_times() -> RunTime:
-        """Real time, and processor time of this process and of its child processes, until now."""
+        """Return the wall-clock time, and the processor times of this process and of its child processes, until now."""
         children = resource.getrusage(resource.RUSAGE_CHILDREN)
         return RunTime(time.perf_counter(), time.process_time(), children.ru_utime + children.ru_stime)
 
@@ -55,7 +55,10 @@ def measure_run(recipe: Recipe, workers: int) -> RunTime:
 
 
 def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
-    """Times of one generated grasp, without the start of the processes. shards: number of files of the long run."""
+    """Measure the times per generated grasp, without the start of the processes.
+
+    shards: number of files of the long run.
+    """
     short, long = (
         replace(recipe, grasps=recipe.grasps_per_shard * count) for count in (SHORT_SHARDS * workers, shards)
     )
@@ -64,7 +67,7 @@ def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
 
 
 def print_table(recipe: Recipe, shards: int) -> None:
-    """Measure and print the generated grasps per second for 1 and 2 workers and the projection to more."""
+    """Measure and print the grasps per second for 1 and 2 workers, and the projection to more workers."""
     one, two = (measure_per_grasp(recipe, shards, workers) for workers in (1, 2))
     load = os.getloadavg()[0]
     print(f"{recipe.fidelity}, {len(recipe.effects)} effects, load of the machine {load:.1f} on {os.cpu_count()} cores")
@@ -79,14 +82,15 @@ def print_table(recipe: Recipe, shards: int) -> None:
 
 
 def _format_row(workers: str, wall: str, cpu: str, rate: float) -> str:
-    """Line of the table: number of workers, real time, processor time, grasps per second, and hours for a large
-    dataset.
+    """Return a table row: workers, grasps per second, processor time, then the figures for an idle machine.
+
+    rate: grasps per second on an idle machine; the last column is the number of hours for 100,000 grasps.
     """
     return f"{workers:>9} {wall:>9} {cpu:>9} {rate:>17.1f} {PROJECTED_GRASPS / rate / 3600.0:>17.2f}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure the generation rate as the command line states."""
+    """Measure the generation rate with the settings of the command line."""
     parser = argparse.ArgumentParser(description="Grasps per second with 1 and 2 workers, and a projection.")
     parser.add_argument("--fidelity", choices=tuple(FIDELITIES), default="quick")
     parser.add_argument("--effects", type=Path, help="report.json of taxel gap diagnose")

@@ -36,7 +36,7 @@ CAMERA_DISTANCE_M = 0.42
 
 
 def main() -> None:
-    """Draw a picture of the final pose of each grasp approach and save it."""
+    """Simulate the selected grasp approaches, draw the final pose of each, and save the picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("picture", type=Path)
     parser.add_argument("--size", type=int, default=480, help="size of a panel, pixels")
@@ -98,7 +98,7 @@ def _make_camera(scene: Scene, approach: Approach, palm: NDArray[np.float64]) ->
 
 
 def _set_pose(model: mujoco.MjModel, data: mujoco.MjData, body: str, pose: NDArray[np.float64]) -> None:
-    """Move a MuJoCo mocap body to a pose. pose: transform f64[4, 4]."""
+    """Move a MuJoCo mocap body to a pose. pose: f64[4, 4], transform from the body to the world."""
     index = model.body_mocapid[model.body(body).id]
     data.mocap_pos[index] = pose[:3, 3]
     data.mocap_quat[index] = to_quaternion(pose)

@@ -30,21 +30,24 @@ DOME_ROWS = 7  # TX 0..6 of a fingertip are on the dome, the other lines on the 
 
 
 def compute_sheet_coordinates(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coordinates of each taxel on its flat sheet, in m: to the distal end, and to the left of the sheet's centre."""
+    """Compute the coordinates of each taxel on its flat sheet from the sheet's centre.
+
+    Returns the coordinates to the distal end and to the left, f64[n] each, metres.
+    """
     along = (0.5 * (kind.tx_count - 1) - kind.tx.astype(float)) * PITCH_M
     across = (0.5 * (kind.rx_count - 1) - kind.rx.astype(float)) * PITCH_M
     return along, across
 
 
 def lay_flat(kind: BoardKind) -> FloatArray:
-    """Positions and normals of the taxels of a flat board, one row per taxel."""
+    """Return the positions and normals f64[n, 6] of the taxels of a flat board."""
     along, across = compute_sheet_coordinates(kind)
     zero = np.zeros_like(along)
     return np.column_stack([along, across, zero, zero, zero, zero + 1.0])
 
 
 def lay_around_link(kind: BoardKind) -> FloatArray:
-    """Positions and normals of the taxels of a sheet over the face of a finger link and around both corners."""
+    """Return the positions and normals f64[n, 6] of the taxels of a sheet around a finger link's face and corners."""
     along, across = compute_sheet_coordinates(kind)
     flat_half = FACE_HALF_WIDTH_M - BEND_RADIUS_M
     beyond = np.maximum(np.abs(across) - flat_half, 0.0)
@@ -57,9 +60,9 @@ def lay_around_link(kind: BoardKind) -> FloatArray:
 
 
 def lay_on_fingertip(kind: BoardKind) -> FloatArray:
-    """Positions and normals of the taxels of a strip over a fingertip's dome and around the cylinder below it.
+    """Return the positions and normals f64[n, 6] of the taxels of a strip over a fingertip's dome.
 
-    The origin is the centre of the dome.
+    The strip continues around the cylinder below the dome. The origin is the centre of the dome.
     """
     _, across = compute_sheet_coordinates(kind)
     lateral = across / TIP_RADIUS_M
@@ -72,7 +75,7 @@ def lay_on_fingertip(kind: BoardKind) -> FloatArray:
 
 
 def lay_around_bar(kind: BoardKind) -> FloatArray:
-    """Positions and normals of the taxels of a sheet that is bent around a bar."""
+    """Return the positions and normals f64[n, 6] of the taxels of a sheet that is bent around a bar."""
     along, across = compute_sheet_coordinates(kind)
     angle = across / SLEEVE_RADIUS_M
     left, out = SLEEVE_RADIUS_M * np.sin(angle), SLEEVE_RADIUS_M * (np.cos(angle) - 1.0)
@@ -96,7 +99,7 @@ ROW_FUNCTIONS: dict[str, Callable[[BoardKind], FloatArray]] = {
 
 
 def format_geometry(kinds: dict[str, BoardKind]) -> str:
-    """Text of the generated part of a hand description: position and normal of each taxel, in the order of its map."""
+    """Return the generated part of a hand description: position and normal of each taxel, in the order of its map."""
     lines = [MARKER, "# Row: x, y, z of the electrode centre (metres) and its outward normal, in the bracket frame:"]
     lines += ["# z out of the skin, x to the distal end, y to the left seen from outside."]
     for name, kind in kinds.items():
@@ -109,7 +112,7 @@ def format_geometry(kinds: dict[str, BoardKind]) -> str:
 
 
 def format_descriptions() -> dict[Path, str]:
-    """Text of each description whose geometry this program computes, by path."""
+    """Return the text of each description whose geometry this program computes, by path."""
     texts = {}
     for path in sorted(DESCRIPTIONS.glob("*.toml")):
         text = path.read_text()
@@ -120,7 +123,7 @@ def format_descriptions() -> dict[Path, str]:
 
 
 def main() -> int:
-    """Write the geometry of the packaged hands; with --check only compare."""
+    """Write the geometry of the assumed hands, or with --check compare it; the exit status is 1 if a file differs."""
     return write_or_compare(format_descriptions(), __doc__.splitlines()[0])
 
 

@@ -40,7 +40,10 @@ class Difference(NamedTuple):
 
 
 def compare_centres(hand: Hand) -> list[Difference]:
-    """Taxel centres of each kind against the extracted centres of the same index."""
+    """Return the largest distance between described and extracted taxel centres of each board kind.
+
+    Centres of the same index are compared.
+    """
     differences = []
     for kind in {board.kind.name: board.kind for board in hand.boards}.values():
         assert kind.surface is not None
@@ -50,7 +53,10 @@ def compare_centres(hand: Hand) -> list[Difference]:
 
 
 def compare_brackets(hand: Hand, poses: int = 200, seed: int = 1) -> list[Difference]:
-    """Bracket poses in the palm against those of the extracted joints, at `poses` random joint angles."""
+    """Return the largest differences between the bracket poses in the palm and those of the extracted joints.
+
+    They are compared at `poses` random sets of joint angles, first the positions, then the orientations.
+    """
     rng = np.random.default_rng(seed)
     robot = load_robot("ur5e_original")
     kinematics = Kinematics(robot, hand)
@@ -74,9 +80,9 @@ def compare_brackets(hand: Hand, poses: int = 200, seed: int = 1) -> list[Differ
 
 
 def read_recorded_positions() -> dict[int, FloatArray]:
-    """Recorded taxel centres of a posed hand by board address, palm frame of the description, f64[n, 3], metres.
+    """Read the recorded taxel centres of a posed hand, f64[n, 3] by board address.
 
-    Taxels without a position are NaN.
+    They are metres in the palm frame of the description; taxels without a position are NaN.
     """
     boards = read_boards()
     total = sum(board.taxels for board in boards)
@@ -92,7 +98,10 @@ def read_recorded_positions() -> dict[int, FloatArray]:
 
 
 def fit_recorded_pose(hand: Hand) -> list[Difference]:
-    """Residual of the recorded taxel positions after a fit of the joint angles of each finger."""
+    """Return the largest distances of the recorded taxel positions after a fit of each finger's joint angles.
+
+    The first entry belongs to palm and back, which no joint moves.
+    """
     robot = load_robot("ur5e_original")
     kinematics = Kinematics(robot, hand)
     recorded = read_recorded_positions()
@@ -100,6 +109,9 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
     palm_link = robot.link_names.index("palm")
 
     def compute_residual(angles: FloatArray, addresses: list[int]) -> FloatArray:
+        """Return described minus recorded positions f64[n, 3] of the boards' recorded taxels, in the palm frame,
+        metres.
+        """
         palm = inverse(kinematics.compute_link_poses(angles)[palm_link])
         positions = apply(palm, kinematics.compute_taxel_positions(angles))
         residual = np.concatenate([positions[hand.get_slice(a)] - recorded[a] for a in addresses])
@@ -114,6 +126,7 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
         joints = [robot.joint_names.index(f"{prefix}_j{index}") for index in range(4)]
 
         def place(values: FloatArray, joints: list[int] = joints) -> FloatArray:
+            """Return all joint angles, with those of the finger set to `values` and the others 0."""
             angles = zero.copy()
             angles[joints] = values
             return angles
@@ -121,6 +134,7 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
         def fit_residual(
             values: FloatArray, addresses: list[int] = addresses, joints: list[int] = joints
         ) -> FloatArray:
+            """Return the residual of the finger's boards as one vector, for the optimiser."""
             return compute_residual(place(values, joints), addresses).ravel()
 
         fit = least_squares(fit_residual, np.full(4, 0.1))
@@ -131,7 +145,7 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
 
 
 def main() -> int:
-    """Print all differences."""
+    """Print all differences; the exit status is 1 if one exceeds its limit."""
     hand = load_hand("original")
     differences = [
         *compare_centres(load_hand("original_complete")),

@@ -28,10 +28,10 @@ GAPS: Final = {"palm": ((5,), (10,)), "fingertip": ((3,), ())}
 
 @dataclass(frozen=True)
 class OriginalKind:
-    """One kind of board. Arrays have one row per taxel, in the order of the original message.
+    """One board kind. Arrays have one row per taxel, in the order of the original message.
 
-    tx, rx: assumed electrode lines. row, column: position on the unrolled sheet; row 0 is distal, column 0 is left seen
-    from outside. surface: f64[n, 11] as in the hand description. margin: f64[m, 11], bare sheet.
+    tx, rx: assumed electrode lines. row, column: position on the unrolled sheet, seen from outside; row 0 is distal,
+    column 0 is left. surface: f64[n, 11] as in the hand description. margin: f64[m, 11], rectangles of bare sheet.
     """
 
     name: str
@@ -44,7 +44,10 @@ class OriginalKind:
 
 
 def build_kind(name: str, finger_direction: FloatArray) -> OriginalKind:
-    """Build a kind of board. finger_direction: unit vector to the distal end in the bracket's frame, f64[3]."""
+    """Build a board kind from its extracted taxels.
+
+    finger_direction: f64[3], unit vector to the distal end in the bracket's frame.
+    """
     taxels = read_taxels(name)
     tx, rx = assign_lines(name)
     distal = _project(finger_direction, taxels[:, 3:])
@@ -56,13 +59,13 @@ def build_kind(name: str, finger_direction: FloatArray) -> OriginalKind:
 
 
 def assign_lines(name: str) -> tuple[IndexArray, IndexArray]:
-    """Assumed TX and RX line of each taxel, such that the order of a scan (TX by TX) is the order of the message.
+    """Return the assumed TX and RX line of each taxel, i64[n] each.
 
-    Palm: two neighbouring columns of the heat map share a TX line, and even and odd columns have their own RX lines.
-    Other kinds: a row of the heat map is a TX line; within a row, RX lines follow the columns in the order of the
-    message: from left to right on the proximal boards, else from right to left.
-    Columns that never occur in the same row share a line where the thesis lists fewer lines than the heat map has
-    columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for medial_back).
+    The lines make the order of a scan (TX by TX) the order of the message. Palm: two neighbouring columns of the heat
+    map share a TX line, and even and odd columns have their own RX lines. Other kinds: a row of the heat map is a TX
+    line; within a row, the RX lines follow the columns in the order of the message: from left to right on the proximal
+    boards, otherwise from right to left. Columns that never occur in the same row share a line where the thesis lists
+    fewer lines than the heat map has columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for medial_back).
     """
     if name == "palm":
         index = np.arange(121)
@@ -98,15 +101,20 @@ class _Sheet:
     spacing: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
+        """Compute the index of the taxel at each (row, column), and the distances between neighbours."""
         index_of = {place: i for i, place in enumerate(zip(self.row.tolist(), self.column.tolist(), strict=True))}
         object.__setattr__(self, "index_of", index_of)
         object.__setattr__(self, "spacing", self._measure_spacing())
 
     def _find_neighbour(self, index: int, step: tuple[int, int]) -> int | None:
+        """Return the index of the taxel at a step (rows, columns) from a taxel; None if there is none."""
         return self.index_of.get((int(self.row[index]) + step[0], int(self.column[index]) + step[1]))
 
     def _measure_spacing(self) -> FloatArray:
-        """Distance to the nearest of the neighbours on both sides; without neighbours the median of the board."""
+        """Return the distance of each taxel to its nearer neighbour in both directions, f64[n, 2], metres.
+
+        A taxel without a neighbour in a direction gets the board's median.
+        """
         spacing = np.full((len(self.position), 2), np.nan)
         for index in range(len(self.position)):
             for axis, steps in enumerate((((-1, 0), (1, 0)), ((0, -1), (0, 1)))):
@@ -117,10 +125,10 @@ class _Sheet:
         return np.where(np.isnan(spacing), np.nanmedian(spacing, axis=0), spacing)
 
     def build_margin(self, windows: FloatArray) -> FloatArray:
-        """Rectangles of bare sheet, f64[m, 11]: strips between two windows, and a margin around the board.
+        """Build the rectangles f64[m, 11] of bare sheet: strips between two windows, and a margin around the board.
 
-        windows: f64[n, 2], sides of the windows, metres. A strip in the distal direction is as wide as the spacing, so
-        that the corners between four windows are covered too.
+        windows: f64[n, 2], sides of the squares that the taxels measure, metres. A strip in the distal direction is as
+        wide as the spacing, so the corners between four windows are covered, too.
         """
         rows = []
         for index in range(len(self.position)):
@@ -136,7 +144,10 @@ class _Sheet:
         return np.array(rows)
 
     def _make_edge(self, index: int, axis: int, along: FloatArray, windows: FloatArray) -> FloatArray:
-        """A rectangle of the margin beside a taxel without neighbour in the direction `along`."""
+        """Return the rectangle f64[11] of the margin beside a taxel without a neighbour in the direction `along`.
+
+        axis: 0 for the distal, 1 for the left direction.
+        """
         centre = self.position[index] + 0.5 * (windows[index, axis] + MARGIN_M) * along
         sides = self.spacing[index].copy()
         sides[1 - axis] = min(sides[1 - axis], 2.0 * WINDOW_M)
@@ -144,7 +155,7 @@ class _Sheet:
         return np.concatenate([centre, self.normal[index], self.distal[index], sides])
 
     def _make_strip(self, index: int, neighbour: int, axis: int, windows: FloatArray) -> list[FloatArray]:
-        """The strip between the windows of two neighbours; empty if they touch."""
+        """Return the rectangle f64[11] between the windows of two neighbours, in a list; [] if they touch."""
         pair = [index, neighbour]
         distance = float(np.linalg.norm(self.position[neighbour] - self.position[index]))
         width = distance - windows[pair, axis].mean()
@@ -160,7 +171,10 @@ class _Sheet:
 
 
 def _orient_layout(name: str, taxels: FloatArray, distal: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Row and column of each taxel with row 0 distal and column 0 left, from the heat map's rows and columns."""
+    """Return the row and column i64[n] of each taxel from the heat map's rows and columns.
+
+    Row 0 is distal and column 0 is left, seen from outside.
+    """
     layout = read_layout(name)
     places = np.array([layout[i] for i in range(len(taxels))])
     for axis, gaps in enumerate(GAPS.get(name, ((), ()))):
@@ -178,7 +192,11 @@ def _orient_layout(name: str, taxels: FloatArray, distal: FloatArray) -> tuple[I
 def _measure_step(
     position: FloatArray, places: IndexArray, axis: int, axes: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Median step from a taxel to its next neighbour along one axis of the heat map: (distal, left), f64[2], metres."""
+    """Return the median step from a taxel to its next neighbour along one axis of the heat map.
+
+    The result f64[2] has the components in the distal and in the left direction, metres. places: i64[n, 2], row and
+    column. axes: unit vectors of both directions, f64[n, 3] each.
+    """
     index_of = {tuple(place): i for i, place in enumerate(places.tolist())}
     steps = []
     for place, index in index_of.items():
@@ -192,7 +210,7 @@ def _measure_step(
 
 
 def _project(direction: FloatArray, normals: FloatArray) -> FloatArray:
-    """Unit vectors f64[n, 3]: the part of `direction` f64[3] perpendicular to each unit normal f64[n, 3]."""
+    """Return the direction f64[3] projected on the plane of each unit normal f64[n, 3], as unit vectors f64[n, 3]."""
     tangents = direction - normals * (normals @ direction)[:, None]
     return np.asarray(tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
 

@@ -17,7 +17,7 @@ TARGET: Final = Path(__file__).parents[2] / "host/taxel/hand/original/coded_cent
 
 
 def format_table() -> str:
-    """Text of the table: kind, taxel index and centre in the bracket's frame, metres."""
+    """Return the text of the table: board kind, taxel index, and centre in the bracket's frame in metres."""
     lines = ["kind,index,x_m,y_m,z_m"]
     for path in sorted(FIGURES.glob("taxels_*.csv")):
         kind = path.stem.removeprefix("taxels_")
@@ -31,7 +31,7 @@ def format_table() -> str:
 
 
 def main() -> int:
-    """Write or compare the table."""
+    """Write the table, or with --check compare it; the exit status is 1 if it differs."""
     return write_or_compare({TARGET: format_table()}, __doc__.splitlines()[0])
 
 

@@ -27,20 +27,23 @@ class OriginalBoard(NamedTuple):
 
 
 def read_rows(name: str) -> list[dict[str, str]]:
-    """Rows of the file NAME.csv as texts by column name."""
+    """Read the rows of the file NAME.csv, as strings by column name."""
     with (FIGURES / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 @lru_cache(maxsize=32)
 def read_taxels(kind: str) -> FloatArray:
-    """Centres (metres) and outward normals of one kind of board in the bracket's frame, f64[n, 6]."""
+    """Read the taxel centres (metres) and outward normals of a board kind in the bracket's frame, f64[n, 6]."""
     columns = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
     return np.array([[float(row[name]) for name in columns] for row in read_rows(f"taxels_{kind}")])
 
 
 def read_coded_centres(kind: str) -> FloatArray | None:
-    """Centres that the original host program uses, f64[n, 3], metres, bracket frame; None for kinds without them."""
+    """Read the taxel centres f64[n, 3] that the original host program uses, in the bracket's frame, metres.
+
+    Returns None for board kinds without such centres.
+    """
     rows = read_rows(f"taxels_{kind}")
     if not rows[0]["coded_x_m"]:
         return None
@@ -48,7 +51,7 @@ def read_coded_centres(kind: str) -> FloatArray | None:
 
 
 def read_layout(kind: str) -> dict[int, tuple[int, int]]:
-    """Row and column of each taxel in the heat map of one kind of board, by taxel index."""
+    """Read the row and column of each taxel in a board kind's heat map, by taxel index."""
     return {
         int(row[f"col{column}"]): (int(row["row"]), column)
         for row in read_rows("layout")
@@ -59,7 +62,7 @@ def read_layout(kind: str) -> dict[int, tuple[int, int]]:
 
 
 def read_boards() -> list[OriginalBoard]:
-    """The 22 boards of the complete hand, by address."""
+    """Read the 22 boards of the complete hand, by address."""
     brackets = {"palm": "palm_bracket", "boh": "boh_bracket"}
     return [
         OriginalBoard(
@@ -76,7 +79,7 @@ def read_boards() -> list[OriginalBoard]:
 
 
 def compute_frames(joint_angles: Mapping[str, float] | None = None) -> dict[str, FloatArray]:
-    """Pose of every frame of the hand in the palm's frame, f64[4, 4] by name.
+    """Compute the pose f64[4, 4] of every frame of the hand in the palm's frame, by the frame's name.
 
     joint_angles: radians by joint name ("joint_0_0" to "joint_15_0"); 0 for the others. All joints rotate about the z
     axis of their child frame.
@@ -100,7 +103,7 @@ def compute_frames(joint_angles: Mapping[str, float] | None = None) -> dict[str,
 
 
 def _make_pose(row: Mapping[str, str]) -> FloatArray:
-    """Pose f64[4, 4] of a row with position (metres) and roll, pitch, yaw (radians, URDF convention)."""
+    """Return the pose f64[4, 4] of a table row with position (metres) and roll, pitch, yaw (radians, as in URDF)."""
     x, y, z, roll, pitch, yaw = (float(row[name]) for name in POSE_COLUMNS)
     pose = _rotate_about_z(yaw) @ _rotate_about_y(pitch) @ _rotate_about_x(roll)
     pose[:3, 3] = x, y, z

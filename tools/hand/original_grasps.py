@@ -57,19 +57,19 @@ HEADER: Final = """\
 
 
 def make_turn(angle: float) -> FloatArray:
-    """Rotation about z as a pose f64[4, 4]; angle in radians."""
+    """Return the rotation about z by an angle in radians, as a pose f64[4, 4]."""
     return make_pose([0.0, 0.0, 0.0], [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 
 
 def compute_object_pose() -> FloatArray:
-    """Pose of the object in the frame of the arm's base, f64[4, 4]."""
+    """Return the pose f64[4, 4] of the object in the frame of the arm's base."""
     world = make_pose(OBJECT_M, [1.0, 0.0, 0.0, 0.0]) @ make_turn(OBJECT_YAW_RAD)
     base = make_pose(BASE_M, [1.0, 0.0, 0.0, 0.0])
     return np.asarray(inverse(base) @ world @ make_turn(-OBJECT_TURN_RAD))
 
 
 def compute_palm_pose(row: dict[str, str]) -> FloatArray:
-    """Pose of the palm link in the frame of the object, f64[4, 4], of one row of grasp_poses.csv."""
+    """Return the pose f64[4, 4] of the palm link in the object's frame, from one row of grasp_poses.csv."""
     position, quaternion = (
         [float(row[name]) for name in names] for names in (("x_m", "y_m", "z_m"), ("qw", "qx", "qy", "qz"))
     )
@@ -81,7 +81,9 @@ def compute_palm_pose(row: dict[str, str]) -> FloatArray:
 
 
 def move_to_contact(pose: FloatArray) -> FloatArray:
-    """Move the palm along its normal until its nearest electrode is `CONTACT_M` from the triangular prism."""
+    """Return the palm's pose moved along its normal until its nearest electrode is `CONTACT_M` from the triangular
+    prism.
+    """
     hand = load_hand("original")
     board = hand.find_board("palm")
     assert board.pose is not None
@@ -95,7 +97,7 @@ def move_to_contact(pose: FloatArray) -> FloatArray:
 
 
 def format_pose(pose: FloatArray) -> list[str]:
-    """Lines of a pose with six digits."""
+    """Return the lines of a pose: position with six digits, quaternion with seven."""
     return [
         f"position_m = [{', '.join(f'{value + 0.0:.6f}' for value in np.round(pose[:3, 3], 6))}]",
         f"quaternion_wxyz = [{', '.join(f'{value + 0.0:.7f}' for value in np.round(to_quaternion(pose), 7))}]",
@@ -103,7 +105,7 @@ def format_pose(pose: FloatArray) -> list[str]:
 
 
 def format_grasps() -> str:
-    """Text of the file."""
+    """Return the text of original_grasps.toml."""
     lines = [HEADER.rstrip("\n"), *format_pose(compute_object_pose())]
     poses, bases = read_rows("grasp_poses"), read_rows("grasp_finger_bases")
     for short, names in APPROACHES.items():
@@ -129,7 +131,7 @@ def format_grasps() -> str:
 
 
 def main() -> int:
-    """Write or compare the file."""
+    """Write original_grasps.toml, or with --check compare it; the exit status is 1 if it differs."""
     return write_or_compare({OUT: format_grasps()}, __doc__.splitlines()[0])
 
 

@@ -80,14 +80,17 @@ size_m = 0.003  # assumed
 
 
 def format_crossings(tx: Sequence[int], rx: Sequence[int]) -> str:
-    """Crossing map of the lines of each taxel: '#' a taxel, '.' an unused crossing."""
+    """Return the crossing map of a board kind: '#' for a taxel, '.' for an unused crossing.
+
+    tx, rx: TX and RX line of each taxel.
+    """
     crossings = np.full((max(tx) + 1, max(rx) + 1), ".")
     crossings[list(tx), list(rx)] = "#"
     return "\n".join("".join(row) for row in crossings)
 
 
 def format_kind(name: str, code: int, tx: Sequence[int], rx: Sequence[int]) -> list[str]:
-    """Lines of [kinds.NAME]."""
+    """Return the lines of the table [kinds.NAME] of a hand description. tx, rx: TX and RX line of each taxel."""
     return [
         "",
         f"[kinds.{name}]",
@@ -100,7 +103,7 @@ def format_kind(name: str, code: int, tx: Sequence[int], rx: Sequence[int]) -> l
 
 
 def format_layout(kind: OriginalKind) -> str:
-    """Indices of the taxels as they lie on the unrolled board; '.' where there is no taxel."""
+    """Return the indices of the taxels as they lie on the unrolled board; '.' where there is no taxel."""
     places = np.full((kind.row.max() + 1, kind.column.max() + 1), "  .", dtype="<U3")
     for index, place in enumerate(zip(kind.row.tolist(), kind.column.tolist(), strict=True)):
         places[place] = f"{index:3d}"
@@ -108,10 +111,10 @@ def format_layout(kind: OriginalKind) -> str:
 
 
 def format_rows(name: str, rows: FloatArray) -> list[str]:
-    """Lines of one array of numbers, rounded to 1 um (positions) and 1e-6 (directions).
+    """Return the lines of an array of numbers, rounded to 1 um (positions) and 1e-6 (directions).
 
-    Zeros at the end of a number and spaces are left out, because every recording contains the description: its
-    text is 43 % shorter.
+    Spaces and zeros at the end of a number are omitted, because every recording contains the description, and its text
+    is thereby 43 % shorter.
     """
     lines = [f"{name} = ["]
     for row in np.round(rows, 6) + 0.0:
@@ -120,12 +123,12 @@ def format_rows(name: str, rows: FloatArray) -> list[str]:
 
 
 def format_short(value: float) -> str:
-    """Format a number with at most six digits after the point, without zeros at its end."""
+    """Return a number with at most six digits after the decimal point, without zeros at its end."""
     return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def format_geometry(kind: OriginalKind) -> list[str]:
-    """Lines of [geometry.NAME]."""
+    """Return the lines of the table [geometry.NAME] of a hand description."""
     return [
         "",
         f"[geometry.{kind.name}]",
@@ -136,12 +139,12 @@ def format_geometry(kind: OriginalKind) -> list[str]:
 
 
 def make_board_name(board: OriginalBoard) -> str:
-    """Name of a board such as "fingertip_index"; palm and back of the hand have no finger."""
+    """Return the name of a board, such as "fingertip_index"; palm and back of the hand have no finger."""
     return board.kind if board.finger == "-" else f"{board.kind.removeprefix('thumb_')}_{board.finger}"
 
 
 def make_link_name(board: OriginalBoard) -> str:
-    """Link of the robot that carries the board."""
+    """Return the name of the robot link that carries the board."""
     if board.finger == "-":
         return "palm"
     if board.finger == "thumb" and board.kind.startswith("proximal"):
@@ -150,18 +153,19 @@ def make_link_name(board: OriginalBoard) -> str:
 
 
 def make_branch_name(board: OriginalBoard) -> str:
-    """Branch of the wiring that connects the board: its finger, or the board itself (thesis, section 3.2: the hub is
-    connected to the back of the hand, from which branches extend to the palm and to each finger).
+    """Return the name of the branch of the I2C bus that connects the board: its finger, or the board itself.
+
+    The hub is connected to the back of the hand, from which branches extend to the palm and to each finger (thesis,
+    section 3.2).
     """
     return board.kind if board.finger == "-" else board.finger
 
 
 @lru_cache(maxsize=1)
 def compute_bracket_poses() -> dict[str, FloatArray]:
-    """Pose of each bracket in its link, f64[4, 4], by board name.
+    """Return the pose f64[4, 4] of each bracket in its link, by board name.
 
-    The thumb's proximal boards have no bracket in the original; they are placed at the middle of the thumb's base
-    (assumed).
+    The thumb's proximal boards have no bracket in the original; they are assumed at the middle of the thumb's base.
     """
     original, links = compute_frames(), compute_link_frames()
     poses = {}
@@ -178,7 +182,7 @@ def compute_bracket_poses() -> dict[str, FloatArray]:
 
 
 def build_kinds(boards: Sequence[OriginalBoard]) -> list[OriginalKind]:
-    """The kinds of the boards, each once, in the order of their codes."""
+    """Build the kinds of the boards, each once, in ascending order of their codes."""
     frames = compute_frames()
     kinds = {}
     for board in boards:
@@ -193,7 +197,7 @@ def build_kinds(boards: Sequence[OriginalBoard]) -> list[OriginalKind]:
 
 
 def format_hand(name: str, description: str, remark: str, boards: Sequence[OriginalBoard]) -> str:
-    """Text of a hand description."""
+    """Return the text of a hand description. remark: line of the header."""
     kinds = build_kinds(boards)
     taxels = sum(board.taxels for board in boards)
     header = ORIGINAL_HEADER.format(
@@ -228,7 +232,7 @@ def format_hand(name: str, description: str, remark: str, boards: Sequence[Origi
 
 
 def format_first_generation() -> str:
-    """Text of the description of the first-generation hand."""
+    """Return the text of the description of the first-generation hand."""
     rows = read_rows("first_generation_boards")
     lines = [FIRST_GENERATION_HEADER.rstrip("\n")]
     for name, code in FIRST_GENERATION_CODES.items():
@@ -250,7 +254,7 @@ def _make_snake_case(name: str) -> str:
 
 
 def format_all() -> dict[Path, str]:
-    """Text of each description by path."""
+    """Return the text of each description that this program writes, by path."""
     boards = read_boards()
     fitted = [board for board in boards if board.is_fitted]
     hand = HAND_FOLDER / "descriptions"
@@ -275,7 +279,7 @@ def format_all() -> dict[Path, str]:
 
 
 def main() -> int:
-    """Write or compare the descriptions."""
+    """Write the descriptions, or with --check compare them; the exit status is 1 if a file differs."""
     return write_or_compare(format_all(), __doc__.splitlines()[0])
 
 

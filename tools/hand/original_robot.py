@@ -47,7 +47,7 @@ JOINT_NAMES: Final = {
 
 
 def map_to_palm(pose: FloatArray) -> FloatArray:
-    """Pose f64[4, 4] in the palm frame of the robot description, from the original palm frame.
+    """Convert a pose f64[4, 4] from the original palm frame to the palm frame of the robot description.
 
     The x axis of the description points out of the palm (original y), its y axis to the index finger (original -x).
     """
@@ -59,10 +59,10 @@ def map_to_palm(pose: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def compute_link_frames() -> dict[str, FloatArray]:
-    """Pose of each link of the hand in the palm at joint angles 0, f64[4, 4] by link name.
+    """Return the pose f64[4, 4] of each link of the hand in the palm at joint angles 0, by link name.
 
-    Orientation: of the standard robot. Origin: the point of the original joint axis that is nearest to the origin of
-    the standard link.
+    The orientation is that of the standard robot. The origin is the point of the original joint axis that is nearest to
+    the origin of the standard link.
     """
     robot = load_robot(STANDARD_ROBOT)
     poses = Kinematics(robot).compute_link_poses(np.zeros(len(robot.joint_names)))
@@ -79,7 +79,7 @@ def compute_link_frames() -> dict[str, FloatArray]:
 
 
 def format_robot(standard: str) -> str:
-    """Text of the robot description of the original hand, from the text of the standard robot."""
+    """Return the text of the original hand's robot description. standard: text of the standard robot's description."""
     header, arm, hand, shapes = _split(standard)
     header = (
         "# Robot of the original hand: a UR5e arm and a right Allegro hand with extended fingers, 22 revolute joints.\n"
@@ -95,13 +95,13 @@ def format_robot(standard: str) -> str:
 
 
 def _split(text: str) -> tuple[str, str, str, str]:
-    """Header, arm, hand and shapes of the standard description."""
+    """Split the standard description into its header, arm, hand and shapes."""
     arm, hand, shapes = (text.index(mark) for mark in ("# --- arm ---", "# --- hand ---", "# --- shapes"))
     return text[:arm], text[arm:hand], text[hand:shapes], text[shapes:]
 
 
 def _format_hand(standard: str) -> str:
-    """The hand's joints with positions, orientations and ranges of the original."""
+    """Return the text of the hand's joints with the positions, orientations and ranges of the original."""
     frames = compute_link_frames()
     robot = load_robot(STANDARD_ROBOT)
     limits = {row["joint"]: (float(row["lower_rad"]), float(row["upper_rad"])) for row in read_rows("joints")}
@@ -129,7 +129,10 @@ def _format_hand(standard: str) -> str:
 
 
 def _extend_shapes(standard: str) -> str:
-    """The shapes of the links; boxes of bases and medial links end at the next joint of the extended finger."""
+    """Return the text of the links' shapes.
+
+    Boxes of bases and medial links end at the next joint of the longer finger.
+    """
     frames = compute_link_frames()
     text = standard
     for finger in ("ff", "mf", "rf"):

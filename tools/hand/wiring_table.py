@@ -19,7 +19,7 @@ HANDS: Final = ("original", "allegro")
 
 
 def format_table(name: str) -> list[str]:
-    """Rows of one hand: values of hub and branches, rise time and highest clock rate."""
+    """Return the table rows of one hand: values of hub and branches, rise time and highest clock rate."""
     wiring = load_hand(name).wiring
     assert wiring is not None
     rows = []
@@ -32,7 +32,7 @@ def format_table(name: str) -> list[str]:
 
 
 def _format_values(wiring: Wiring, branch: str) -> str:
-    """Pull-up, capacitance and series resistance of a row."""
+    """Return the table columns of a branch or of the hub: pull-up, capacitance and series resistance."""
     if branch == "hub":
         return f"{_format_pullup(wiring.hub_pullup_ohm)} | {wiring.hub_capacitance_pf:g} | -"
     values = next(each for each in wiring.branches if each.name == branch)
@@ -44,7 +44,7 @@ def _format_pullup(ohm: float) -> str:
 
 
 def main() -> int:
-    """Write or compare the table of the page; returns the exit status."""
+    """Write the table of the page, or with --check compare it; the exit status is 1 if it differs."""
     text = PAGE.read_text()
     before, _, rest = text.partition(START)
     _, _, after = rest.partition(END)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 def write_or_compare(texts: Mapping[Path, str], description: str) -> int:
-    """Write each text whose file differs; with `--check` on the command line only compare. Returns the exit status.
+    """Write each text whose file differs, or with `--check` on the command line only compare.
 
-    description: of the program, for its help. Prints the names of the files that differ; the status is 1 if a compared
-    file differs.
+    Prints the names of the files that differ. description: description of the program, for its help. Returns the exit
+    status: 1 if a compared file differs.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a file is outdated")

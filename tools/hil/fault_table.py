@@ -32,7 +32,7 @@ COUNTERS = (*(name for name in OUTCOMES if name not in {"forwarded", "repeated"}
 
 
 def measure_row(case: FaultCase) -> str:
-    """Inject a fault case on the virtual rig and measure its consequences. Returns the row of the table."""
+    """Inject a fault case on the virtual rig and return the table row with its measured consequences."""
     build = WorldBuild(has_known_counts=True)
     with open_rig(load_rig("virtual"), build) as rig, Skin(rig.uart.open_link(), rig.hand) as skin:
         address = get_address(rig.hand, BOARD_INDEX)
@@ -54,14 +54,18 @@ def measure_row(case: FaultCase) -> str:
 
 
 def _format_increases(before: dict[str, int], after: dict[str, int]) -> str:
-    """Text with the counters of the hub that have increased, and their increases. before, after: counters by name."""
+    """Return the hub's counters that have increased, and by how much, as a text; "" if there are none.
+
+    before, after: counters by name.
+    """
     return ", ".join(f"{name} {after[name] - before[name]}" for name in COUNTERS if after[name] > before[name])
 
 
 def _measure_recovery(case: FaultCase, frames: Sequence[TaxelFrame], address: int, effect_s: float) -> str:
-    """Text with the time in ms from the end of a fault to the next frame of the board.
+    """Return the time in milliseconds from the end of a fault to the board's next frame, as a text.
 
-    effect_s: time in s at which the fault took effect.
+    After a restart of the hub it is the time from power-on to the first frame. effect_s: time in seconds at which the
+    fault took effect.
     """
     own_frames = [frame for frame in frames if frame.address == address]
     if case.restarts:  # the hub's clock restarted at 0

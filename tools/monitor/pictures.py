@@ -76,9 +76,7 @@ def main() -> int:
 
 
 def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
-    """Draw ten readings of the skin per second in a view of the monitor, until `END_S` of virtual time. Returns the
-    last reading.
-    """
+    """Draw ten readings of the skin per second of virtual time in a view, until `END_S`. Returns the last reading."""
     due_s = 0.0
     while True:
         for frame in monitor.skin.poll():
@@ -92,11 +90,14 @@ def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
 
 
 def _wait_for_page(view: WebView, reading: SkinReading, page: Page) -> None:
-    """Draw a reading of the skin repeatedly until the browser page of the monitor shows it."""
+    """Draw a reading of the skin repeatedly until the browser page of the monitor shows it, at most for 30 s.
+
+    Then notifications are removed from the page, which gets 5 s to finish drawing.
+    """
     for _ in range(100):
         view.draw(reading)
         time.sleep(0.3)
-        if "back of hand" in page.text():
+        if "back of hand" in page.read_text():
             break
     page.evaluate(REMOVE_NOTIFICATIONS)
     time.sleep(5.0)

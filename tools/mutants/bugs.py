@@ -88,16 +88,22 @@ def load_bugs(path: Path = BUGS) -> list[Bug]:
 
 
 def select_stages(bug: Bug) -> list[Stage]:
-    """Stages that can detect the bug: the tests of its package, then `STAGES`, in ascending order of duration."""
-    own = make_package_stage(bug.file)
+    """Return the test stages that can detect the bug, in the order in which they run.
+
+    The tests of the bug's own package in `host/taxel` come first, if there are any; then the `STAGES` that cover the
+    file of the bug, in ascending order of duration.
+    """
+    package_stage = make_package_stage(bug.file)
     others = [stage for stage in STAGES if bug.file.startswith(stage.covers)]
-    return others if own is None else [own, *others]
+    return others if package_stage is None else [package_stage, *others]
 
 
 def make_package_stage(file: str) -> Stage | None:
-    """The tests of the package of a file, those that import its module first; None if the package has no tests.
+    """Build the stage that runs the tests of a source file's package in `host/taxel`.
 
-    file: path in the repository, such as "host/taxel/gap/fitting/fit.py".
+    file: path in the repository, such as "host/taxel/gap/fitting/fit.py", whose tests are in host/tests/gap. Test files
+    that import the module come first. Returns None for a file outside the packages of `host/taxel`, and for a package
+    without tests.
     """
     parts = Path(file).parts
     if parts[:2] != ("host", "taxel") or len(parts) < 4:

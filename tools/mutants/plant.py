@@ -29,7 +29,7 @@ OUT = ROOT / "out"
 
 
 def write_diff(bug: Bug) -> Path:
-    """Write the bug as a patch that can be inspected or applied."""
+    """Write the bug as a patch file and return its path."""
     text = (ROOT / bug.file).read_text()
     lines = (text.splitlines(keepends=True), bug.plant_in(text).splitlines(keepends=True))
     path = OUT / "mutants" / f"{bug.name}.diff"
@@ -39,7 +39,9 @@ def write_diff(bug: Bug) -> Path:
 
 
 def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
-    """Plant the bugs one at a time in copies of the repository and test them. Returns the exit status; raises
+    """Plant the bugs one at a time in copies of the repository, test them, and print and store the outcomes.
+
+    folder: folder of the copies. jobs: number of copies. Returns the exit status: 1 if a bug survived. Raises
     PlantError.
     """
     needed = {stage.name: stage for bug in bugs for stage in select_stages(bug)}
@@ -58,7 +60,10 @@ def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
 
 
 def main() -> int:
-    """Plant and test the bugs of bugs.toml; print one line for each."""
+    """Plant and test the bugs of bugs.toml, or list them.
+
+    Exit status 0: all detected; 1: a bug survived; 2: the tool failed.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="plant only this bug")
     parser.add_argument("--list", action="store_true", help="list the bugs and exit")

@@ -39,8 +39,10 @@ print(hil_tests.__path__[0], *(each.__file__ for each in packages), native / "li
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a bug. found_by: first failing stage, with its test in `test`; None if the bug survived or does not
-    compile.
+    """Result of a bug.
+
+    found_by: name of the first stage that failed; None if the bug survived or cannot be tested. test: the failing test,
+    or why the bug cannot be tested.
     """
 
     name: str
@@ -52,13 +54,16 @@ class Outcome:
 
 
 def _find_tool(name: str) -> str:
-    """Path of a build program beside the Python interpreter; otherwise its name, to be found in the search path."""
+    """Return the path of a build program next to the Python interpreter, or its name if it is not there."""
     local_tool = Path(sys.executable).with_name(name)
     return str(local_tool) if local_tool.exists() else name
 
 
 def find_first_failure(output: str) -> str:
-    """First failing test in the output of ctest or pytest."""
+    """Return the first failing test in the output of ctest or pytest, with the reason of a C test.
+
+    Returns the last line of other output.
+    """
     if match := re.search(r"^(?:FAILED|ERROR) (\S+\.py.*?)(?: - .*)?$", output, re.MULTILINE):
         return match[1]
     if match := re.search(r"^\s*\d+ - (\w+) \((.+)\)", output, re.MULTILINE):
@@ -74,9 +79,7 @@ class SandboxedCopy:
     """A copy of the repository with its builds, isolated from the original; it contains one bug at a time."""
 
     def __init__(self, folder: Path, files: Sequence[str]) -> None:
-        """Create a copy of the repository for tests of planted bugs. files: repository paths to copy to a subfolder
-        of `folder`.
-        """
+        """Copy the repository to a subfolder of `folder`. files: paths in the repository."""
         self.folder = folder
         self.copy = folder / "copy"
         paths = (folder / "site", self.copy / "host", self.copy / "protocol", self.copy / "tools")
@@ -91,8 +94,9 @@ class SandboxedCopy:
         (folder / "site" / "sitecustomize.py").write_text(WITHOUT_EDITABLE)
 
     def _synchronise(self, files: Sequence[str]) -> None:
-        """Synchronise the copy with the repository. Unchanged files keep their time stamps, so that builds are
-        incremental.
+        """Make the copy equal to the repository.
+
+        Unchanged files keep their time stamps, so the next build is incremental.
         """
         sources = {self.copy / name: ROOT / name for name in files}
         for path in self.copy.rglob("*"):
@@ -105,7 +109,10 @@ class SandboxedCopy:
                 path.chmod(source.stat().st_mode)
 
     def prepare(self) -> None:
-        """Configure and build without a bug. Raises PlantError on failure, or if Python would import other files."""
+        """Configure and build the copy without a bug.
+
+        Raises PlantError on failure, or if Python would import files from outside the copy.
+        """
         ninja = [] if _find_tool("ninja") == "ninja" else [f"-DCMAKE_MAKE_PROGRAM={_find_tool('ninja')}"]
         configure = [_find_tool("cmake"), "-G", "Ninja", *ninja]
         tests = ["-DTAXEL_BUILD_TESTS=ON", "-DTAXEL_SANITIZE=ON", "-DCMAKE_BUILD_TYPE=RelWithDebInfo"]
@@ -120,8 +127,10 @@ class SandboxedCopy:
                 raise PlantError(f"the suite would not test the copy: expected a path in {self.copy}, found {line}")
 
     def build(self, build_name: str, *programs: str) -> None:
-        """Update a build folder of the copy. The compiled libraries are installed where the Python package of the
-        copy expects them.
+        """Update a build of the copy.
+
+        build_name: "tests" (C tests) or "package"; the libraries of the package are installed where the copy's Python
+        package expects them. programs: targets; default: all. Raises PlantError.
         """
         targets = ["--target", *programs] if programs else []
         self._run_checked([_find_tool("cmake"), "--build", str(self.folder / build_name), "-j", "1", *targets])
@@ -140,10 +149,9 @@ class SandboxedCopy:
         return [*ctest, "--output-on-failure", "--stop-on-failure"]
 
     def find_first_failing_test(self, stage: Stage, file: str = "") -> str | None:
-        """Run a stage and return its first failing test, or None if all pass. Raises PlantError if the C sources do
-        not compile.
+        """Run a stage and return its first failing test, or None if all tests pass.
 
-        file: location of the bug; the tests of its package run first.
+        file: file with the bug; the tests of its package run first. Raises PlantError if the C sources do not compile.
         """
         if stage.tests:
             self.build("package")
@@ -159,7 +167,7 @@ class SandboxedCopy:
         return find_first_failure(output) if code else None
 
     def try_bug(self, bug: Bug) -> Outcome:
-        """Plant a bug in the copy, run the tests until a stage fails, and remove the bug."""
+        """Plant a bug in the copy, run the stages until one fails, and remove the bug. Returns the outcome."""
         path = self.copy / bug.file
         text = path.read_text()
         begin = time.monotonic()
@@ -177,16 +185,16 @@ class SandboxedCopy:
         return Outcome(bug.name, bug.file, bug.what, found_by, test, round(time.monotonic() - begin, 1))
 
     def _run_checked(self, command: list[str]) -> None:
-        """Run a build command in the copy. Raises `PlantError` with its first error message if the command fails."""
+        """Run a build command in the copy. Raises `PlantError` with the first error message if the command fails."""
         code, output = self._run(command)
         if code:
             errors = [line for line in output.splitlines() if re.search(r"\b[Ee]rror\b[: ]", line)]
             raise PlantError(f"{Path(command[0]).name} failed: {(errors or [output.strip()[-200:]])[0]}")
 
     def _run(self, command: list[str]) -> tuple[int | None, str]:
-        """Run a command in the copy of the repository, in its own process group.
+        """Run a command in the copy, in its own process group, all of which is ended afterwards.
 
-        Returns exit status and output; the status is None if the time limit was exceeded.
+        Returns the exit status and the output; the status is None if the time limit was exceeded.
         """
         with tempfile.TemporaryFile() as output:
             self._process = subprocess.Popen(
@@ -212,9 +220,7 @@ class SandboxPool:
     """Sandboxed copies that run in parallel, each with a different bug or stage."""
 
     def __init__(self, folder: Path, jobs: int) -> None:
-        """Create `jobs` copies of the repository in a folder, each with its own builds, so that bugs can be tested
-        in parallel.
-        """
+        """Create `jobs` copies of the repository in a folder, each with its own builds, to test bugs in parallel."""
         listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
         listed = subprocess.run(listing, cwd=ROOT, capture_output=True, check=True).stdout.decode()
         files = [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
@@ -239,14 +245,14 @@ class SandboxPool:
             self._free.put(sandbox)
 
     def check_without_bugs(self, stages: Sequence[Stage]) -> None:
-        """Run the stages of tests on a copy without a bug. Raises PlantError if one fails."""
+        """Run the stages on copies without a bug and print the results. Raises PlantError if one fails."""
         for stage, failure in zip(stages, self._pool.map(self._find_failure, stages), strict=True):
             print(f"without a bug: {stage.name}: {failure or 'pass'}", flush=True)
             if failure:
                 raise PlantError(f"{stage.name} fail without any bug ({failure}); fix this failure first")
 
     def _find_failure(self, stage: Stage) -> str | None:
-        """Run a stage of tests in a free copy without any bug. Returns the first failing test, or None."""
+        """Run a stage in a free copy without a bug. Returns the first failing test, or None."""
         sandbox = self._free.get()
         try:
             return sandbox.find_first_failing_test(stage)
@@ -254,8 +260,9 @@ class SandboxPool:
             self._free.put(sandbox)
 
     def try_all(self, bugs: Sequence[Bug]) -> list[Outcome]:
-        """Plant every bug in turn and run the tests, several in parallel. Returns the outcomes in the order of the
-        list.
+        """Plant every bug and run the tests, several bugs in parallel.
+
+        Returns the outcomes in the order of the bugs.
         """
         width = max(len(bug.name) for bug in bugs)
         return list(self._pool.map(lambda bug: self._try(bug, width), bugs))
@@ -263,7 +270,7 @@ class SandboxPool:
     def _try(self, bug: Bug, width: int) -> Outcome:
         """Plant a bug in a free copy and run the tests until one fails. Prints and returns the outcome.
 
-        width: width of the column for the name of the bug.
+        width: width of the column for the bug's name.
         """
         sandbox = self._free.get()
         try:

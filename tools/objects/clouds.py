@@ -42,13 +42,20 @@ class ContactDistribution:
 
 
 def sample_unit_cube(n: int, seed: int) -> FloatArray:
-    """Quasi-random numbers in (0, 1), f64[n, 4] (Sobol). Equal samples make clouds change smoothly with the sizes."""
+    """Return n quasi-random points (Sobol) of the unit cube, f64[n, 4], excluding its faces.
+
+    The same seed gives the same points, so a cloud changes smoothly with the sizes of its object.
+    """
     samples = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
     return np.clip(np.asarray(samples, dtype=np.float64), 1e-4, 1 - 1e-4)
 
 
 def build_contact_cloud(prism: Prism, distribution: ContactDistribution, samples: FloatArray) -> FloatArray:
-    """Contact points, f64[n, 3], mm. samples: f64[n, 4], from `unit_samples`."""
+    """Return the contact points f64[n, 3] of a modelled hand on a prism, mm.
+
+    samples: f64[n, 4], result of `sample_unit_cube`: place on the outline, height, kind of grasp, distance from the
+    surface.
+    """
     on_top = samples[:, 2] < distribution.top_share * distribution.palm_share
     from_top = samples[:, 2] < distribution.top_share
     curve, normal = prism.profile.evaluate(samples[:, 0])
@@ -66,7 +73,7 @@ def build_contact_cloud(prism: Prism, distribution: ContactDistribution, samples
 
 
 def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
-    """Random points on the top face of a prism, with uniform density. samples: numbers in (0, 1), f64[n, 4].
+    """Return points f64[n, 2] on the top face of a prism, uniformly distributed. samples: f64[n, 4], numbers in (0, 1).
 
     Points of the outline are scaled towards the centre by the root of a uniform number.
     """
@@ -80,8 +87,8 @@ def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
 
 
 def _sample_curve_by_area(profile: Polygon, u: FloatArray) -> FloatArray:
-    """Points of a closed curve for the uniform numbers u, f64[n], such that equal numbers fall on sectors of equal
-    area.
+    """Return the outline points f64[n, 2] of the uniform numbers u f64[n], for which equal intervals are sectors of
+    equal area.
     """
     starts, ends = profile.corners, np.roll(profile.corners, -1, axis=0)
     areas = np.cumsum(starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0])

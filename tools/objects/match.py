@@ -22,7 +22,11 @@ START_ANGLES_DEG = (0.0, 30.0, 90.0, 180.0)
 
 
 def build_starting_clouds(cloud: FloatArray, cloud_height: float, height: float) -> FloatArray:
-    """Starting clouds, f64[s, n, 3], mm, of a cloud, f64[n, 3]: rotations with equal tops and with equal middles."""
+    """Return the positions f64[s, n, 3] from which the registration of a cloud f64[n, 3] starts, mm.
+
+    They are rotations of the cloud about the vertical axis, with its top and with its middle at that of the object.
+    cloud_height, height: height of the cloud's own object and of the object to register to.
+    """
     angles = np.radians(START_ANGLES_DEG)
     cos, sin = np.cos(angles), np.sin(angles)
     rotated = np.empty((len(angles), *cloud.shape))
@@ -34,10 +38,10 @@ def build_starting_clouds(cloud: FloatArray, cloud_height: float, height: float)
 
 
 def minimise_distances(points: FloatArray, prism: Prism, steps: int = STEPS) -> tuple[FloatArray, FloatArray]:
-    """Move k clouds, f64[k, n, 3], mm, each rigidly to a minimum of the sum of squares.
+    """Move k clouds f64[k, n, 3], mm, each rigidly to a minimum of the sum of its squared distances to the surface.
 
-    Returns the clouds and their distances to the surface, f64[k, n], mm. A cloud is finished when a step decreases its
-    sum of squares by less than SMALLEST_GAIN.
+    Returns the clouds and their distances f64[k, n], mm. A cloud is finished when a step decreases its sum of squares
+    by less than SMALLEST_GAIN.
     """
     points = points.copy()
     damping = np.full(len(points), 1e-3)
@@ -63,9 +67,10 @@ def minimise_distances(points: FloatArray, prism: Prism, steps: int = STEPS) -> 
 
 
 def match_clouds(starts: list[FloatArray], prism: Prism) -> list[FloatArray]:
-    """Distances, f64[n], mm, of each cloud after its best registration. starts: of each cloud, f64[s, n, 3], mm.
+    """Return the distances f64[n], mm, of each cloud to the surface after its best registration.
 
-    All starts take FIRST_STEPS; only the best CONTINUED_STARTS of each cloud continue to a minimum.
+    starts: starting positions f64[s, n, 3] of each cloud, mm. All starts take FIRST_STEPS; only the best
+    CONTINUED_STARTS of each cloud continue to a minimum.
     """
     counts = np.cumsum([len(block) for block in starts])[:-1]
     points, offsets = minimise_distances(np.concatenate(starts), prism, FIRST_STEPS)
@@ -79,10 +84,11 @@ def match_clouds(starts: list[FloatArray], prism: Prism) -> list[FloatArray]:
 
 
 def _take_step(points: FloatArray, offset: FloatArray, damping: FloatArray) -> FloatArray:
-    """Move each cloud by one damped step towards a surface: a rotation about its centroid and a translation.
+    """Move each cloud by one damped Gauss-Newton step towards a surface: a rotation about its centroid and a
+    translation.
 
-    points: f64[k, n, 3]. offset: from each point to its nearest surface point. damping: f64[k], larger for smaller
-    steps.
+    points: f64[k, n, 3]. offset: from the nearest surface point to each point, f64[k, n, 3]. damping: f64[k], larger
+    for smaller steps.
     """
     centre = points.mean(axis=1, keepdims=True)
     arms = points - centre
@@ -98,7 +104,7 @@ def _take_step(points: FloatArray, offset: FloatArray, damping: FloatArray) -> F
 
 
 def _build_rotation_matrices(vector: FloatArray) -> FloatArray:
-    """Rotation matrices, f64[k, 3, 3], of rotation vectors, f64[k, 3], rad (Rodrigues)."""
+    """Return the rotation matrices f64[k, 3, 3] of rotation vectors f64[k, 3] in radians (Rodrigues' formula)."""
     angle = np.maximum(np.linalg.norm(vector, axis=1), 1e-12)[:, None, None]
     x, y, z = (vector / angle[:, :, 0]).T
     zero = np.zeros_like(x)

@@ -39,7 +39,7 @@ class Sizes:
     leg: float
 
     def prisms(self) -> tuple[Prism, Prism, Prism]:
-        """The three objects with these sizes as prisms, in the order of OBJECTS."""
+        """Return the three objects with these sizes as prisms, in the order of OBJECTS."""
         return (
             make_box(self.width, self.depth, self.height),
             make_cylinder(self.radius, self.cylinder_height),
@@ -47,11 +47,11 @@ class Sizes:
         )
 
     def rounded(self) -> "Sizes":
-        """The sizes of the objects rounded to 1 mm. Equal sides of a triangle stay equal."""
+        """Return the sizes rounded to 1 mm; equal sides of a triangle stay equal."""
         return Sizes(*(float(round(size)) for size in astuple(self)))
 
     def circumferences(self) -> tuple[float, float, float]:
-        """Circumferences of the three objects, mm, in OBJECTS order."""
+        """Return the circumferences of the three objects in mm, in the order of OBJECTS."""
         return 2 * (self.width + self.depth), 2 * np.pi * self.radius, self.side + 2 * self.leg
 
 
@@ -75,7 +75,10 @@ class Distances:
 
 
 def compute_contact_distributions(table: CloudTable, settings: CloudSettings) -> list[ContactDistribution]:
-    """Distribution of each object's contacts, with the table's mean and standard deviation for its own model."""
+    """Return the distribution of each object's contact points.
+
+    Its mean and standard deviation are those of the table for the object's own model.
+    """
     return [
         ContactDistribution(share, table.mean[i, i], table.deviation[i, i], settings.band_mm, settings.palm_share)
         for i, share in enumerate(TOP_GRASP_SHARES)
@@ -83,9 +86,10 @@ def compute_contact_distributions(table: CloudTable, settings: CloudSettings) ->
 
 
 def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = True) -> list[Distances]:
-    """Distances of modelled contact clouds to the three objects after the best registration, for each of TABLES.
+    """Compute the distances of modelled contact clouds to the three objects after the best registration.
 
-    with_own: also the distances of each cloud to its own object.
+    Returns one result for each of TABLES. with_own: also compute the distances of each cloud to its own object, which
+    are otherwise 0.
     """
     prisms = sizes.prisms()
     samples = sample_unit_cube(settings.points, settings.seed)
@@ -108,8 +112,9 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
 
 
 def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
-    """Weighted sum of the squared log ratios of modelled distances and a table of the thesis, over the six cross
-    pairs.
+    """Return the weighted sum of the squared logarithms of modelled distances divided by those of the thesis.
+
+    It is taken over the six pairs of a cloud and another object.
     """
     terms = (
         (distances.mean, table.mean, 1.0),
@@ -120,7 +125,7 @@ def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
 
 
 def compute_objective(sizes: Sizes, settings: CloudSettings) -> float:
-    """Deviation of the modelled distances for some object sizes from both distance tables of the thesis, weighted.
+    """Compute how far the modelled distances for some object sizes deviate from both distance tables of the thesis.
 
     The value 0.1 corresponds to a typical ratio of about 1.09.
     """

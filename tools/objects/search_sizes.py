@@ -70,16 +70,17 @@ class SearchSpace:
     narrowest: float = NARROWEST_MM
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the vector of object sizes, in mm."""
+        """Return the lower and the upper bounds of the vector of sizes, f64[7] or f64[8] each, mm."""
         low, high = self.narrowest, WIDEST_MM
         rows = [(low, high), (low, high), self.heights, (low / 2, high / 2), self.heights, (low, high), self.heights]
         table = np.array([*rows, (low, high)] if self.isosceles else rows)
         return table[:, 0], table[:, 1]
 
     def sizes(self, vector: FloatArray) -> tuple[Sizes, float]:
-        """Object sizes within the bounds that are nearest to a vector, and a penalty.
+        """Return the sizes within the bounds that are nearest to a vector, and a penalty.
 
-        The penalty grows with the distance from the bounds and with contradictions to the thesis.
+        The penalty grows with the distance from the bounds, for a box that is nearly square, and for a triangle that is
+        not the smallest object.
         """
         lowest, highest = self.bounds()
         clipped = np.clip(vector, lowest, highest)
@@ -94,14 +95,14 @@ class SearchSpace:
 
 
 def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], None]) -> Sizes:
-    """Search the object sizes that reproduce the distances of the thesis best, for one seed.
+    """Search for the object sizes that reproduce the distances of the thesis best, for one seed.
 
-    Differential evolution with few points per cloud, then a simplex descent with more points. log: called with one
-    line.
+    A differential evolution with few points per cloud is followed by a simplex descent with more points. log: called
+    with one line.
     """
 
     def penalised_objective(vector: FloatArray, cloud_settings: CloudSettings) -> float:
-        """Objective of the sizes that an optimiser's vector represents, plus a penalty for sizes out of bounds."""
+        """Return the objective of the sizes that an optimiser's vector represents, plus the penalty of the vector."""
         sizes, penalty = space.sizes(vector)
         return compute_objective(sizes, cloud_settings) + penalty
 
@@ -120,7 +121,7 @@ def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], Non
 
 
 def format_sizes(sizes: Sizes) -> str:
-    """The object sizes in one line, in the order of the option --evaluate."""
+    """Return the object sizes in one line, in the order of the option --evaluate."""
     s = sizes
     leg = "" if s.leg == s.side else f" (legs {s.leg:.0f})"
     return (
@@ -131,7 +132,7 @@ def format_sizes(sizes: Sizes) -> str:
 
 
 def format_table(distances: Distances, table: CloudTable) -> list[str]:
-    """Text table of modelled distances and distances of the thesis, one line for each pair of cloud and object.
+    """Return the text table of modelled distances and those of the thesis, one line per pair of cloud and object.
 
     A ratio above LARGE_RATIO is marked.
     """
@@ -151,7 +152,7 @@ def format_table(distances: Distances, table: CloudTable) -> list[str]:
 
 
 def build_report(sizes: Sizes, settings: CloudSettings) -> dict[str, object]:
-    """Sizes, objective and all distances as JSON values."""
+    """Return the sizes, the objective and all distances as JSON values."""
     results: dict[str, object] = {"sizes_mm": asdict(sizes), "objective": compute_objective(sizes, settings)}
     for distances, (table, _) in zip(compute_distances(sizes, settings), TABLES, strict=True):
         results[table.source] = {
@@ -161,7 +162,10 @@ def build_report(sizes: Sizes, settings: CloudSettings) -> dict[str, object]:
 
 
 def format_ranges(results: list[tuple[float, Sizes]]) -> list[str]:
-    """Text with the ranges of the object sizes whose objective is close to the best. results: sorted by objective."""
+    """Return the lines with the range of each size among the results whose objective is close to the best one.
+
+    results: (objective, sizes) of each seed, in ascending order of the objective.
+    """
     near = [astuple(sizes) for value, sizes in results if value <= NEAR_BEST * results[0][0]]
     names = [f.name for f in fields(Sizes)]
     count = f"{len(near)} of {len(results)} seeds"
@@ -187,7 +191,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Print the best object sizes, or the objective of given sizes; returns the exit status."""
+    """Search for the best object sizes and print them, or print the objective of given sizes."""
     args = parse_arguments()
     final = CloudSettings(FINAL_POINTS, 0, args.band_mm, args.palm_share)
     log: Callable[[str], None] = (lambda line: print(line, file=sys.stderr)) if args.json else print

@@ -15,11 +15,11 @@ class Profile(Protocol):
     """A closed convex curve around the origin of the plane."""
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point and outward normal, f64[n, 2] each, at the relative arc lengths u, f64[n], 0 to 1."""
+        """Return the point and outward normal, f64[n, 2] each, at the relative arc lengths u, f64[n], 0 to 1."""
         ...
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Nearest curve point, f64[..., 2], of each point, and whether the point is inside the curve."""
+        """Return the nearest curve point, f64[..., 2], of each point, and whether the point is inside the curve."""
         ...
 
 
@@ -30,13 +30,15 @@ class Circle:
     radius: float
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point and outward normal, f64[n, 2] each, of the circle at the relative arc lengths u, f64[n], 0 to 1."""
+        """Return the point and outward normal, f64[n, 2] each, of the circle at the relative arc lengths u f64[n], 0 to
+        1.
+        """
         angle = 2 * np.pi * u
         normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return self.radius * normal, normal
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Nearest point of the circle, f64[..., 2], for each point, and whether the point is inside.
+        """Return the nearest point of the circle, f64[..., 2], for each point, and whether the point is inside.
 
         For the centre, an arbitrary point of the circle is returned.
         """
@@ -52,7 +54,7 @@ class Polygon:
     corners: FloatArray
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point and outward normal, f64[n, 2] each, of the polygon at the relative arc lengths u, f64[n], 0 to 1."""
+        """Return point and outward normal, f64[n, 2] each, of the outline at relative arc lengths u f64[n], 0 to 1."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         lengths = np.linalg.norm(edges, axis=1)
         ends = np.cumsum(lengths)
@@ -63,7 +65,9 @@ class Polygon:
         return points, np.stack([along[:, 1], -along[:, 0]], axis=-1)
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Nearest point of the polygon's outline, f64[..., 2], for each point, and whether the point is inside."""
+        """Return the nearest point f64[..., 2] of the outline to each point, and whether the point is inside the
+        polygon.
+        """
         x, y = points[..., 0], points[..., 1]
         smallest = np.full(x.shape, np.inf)
         nearest = np.empty_like(points)
@@ -89,7 +93,7 @@ class Prism:
     height: float
 
     def nearest(self, points: FloatArray) -> FloatArray:
-        """Nearest surface point, f64[..., 3], of each point, f64[..., 3], mm."""
+        """Return the nearest surface point, f64[..., 3], of each point, f64[..., 3], mm."""
         z = points[..., 2]
         side, is_inside = self.profile.nearest(points[..., :2])
         cap_z = np.where(z > self.height / 2, self.height, 0.0)
@@ -104,18 +108,18 @@ class Prism:
 
 
 def make_box(width: float, depth: float, height: float) -> Prism:
-    """A rectangular prism, mm, centred on the z axis."""
+    """Create a rectangular prism centred on the z axis; lengths in mm."""
     half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.5
     return Prism(Polygon(half * [width, depth]), height)
 
 
 def make_cylinder(radius: float, height: float) -> Prism:
-    """A cylinder, mm, about the z axis."""
+    """Create a cylinder about the z axis; lengths in mm."""
     return Prism(Circle(radius), height)
 
 
 def make_triangle(base: float, leg: float, height: float) -> Prism:
-    """A triangular prism with the sides base, leg and leg, mm, and its centroid on the z axis."""
+    """Create a triangular prism with the sides base, leg and leg, and its centroid on the z axis; lengths in mm."""
     rise = float(np.sqrt(leg**2 - base**2 / 4))
     corners = np.array([[-base / 2, -rise / 3], [base / 2, -rise / 3], [0.0, 2 * rise / 3]])
     return Prism(Polygon(corners), height)

@@ -62,10 +62,10 @@ Active = dict[str, set[int]]
 class Row:
     """Figures of one set of contact points on the object.
 
-    points, distinct: number of points, and without repetitions. extent_mm: smallest and largest coordinates.
-    distance_mm: median, 95 % quantile and maximum of the distance to the surface of the object. nearest_mm: median
-    distance to the nearest recorded point, and from a recorded point to the nearest of these. active: number of taxels
-    that the rule of the plug-in activates, by threshold in mm. common: number of them that the recorded points activate
+    points, distinct: number of points, with and without repetitions. extent_mm: smallest and largest coordinate of each
+    axis. distance_mm: median, 95 % quantile and maximum of the distance to the object's surface. nearest_mm: median
+    distance to the nearest recorded point, and of the recorded points to the nearest of these points. active: number of
+    taxels that the plug-in's rule activates, by threshold in mm. common: how many of them the recorded points activate,
     too.
     """
 
@@ -80,7 +80,10 @@ class Row:
 
 
 def count_by_rule(closing: Closing) -> dict[str, int]:
-    """Number of taxels that the recorded points activate, by threshold (mm) and kind of centres."""
+    """Return how many taxels the recorded points activate by the plug-in's rule.
+
+    The keys contain the threshold in mm and the kind of centres, "coded" or "true".
+    """
     scene, palm, angles = make_scene(closing, OriginalRules())
     sensors = compute_sensor_poses(scene, palm, angles)
     numbers = {}
@@ -92,13 +95,19 @@ def count_by_rule(closing: Closing) -> dict[str, int]:
 
 
 def compute_sensor_poses(scene: Scene, palm: FloatArray, angles: FloatArray) -> FloatArray:
-    """Poses of the brackets in the world, f64[s, 4, 4]. palm: f64[4, 4]. angles: f64[j], radians."""
+    """Return the poses f64[s, 4, 4] of the s brackets in the world.
+
+    palm: f64[4, 4], pose of the palm in the world. angles: joint angles in radians.
+    """
     robot = load_robot("ur5e_original").get_subtree("palm")
     return np.asarray(palm @ Kinematics(robot, scene.hand).compute_sensor_poses(angles))
 
 
 def make_scene(closing: Closing, rules: OriginalRules) -> tuple[Scene, FloatArray, FloatArray]:
-    """Scene of the closing, pose of the palm in the world f64[4, 4], and recovered joint angles f64[j], radians."""
+    """Create the scene of a recorded closing.
+
+    Returns the scene, the palm's pose in the world f64[4, 4], and the recovered joint angles in radians.
+    """
     hand = load_hand("original")
     scene = build_scene(hand, closing.item, "palm", layer_m=get_surface_heights(hand, rules))
     palm = closing.palm_link @ inverse(map_to_palm(np.eye(4)))
@@ -107,9 +116,9 @@ def make_scene(closing: Closing, rules: OriginalRules) -> tuple[Scene, FloatArra
 
 
 def describe(source: str, closing: Closing, points: FloatArray, active: Active, reference: Active) -> Row:
-    """Figures of contact points f64[c, 3] of a closing.
+    """Return the figures of contact points f64[c, 3] of a closing.
 
-    active, reference: taxels that these points and the recorded points activate.
+    source: name of the points. active, reference: taxels that these points, and the recorded points, activate.
     """
     distance = 1e3 * np.abs(closing.item.shape.signed_distance(apply(inverse(closing.object_pose), points)))
     low, high = 1e3 * points.min(axis=0), 1e3 * points.max(axis=0)
@@ -135,10 +144,11 @@ def activate(
     thresholds: Sequence[str] = ("final", "winter_2022"),
     coded: bool = True,
 ) -> Active:
-    """Taxels that the rule of the plug-in activates, by threshold.
+    """Return the taxels that the plug-in's rule activates, by threshold.
 
-    points: f64[c, 3], world. board_of_point: board that keeps each point; None: every board. sensors: f64[s, 4, 4],
-    brackets in the world. thresholds: names in `THRESHOLD_HISTORY_M`. coded: coded centres, else true centres.
+    points: f64[c, 3] in the world. board_of_point: board that keeps each point; None: every board. sensors: f64[s, 4,
+    4], brackets in the world. thresholds: names in `THRESHOLD_HISTORY_M`. coded: use the centres in the original code
+    instead of the true ones.
     """
     hand, active = load_hand("original"), {}
     for name in thresholds:
@@ -155,7 +165,10 @@ def activate(
 
 
 def compare(name: str) -> tuple[Closing, list[Row]]:
-    """Recorded contact points of a closing, and those of MuJoCo in the same posture and in a closing of its own."""
+    """Return the recovered closing `name` and the figures of its contact points.
+
+    They are the recorded points, MuJoCo's points in the same posture, and those of a closing that MuJoCo simulates.
+    """
     closing, rules = recover(name), replace(OriginalRules(), palm_tips_m=TIPS_M[name])
     scene, palm, angles = make_scene(closing, rules)
     sensors = compute_sensor_poses(scene, palm, angles)
@@ -195,7 +208,10 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
 def _describe_messages(
     source: str, closing: Closing, messages: Iterable[ContactMessage], sensors: FloatArray, reference: Active
 ) -> Row:
-    """Figures of the contact points that the boards keep after the messages. sensors: f64[s, 4, 4]."""
+    """Return the figures of the contact points that the boards keep after the messages.
+
+    sensors: f64[s, 4, 4], brackets in the world.
+    """
     memory = ContactMemory(OriginalRules())
     for message in messages:
         memory.receive(message)
@@ -206,7 +222,7 @@ def _describe_messages(
 
 
 def format_closing(closing: Closing, rows: Sequence[Row]) -> str:
-    """Text of the comparison of one closing, with a Markdown table."""
+    """Return the comparison of one closing as text with a Markdown table."""
     kept, own = count_kept(closing)
     y, z = 1e3 * closing.object_pose[1:3, 3]
     residual = ", ".join(f"{part} {value:.4f}" for part, value in closing.residual_mm.items())
@@ -240,7 +256,7 @@ def format_closing(closing: Closing, rows: Sequence[Row]) -> str:
 
 
 def main() -> int:
-    """Print the comparison of both closings."""
+    """Print the comparison of both recorded closings."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="one JSON document instead of text")
     as_json = parser.parse_args().json

@@ -39,7 +39,10 @@ class Sent:
 
 
 def synthesise(cycles: int, rng: np.random.Generator) -> Sent:
-    """Poll cycles of the 15 boards: counts near 1,600 with noise and contacts, times of a UART at 115,200 baud."""
+    """Create a stream of poll cycles of the 15 boards.
+
+    Counts are near 1,600 with noise and contacts; times are those of a UART at 115,200 baud.
+    """
     wires: list[bytes] = []
     starts = [0]
     means = {address: rng.normal(1600, 120, ORIGINAL.taxels[address]) for address in ORDER}
@@ -56,7 +59,11 @@ def synthesise(cycles: int, rng: np.random.Generator) -> Sent:
 
 
 def damage(sent: Sent, share: float, rng: np.random.Generator) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """(received bytes, sent position of each received byte). -1: an inserted byte; -2 - position: a changed byte."""
+    """Damage a share of the stream's bytes: change or lose a byte, or insert one before it.
+
+    Returns the received bytes, and for each of them its position in the sent stream; -1 for an inserted byte, and -2 -
+    position for a changed byte.
+    """
     size = len(sent.stream)
     kind = np.where(rng.random(size) < share, rng.integers(0, 3, size), -1)
     copies = np.ones(size, np.int64)
@@ -74,7 +81,11 @@ def damage(sent: Sent, share: float, rng: np.random.Generator) -> tuple[NDArray[
 
 
 def compute_shifts(count: int, share: float) -> NDArray[np.float64]:
-    """Probability of each net number of lost bytes, from -count to count, in `count` bytes."""
+    """Compute the probability of each net number of lost bytes among `count` bytes, from -count to count: f64[2 count +
+    1].
+
+    share: share of damaged bytes.
+    """
     third = share / 3
     one = np.array([third, 1 - share + third, third])  # inserted, kept or changed, lost
     power, result = one, np.ones(1)
@@ -86,7 +97,10 @@ def compute_shifts(count: int, share: float) -> NDArray[np.float64]:
 
 
 def predict_undetected(length: int, share: float) -> float:
-    """Probability that a message is damaged and accepted with its end byte at the right place (SPEC.md, part 7)."""
+    """Return the probability that a message of `length` bytes is damaged but accepted (SPEC.md, part 7).
+
+    Its end byte is then at the right place because the numbers of inserted and dropped bytes are equal.
+    """
     kept, inserted = 1 - share, share / 3
     inner = length - 4
     shifts = compute_shifts(inner, share)
@@ -95,7 +109,7 @@ def predict_undetected(length: int, share: float) -> float:
 
 
 def predict_chance_end(length: int, share: float, end_shares: NDArray[np.float64]) -> float:
-    """Probability that a message with inserted bytes is accepted because a count has the value of the end byte.
+    """Return the probability that a message with inserted bytes is accepted because a count equals the end byte.
 
     end_shares: share of end values among the bytes 1, 2, ... before the last byte of this board's messages.
     """
@@ -108,7 +122,11 @@ def predict_chance_end(length: int, share: float, end_shares: NDArray[np.float64
 
 
 def measure(cycles: int, share: float, seed: int) -> tuple[int, int, int, int, float]:
-    """(sent, undamaged, undamaged and decoded, undetected, predicted number of undetected) messages."""
+    """Damage a stream, decode it and count its messages.
+
+    Returns the numbers of sent messages, undamaged messages, undamaged messages that were decoded, and undetected
+    damaged messages, and the predicted number of the latter.
+    """
     rng = np.random.default_rng(seed)
     sent = synthesise(cycles, rng)
     received, places = damage(sent, share, rng)
@@ -147,7 +165,9 @@ def measure(cycles: int, share: float, seed: int) -> tuple[int, int, int, int, f
 
 
 def main() -> int:
-    """Print one line for each seed."""
+    """Measure and print one line for each seed; the exit status is 1 if a message is missing or the prediction is
+    wrong.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cycles", type=int, default=20_000, help="poll cycles of 15 messages (default: 20000)")
     parser.add_argument("--share", type=float, default=0.01, help="share of damaged bytes (default: 0.01)")

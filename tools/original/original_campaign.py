@@ -45,7 +45,7 @@ Counters = tuple[int, ...]
 
 
 def sample_stream(known: OriginalFormat, draw: random.Random) -> bytes:
-    """A stream of up to ten parts."""
+    """Return a random stream of up to ten parts."""
     addresses = list(known.taxels)
     frequent = bytes([0x01, 0x0A, 0x00, *known.lengths.values(), *addresses])
     time_ms = draw.choice((0, 70_000, 2**32 - 100, draw.getrandbits(32)))
@@ -76,7 +76,11 @@ def sample_stream(known: OriginalFormat, draw: random.Random) -> bytes:
 def sample_message(
     known: OriginalFormat, draw: random.Random, address: int, time_ms: int, frequent: bytes
 ) -> bytearray:
-    """One message with arbitrary counts, or with counts that consist of bytes frequent in headers."""
+    """Return one random valid message of a format.
+
+    In half of the messages, the data bytes are random. In the other half, they are sampled from `frequent`, the bytes
+    that occur in headers, so the counts resemble the start of another message.
+    """
     length = known.lengths[address]
     offset = known.counts_offset
     data = bytes(draw.choices(frequent, k=length)) if draw.random() < 0.5 else draw.randbytes(length)
@@ -87,7 +91,7 @@ def sample_message(
 
 
 def split_randomly(stream: bytes, draw: random.Random) -> list[bytes]:
-    """The stream in random pieces; some of them are empty."""
+    """Split a stream into random pieces, some of them empty; with a probability of 10 %, into single bytes."""
     if draw.random() < 0.1:
         return [stream[i : i + 1] for i in range(len(stream))]
     places = sorted([0, len(stream), *(draw.randint(0, len(stream)) for _ in range(draw.randrange(6)))])
@@ -97,7 +101,10 @@ def split_randomly(stream: bytes, draw: random.Random) -> list[bytes]:
 def decode_pieces(
     decoder: OriginalDecoder | NativeOriginalDecoder, pieces: list[bytes]
 ) -> tuple[list[OriginalMessage], Counters]:
-    """Messages and counters of a stream in pieces."""
+    """Decode a stream that arrives in pieces.
+
+    Returns the messages and four counters: messages, discarded bytes, rejected candidates, ambiguous candidates.
+    """
     messages = [message for piece in pieces for message in decoder.push(piece)] + decoder.finish()
     return messages, (
         decoder.messages,
@@ -108,7 +115,11 @@ def decode_pieces(
 
 
 def check_stream(seed: int, index: int, tally: Counter[str]) -> str | None:
-    """Sample stream `index`, decode it with all decoders and count; the name of the decoder that differs, or None."""
+    """Sample stream `index` and compare the results of all decoders; return the deviating comparison, or None.
+
+    The Python decoder is compared with the C decoder, and in every `ORACLE_EVERY`-th stream with the parser by
+    construct and with the encoder. If all agree, the counters of the stream are added to `tally`.
+    """
     draw = random.Random(f"{seed} {index}")
     (known,) = draw.choices(ALL_FORMATS, WEIGHTS)
     stream = sample_stream(known, draw)
@@ -132,7 +143,10 @@ def check_stream(seed: int, index: int, tally: Counter[str]) -> str | None:
 
 
 def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], str | None]:
-    """(tally, text of the first difference or None)."""
+    """Check the streams `first` to `first + count - 1`, up to the first difference.
+
+    Returns the counters of the checked streams, and the description of the first difference, or None if there is none.
+    """
     tally: Counter[str] = Counter()
     for index in range(first, first + count):
         difference = check_stream(seed, index, tally)
@@ -142,11 +156,12 @@ def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], str | 
 
 
 def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], str | None]:
+    """Call `check_range` with the arguments (seed, first, count) as one tuple, as a process pool passes them."""
     return check_range(*part)
 
 
 def main() -> int:
-    """Run the campaign and print the counts."""
+    """Run the campaign and print the counts; return the exit status: 1 after the first difference, otherwise 0."""
     arguments = parse_options(__doc__, 1_000_000)
     tally: Counter[str] = Counter()
     start_s = time.monotonic()

@@ -35,6 +35,12 @@ class Decoded:
 
 @dataclass(frozen=True)
 class _Candidate:
+    """Bytes that may be a message.
+
+    end: position after the last byte. has_evidence: whether its time is plausible, or, in a format without times,
+    whether a header follows.
+    """
+
     message: OriginalMessage
     end: int
     has_evidence: bool
@@ -45,12 +51,12 @@ class _Candidate:
 
     @property
     def rank(self) -> tuple[bool, int]:
-        """The greater rank of two overlapping candidates wins."""
+        """Rank by which the greater of two overlapping candidates wins."""
         return self.has_evidence, self.start
 
 
 def decode_stream(known: OriginalFormat, stream: bytes) -> Decoded:
-    """Messages and counters of a stream that ends with its last byte."""
+    """Return the messages and counters of a complete stream."""
     if known.record_size:
         return _split_records(known, stream)
     headers = [start for start in range(len(stream)) if find_address(known, stream, start) is not None]
@@ -80,6 +86,7 @@ def decode_stream(known: OriginalFormat, stream: bytes) -> Decoded:
 
 
 def _list_accepted(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Return the candidates that no overlapping candidate outranks."""
     return [
         one
         for one in candidates
@@ -88,7 +95,7 @@ def _list_accepted(candidates: list[_Candidate]) -> list[_Candidate]:
 
 
 def find_address(known: OriginalFormat, stream: bytes, start: int) -> int | None:
-    """Address in the header that begins at `start`; None if no header begins there."""
+    """Return the board address in the header that begins at `start`; None if no header begins there."""
     for address, length in known.lengths.items():
         if stream[start : start + 3] == bytes([0x01, length, address]):
             return address
@@ -96,12 +103,13 @@ def find_address(known: OriginalFormat, stream: bytes, start: int) -> int | None
 
 
 def is_followed(known: OriginalFormat, stream: bytes, end: int) -> bool:
-    """Whether a header, or the end of the stream, perhaps inside a header, follows position `end`."""
+    """Return whether a header follows position `end`; a header that the end of the stream cuts off is sufficient."""
     behind = stream[end : end + 3]
     return any(bytes([0x01, length, address]).startswith(behind) for address, length in known.lengths.items())
 
 
 def _split_records(known: OriginalFormat, stream: bytes) -> Decoded:
+    """Return the messages of a format whose stream consists of records of one size without headers."""
     size = known.record_size
     (address,) = known.taxels
     messages = [

@@ -68,7 +68,7 @@ class Measurement:
 
 
 def list_configurations() -> list[Configuration]:
-    """The rows of the table, from the public firmware to the settings of the thesis."""
+    """Return the rows of the table, from the public firmware to the settings of the thesis."""
     kept = replace(FIRST_GENERATION, skipped_addresses=DROPPED_BY_THE_HOST)
     thesis = replace(THESIS, skipped_addresses=DROPPED_BY_THE_HOST)
     row = Configuration
@@ -92,7 +92,7 @@ def list_configurations() -> list[Configuration]:
 
 
 def measure(hand: Hand, configuration: Configuration, seconds: float = SECONDS) -> Measurement:
-    """Run the emulated hub of a configuration for `seconds` of virtual time."""
+    """Run the emulated hub of a configuration for `seconds` of virtual time and return its rate and times."""
     numbers: dict[str, Any] = configuration.settings
     world = format_world(hand, make_original_settings(configuration.firmware, clock_spread_ppm=0.0, **numbers))
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
@@ -107,7 +107,7 @@ def measure(hand: Hand, configuration: Configuration, seconds: float = SECONDS) 
 
 
 def format_table(rows: Sequence[tuple[Configuration, Measurement]]) -> str:
-    """The Markdown table of measurements."""
+    """Return the Markdown table of the measurements, one row per configuration."""
     lines = [
         "| configuration | rate, Hz | cycle | call and reads | failed tries | hub waits for the ring | delay "
         "| wire busy | wire waits for a tick | bytes | wire busy, % |",
@@ -123,14 +123,14 @@ def format_table(rows: Sequence[tuple[Configuration, Measurement]]) -> str:
 
 
 def measure_table(seconds: float = SECONDS) -> str:
-    """Measure all configurations and format the table."""
+    """Measure all configurations and return the Markdown table."""
     configurations = list_configurations()
     hands = {name: load_hand(name) for name in {row.hand for row in configurations}}
     return format_table([(row, measure(hands[row.hand], row, seconds)) for row in configurations])
 
 
 def replace_table(page: str, table: str) -> str:
-    """The page with the table between its two marks replaced. Raises ValueError if a mark is missing."""
+    """Return the page with the table between its two marks replaced. Raises ValueError if a mark is missing."""
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:

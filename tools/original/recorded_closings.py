@@ -77,12 +77,15 @@ class Closing:
 
 
 def read_points(name: str) -> FloatArray:
-    """Points of tools/hand/original/NAME.csv, f64[c, 3], metres."""
+    """Read the points of tools/hand/original/NAME.csv, f64[c, 3], metres."""
     return np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in read_rows(name)])
 
 
 def place_finger(palm_link: FloatArray, finger: str, angles: FloatArray, coded: bool = True) -> FloatArray:
-    """Taxel centres of the front boards of a finger in the world, f64[n, 3], metres. coded: else the true centres."""
+    """Return the taxel centres f64[n, 3] of a finger's front boards in the world, metres.
+
+    angles: f64[4], joint angles in radians. coded: use the centres in the original code instead of the true ones.
+    """
     prefix, first, _ = FINGERS[finger]
     frames = compute_frames({f"joint_{first + i}_0": float(angle) for i, angle in enumerate(angles.tolist())})
     parts = []
@@ -96,9 +99,10 @@ def place_finger(palm_link: FloatArray, finger: str, angles: FloatArray, coded: 
 def fit_finger(
     palm_link: FloatArray, finger: str, points: FloatArray, start: Sequence[float], coded: bool = True
 ) -> tuple[FloatArray, float]:
-    """Joint angles f64[4], radians, at which taxel centres coincide with `points`, and the largest distance, metres.
+    """Fit a finger's joint angles such that its taxel centres coincide with the points f64[k, 3].
 
-    coded: coded centres, else true centres.
+    Returns the angles f64[4] in radians and the largest remaining distance in metres. start: first guess. coded: use
+    the centres in the original code instead of the true ones.
     """
     rng = np.random.default_rng(0)
     best, smallest = np.zeros(4), np.inf
@@ -108,7 +112,7 @@ def fit_finger(
             nearest = np.asarray(cKDTree(place_finger(palm_link, finger, angles, coded)).query(points)[1])
 
             def compute_residual(values: FloatArray, nearest: IndexArray = nearest) -> FloatArray:
-                """Differences of the nearest centres from the points, f64[3 k], metres."""
+                """Compute the differences between the nearest centres and the points, f64[3 k], metres."""
                 return np.asarray((place_finger(palm_link, finger, values, coded)[nearest] - points).ravel())
 
             found = least_squares(compute_residual, angles, max_nfev=30).x
@@ -126,9 +130,9 @@ def fit_finger(
 
 @lru_cache(maxsize=4)
 def recover(name: str, coded: bool = True) -> Closing:
-    """Recover poses and joint angles of the closing around the object `name`, "cylinder" or "box".
+    """Recover the poses and joint angles of the closing around the object `name`, "cylinder" or "box".
 
-    coded: fit of the fingers with the coded centres, else with the true centres.
+    coded: fit the fingers with the centres in the original code instead of the true ones.
     """
     raw, kept = read_points(f"simulated_contacts_{name}_raw"), read_points(f"simulated_contacts_{name}_within_5_mm")
     palm_link = np.eye(4)
@@ -152,7 +156,10 @@ def recover(name: str, coded: bool = True) -> Closing:
 
 
 def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
-    """Object and its pose in the world, f64[4, 4], from the contact points on it; its axis is the world's x axis."""
+    """Fit the object and its pose f64[4, 4] in the world from the contact points on it.
+
+    Its axis is the world's x axis.
+    """
     if name == "box":
         # Its faces towards the palm and towards the ground are those that the most points lie on.
         centre = points.min(axis=0)[1:] + BOX_SIDE_M / 2
@@ -160,7 +167,10 @@ def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
     else:
 
         def compute_residual(centre: FloatArray) -> FloatArray:
-            """Distances of the points from the surface around an axis at `centre` f64[2], f64[c], metres."""
+            """Compute the distances f64[c] of the points from the cylinder's surface, metres.
+
+            centre: f64[2], y and z of its axis.
+            """
             return np.asarray(np.hypot(*(points[:, 1:] - centre).T) - RADIUS_M)
 
         centre = least_squares(compute_residual, [0.07, 0.094], loss="soft_l1", f_scale=2e-4).x
@@ -172,7 +182,10 @@ def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
 
 
 def count_kept(closing: Closing) -> tuple[int, int]:
-    """Numbers of taxels that the original filter kept, and that this tool finds: palm and fingers without the thumb."""
+    """Return how many taxels the original filter kept, and how many this program finds within its distance.
+
+    Both count palm and fingers without the thumb.
+    """
     palm = read_coded_centres("palm")
     assert palm is not None
     parts = [apply(closing.palm_link @ compute_frames()["palm_bracket"], palm)]
@@ -184,5 +197,5 @@ def count_kept(closing: Closing) -> tuple[int, int]:
 
 
 def select_recorded(closing: Closing) -> FloatArray:
-    """Recorded contact points on the hand and the object, f64[c, 3], without those on the ground."""
+    """Return the recorded contact points f64[c, 3] on the hand and the object, without those on the ground."""
     return closing.raw[closing.raw[:, 2] > GROUND_M]

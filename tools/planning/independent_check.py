@@ -57,7 +57,7 @@ class IndependentCheck:
     def __init__(
         self, robot: Robot, hand: Hand, table_z_m: float, grasp_object: GraspObject, object_pose: FloatArray
     ) -> None:
-        """Build Pinocchio's model of the robot and Coal's model of the bodies."""
+        """Build Pinocchio's model of the robot and Coal's models of the bodies."""
         text = format_urdf(robot, hand)
         self.model = pin.buildModelFromXML(text)
         self.data = self.model.createData()
@@ -74,9 +74,10 @@ class IndependentCheck:
         self._columns = [self.model.joints[self.model.getJointId(name)].idx_q for name in robot.joint_names]
 
     def find_overlap(self, angles: FloatArray, allowed_depth_m: float = 0.0, sample: int = 0) -> Overlap | None:
-        """Find two overlapping bodies at joint angles f64[j]; None if there are none.
+        """Return two overlapping bodies at the joint angles f64[j], or None if no bodies overlap.
 
-        allowed_depth_m: depth to which hand and object may overlap (the soft layer in contact), metres.
+        allowed_depth_m: depth to which hand and object may overlap (the soft layer in contact), metres. sample: number
+        that the result states.
         """
         q = np.zeros(self.model.nq)
         q[self._columns] = angles
@@ -96,7 +97,10 @@ class IndependentCheck:
         return None
 
     def find_overlap_on_path(self, waypoints: FloatArray, allowed_depth_m: float = 0.0) -> Overlap | None:
-        """Find the first overlap on the straight segments between waypoints f64[k, j], sampled every `STEP_M`."""
+        """Return the first overlap on the straight segments between the waypoints f64[k, j]; None if there is none.
+
+        The path is sampled such that no point of the hand moves by more than `STEP_M` between samples.
+        """
         sample = 0
         for begin, end in itertools.pairwise(waypoints):
             reach = np.r_[REACH_M, np.full(len(begin) - len(REACH_M), FINGER_REACH_M)]
@@ -129,7 +133,7 @@ class IndependentCheck:
             self._add(f"board {board.name}", frame.parentJoint, placement, make_hull(points), "robot")
 
     def _add_surroundings(self, table_z_m: float, item: GraspObject, pose: FloatArray) -> None:
-        """Add table, object and the stand between them."""
+        """Add the table, the object, and the stand between them if the object is above the table."""
         table = pin.SE3(np.eye(3), np.array([0.0, 0.0, table_z_m - TABLE_HALF_M[2]]))
         self._add("table", 0, table, coal.Box(*(2 * np.array(TABLE_HALF_M))), "table")
         if isinstance(item.shape, Cylinder):
@@ -145,18 +149,21 @@ class IndependentCheck:
             self._add("stand", 0, pin.SE3(pose[:3, :3], centre), coal.Box(*(high - low)[:2], height), "stand")
 
     def _add(self, name: str, joint: int, placement: Any, solid: Any, kind: str) -> None:
-        """Add a body at a pose in the frame of a joint of Pinocchio's model."""
+        """Add a body at a pose in the frame of a joint of Pinocchio's model.
+
+        kind: "robot", "table", "object" or "stand", which decides the pairs that can collide.
+        """
         self.geometry.addGeometryObject(pin.GeometryObject(name, joint, placement, solid))
         self._kinds.append(kind)
 
     def _count_joints(self, a: int, b: int) -> int:
-        """Count the joints between two joints of the tree."""
+        """Return the number of joints between two joints of the kinematic tree."""
         path_a, path_b = list(self.model.supports[a]), list(self.model.supports[b])
         common = sum(x == y for x, y in zip(path_a, path_b, strict=False))
         return int(len(path_a) + len(path_b) - 2 * common)
 
     def _is_in_hand(self, pair: Any) -> bool:
-        """Whether a body of a pair moves with the last joint of the arm, the sixth, or a joint of the hand."""
+        """Return whether a body of a pair moves with the last joint of the arm, the sixth, or a joint of the hand."""
         return any(self.geometry.geometryObjects[k].parentJoint >= 6 for k in (pair.first, pair.second))
 
     def _find_pairs(self) -> Iterator[tuple[int, int]]:
@@ -175,7 +182,7 @@ class IndependentCheck:
 
 
 def make_hull(points: FloatArray) -> Any:
-    """Make Coal's convex solid of the hull of points f64[n, 3], metres."""
+    """Make Coal's convex body of the hull of the points f64[n, 3], metres."""
     hull = ConvexHull(points)
     index = {int(old): new for new, old in enumerate(hull.vertices)}
     vertices = coal.StdVec_Vec3s()

@@ -60,12 +60,12 @@ class Result:
 
 @functools.lru_cache(maxsize=1)
 def make_setup(hand_name: str) -> Setup:
-    """Make the workstation of a packaged hand."""
+    """Create the workstation of a packaged hand."""
     return Setup(load_hand(hand_name))
 
 
 def solve_problem(hand_name: str, seed: int, problem: int) -> Result:
-    """Sample a problem, plan it, and check the plan."""
+    """Sample the problem number `problem`, plan it, and check the plan."""
     setup, rng = make_setup(hand_name), np.random.default_rng([seed, problem])
     keys = sorted(ITERATIONS)
     name, approach_name = keys[rng.integers(len(keys))]
@@ -91,7 +91,7 @@ def solve_problem(hand_name: str, seed: int, problem: int) -> Result:
 
 
 def sample_object_pose(rng: np.random.Generator, table_z_m: float) -> FloatArray:
-    """Sample the pose of a standing object f64[4, 4]: any direction from the base, any yaw."""
+    """Return a random pose f64[4, 4] of a standing object, in any direction from the base and with any yaw."""
     radius, direction, yaw = rng.uniform(*RADIUS_M), rng.uniform(-np.pi, np.pi), rng.uniform(-np.pi, np.pi)
     position = [radius * np.cos(direction), radius * np.sin(direction), table_z_m + rng.uniform(*HEIGHT_M)]
     return make_pose(position, [np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
@@ -100,7 +100,7 @@ def sample_object_pose(rng: np.random.Generator, table_z_m: float) -> FloatArray
 def sample_free_start(
     rng: np.random.Generator, planner: MotionPlanner, clearances: Clearances
 ) -> tuple[FloatArray, int]:
-    """Sample a start posture f64[j] that the planner's check calls free; also return the number of rejected ones."""
+    """Return a random start posture f64[j] in which the planner finds no collision, and the number of rejected ones."""
     lower, upper = np.maximum(planner.robot.lower, -np.pi), np.minimum(planner.robot.upper, np.pi)
     required = np.full(len(clearances.all_pairs), START_CLEARANCE_M)
     rejected = 0
@@ -112,7 +112,10 @@ def sample_free_start(
 
 
 def find_violation(plan: MotionPlan, planner: MotionPlanner, check: IndependentCheck, depth_m: float) -> str:
-    """Find an overlap, or a joint or speed limit that a plan violates; "" if there is none."""
+    """Return the first overlap, joint limit or speed limit that a plan violates, as a text; "" if it violates none.
+
+    depth_m: depth to which hand and object may overlap when the object is grasped, metres.
+    """
     overlap = check.find_overlap_on_path(plan.waypoints)
     if overlap is not None:
         return f"path: {overlap}"
@@ -130,7 +133,7 @@ def find_violation(plan: MotionPlan, planner: MotionPlanner, check: IndependentC
 
 
 def summarise(results: list[Result]) -> dict[str, object]:
-    """Summarise results: counts of outcomes, plans with a violation, success rate, times."""
+    """Return the numbers of outcomes and of plans with a violation, the success rate and the times, as JSON values."""
     accepted = [result for result in results if result.outcome == "accepted"]
     outcomes = Counter(result.outcome for result in results)
     feasible = len(accepted) + outcomes["NoPathError"]
@@ -156,7 +159,7 @@ def read_results(path: Path) -> dict[int, Result]:
 
 
 def main() -> int:
-    """Run the problems, print the summary, and exit with status 1 if an accepted plan has a violation."""
+    """Run the problems and print the summary; the exit status is 1 if an accepted plan has a violation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0, help="number of the first problem")

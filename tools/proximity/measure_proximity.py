@@ -31,7 +31,7 @@ LEAD_S: Final = 0.08
 
 
 def main() -> int:
-    """Run the check; return 0 if both figures are met."""
+    """Run the check and print its tables; the exit status is 1 if a required figure is not met."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--skins", type=int, default=8)
     parser.add_argument("--worlds", type=int, default=2, help="worlds of each group per skin")
@@ -57,13 +57,13 @@ def main() -> int:
 
 
 def _report(result: SkinResult) -> SkinResult:
-    """Print on standard error that a skin is finished."""
+    """Print on standard error that a skin is finished, and return its result unchanged."""
     print(f"skin finished: {len(result.approaches)} approaches", file=sys.stderr, flush=True)
     return result
 
 
 def is_met(figures: dict[str, Any]) -> bool:
-    """Whether the figures of the specification are met."""
+    """Return whether all figures that the specification requires are met."""
     return bool(
         figures["median_error_mm"] <= 0.5
         and 0.90 <= figures["coverage"] <= 0.99
@@ -73,7 +73,7 @@ def is_met(figures: dict[str, Any]) -> bool:
 
 
 def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
-    """Compute the figures of all skins."""
+    """Compute the figures of all skins: errors, coverage, predictions and recognition of the target, by name."""
     everything = _select(results)
     distance = summarise(everything)
     fast = [each for each in everything if each.speed_m_s == PREDICTED_SPEED_M_S]
@@ -99,13 +99,15 @@ def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
 
 
 def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approach]:
-    """Select the approaches along the normal, or the targets that pass sideways, of the worlds with one target."""
+    """Return the approaches of the worlds with one target: along the normal, or with `passing` those that pass
+    sideways.
+    """
     everything = [approach for result in results for approach in result.approaches if not approach.target]
     return [approach for approach in everything if (approach.kind == "pass") == passing]
 
 
 def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
-    """Summarise errors and coverage of approaches."""
+    """Return the errors and the coverage of some approaches, by name; errors are NaN without any frame."""
     errors = np.array([error for each in approaches for error in each.errors_m])
     covered = np.array([is_covered for each in approaches for is_covered in each.covered])
     missing = sum(each.missing for each in approaches)
@@ -124,7 +126,10 @@ def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
 
 
 def _count_names(results: Sequence[SkinResult], target: str) -> dict[str, float]:
-    """Count how the target was named, as shares of the frames in range with an estimate, and its coverage."""
+    """Return how often each name was given to the target, and the coverage of its distance.
+
+    The numbers are shares of the frames in range with an estimate.
+    """
     names = [name for result in results for each in result.approaches if each.target == target for name in each.named]
     known = ("grounded", "acrylic", "not identifiable", "unknown")
     approaches = [each for result in results for each in result.approaches if each.target == target]
@@ -133,7 +138,7 @@ def _count_names(results: Sequence[SkinResult], target: str) -> dict[str, float]
 
 
 def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], options: argparse.Namespace) -> str:
-    """Format the tables as Markdown."""
+    """Return the figures and the groups of approaches as Markdown tables."""
     everything = _select(results)
     lines = [
         f"Measured with `python tools/proximity/measure_proximity.py --skins {options.skins} --worlds {options.worlds} "

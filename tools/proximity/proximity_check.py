@@ -34,9 +34,12 @@ AFTER_S = 0.15
 
 @dataclass(frozen=True)
 class Approach:
-    """Score of one approach. lead_s: from the first warning to the contact; None without one of them. errors_m: f64[k],
-    errors of the frames in range. covered: share of them inside the interval. missing: frames in range without an
-    estimate. named: names of the target in range.
+    """Score of one approach.
+
+    warnings: number of predicted contacts that did not follow. lead_s: time from the warning to the contact; None
+    without one of them. errors_m: estimated minus true distance of each frame in range. covered: for each of these
+    frames, whether the interval contains the true distance. missing: number of frames in range without an estimate.
+    named: names that the estimator gave to the target, for each frame in range.
     """
 
     target: str
@@ -55,8 +58,10 @@ class Approach:
 
 @dataclass(frozen=True)
 class SkinResult:
-    """Scores of one skin. idle_warnings: warnings outside of all approaches. idle_s: time outside of all approaches, of
-    all boards.
+    """Scores of one skin.
+
+    idle_warnings: number of warnings outside all approaches. idle_s: time outside all approaches, summed over the
+    boards.
     """
 
     approaches: tuple[Approach, ...]
@@ -66,7 +71,10 @@ class SkinResult:
 
 @dataclass(frozen=True)
 class Task:
-    """What one process computes: a skin, number of worlds of each group, approaches per world, seed."""
+    """Work of one process.
+
+    seed, number: seed of the run and number of the skin. worlds: number of worlds of each group. approaches: per world.
+    """
 
     seed: int
     number: int
@@ -75,7 +83,11 @@ class Task:
 
 
 def run_skin(task: Task) -> SkinResult:
-    """Calibrate one skin, and score the estimator in worlds with other seeds."""
+    """Calibrate one skin, and score the estimator in worlds with other seeds.
+
+    Each group consists of a world with random speeds and one at `PREDICTED_SPEED_M_S`; two more worlds test the
+    recognition of the target.
+    """
     rng = np.random.default_rng([task.seed, task.number])
     hand, skin = load_hand(HAND), sample_skin(rng)
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
@@ -100,7 +112,7 @@ def run_skin(task: Task) -> SkinResult:
 def calibrate_skin(
     folder: Path, hand: Hand, skin: SkinParts, target: str, rng: np.random.Generator
 ) -> ProximityCalibration:
-    """Calibrate all kinds of boards of a skin, on one board of each kind."""
+    """Record a calibration session on one board of each kind and return the calibration of all board kinds."""
     boards = list({board.kind.name: board.name for board in hand.boards}.values())
     effects = skin.format_effects(target, rng)
     settings = WorldSettings(seed=int(rng.integers(1 << 31)), parts_seed=skin.parts_seed, effects=effects)
@@ -124,7 +136,11 @@ def run_world(
     rng: np.random.Generator,
     named: bool = False,
 ) -> SkinResult:
-    """Record one world with random approaches, run the estimator on its frames, and compare with the true distances."""
+    """Record one world with random approaches, run the estimator on its frames, and score its estimates.
+
+    kinds: kinds of approach to choose from. speed_m_s: None: random. named: whether the recognition of the target is
+    scored.
+    """
     plan = plan_approaches(hand, [board.name for board in hand.boards], task.approaches, rng, kinds, speed_m_s)
     effects = skin.format_effects(target, rng)
     settings = WorldSettings(seed=int(rng.integers(1 << 31)), parts_seed=skin.parts_seed, effects=effects)
@@ -148,7 +164,11 @@ def score_world(
     estimates: dict[str, list[tuple[ProximityEstimate, float]]],
     target: str,
 ) -> SkinResult:
-    """Score the estimates of one world. target: name of the target if its recognition is scored."""
+    """Compare the estimates of one world with the true distances.
+
+    estimates: (estimate, arrival time in seconds) of each frame, by board. target: name of the target if its
+    recognition is scored; otherwise "".
+    """
     warnings = [(name, *times) for name, rows in estimates.items() for times in find_warnings(rows)]
     used: set[tuple[str, float, float]] = set()
     approaches = []
@@ -195,7 +215,7 @@ def score_world(
 
 
 def _select_range(rows: list[ProximityEstimate], truth: TrueDistance) -> Iterator[tuple[ProximityEstimate, float]]:
-    """Yield the estimates whose true distance is in the scored range, with this distance."""
+    """Yield each estimate whose true distance is in the scored range, with this distance in metres."""
     finite = np.where(np.isfinite(truth.distance_m), truth.distance_m, 1.0)
     for estimate in rows:
         true = float(np.interp(estimate.time_s, truth.time_s, finite))
@@ -204,7 +224,7 @@ def _select_range(rows: list[ProximityEstimate], truth: TrueDistance) -> Iterato
 
 
 def find_warnings(rows: list[tuple[ProximityEstimate, float]]) -> list[tuple[float, float]]:
-    """Find the warnings of one board: arrival time of the first and of the last frame of each."""
+    """Return the arrival times of the first and the last frame of each warning of one board."""
     found: list[tuple[float, float]] = []
     first: float | None = None
     last = 0.0

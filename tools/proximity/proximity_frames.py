@@ -10,7 +10,7 @@ from taxel.stream import TaxelFrame
 
 
 class SingleChunkLink:
-    """A recorded link that returns one chunk per poll, and the arrival time of the latest one."""
+    """Recorded link that returns one chunk per poll, and has the arrival time of the latest one."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -22,7 +22,7 @@ class SingleChunkLink:
         self.has_arrivals = getattr(link, "has_arrivals", True)
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """Return the next chunk, and None after each chunk."""
+        """Return the next chunk; after each chunk return None once, which ends the poll."""
         if self._has_returned:
             self._has_returned = False
             return None
@@ -33,7 +33,7 @@ class SingleChunkLink:
         return chunk
 
     def write(self, data: bytes) -> None:
-        """Raise the error of the recorded link."""
+        """Pass the bytes to the recorded link, which raises its error."""
         self._link.write(data)
 
     def close(self) -> None:
@@ -42,7 +42,7 @@ class SingleChunkLink:
 
 
 def iterate_arrivals(capture: Path, hand: Hand) -> Iterator[tuple[TaxelFrame, float]]:
-    """Yield the frames of a capture, each with its arrival time, seconds of virtual time."""
+    """Yield the frames of a capture, each with its arrival time in seconds of virtual time."""
     source, _ = open_source(f"file:{capture}", hand)
     link = SingleChunkLink(source)
     with Skin(link, hand) as skin:

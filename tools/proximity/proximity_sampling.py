@@ -34,7 +34,7 @@ class SkinParts:
     reach_m: float
 
     def format_effects(self, target: str, rng: Rng) -> list[str]:
-        """Format the effects of a world with this skin: response to the target, gains, stiffness, drift and noise."""
+        """Return the effects of a world with this skin: response to the target, gains, stiffness, drift and noise."""
         size = f"share={self.share:.6g} reach_m={self.reach_m:.6g}"
         effect = {
             "grounded": f"proximity conductor {size}",
@@ -72,14 +72,18 @@ class Plan:
 
 
 def sample_skin(rng: Rng) -> SkinParts:
-    """Sample a skin: response of 10 to 30 % of the fringe capacitance, electrodes 3 to 5 mm apart."""
+    """Return a random skin: response of 10 to 30 % of the fringe capacitance, electrodes 3 to 5 mm apart."""
     return SkinParts(int(rng.integers(1 << 31)), float(rng.uniform(0.10, 0.30)), float(rng.uniform(0.003, 0.005)))
 
 
 def plan_approaches(
     hand: Hand, boards: list[str], count: int, rng: Rng, kinds: tuple[str, ...], speed_m_s: float | None
 ) -> Plan:
-    """Plan random approaches. speed_m_s: None: random, 5 to 150 mm/s, uniform in the logarithm."""
+    """Plan random approaches to random boards, one after the other.
+
+    count: number of approaches. kinds: kinds to choose from. speed_m_s: None: random, from 5 to 150 mm/s, uniform in
+    the logarithm.
+    """
     shapes: dict[str, Shape] = {}
     approaches: list[PlannedApproach] = []
     now = LEAD_IN_S
@@ -106,7 +110,10 @@ def turn(angle_rad: float) -> FloatArray:
 
 
 def sample_shape(rng: Rng) -> tuple[str, Shape, FloatArray]:
-    """Sample a target: family, shape, and the rotation that turns its sensed side to the skin (its lower side)."""
+    """Return a random target: family, shape, and the rotation that turns its sensed side to the skin.
+
+    The sensed side is then the lower side.
+    """
     family = ("plate", "box", "cylinder", "sphere")[int(rng.integers(4))]
     if family == "plate":
         return family, ConvexPolytope.box(0.14, 0.14, 0.02), np.eye(4)
@@ -121,14 +128,16 @@ def sample_shape(rng: Rng) -> tuple[str, Shape, FloatArray]:
 
 
 def _shift(z: float) -> FloatArray:
+    """Return the translation along z as a pose f64[4, 4]; metres."""
     pose = np.eye(4)
     pose[2, 3] = z
     return pose
 
 
 def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
-    """Make a polytope of tangent planes of a sphere (spiral points); it deviates from the sphere by 0.5 % of its
-    radius.
+    """Return the polytope of the tangent planes of a sphere at the points of a spiral.
+
+    It deviates from the sphere by 0.5 % of its radius.
     """
     index = np.arange(faces) + 0.5
     z = 1.0 - 2.0 * index / faces
@@ -138,7 +147,10 @@ def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
 
 
 def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sample the path of a target: times from 0, distances, lateral displacement f64[k, 2]; metres."""
+    """Return a random path of a target: times f64[k] from 0, distances f64[k], lateral displacements f64[k, 2].
+
+    kind: "contact", "stop", "pass" or "hold". speed: m/s. Lengths are metres, times seconds.
+    """
     if kind == "pass":
         height, span = rng.uniform(0.002, 0.008), 0.12
         angle = rng.uniform(0.0, 2 * np.pi)
@@ -161,7 +173,10 @@ def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArr
 
 
 def _brake(speed: float, end_m: float) -> tuple[list[float], list[float]]:
-    """Return times and distances of a target that brakes at constant deceleration to a distance and rests there."""
+    """Return the times and distances of a target that brakes at constant deceleration and then rests for 0.8 s.
+
+    end_m: distance at which it rests.
+    """
     duration = 2.0 * BRAKE_M / speed
     fraction = np.linspace(0.0, 1.0, 20)
     approach = (START_M - end_m - BRAKE_M) / speed

@@ -20,7 +20,7 @@ TIMEOUT_S: Final = 15
 
 
 def run_audit(path: Path) -> list[dict[str, Any]] | None:
-    """Return the packages of a file of pinned versions with their vulnerabilities; None if the database is unreachable.
+    """Return the packages of a file of pinned versions with their vulnerabilities; None without a usable answer.
 
     path: lines "name==version". Packages that the database does not contain have a `skip_reason`.
     """
@@ -45,7 +45,7 @@ def format_findings(packages: list[dict[str, Any]]) -> list[str]:
 
 
 def main() -> int:
-    """Audit the pinned versions; exit status 1 for a vulnerable version."""
+    """Audit the pinned versions; the exit status is 1 if a version is vulnerable."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path, nargs="?", default=ROOT / "constraints.txt")
     path: Path = parser.parse_args().file

@@ -45,7 +45,7 @@ def main() -> int:
 
 
 def _build_environment(folder: Path) -> str:
-    """A virtual environment with the build tools; returns its Python."""
+    """Create a virtual environment with the build tools and return the path of its Python."""
     _run(sys.executable, "-m", "venv", str(folder / "tools"))
     python = str(folder / "tools" / "bin" / "python")
     _run(python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *BUILD_PACKAGES)
@@ -53,7 +53,7 @@ def _build_environment(folder: Path) -> str:
 
 
 def _export_sources(folder: Path) -> Path:
-    """Copy the committed files alone to a folder, so that no uncommitted file reaches a release."""
+    """Copy the committed files to a folder, so that no uncommitted file is released. Returns the folder."""
     source = folder / "source"
     source.mkdir()
     archive = subprocess.run(["git", "-C", str(ROOT), "archive", "HEAD"], check=True, capture_output=True).stdout
@@ -62,7 +62,7 @@ def _export_sources(folder: Path) -> Path:
 
 
 def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: Path) -> Path:
-    """Build the wheel for one processor with Zig's clang.
+    """Build the wheel for one processor with Zig's clang, move it to the folder `out`, and return its path.
 
     auditwheel assigns the oldest manylinux tag that the wheel's libraries permit.
     """

@@ -66,10 +66,10 @@ class Check:
 
 
 class Environment:
-    """An empty virtual environment with the wheel; its PATH contains no compiler."""
+    """Virtual environment that contains only a wheel and its dependencies; its PATH contains no compiler."""
 
     def __init__(self, folder: Path, wheel: Path, extra: str | None) -> None:
-        """Create an empty virtual environment in `folder` and install a wheel of taxel there.
+        """Create a virtual environment in `folder` and install a wheel of taxel there.
 
         extra: name of the optional dependencies to install; None: none.
         """
@@ -95,7 +95,7 @@ class Environment:
         )
 
     def installed(self) -> tuple[int, float]:
-        """Number of installed packages without pip and setuptools, and their size in megabytes."""
+        """Return the number of installed packages without pip and setuptools, and their size in megabytes."""
         (packages,) = self._bin.parent.glob("lib/python*/site-packages")
         names = {path.name for path in packages.glob("*.dist-info")}
         counted = [name for name in names if not name.startswith(("pip-", "setuptools-"))]
@@ -105,7 +105,7 @@ class Environment:
 
 
 def check_core(environment: Environment) -> list[Check]:
-    """Check the installed core of the package: its commands, the messages for missing extras, and its size."""
+    """Check the installed core: its commands, the messages for missing extras, and its number and size of packages."""
     checks = []
     for command in CORE_COMMANDS:
         done = environment.run(*command)
@@ -123,7 +123,7 @@ def check_core(environment: Environment) -> list[Check]:
 
 
 def check_diagnosis(simulating: Environment, diagnosing: Environment) -> list[Check]:
-    """Check an installed package: simulate a campaign in one environment and diagnose it in another one."""
+    """Simulate a campaign in one environment and diagnose it in another one; check both commands."""
     campaign = simulating.folder / "campaign"
     commands = (
         (simulating, (*CAMPAIGN, str(campaign))),
@@ -140,8 +140,9 @@ def check_diagnosis(simulating: Environment, diagnosing: Environment) -> list[Ch
 
 
 def _run_checks(folder: Path, wheel: Path, extra: str | None) -> list[Check]:
-    """Check a wheel in new virtual environments below `folder`. extra: optional dependencies to check; None: the
-    core only.
+    """Check a wheel in new virtual environments below `folder`.
+
+    extra: optional dependencies to check; None: only the core.
     """
     if extra is None:
         return check_core(Environment(folder, wheel, None))
@@ -149,7 +150,7 @@ def _run_checks(folder: Path, wheel: Path, extra: str | None) -> list[Check]:
 
 
 def main() -> int:
-    """Check a wheel in empty environments; the exit status is 1 if a check failed."""
+    """Check a wheel in new virtual environments; the exit status is 1 if a check failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=Path)
     parser.add_argument("--extra", choices=("gap",), help="record a campaign, and diagnose it with this extra alone")

@@ -19,7 +19,10 @@ BUILD_PACKAGES: Final = ("scikit-build-core", "cmake", "ninja")
 
 
 def main() -> int:
-    """Write constraints.txt, the versions of a new development environment; exit status 1 if an installation failed."""
+    """Write constraints.txt, the versions of a new development environment.
+
+    The exit status is 1 if an installation failed or a version is not pinned.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "constraints.txt", help="file (default: constraints.txt)")
     arguments = parser.parse_args()

@@ -36,7 +36,7 @@ def make_nominal_plan() -> tuple[PlannedGrasp, ...]:
 
 
 def run_both(out: Path, hand: str) -> None:
-    """Write the nominal grasps of both solvers to real.h5 and sim.h5 in the folder `out`."""
+    """Run the nominal grasps with both solvers and write them to real.h5 and sim.h5 in the folder `out`."""
     plan, setup = make_nominal_plan(), Setup(load_hand(hand))
     out.mkdir(parents=True, exist_ok=True)
     run_simulated(out / "sim.h5", plan, SimSettings(variation=NO_VARIATION), setup, overwrite=True)
@@ -44,7 +44,10 @@ def run_both(out: Path, hand: str) -> None:
 
 
 def compute_floors(path: Path) -> dict[tuple[str, str], float]:
-    """Compute the floor of each object and approach of a dataset from its sessions, counts RMS over the taxels."""
+    """Return the floor of each (object, approach) of a dataset, in counts.
+
+    The floor is the standard error of the mean over the sessions, RMS over the taxels with a signal.
+    """
     signals, used = read_hold_signals(str(path), False)
     floors = {}
     for key, sessions in signals.items():

@@ -45,7 +45,7 @@ class Calibration:
 
 
 def measure_signals(hand: Hand, seed: int) -> Calibration:
-    """Mean baseline and signals of emulated boards while one taxel of each is loaded with one force after the other."""
+    """Load one taxel of each emulated board with one force after the other, and return baseline and signals."""
     loaded = np.array([hand.get_slice(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
     starts = START_S + HOLD_S * np.arange(len(FORCES_N))
     times = np.concatenate([[0.0, START_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])
@@ -70,15 +70,19 @@ def measure_signals(hand: Hand, seed: int) -> Calibration:
 
 
 def compute_signal(force_n: FloatArray, full: float, half: float) -> FloatArray:
-    """Signal in counts of a taxel under a force in N: full F / (F + half), the sensor model of grasp datasets.
+    """Compute the signal in counts of a taxel under a force in N: full F / (F + half).
 
-    full: signal at infinite force in counts. half: force in N at half of this signal.
+    This is the sensor model of grasp datasets. full: signal in counts at infinite force. half: force in N at half of
+    this signal.
     """
     return full * force_n / (force_n + half)
 
 
 def fit(calibration: Calibration) -> tuple[float, float]:
-    """Fit the sensor model: signal at infinite force in counts, and force in N at half of it, by least squares."""
+    """Fit the sensor model by least squares.
+
+    Returns the signal in counts at infinite force, and the force in N at half of it.
+    """
     low, high = FIT_RANGE_N
     is_used = (calibration.force_n >= low) & (calibration.force_n <= high)
     start = (calibration.signal_counts.max(), 5.0)
@@ -89,7 +93,7 @@ def fit(calibration: Calibration) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print the fitted sensor model of the emulated skin."""
+    """Measure the emulated skin, and print its signals and the fitted sensor model."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--hand", default="original", help="a packaged hand or a description file")
     parser.add_argument("--seed", type=int, default=1, help="seed of the emulated world")

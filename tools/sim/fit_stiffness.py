@@ -27,15 +27,18 @@ BLOCK_M = 0.2
 
 
 def fit_law(depth_m: FloatArray, force_n: FloatArray) -> tuple[LayerLaw, float]:
-    """Fit the logarithm of the force law to forces f64[k] at depths f64[k]; also return the largest relative error."""
+    """Fit the logarithm of the force law to the forces f64[k] in N at the depths f64[k] in metres.
+
+    Returns the law and its largest relative error.
+    """
 
     def make_law(values: FloatArray) -> LayerLaw:
-        """Make the force law from stiffness in N/mm and lengths in millimetres."""
+        """Make the force law from its stiffness in N/mm and three lengths in millimetres."""
         stiffness, stiffening, closing, solid = (1e-3 * values).tolist()
         return LayerLaw(1e6 * stiffness, stiffening, closing, solid, straight_m=1.0)
 
     def compute_errors(values: FloatArray) -> FloatArray:
-        """Return the differences of the logarithms of the forces, f64[k]."""
+        """Return the logarithm of fitted divided by measured force, f64[k]."""
         return np.asarray(np.log(make_law(values).compute_force(depth_m) / force_n))
 
     values = least_squares(compute_errors, [0.6, 0.6, 1.5, 1.6]).x
@@ -43,9 +46,7 @@ def fit_law(depth_m: FloatArray, force_n: FloatArray) -> tuple[LayerLaw, float]:
 
 
 def main() -> int:
-    """Print indentation depths under several forces, the fitted constant stiffness and the parameters of the force
-    law.
-    """
+    """Print indentation depths and forces, the fitted constant stiffness, and the parameters of the force law."""
     hand = load_hand("flat8")
     block = np.eye(4)
     force, depth = [], np.linspace(0.03e-3, 1.62e-3, 160)

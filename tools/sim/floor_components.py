@@ -33,12 +33,15 @@ DEFAULT_APPROACHES = ("rectangular_prism:wide_side_1", "cylinder:side_1", "trian
 
 
 def get_path(folder: Path, source: str) -> Path:
-    """Return the dataset of a source in the output folder."""
+    """Return the path of a source's dataset in the output folder."""
     return folder / f"{source.replace(' ', '_')}.h5"
 
 
 def run_sources(folder: Path, keys: Sequence[Key], hand: str, settings: EmulatedSettings, jobs: int | None) -> None:
-    """Write one dataset for each source and one for the full variation to the folder."""
+    """Run the grasps with each source of variation alone and with all sources, and write one dataset for each.
+
+    keys: (object, approach) of the grasps.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     plan, setup = make_thesis_plan(settings.seed), Setup(load_hand(hand))
     for source in (*SOURCES, ALL):
@@ -48,7 +51,7 @@ def run_sources(folder: Path, keys: Sequence[Key], hand: str, settings: Emulated
 
 
 def print_table(components: dict[Key, FloorComponents]) -> None:
-    """Print one row for each object, and one for all objects."""
+    """Print one row of the floor's components for each object, and one for all objects together."""
     headings = "".join(f"{source:>14}" for source in SOURCES)
     print(f"{'object':<20}{'taxels':>8}{headings}{'sum':>8}{'all':>8}   interval   counts, RMS over taxels")
     names = sorted({name for name, _ in components})
@@ -61,7 +64,7 @@ def print_table(components: dict[Key, FloorComponents]) -> None:
 
 
 def main() -> int:
-    """Run the sources and print the components of the floor."""
+    """Run the grasps with each source of variation and print the components of the floor."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="folder for the datasets")
     parser.add_argument("--hand", default="original", help="a packaged hand or a description file")

@@ -20,10 +20,10 @@ Key = tuple[str, str]
 def read_hold_signals(
     path: str, use_all: bool
 ) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
-    """Mean signals over the hold phase of all grasps of a dataset, in counts [n], by (object, approach) and
-    session.
+    """Read the mean signals f64[n] over the hold phase of all grasps of a dataset, in counts.
 
-    Also returns which taxels to use, bool[n]. use_all: all taxels instead of the working ones.
+    Returns lists of them by (object, approach) and session, and the mask bool[n] of the taxels to use. use_all: use all
+    taxels instead of those that worked in the experiments of the thesis.
     """
     signals: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:
@@ -36,7 +36,7 @@ def read_hold_signals(
 def main() -> int:
     """Print the gap between simulator and emulated hand and its floor in counts, for each approach and for all.
 
-    Only the taxels with a signal in either dataset are used.
+    Only the taxels with a signal in either dataset are used. The exit status is 2 for wrong arguments.
     """
     paths = [argument for argument in sys.argv[1:] if argument != "--all"]
     if len(paths) != 2:

@@ -30,7 +30,7 @@ _CRC: Final = _SIZE - 4
 
 
 def is_identity(data: bytes) -> bool:
-    """Whether `data` is a valid identity block of a board: first byte WHO_AM_I, correct CRC-32."""
+    """Return whether `data` is a valid identity block of a board: first byte WHO_AM_I, correct CRC-32."""
     return data[0] == WHO_AM_I and crc32(data[:_CRC]) == int.from_bytes(data[_CRC:_SIZE], "little")
 
 
@@ -62,9 +62,10 @@ def read_status(address: int) -> Procedure[dict[str, Any]]:
 
 
 def read_fault(address: int, identity: dict[str, Any]) -> Procedure[FaultRecord | None]:
-    """Read the last fault of a board since power-on; None without a fault, or if the bytes are damaged.
+    """Read the last fault of a board since power-on. Raises `TransferError`.
 
-    identity: of the board; boards of map revision 0 keep no fault record. Raises `TransferError`.
+    identity: identity of the board. Returns None if no fault occurred, if the bytes are damaged, or for a board with
+    map revision 0, which keeps no fault record.
     """
     if identity["map_revision"] < FAULT_REVISION:
         return None
@@ -87,7 +88,7 @@ def request_bootloader(address: int) -> Procedure[None]:
 
 
 def get_firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:
-    """Firmware version (major, minor, patch) in the identity of a board."""
+    """Return the firmware version (major, minor, patch) from the identity of a board."""
     return identity["firmware_major"], identity["firmware_minor"], identity["firmware_patch"]
 
 
@@ -108,9 +109,10 @@ def wait_for_application(address: int, now_s: Clock, timeout_s: float) -> Proced
 
 
 def trigger_confirmation(address: int, now_s: Clock, timeout_s: float) -> Procedure[None]:
-    """Let a new firmware image scan, then read a snapshot, so that the image confirms itself.
+    """Let a new firmware image scan, then read a snapshot, which makes the image confirm itself.
 
-    Raises `BoardError` if the image does not complete `SCANS_TO_CONFIRM` scans within `timeout_s` seconds.
+    Failed reads are repeated. Raises `BoardError` if the image does not complete `SCANS_TO_CONFIRM` scans within
+    `timeout_s` seconds.
     """
     deadline = now_s() + timeout_s
     while now_s() < deadline:

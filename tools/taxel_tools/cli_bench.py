@@ -46,7 +46,7 @@ EXIT_STATUS: Final = {Outcome.PASS: 0, Outcome.FAIL: 1, Outcome.ERROR: NOT_TESTE
 
 @dataclass(frozen=True)
 class _BenchArguments:
-    """Arguments of `taxel bench` for the test itself."""
+    """Arguments of `taxel bench` that concern the board, the operator and the probe."""
 
     url: str
     board: str | None
@@ -124,7 +124,7 @@ class _BenchOperator(TerminalOperator):
 
     @contextmanager
     def _hide_bars(self) -> Iterator[None]:
-        """Context in which the progress bars are hidden."""
+        """Hide the progress bars while the context is active."""
         if self.bars is not None:
             self.bars.stop()
         try:
@@ -146,8 +146,9 @@ def _load_plan(file: Path | None, phases: list[str] | None, hand: str) -> Plan:
 
 
 def _find_operator(console: Console, plan: Plan, arguments: _BenchArguments) -> Operator:
-    """The operator at the terminal, or `NoOperator` without a terminal. Raises `TaxelError` if the test needs an
-    operator.
+    """Return the operator at the terminal, or `NoOperator` without a terminal.
+
+    Raises `TaxelError` for an invalid serial number, or if the test needs an operator and there is no terminal.
     """
     if arguments.serial_number is not None:
         plan.check_serial_number(arguments.serial_number)
@@ -161,14 +162,14 @@ def _find_operator(console: Console, plan: Plan, arguments: _BenchArguments) -> 
 
 
 def _format_error(error: TaxelError | OSError) -> str:
-    """Text of an error in one line, with the file name for errors of the operating system."""
+    """Format an error as one line, with the file name for errors of the operating system."""
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error).splitlines()[0]
 
 
 def _read_login_name() -> str:
-    """Login name of the user, or an empty text if the system has no name for the user."""
+    """Return the login name of the user, or "" if the system has no name for the user."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
@@ -176,7 +177,7 @@ def _read_login_name() -> str:
 
 
 def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, console: Console) -> TestRecord:
-    """Open bench, board and probe, run the test plan, and close the probe."""
+    """Open bench, board and probe, run the test plan, close the probe, and return the record of the test."""
     address = parse_address(arguments.board, "--board") if arguments.board else None
     with open_bench(arguments.url) as (wire, emulated):
         hand = emulated.hand if emulated else load_hand(arguments.hand)
@@ -195,7 +196,7 @@ def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, consol
 def _run_with_bars(
     plan: Plan, board: BoardUnderTest, labels: RecordLabels, operator: Operator, console: Console
 ) -> TestRecord:
-    """Run a test plan on a board, with one progress bar for each phase."""
+    """Run a test plan on a board, with one progress bar for each phase; return the record of the test."""
     titles = {phase.name: phase.title for phase in load_plan_phases(plan)}
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
@@ -213,7 +214,7 @@ def _run_with_bars(
 
 
 def _print_record(record: TestRecord, folder: Path) -> None:
-    """Print the phases, the findings and the outcome of a board test. folder: with the reports."""
+    """Print the phases, the findings and the outcome of a board test. folder: folder that contains the reports."""
     rows = [
         (
             phase.title,

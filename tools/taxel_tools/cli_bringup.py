@@ -8,7 +8,7 @@ import typer
 
 from taxel.errors import TaxelError
 from taxel_tools.bringup.emulated_part import EmulatedPart, PartSettings, read_flash
-from taxel_tools.bringup.findings import DIFFERS, find
+from taxel_tools.bringup.findings import DIFFERS, list_findings
 from taxel_tools.bringup.measuring import measure
 from taxel_tools.bringup.ports import BytePort, SerialBytePort
 from taxel_tools.bringup.result_file import write_results
@@ -52,7 +52,7 @@ def bringup_command(
         results = measure(connection, lambda test: print(f"testing: {test}", flush=True))
     finally:
         connection.close()
-    findings = find(results, capacitor_pf, supply_v, capacitors)
+    findings = list_findings(results, capacitor_pf, supply_v, capacitors)
     rows = [(str(each.step), each.point, each.expected, each.measured, each.status) for each in findings]
     print_table(("step", "point", "expected", "measured", "result"), rows)
     table = write_results(out, port, results, findings, overwrite)
@@ -64,7 +64,7 @@ def bringup_command(
 
 
 def _refuse_existing(out: Path, overwrite: bool) -> None:
-    """Raise TaxelError if a result file exists and must not be replaced."""
+    """Raise `TaxelError` if a result file exists and must not be replaced, or if `out` has the suffix of the table."""
     for path in (out, out.with_suffix(".md")):
         if path.exists() and not overwrite:
             raise TaxelError(f"{path}: exists already; choose another --out, or add --overwrite")
@@ -73,7 +73,10 @@ def _refuse_existing(out: Path, overwrite: bool) -> None:
 
 
 def _open(port: str, image: Path | None, part: list[str]) -> BytePort:
-    """Open the serial port, or create the emulated part. Raises TaxelError with one line."""
+    """Open the serial port, or create the emulated part. Raises `TaxelError` with a one-line message.
+
+    image, part: image and properties of the emulated part; only permitted with the port "emulated:".
+    """
     if port != EMULATED:
         if image is not None or part:
             raise TaxelError(f"--image, --part: only for the port {EMULATED}, found {port}")
@@ -84,7 +87,7 @@ def _open(port: str, image: Path | None, part: list[str]) -> BytePort:
 
 
 def _read_settings(part: list[str]) -> PartSettings:
-    """Read properties of the emulated part, NAME=VALUE. Raises TaxelError."""
+    """Parse properties of the emulated part, each NAME=VALUE. Raises `TaxelError` for any other text."""
     names = {each.name for each in fields(PartSettings)}
     values: dict[str, float] = {}
     for text in part:

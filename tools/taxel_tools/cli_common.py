@@ -28,12 +28,12 @@ def parse_address(text: str, option: str) -> int:
 
 
 def count_boards(count: int) -> str:
-    """Number of boards as text: `1 board`, `2 boards`."""
+    """Format a number of boards: "1 board", "2 boards"."""
     return f"{count} board" if count == 1 else f"{count} boards"
 
 
 def make_progress_bars(console: Console) -> Bars:
-    """Progress bars that count flash rows, one bar for each task."""
+    """Create progress bars that count flash rows, one bar for each task."""
     return Bars(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
     )
@@ -45,7 +45,10 @@ def print_json(value: Any) -> None:
 
 
 def _to_json_value(value: Any) -> Any:
-    """Convert a value that the JSON encoder does not support: bytes to hexadecimal digits, a dataclass to a table."""
+    """Convert a value that the JSON encoder does not support: bytes to hexadecimal digits, a dataclass to a table.
+
+    Any other value becomes its string.
+    """
     if isinstance(value, bytes):
         return value.hex()
     if is_dataclass(value) and not isinstance(value, type):

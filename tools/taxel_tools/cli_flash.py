@@ -95,9 +95,10 @@ def flash_command(
 
 
 def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: list[str] | None) -> list[int]:
-    """I2C addresses of the boards to update. devices: found on the bus. board: addresses from the command line.
+    """Select the I2C addresses of the boards to update.
 
-    Raises `TaxelError` for a missing board or a board of another kind.
+    devices: devices found on the bus, by address. board: addresses from the command line; None selects all boards for
+    which the firmware is made. Raises `TaxelError` for a missing board or a board of another kind.
     """
     if board is None:
         boards = [device for device in devices.values() if device.runs in ("application", "bootloader")]
@@ -127,7 +128,7 @@ def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: lis
 def _announce(
     console: Console, firmware: Firmware, addresses: list[int], devices: dict[int, BusDevice], dry_run: bool
 ) -> None:
-    """Print which rows will be written, and the old and new version of each board."""
+    """Print which firmware will be written, and the present and new version of each board."""
     slots = " and ".join(format_slot(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     version = format_version(firmware.version)
@@ -143,7 +144,7 @@ def _announce(
 def _run_updates(
     wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, downgrade: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
-    """Update all boards at once with progress bars; the outcome or the error of each board, by address."""
+    """Update all boards at once with progress bars; return the outcome or the error of each board, by address."""
     with make_progress_bars(console) as bars:
         tasks: dict[int, TaskID] = {
             address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in addresses

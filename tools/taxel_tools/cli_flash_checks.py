@@ -12,9 +12,10 @@ from taxel_tools.trust import EMULATOR_PREFIX, check_file, check_firmware, read_
 
 
 def require_signature(url: str, firmware: Firmware, trust: Sequence[Path], unsigned: bool) -> str:
-    """Line that states by whom the firmware for the device at `url` is signed, or a warning with `unsigned`.
+    """Return a line that names the signer of the firmware, or a warning with `unsigned`.
 
-    trust: public key files in addition to the key folder. Raises `SignatureError` without a trusted signature.
+    url: connection to the device; emulated devices also accept the development key. trust: public key files in addition
+    to the key folder. Raises `SignatureError` without a trusted signature.
     """
     if unsigned:
         return f"warning: {firmware.source} without a check of the signature (--unsigned)"
@@ -22,17 +23,21 @@ def require_signature(url: str, firmware: Firmware, trust: Sequence[Path], unsig
 
 
 def require_file_signature(path: Path, data: bytes, trust: Sequence[Path], unsigned: bool) -> str:
-    """Line that states by whom a file for a debug probe is signed, or a warning. Raises `SignatureError`."""
+    """Return a line that names the signer of a file for a debug probe, or a warning with `unsigned`.
+
+    data: content of the file. trust: public key files in addition to the key folder. Raises `SignatureError` without a
+    trusted signature.
+    """
     if unsigned:
         return f"warning: {path} without a check of the signature (--unsigned)"
     return f"signature: valid, {check_file(path, data, read_trusted_keys(trust))}"
 
 
 def confirm_downgrades(firmware: Firmware, running: Mapping[str, Version | None], downgrade: bool) -> bool:
-    """Whether older firmware may replace the running versions: `downgrade`, or the user confirms at a terminal.
+    """Return whether firmware may replace newer versions: `downgrade`, or the user's confirmation at the terminal.
 
-    running: version by device name; None: unknown, compared later in the bootloader. Raises `TaxelError` without a
-    confirmation.
+    running: running version by device name; None if unknown, which is compared later in the bootloader. Raises
+    `TaxelError` if a device runs a newer version and neither permits the downgrade.
     """
     newer = {name: version for name, version in running.items() if version and is_downgrade(version, firmware.version)}
     if downgrade or not newer:

@@ -17,7 +17,11 @@ from taxel_tools.scheduler import run
 def flash_hub(
     url: str, firmware: Firmware, signature: str, force: bool, downgrade: bool, dry_run: bool, as_json: bool
 ) -> None:
-    """Write firmware to the hub over its UART. signature: line on its signature. Raises `TaxelError` as one line."""
+    """Write firmware to the hub over its UART.
+
+    signature: line that names the signer, which is printed. The flags are the options of `taxel flash`. Raises
+    `TaxelError` with a one-line message.
+    """
     console = Console(stderr=True, soft_wrap=True)
     with open_hub_link(url) as link:
         target = HubTarget(link)
@@ -51,7 +55,10 @@ def flash_hub(
 
 
 def is_hub_update(firmware: Firmware, hub: bool, board: list[str] | None, all_boards: bool) -> bool:
-    """Whether the file is for the hub. Raises `TaxelError` if file and options contradict each other."""
+    """Return whether the file is for the hub.
+
+    hub, board, all_boards: options of the command line. Raises `TaxelError` if file and options contradict each other.
+    """
     is_for_hub = firmware.device == BootDevice.HUB
     if hub and not is_for_hub:
         raise TaxelError(
@@ -81,7 +88,7 @@ def _announce(console: Console, firmware: Firmware, old_version: str, board_coun
 
 
 def _print_outcome(outcome: Outcome, board_count: int) -> None:
-    """Print the row of the updated hub."""
+    """Print the versions, the slot and the written rows of the updated hub."""
     assert outcome.address == HUB
     row = (
         "hub",

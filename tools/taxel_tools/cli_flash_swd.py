@@ -29,9 +29,10 @@ def flash_swd(
     dry_run: bool,
     as_json: bool,
 ) -> None:
-    """Program a blank board through its debug port. Raises `TaxelError` as one line.
+    """Program a blank board through its debug port. Raises `TaxelError` with a one-line message.
 
-    trust: public key files in addition to the key folder. unsigned: the file needs no signature.
+    tool, interface: program and its name of the debug probe; None for the defaults. trust: public key files in addition
+    to the key folder. unsigned: the file needs no signature.
     """
     if len(files) != 1:
         found = ", ".join(map(str, files))

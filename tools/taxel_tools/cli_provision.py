@@ -65,10 +65,9 @@ def _build_entries(
     idac: str | None,
     plan: Path | None,
 ) -> list[Entry]:
-    """Configurations requested on the command line: of the plan file, or one from the options; empty without
-    values.
+    """Build the configurations requested on the command line: those of the plan file, or one from the options.
 
-    Raises `TaxelError`.
+    Returns [] if no value is given. Raises `TaxelError` for invalid values, and for values in addition to a plan.
     """
     values = (new_address, kind, serial, idac)
     if plan is not None:
@@ -85,19 +84,17 @@ def _build_entries(
 
 
 def _parse_code(text: str) -> int | str:
-    """Board kind from the command line: a number, or a text to be checked later."""
+    """Parse a code of the current source from the command line: a number, or a string that is checked later."""
     return int(text) if text.strip().isdecimal() else text
 
 
 def _decode_serial(configuration: dict[str, Any] | None) -> str:
-    """Serial number in the configuration of a board; empty if it has none."""
+    """Return the serial number in the configuration of a board; "" for a board without a configuration."""
     return configuration["serial_number"].rstrip(b"\0").decode("ascii", "replace") if configuration else ""
 
 
 def _describe_change(change: Change) -> str:
-    """One line about a planned configuration of a board: its unique id, present and new address, kind and serial
-    number.
-    """
+    """Format a planned configuration of a board: its unique id, present and new address, kind and serial number."""
     board, new = change.candidate, change.configuration
     addresses = f"{board.unique_id.hex()} at 0x{board.address:02X} -> 0x{new['address']:02X}"
     return f"{addresses}, kind {new['kind']}, serial '{_decode_serial(new)}'"

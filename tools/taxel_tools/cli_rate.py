@@ -48,7 +48,7 @@ def rate_command(
 
 
 def _print_rate(rate: SkinRate) -> None:
-    """Print the rate of each board, and the rate of the skin relative to the ceiling."""
+    """Print the frame rate of each board, and the frame rate of the skin relative to the ceiling of the bus."""
     print_table(("board", "Hz"), [(f"0x{address:02X}", f"{hz:.2f}") for address, hz in rate.boards.items()])
     print(
         f"{rate.hz:.2f} Hz, {100.0 * rate.share:.1f} % of the ceiling of {rate.ceiling_hz:.2f} Hz of an I2C bus at "

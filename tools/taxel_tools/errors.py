@@ -45,15 +45,15 @@ class BoardError(TaxelError):
 
 
 class TransferError(BoardError):
-    """A transfer failed; it may be repeated."""
+    """A transfer failed; a repetition may succeed."""
 
 
 class NackError(TransferError):
-    """The address or a byte was not acknowledged."""
+    """The I2C address or a byte was not acknowledged."""
 
 
 class LostError(TransferError):
-    """Unknown whether the transfer took place: the command or its reply was lost."""
+    """It is unknown whether the transfer took place: the command or its reply was lost."""
 
 
 class StatusError(BoardError):

@@ -22,7 +22,11 @@ VERSION_PARTS: Final = 3
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of one update: name of the stage, rows done, rows in total."""
+    """Progress of one update.
+
+    `address`: I2C address of the board, or `HUB`. `stage`: name of the present stage. `done`, `total`: number of
+    processed rows and of all rows.
+    """
 
     address: int
     stage: str
@@ -32,9 +36,11 @@ class Progress:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of an update: versions before and after, slot, rows written, rows found correct, seconds.
+    """Result of an update.
 
-    `is_written` is False if the device ran this image already.
+    `address`: I2C address of the board, or `HUB`. `before`, `after`: versions; None if unknown. `slot`: flash slot of
+    the running image. `rows_written`: written rows. `rows_kept`: rows that an interrupted update had already written
+    correctly. `is_written`: False if the device already ran this image. `seconds`: duration.
     """
 
     address: int
@@ -70,6 +76,8 @@ def update_target(
 
 
 class _Update:
+    """One firmware update of a board or of the hub; `kept_rows` and `written_rows` count the rows of the image."""
+
     def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool, downgrade: bool) -> None:
         """Prepare the firmware update of one board or hub.
 
@@ -115,8 +123,9 @@ class _Update:
         return self._build_outcome(before, image.slot, True, start_s)
 
     def _build_outcome(self, before: Version | None, slot: int, is_written: bool, start_s: float) -> Outcome:
-        """Result of the update. before: version that ran before. slot: flash slot of the image. start_s: begin of
-        the update.
+        """Build the result of the update.
+
+        before: version that ran before. slot: flash slot of the image. start_s: time at which the update began.
         """
         seconds = self.now_s() - start_s
         after = self.firmware.version
@@ -142,10 +151,10 @@ class _Update:
             )
 
     def _check_downgrade(self, before: Version | None, info: BootInfo) -> Procedure[None]:
-        """Refuse older firmware than that of the device, unless `downgrade`. before: version that ran, if any.
+        """Refuse firmware that is older than the firmware of the device, unless `downgrade`. Raises `BoardError`.
 
-        The version of a device that was found in its bootloader is in the image of the slot that it keeps. Raises
-        `BoardError`.
+        before: version that ran before; None for a device that was found in its bootloader. The version is then read
+        from the image in the slot that the update keeps.
         """
         if self.downgrade:
             return
@@ -164,7 +173,7 @@ class _Update:
             )
 
     def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
-        """Whether the slot in use is confirmed and already contains the image of this update."""
+        """Return whether the slot in use is confirmed and already contains the image of this update."""
         used_slot = 1 - info.target
         metadata = yield from self.session.read_metadata(used_slot)
         image = self.firmware.select_image_for(used_slot)
@@ -172,7 +181,10 @@ class _Update:
         return is_confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
 
     def _leave_unchanged(self, before: Version | None, slot: int, start_s: float) -> Procedure[Outcome]:
-        """End the update without a write: leave the bootloader, and check that the application operates."""
+        """End the update without a write: leave the bootloader, and check that the application operates.
+
+        before: version that ran before. slot: slot in use. start_s: time at which the update began.
+        """
         yield from self.session.exit()
         yield from self.target.wait_for_application(START_TIMEOUT_S)
         yield from self.target.check_operation()
@@ -180,13 +192,14 @@ class _Update:
         return self._build_outcome(before, slot, False, start_s)
 
     def _count_rows(self, image: FirmwareImage) -> int:
-        """Number of flash rows of a firmware image."""
+        """Return the number of flash rows of a firmware image."""
         return len(image.rows())
 
     def _program(self, image: FirmwareImage) -> Procedure[None]:
         """Write the missing rows of the firmware image to the free slot.
 
-        If the image CRC is wrong although every row sum is right, all rows are written.
+        If the image CRC is wrong although every row sum is correct, all rows are written. Raises `BoardError` if the
+        image is for other rows than the free slot, or if its CRC stays wrong.
         """
         first, last = yield from self.session.read_free_rows()
         rows = image.rows()
@@ -210,9 +223,9 @@ class _Update:
         )
 
     def _count_valid_rows(self, first: int, rows: list[bytes]) -> Procedure[int]:
-        """Number of rows at the beginning of the slot that an interrupted update has already written correctly.
+        """Count the rows at the beginning of the slot that an interrupted update has already written correctly.
 
-        first: first row of the slot. rows: of the new image.
+        first: first row of the slot. rows: rows of the new image.
         """
         for index, row in enumerate(rows):
             if (yield from self.session.read_row_sum(first + index)) != compute_row_sum(row):
@@ -264,12 +277,12 @@ class _Update:
 
 
 def format_version(version: Sequence[int] | None) -> str:
-    """Version as text, such as 1.2.3; `?` for None."""
+    """Format a version such as "1.2.3"; "?" for None."""
     return "?" if version is None else ".".join(str(part) for part in version)
 
 
 def parse_version(text: str) -> Version | None:
-    """Version of a text such as 1.2.3; None for another text, such as the empty text of a bootloader."""
+    """Parse a version such as "1.2.3"; None for any other string, such as the empty version of a bootloader."""
     parts = text.split(".")
     if len(parts) != VERSION_PARTS or not all(part.isdecimal() for part in parts):
         return None
@@ -277,10 +290,10 @@ def parse_version(text: str) -> Version | None:
 
 
 def is_downgrade(running: Sequence[int], new: Sequence[int]) -> bool:
-    """Whether firmware of version `new` is older than the running version."""
+    """Return whether firmware of version `new` is older than the running version."""
     return tuple(new) < tuple(running)
 
 
 def _decode_version(stored: int) -> tuple[int, int]:
-    """Major and minor version in the metadata of an image; the metadata do not contain the patch number."""
+    """Decode major and minor version in the metadata of an image; the metadata do not contain the patch number."""
     return stored >> 8, stored & 0xFF

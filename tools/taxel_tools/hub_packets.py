@@ -44,22 +44,26 @@ class HubPackets:
         bytes of frames are lost."""
 
     def submit(self, transfer: Transfer) -> int:
-        """Send the bytes of a transfer as a packet to the hub's bootloader and wait for the response. Returns a
-        number.
+        """Send the bytes of a transfer as a packet to the hub's bootloader, and wait for the response.
+
+        Returns the number under which `collect` returns the response.
         """
         self._number += 1
         self._completed.append((self._number, self._run_transfer(transfer)))
         return self._number
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """The packets that have been answered, by number, with their responses; waits if there are none."""
+        """Return the answered packets since the last call, as numbers with responses or errors.
+
+        If there are none, waits `timeout_s` first.
+        """
         if not self._completed:
             self._wait(timeout_s)
         completed, self._completed = self._completed, []
         return completed
 
     def scan(self) -> list[int]:
-        """Empty list, as the hub's bootloader has no bus."""
+        """Return an empty list, as the hub's bootloader has no bus."""
         return []
 
     def close(self) -> None:
@@ -80,7 +84,11 @@ class HubPackets:
         return self._response[: transfer.read_size].ljust(transfer.read_size, b"\xff")
 
     def _send(self, packet: bytes) -> bool:
-        """Send a packet to the hub's bootloader and store its response. Returns whether a response arrived."""
+        """Send a packet to the hub's bootloader and store its response.
+
+        Returns whether a response arrived, and True for commands without a response. Bytes that arrived before are
+        discarded.
+        """
         self._response = b""
         while self._link.read(0.0) is not None:
             pass
@@ -97,7 +105,10 @@ class HubPackets:
         return bool(self._response)
 
     def _wait(self, seconds: float) -> None:
-        """Wait, and discard the bytes that arrive from the hub meanwhile."""
+        """Wait, and read the bytes that arrive from the hub meanwhile.
+
+        They are processed by `frame_client` if there is one; otherwise they are discarded.
+        """
         if self.frame_client is not None:
             self.frame_client.wait(seconds)
             return
@@ -107,7 +118,10 @@ class HubPackets:
 
 
 def _find_packet(received: bytes) -> bytes:
-    """The first complete packet in `received`, without bytes before it such as half a frame; empty if there is none."""
+    """Return the first complete packet in `received`; b"" if there is none.
+
+    Bytes before the packet, such as half a frame, are skipped.
+    """
     start = received.find(BOOT_PACKET_START)
     while start >= 0:
         packet = received[start : start + BOOT_PACKET_MAX]

@@ -48,7 +48,7 @@ FLUSH: Final = 0
 
 
 def _compute_frame_size(payload: bytes) -> int:
-    """Number of bytes on the wire of a reply frame with this payload."""
+    """Compute the number of bytes on the wire of a reply frame with this payload."""
     return len(encode_frame(FrameType.REPLY, 0, payload))
 
 
@@ -59,7 +59,7 @@ FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 
 
 def _count_flush_commands(expected: int) -> int:
-    """Number of GET_TIME commands whose replies flush earlier replies out of the USB adapter.
+    """Compute how many GET_TIME commands are needed, whose replies flush earlier replies out of the USB adapter.
 
     expected: bytes of the replies that are due.
     """
@@ -68,6 +68,12 @@ def _count_flush_commands(expected: int) -> int:
 
 @dataclass(slots=True)
 class _SentCommand:
+    """A command without a reply.
+
+    `number`: number of its transfer, or `FLUSH`. `tag`: tag of its frame. `size`, `reply_size`: bytes of command and
+    reply frame. `deadline_s`: time at which it is lost. `handshakes`: handshakes of the queue when it was sent.
+    """
+
     number: int
     transfer: Transfer
     tag: int
@@ -100,23 +106,26 @@ class HubQueue(HubClient):
         self._last_unanswered: dict[int, tuple[int, int]] = {}
         self._handshakes = 0
 
-    def _take(self, message: HubMessage) -> None:
+    def _take_message(self, message: HubMessage) -> None:
         """Process a message of the hub. A logged receive overrun reduces the number of bytes in flight to the ring
         buffer's size.
         """
-        super()._take(message)
+        super()._take_message(message)
         if message.type is FrameType.LOG and message.fields["code"] == LogCode.RECEIVE_OVERRUN:
             self.window = min(self.window, RING_WINDOW)
 
     def submit(self, transfer: Transfer) -> int:
-        """Queue an I2C transfer through the hub. Returns its number."""
+        """Queue an I2C transfer through the hub. Returns the number under which `collect` returns its result."""
         self._number += 1
         self._waiting.append((self._number, transfer))
         self._send_waiting()
         return self._number
 
     def collect(self, timeout_s: float) -> list[tuple[int, bytes | TransferError]]:
-        """The I2C transfers through the hub that have ended, by number; waits at most `timeout_s` for the first."""
+        """Return the I2C transfers that have ended, as numbers with read bytes or errors.
+
+        Waits at most `timeout_s` for the first. Raises `WireError` if the link ends.
+        """
         deadline = self.now_s() + timeout_s
         while True:
             self._send_waiting()
@@ -149,7 +158,7 @@ class HubQueue(HubClient):
             self._send_frame(FLUSH, Transfer(0), self._build_frame(Command.GET_TIME), FLUSH_REPLY_SIZE)
 
     def _find_sendable(self) -> int | None:
-        """Index of the first queued transfer that may be sent now; None if all must wait.
+        """Return the index of the first queued transfer that may be sent now; None if all must wait.
 
         Transfers of one board keep their order.
         """
@@ -165,16 +174,18 @@ class HubQueue(HubClient):
         return None
 
     def _is_too_soon(self, transfer: Transfer) -> bool:
-        """Whether a transfer must wait, because its board still processes the previous one.
+        """Return whether a transfer must wait, because its board still processes the previous one.
 
-        True if fewer than `SAME_BOARD_GAP` bytes of transfers with other boards have been sent since.
+        This is the case if fewer than `SAME_BOARD_GAP` bytes of transfers with other boards have been sent since.
         """
         last = self._last_unanswered.get(transfer.address)
         return last is not None and self._bus_bytes - last[1] < SAME_BOARD_GAP
 
     def _fits_window(self, transfer: Transfer) -> bool:
-        """Whether the command for a transfer can be sent now without exceeding the permitted number of bytes in
+        """Return whether the command for a transfer can be sent without exceeding the permitted number of bytes in
         flight.
+
+        The commands that flush its reply are included. A single command is always permitted.
         """
         if not self._bytes_in_flight:
             return True
@@ -183,7 +194,7 @@ class HubQueue(HubClient):
         return self._bytes_in_flight + TRANSFER_SIZE + len(transfer.write) + flush_bytes <= self.window
 
     def _pop_oldest(self) -> _SentCommand:
-        """Remove the oldest command without a reply."""
+        """Remove and return the oldest command without a reply; its bytes are no longer in flight."""
         sent = self._sent.popleft()
         self._bytes_in_flight -= sent.size
         self._expected_reply_bytes -= sent.reply_size
@@ -193,12 +204,15 @@ class HubQueue(HubClient):
         return sent
 
     def _build_frame(self, command: Command, arguments: bytes = b"") -> bytes:
-        """Bytes of a command frame to the hub, with the tag by which its reply is recognised."""
+        """Build a command frame to the hub, with the tag by which its reply is recognised."""
         payload = pack(CommandPayload, {"tag": self._tag % 255 + 1, "command": int(command)}, arguments)
         return encode_frame(FrameType.COMMAND, self._sequence, payload)
 
     def _send_frame(self, number: int, transfer: Transfer, frame: bytes, reply_size: int) -> None:
-        """Write a command frame to the link and record it until its reply arrives."""
+        """Write a command frame to the link and record it until its reply arrives.
+
+        number: number of the transfer, or `FLUSH`. reply_size: bytes of the expected reply frame.
+        """
         tag = self._next_tag()
         self._sequence = (self._sequence + 1) % 65536
         self._replies.pop(tag, None)
@@ -212,8 +226,10 @@ class HubQueue(HubClient):
         self._expected_reply_bytes += reply_size
 
     def _collect_completed(self) -> list[tuple[int, bytes | TransferError]]:
-        """The transfers for which the hub has replied. The hub answers in order, so a command before an answered
-        one is lost.
+        """Return the transfers that have ended, as numbers with read bytes or errors.
+
+        The hub replies in order, so a command without a reply before a command with a reply is lost. A command after
+        its deadline is lost, too.
         """
         completed: list[tuple[int, bytes | TransferError]] = []
         answered_indices = [index for index, sent in enumerate(self._sent) if sent.tag in self._replies]
@@ -229,8 +245,10 @@ class HubQueue(HubClient):
         return completed
 
     def _read_outcome(self, sent: _SentCommand) -> bytes | TransferError:
-        """Bytes read by a transfer whose command has been answered, or its error. Raises `WireError` if the hub
-        refuses transfers.
+        """Return the bytes that a transfer has read, or its error.
+
+        After the reply NO_HANDSHAKE, which shows a restart of the hub, the handshake is repeated once. Raises
+        `WireError` if the hub refuses transfers.
         """
         if sent.tag not in self._replies:
             return self._make_lost_error(sent, "a command was lost")
@@ -252,5 +270,5 @@ class HubQueue(HubClient):
         raise WireError(self._link.name, f"the hub refuses transfers (status {status}); update the hub's firmware")
 
     def _make_lost_error(self, sent: _SentCommand, problem: str) -> LostError:
-        """Create the error of a command to which the hub has not replied."""
+        """Create the error of a transfer whose result is unknown."""
         return LostError(sent.transfer.address, f"{problem} on {self._link.name}")

@@ -42,7 +42,11 @@ class HubTarget:
         self._client: HubClient | None = None
 
     def read_version(self) -> Procedure[Version | None]:
-        """Firmware version of the hub; None if the hub is in its bootloader. Raises `HubError` without an answer."""
+        """Read the firmware version of the hub; None if the hub is in its bootloader.
+
+        Stops the frames of a running hub, and stores the addresses of the boards that it polls. Raises `HubError`
+        without an answer.
+        """
         if (yield from self.read_bootloader_info()) is not None:
             return None
         client = self._open_client()
@@ -52,7 +56,7 @@ class HubTarget:
         return _read_firmware_version(client)
 
     def read_bootloader_info(self) -> Procedure[BootInfo | None]:
-        """Information of the hub's bootloader; None if the bootloader does not run.
+        """Read the information of the hub's bootloader; None if the bootloader does not run.
 
         An interrupted update leaves the bootloader active.
         """
@@ -119,7 +123,7 @@ class HubTarget:
         return self.trigger_confirmation(POLL_TIMEOUT_S)
 
     def _open_client(self) -> HubClient:
-        """The client for the application of the hub, after a successful handshake."""
+        """Return the client for the application of the hub, after a successful handshake."""
         if self._client is None:
             self._client = self.wire.frame_client = HubClient(self._link)
         if not self._client.has_handshake:
@@ -135,7 +139,7 @@ class HubTarget:
 
 
 def _read_firmware_version(client: HubClient) -> Version:
-    """Firmware version of the hub (major, minor, patch), from its last handshake."""
+    """Return the firmware version of the hub (major, minor, patch) from its last handshake."""
     handshake = client.last_handshake
     assert handshake is not None
     return handshake["firmware_major"], handshake["firmware_minor"], handshake["firmware_patch"]

@@ -92,7 +92,7 @@ def open_hub_link(url: str) -> Iterator[Link]:
 
 @contextmanager
 def open_stream(url: str) -> Iterator[tuple[Link, float]]:
-    """Open the frames of the skin that `url` names, and return the link with the clock of its I2C bus in Hz.
+    """Open the link to the frames of the skin that `url` names; yield it with the clock of its I2C bus in Hz.
 
     `emulator:` is an emulated hand in virtual time with the options of `open_wire`; with `wire=i2c` it has no hub, and
     a Linux hub polls its boards through an emulated I2C adapter. The bus clock of a hub is `HUB_SCL_HZ`. Raises
@@ -112,7 +112,10 @@ def open_stream(url: str) -> Iterator[tuple[Link, float]]:
 
 @contextmanager
 def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
-    """Open an emulated bench and a connection to its bus, for `emulator:` URLs only. Raises `LinkError`."""
+    """Open an emulated bench, for `emulator:` URLs only; yield a connection to its bus, and the bench.
+
+    Raises `LinkError`.
+    """
     reject_original_hub(url)
     with _start_emulated_bench(url) as (bench, baud, wire_kind):
         world = bench.world
@@ -128,8 +131,8 @@ def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
 def _start_emulated_bench(url: str, has_linux_hub: bool = False) -> Iterator[tuple[EmulatedBench, float, str]]:
     """Start the emulated boards of an `emulator:` URL and let them boot.
 
-    has_linux_hub: with `wire=i2c`, a Linux hub on the emulated adapter replaces the hub. Returns them, the baud rate of
-    the UART, and the kind of connection: `hub` or `i2c`.
+    has_linux_hub: with `wire=i2c`, a Linux hub on the emulated adapter replaces the hub. Yields the bench, the baud
+    rate of the UART, and the kind of connection: "hub" or "i2c". Raises `LinkError` for an invalid option.
     """
     query = parse_qs(split_url(url).query)
     unknown = sorted(set(query) - OPTIONS)
@@ -159,7 +162,10 @@ def _start_emulated_bench(url: str, has_linux_hub: bool = False) -> Iterator[tup
 
 
 def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
-    """Reduce a hand to the boards at the given addresses; without addresses all boards stay."""
+    """Return the hand with only the boards at the given addresses; without addresses, with all boards.
+
+    texts: addresses such as "0x1C". Raises `UnknownBoardError` for an address without a board.
+    """
     if not texts:
         return hand
     addresses = {parse_address(text, "board") for text in texts}
@@ -169,7 +175,7 @@ def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
 
 
 def _parse_number(url: str, name: str, text: str) -> float:
-    """The number in option `name` of a port URL. Raises `LinkError` for any other text."""
+    """Parse the number in option `name` of a URL. Raises `LinkError` for any other text."""
     try:
         return float(text)
     except ValueError:

@@ -33,7 +33,11 @@ ROWS_ORIGINAL: Final = 128
 
 @dataclass(frozen=True)
 class OriginalInfo:
-    """Report of the bootloader of an original board. version: of the bootloader, 3 bytes."""
+    """Report of the bootloader of an original board.
+
+    silicon_id, revision: identity of the part. version: version of the bootloader, 3 bytes. last_row: last row of the
+    flash.
+    """
 
     silicon_id: int
     revision: int
@@ -69,7 +73,10 @@ def start_original_session(session: BootSession, wait_s: float = WAIT_S) -> Proc
 
 
 def check_original_file(address: int, info: OriginalInfo, silicon_id: int, rows: Mapping[int, bytes]) -> None:
-    """Check that the rows of a file fit the part that answered, before anything is written. Raises BoardError."""
+    """Check that the rows of a file fit the part that answered, before anything is written.
+
+    silicon_id, rows: identity of the part and flash rows by number, from the file. Raises `BoardError`.
+    """
     if info.silicon_id & 0xFFFF != FAMILY_PSOC4200:
         raise BoardError(address, f"silicon id {info.silicon_id:08X} is not of a PSoC 4200; nothing was written")
     if info.silicon_id != silicon_id:
@@ -86,9 +93,9 @@ def check_original_file(address: int, info: OriginalInfo, silicon_id: int, rows:
 def write_original_rows(
     session: BootSession, rows: Mapping[int, bytes], report: Callable[[int, int], None] = lambda done, total: None
 ) -> Procedure[None]:
-    """Write all rows, that with the metadata last, let the bootloader verify the application, and start it.
+    """Write all rows, the metadata row last, let the bootloader verify the application, and start it.
 
-    report: receives the numbers of written rows and of all rows. Raises BoardError; an interrupted update leaves the
+    report: receives the numbers of written rows and of all rows. Raises `BoardError`; an interrupted update leaves the
     board in its bootloader, where the writer can be run again.
     """
     for done, row in enumerate(sorted(rows), start=1):
@@ -100,7 +107,10 @@ def write_original_rows(
 
 
 def _write_row(session: BootSession, row: int, data: bytes) -> Procedure[None]:
-    """Write one row and compare its sum; after a damaged or lost packet the row is sent again."""
+    """Write one row and compare its sum.
+
+    After a damaged or lost packet the row is sent again; after `ROW_ATTEMPTS` attempts, `BoardError` is raised.
+    """
     assert len(data) == BOOT_ROW_SIZE
     for attempt in range(ROW_ATTEMPTS):
         try:
@@ -131,7 +141,11 @@ def update_original(
     wait_s: float = WAIT_S,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> Procedure[OriginalInfo]:
-    """Write the rows of a file to the original board at `address`. Raises BoardError, StatusError."""
+    """Write the rows of a file to the original board at `address`, and return the report of its bootloader.
+
+    silicon_id, rows: identity of the part and flash rows by number, from the file. report: receives the numbers of
+    written rows and of all rows. Raises `BoardError`, `StatusError`.
+    """
     session = BootSession(address, now_s)
     info = yield from start_original_session(session, wait_s)
     check_original_file(address, info, silicon_id, rows)

@@ -24,7 +24,7 @@ class Transfer:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Number of seconds without a transfer to this board."""
+    """A request to make no transfer to this board for a number of seconds."""
 
     seconds: float
 

@@ -29,7 +29,7 @@ ENTER_ATTEMPTS: Final = 3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A board in its bootloader: address, unique id, and the fields of its `Configuration` (None: blank)."""
+    """A board in its bootloader: I2C address, unique id, and the fields of its `Configuration` (None without one)."""
 
     address: int
     unique_id: bytes
@@ -38,7 +38,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Change:
-    """A configuration to be written, and the board that receives the configuration."""
+    """A configuration to be written, and the board that receives it."""
 
     candidate: Candidate
     configuration: dict[str, Any]
@@ -100,7 +100,7 @@ def _request_bootloader(address: int) -> Procedure[None]:
 
 
 def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Candidate]:
-    """Every board in its bootloader at `address`, sorted by unique id; afterwards all of them listen again.
+    """Find every board in its bootloader at `address`, sorted by unique id; afterwards all of them listen again.
 
     Writes nothing. Raises `BoardError` if the replies contradict each other, as on faulty wiring.
     """
@@ -119,7 +119,7 @@ def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Ca
 
 
 def collect_boards(wire: BoardWire, addresses: Sequence[int], entries: Sequence[Entry]) -> list[Candidate]:
-    """Every board at `addresses`, in its bootloader, and boards of `entries` that have moved already.
+    """Restart the boards at `addresses` into their bootloaders, and return them with boards that have already moved.
 
     An earlier run may have been interrupted after some boards received their new addresses. A board whose entry names a
     unique id is therefore also searched at its new address. Raises `BoardError` if no board answers at an address and
@@ -142,9 +142,9 @@ def collect_boards(wire: BoardWire, addresses: Sequence[int], entries: Sequence[
 
 
 def _find_moved_board(wire: BoardWire, entry: Entry, boards: Sequence[Candidate]) -> list[Candidate]:
-    """A list with the board of a plan entry, if this board already answers at its new address; [] otherwise.
+    """Return the board of an entry, in its bootloader, if it already answers at its new address; otherwise [].
 
-    boards: found at their old addresses.
+    boards: boards found at their old addresses. Other boards at the new address are restarted.
     """
     is_at_old_address = any(board.unique_id == entry.unique_id for board in boards)
     if (
@@ -161,10 +161,10 @@ def _find_moved_board(wire: BoardWire, entry: Entry, boards: Sequence[Candidate]
 
 
 def _is_acknowledged(wire: BoardWire, address: int) -> bool:
-    """Whether a device acknowledges the I2C address."""
+    """Return whether a device acknowledges the I2C address."""
 
     def probe() -> Procedure[bool]:
-        """Send only the address. Returns whether it was acknowledged."""
+        """Send only the address; return whether it was acknowledged."""
         try:
             yield Transfer(address)
         except TransferError:
@@ -181,8 +181,9 @@ def _select_board(wire: BoardWire, session: BootSession, unique_id: bytes) -> No
 
 
 def _read_configuration(wire: BoardWire, session: BootSession, unique_id: bytes) -> dict[str, Any] | None:
-    """Configuration in the flash of the board with a unique id; None if it has none. session: with the board's
-    bootloader.
+    """Read the configuration of the board with this unique id from its bootloader; None if it has none.
+
+    session: session at the address, which several boards may share.
     """
     _select_board(wire, session, unique_id)
     return run(wire, session.read_configuration())
@@ -216,7 +217,10 @@ def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_u
 
 
 def _select_candidate(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
-    """The board that an entry selects by unique id, or the only board. Raises `BoardError`."""
+    """Return the board that an entry selects by unique id; without a unique id, the only board.
+
+    Raises `BoardError` if this board was not found, or if an entry without a unique id meets none or several boards.
+    """
     ids = ", ".join(candidate.unique_id.hex() for candidate in candidates)
     if entry.unique_id is None:
         if len(candidates) == 1:
@@ -234,7 +238,10 @@ def _select_candidate(entry: Entry, candidates: Sequence[Candidate]) -> Candidat
 
 
 def _merge_configuration(candidate: Candidate, entry: Entry) -> dict[str, Any]:
-    """Fields of a board's new configuration: requested values, else those of its old configuration."""
+    """Merge the requested values with the old configuration of a board; a requested value takes precedence.
+
+    Returns the fields of `Configuration`. Raises `BoardError` for a board that has no address and receives none.
+    """
     old = candidate.configuration or {}
     address = entry.address if entry.address is not None else old.get("address")
     if address is None:

@@ -32,7 +32,10 @@ KEYS: Final = {"unique_id", "address", "kind", "serial_number", "idac_codes"}
 
 @dataclass(frozen=True)
 class Entry:
-    """One board of a plan. `unique_id` None: the only board found. None in another field: unchanged."""
+    """Requested configuration of one board.
+
+    `unique_id` None selects the only board found. None in another field leaves the value of the board unchanged.
+    """
 
     unique_id: bytes | None
     address: int | None = None
@@ -42,10 +45,7 @@ class Entry:
 
 
 def read_plan(path: Path) -> list[Entry]:
-    """Read a provisioning plan, a list of boards with their new addresses and other values, in file order.
-
-    Raises `PlanError`, OSError.
-    """
+    """Read the entries of a provisioning plan, in file order. Raises `PlanError`, OSError."""
     try:
         document = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
     except TextError as error:
@@ -65,7 +65,10 @@ def read_plan(path: Path) -> list[Entry]:
 
 
 def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
-    """Parse the table of one board in a provisioning plan. field: its position. Raises `PlanError`."""
+    """Parse the table of one board in a provisioning plan. Raises `PlanError`.
+
+    source: name of the file. field: position of the table, such as "board[0]".
+    """
     unknown = sorted(set(table) - KEYS)
     if unknown:
         raise PlanError(
@@ -88,10 +91,10 @@ def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
 
 
 def validate_entry(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, serial: Any, idac: Any) -> Entry:
-    """Check the values for one board, which a user has written, and return them as an entry. prefix: of the field
-    names.
+    """Check the values for one board, which a user has written, and return them as an entry.
 
-    Raises `PlanError` that names the invalid field.
+    source: file or command, and prefix: text before the field names; both for messages. idac: codes of the current
+    source. Raises `PlanError` that names the invalid field.
     """
 
     def fail(field: str, expected: str, value: object) -> NoReturn:
@@ -125,7 +128,7 @@ def validate_entry(source: str, prefix: str, unique_id: Any, address: Any, kind:
 
 
 def _is_integer(value: object) -> bool:
-    """Whether a value of a file is an integer and not a boolean."""
+    """Return whether a value of a file is an integer and not a boolean."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 

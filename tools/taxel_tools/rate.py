@@ -42,7 +42,10 @@ class SkinRate:
 
 
 def compute_ceiling_hz(scl_hz: float, taxel_counts: Mapping[int, int]) -> float:
-    """Poll cycles per second of a bus without pauses; taxel_counts: number of taxels of each board, by address."""
+    """Compute the poll cycles per second of a bus that transfers snapshots without pauses.
+
+    scl_hz: clock of the bus. taxel_counts: number of taxels of each board, by address.
+    """
     clocks = sum(
         CLOCKS_A_BYTE * (1 + SNAPSHOT_OVERHEAD + 2 * taxels) + START_STOP_CLOCKS for taxels in taxel_counts.values()
     )
@@ -84,9 +87,10 @@ def measure_rate(link: Link, scl_hz: float, seconds: float) -> SkinRate:
 
 
 def _read_taxel_counts(hub: HubClient, link: Link) -> dict[int, int]:
-    """Number of taxels of each board that the hub has found, by address.
+    """Read the number of taxels of each board that the hub has found, by address.
 
-    The search ends when two successive readings are equal. Raises `TaxelError` if there is no board.
+    The search ends when two successive readings have the same number of boards. Raises `TaxelError` if there is no
+    board after `DISCOVERY_S`.
     """
     now_s = get_clock(link)
     deadline, found = now_s() + DISCOVERY_S, -1
@@ -101,12 +105,12 @@ def _read_taxel_counts(hub: HubClient, link: Link) -> dict[int, int]:
 
 
 def _count_failed_polls(hub: HubClient) -> int:
-    """Polls of all boards without a forwarded snapshot, by the hub's counters."""
+    """Read the hub's counters, and count the polls of all boards that led to no forwarded snapshot."""
     hub.read_status()
     names = ("repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
     return sum(int(fields[name]) for fields in hub.board_status.values() for name in names)
 
 
 def _count_missing(hub: HubClient) -> int:
-    """Frames of all boards that are missing, by their poll cycles."""
+    """Count the frames of all boards that are missing in the stream, according to their poll cycles."""
     return sum(count.missing for count in hub.stream.losses.boards.values())

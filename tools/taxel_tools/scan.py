@@ -54,7 +54,7 @@ def scan_bus(wire: BoardWire) -> list[BusDevice]:
 
 
 def identify_device(address: int, now_s: Clock) -> Procedure[BusDevice]:
-    """Find out what answers at an I2C address: a running board, a bootloader, several boards, or a foreign device."""
+    """Identify the device at an I2C address: a running board, a bootloader, several boards, or a foreign device."""
     data = b"\xff"
     has_taxel_signature = False
     for _ in range(READ_ATTEMPTS):
@@ -74,10 +74,11 @@ def identify_device(address: int, now_s: Clock) -> Procedure[BusDevice]:
 
 
 def _can_be_bootloader(data: bytes, can_be_several: bool) -> bool:
-    """Whether an unknown response can come from a bootloader; other devices receive no packets.
+    """Return whether an unknown response can come from a bootloader; other devices receive no packets.
 
-    A bootloader returns only FF bytes, or the response to an earlier packet. The responses of several boards overlap on
-    the bus: only their first byte is reliable.
+    can_be_several: whether several boards may answer at the address. A bootloader returns only FF bytes, or the
+    response to an earlier packet. The responses of several boards overlap on the bus: only their first byte is
+    reliable.
     """
     if set(data) == {0xFF} or (can_be_several and data[0] == BOOT_PACKET_START):
         return True
@@ -136,8 +137,9 @@ def _identify_bootloader(address: int, now_s: Clock) -> Procedure[BusDevice]:
 
 
 def describe_bootloader(info: BootInfo) -> tuple[str, ...]:
-    """Notes for the user on a bootloader: why no image runs, whether the configuration is missing, whether an image
-    is on trial.
+    """Return notes on a bootloader for the user.
+
+    They state why no image runs, whether the configuration is missing, and which image is on trial.
     """
     reasons = {
         BootStay.LISTENING: "waits for a host",

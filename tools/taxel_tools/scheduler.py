@@ -43,13 +43,15 @@ def run_all(wire: BoardWire, procedures: Mapping[Key, Procedure[Result]]) -> dic
 
 @dataclass(frozen=True, slots=True)
 class _PendingTransfer(Generic[Key]):
-    """Key of the procedure of a submitted transfer, and the burst that contains the transfer."""
+    """A submitted transfer: key of its procedure, and the burst that contains it (None for a single transfer)."""
 
     key: Key
     burst: Burst | None = None
 
 
 class _Scheduler(Generic[Key, Result]):
+    """Execution of several procedures on one bus. `results`: return value or error of each ended procedure."""
+
     def __init__(self, wire: BoardWire, procedures: Mapping[Key, Procedure[Result]]) -> None:
         """Prepare to run procedures concurrently on one wire.
 
@@ -82,8 +84,10 @@ class _Scheduler(Generic[Key, Result]):
                 self._ready.append((heapq.heappop(self._pauses)[2], b""))
 
     def _store_outcome(self, pending: _PendingTransfer[Key], outcome: bytes | TransferError) -> None:
-        """Store the result of a finished transfer. A procedure that waits for it, or for the end of its burst,
-        becomes ready.
+        """Store the outcome of an ended transfer in its burst, or pass it to its procedure.
+
+        A procedure whose request has ended becomes ready. On a bus without a queue, the next transfer of the burst
+        starts.
         """
         burst = pending.burst
         if burst is None:

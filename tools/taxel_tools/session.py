@@ -62,7 +62,7 @@ _STATUS_TEXTS: Final = {
 
 @dataclass(frozen=True)
 class BootInfo:
-    """Fields of `taxel_protocol.bootloader.Info`."""
+    """Information of a bootloader: fields of `taxel_protocol.bootloader.Info` without `version`."""
 
     device: int
     stay: int
@@ -118,14 +118,12 @@ class BootSession:
         return BootInfo(**{name: value for name, value in fields.items() if name != "version"})
 
     def read_free_rows(self) -> Procedure[tuple[int, int]]:
-        """First and last flash row that the bootloader permits to be written."""
+        """Read the first and the last flash row that the bootloader permits to be written."""
         fields = unpack(FlashSizeReply, (yield from self.request(BootCommand.GET_FLASH_SIZE, b"\0", FlashSizeReply)))[0]
         return fields["first_row"], fields["last_row"]
 
     def read_metadata(self, slot: int) -> Procedure[dict[str, Any] | None]:
-        """Read from the bootloader the metadata (`StockMetadata`) of the image in a slot; None without a startable
-        image.
-        """
+        """Read the metadata (`StockMetadata`) of the image in a slot; None if the slot contains no startable image."""
         try:
             data = yield from self.request(BootCommand.GET_METADATA, bytes([slot]), StockMetadata)
         except StatusError as error:
@@ -171,8 +169,10 @@ class BootSession:
         yield Pause(self.row_write_s)
 
     def _write_all(self, packets: Sequence[bytes]) -> Procedure[None]:
-        """Send several packets to the bootloader in a burst; after a NACK of a busy board, continue one packet at a
-        time.
+        """Send several packets to the bootloader in a burst.
+
+        If a busy board has not acknowledged a packet, the remaining packets are sent one at a time; all packets are
+        sent again if a later one was accepted.
         """
         burst = Burst(tuple(Transfer(self.address, packet) for packet in packets))
         yield burst
@@ -203,10 +203,10 @@ class BootSession:
         return (data if data is not None else (yield from self.read_response(1)))[0]
 
     def _parse_if_ready(self, outcome: bytes | TransferError | None, size: int) -> bytes | None:
-        """Data of a bootloader's response; None if the response is missing or damaged. Raises `StatusError` for a
-        refusal.
+        """Return the data of a bootloader's response; None if the response is missing or damaged.
 
-        outcome: result of the read transfer. size: expected data bytes.
+        outcome: result of the read transfer. size: expected data bytes. Raises `StatusError` if the bootloader refused
+        the packet.
         """
         if isinstance(outcome, bytes):
             with suppress(ValueError):
@@ -214,8 +214,9 @@ class BootSession:
         return None
 
     def verify_application(self) -> Procedure[bool]:
-        """Whether the image in the free slot is complete, as checked by the bootloader. If rows were written, it
-        starts next.
+        """Let the bootloader check the image in the free slot; return whether it is complete.
+
+        If rows were written and the image is complete, the bootloader starts it next.
         """
         return (yield from self.request(BootCommand.VERIFY_APPLICATION, reply=1)) == b"\x01"
 
@@ -226,7 +227,8 @@ class BootSession:
     def exit(self) -> Procedure[None]:
         """Leave the bootloader and restart the device.
 
-        The command has no response; if the packet may be lost, GET_INFO tests for a restart.
+        The command has no response. If the packet may be lost, GET_INFO shows whether the bootloader still answers, and
+        the command is repeated.
         """
         for _ in range(ATTEMPTS):
             try:
@@ -319,9 +321,10 @@ class BootSession:
             yield Pause(next(pauses))
 
     def read_response(self, size: int) -> Procedure[bytes]:
-        """Read the response of the bootloader. A NACK or FF means that it is busy: the read is repeated.
+        """Read the response of the bootloader; return its `size` data bytes.
 
-        Raises `StatusError` unless the status is OK.
+        The read is repeated while the bootloader is busy (NACK or FF) or the response is damaged, at most
+        `RESPONSE_TIMEOUT_S`. Raises `LostError` after this time, `StatusError` unless the status is OK.
         """
         deadline = self.now_s() + RESPONSE_TIMEOUT_S
         pauses = _retry_pauses()
@@ -340,12 +343,13 @@ class BootSession:
             yield Pause(next(pauses))
 
     def _make_response_read(self, size: int) -> Transfer:
-        """The I2C transfer that reads a response with `size` data bytes from the bootloader."""
+        """Create the I2C transfer that reads a response with `size` data bytes from the bootloader."""
         return Transfer(self.address, read_size=BOOT_PACKET_OVERHEAD + size)
 
     def _parse_response(self, packet: bytes, size: int) -> bytes:
-        """Data of a bootloader's response packet. Raises `StatusError` for a refusal, ValueError for an invalid
-        packet.
+        """Parse a response packet of the bootloader; return its `size` data bytes.
+
+        Raises `StatusError` if the bootloader refused the packet, ValueError for an invalid response.
         """
         status, data = parse_packet(packet)
         if status != BootStatus.OK:
@@ -356,7 +360,7 @@ class BootSession:
 
 
 def _retry_pauses() -> Iterator[float]:
-    """Pauses in s between repetitions of a packet: doubled each time up to `RETRY_PAUSE_MAX_S`, without end."""
+    """Yield the pauses in s between repetitions of a packet: doubled each time up to `RETRY_PAUSE_MAX_S`, endlessly."""
     pause = RETRY_PAUSE_S
     while True:
         yield pause
@@ -364,7 +368,7 @@ def _retry_pauses() -> Iterator[float]:
 
 
 def _describe_status(status: int) -> str:
-    """Text for the user about a status code of the bootloader."""
+    """Return the text of an error message for a status code of the bootloader."""
     is_known = status in BootStatus._value2member_map_
     if not is_known:
         return f"unknown bootloader status {status:02X}; update this program"

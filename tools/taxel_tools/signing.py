@@ -27,7 +27,9 @@ KEY_FILE_MAX: Final = 1 << 14
 
 
 def generate_key(passphrase: str | None) -> tuple[bytes, bytes]:
-    """A new private key as PEM (PKCS 8), encrypted if there is a passphrase, and its public key (32 bytes)."""
+    """Generate a key pair: the private key as PEM (PKCS 8), encrypted if there is a passphrase; the public key, 32
+    bytes.
+    """
     with optional_import("cryptography", PURPOSE):
         from cryptography.hazmat.primitives import serialization
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -40,14 +42,17 @@ def generate_key(passphrase: str | None) -> tuple[bytes, bytes]:
 
 
 def load_development_key() -> "Ed25519PrivateKey":
-    """The development key, with which everyone can sign; only emulated devices accept its signatures."""
+    """Return the development key, with which everyone can sign; only emulated devices accept its signatures."""
     with optional_import("cryptography", PURPOSE):
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     return Ed25519PrivateKey.from_private_bytes(DEVELOPMENT_SEED)
 
 
 def load_private_key(path: Path, passphrase: str | None) -> "Ed25519PrivateKey":
-    """Read a private key of `taxel keygen`. Raises `TaxelError` for another file or a wrong passphrase, OSError."""
+    """Read a private key of `taxel keygen`.
+
+    Raises `TaxelError` for a file of another kind or a wrong passphrase, OSError.
+    """
     with optional_import("cryptography", PURPOSE):
         from cryptography.hazmat.primitives import serialization
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -84,7 +89,9 @@ def sign_file(path: Path, key: "Ed25519PrivateKey") -> Path:
 
 
 def _write(path: Path, content: Content, data: bytes, key: "Ed25519PrivateKey") -> Path:
-    """Write the signature of the content of a file beside it, in one step, and return its path."""
+    """Write the signature file of `data` beside the file `path`, in one step, and return the path of the signature
+    file.
+    """
     public = key.public_key().public_bytes_raw()
     signature = Signature(content, public, key.sign(build_message(content, data)))
     file = get_signature_path(path)

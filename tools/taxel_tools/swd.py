@@ -28,15 +28,15 @@ TCL_SPECIAL: Final = set('{}[]"\\$;\n')
 
 
 def is_installed(tool: str) -> bool:
-    """Whether the program is on the PATH."""
+    """Return whether the program is on the PATH."""
     return shutil.which(tool) is not None
 
 
 def find_tool(requested: str | None, is_required: bool = True) -> str:
-    """Name of the program for the debug port: the requested one, or the first installed (OpenOCD before pyOCD).
+    """Return the name of the program for the debug port: the requested one, or the first installed.
 
-    is_required: whether the program must be installed; else an absent one is named, too. Raises `TaxelError` with the
-    installation command.
+    OpenOCD comes before pyOCD. is_required: whether the program must be installed; otherwise the name of a missing
+    program is returned, too. Raises `TaxelError` with the installation command.
     """
     if requested is not None and requested not in INSTALL_COMMANDS:
         raise TaxelError(f"--swd-tool: expected openocd or pyocd, found '{requested}'")
@@ -75,7 +75,11 @@ def check_hex(path: Path) -> list[int]:
 
 
 def build_command(tool: str, path: Path, interface: str = INTERFACE) -> list[str]:
-    """Argument list of the command that programs and verifies the file and starts the board. Raises `TaxelError`."""
+    """Build the argument list of the command that programs and verifies the file and starts the board.
+
+    tool: "openocd" or "pyocd". interface: OpenOCD's name of the debug probe. Raises `TaxelError` for a name that the
+    OpenOCD script cannot contain.
+    """
     if tool == "pyocd":
         return ["pyocd", "load", "--target", PYOCD_TARGET, str(path)]
     if not re.fullmatch(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*", interface):

@@ -17,7 +17,7 @@ class Target(Protocol):
     session: BootSession
 
     def read_version(self) -> Procedure[Version | None]:
-        """Version of the running application; None if no application answers."""
+        """Read the version of the running application; None if no application answers."""
         ...
 
     def enter(self) -> Procedure[None]:
@@ -25,7 +25,7 @@ class Target(Protocol):
         ...
 
     def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
-        """Wait until an application answers; its version, or None after `timeout_s` seconds."""
+        """Wait until an application answers; return its version, or None after `timeout_s` seconds."""
         ...
 
     def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
@@ -49,8 +49,9 @@ class BoardTarget:
         self.session = BootSession(address, now_s)
 
     def read_version(self) -> Procedure[Version | None]:
-        """Firmware version of the board from its identity registers; None also while it writes its flash or
-        restarts.
+        """Read the firmware version of the board from its identity registers.
+
+        Returns None if no application answers, also while the board writes its flash or restarts.
         """
         try:
             identity = yield from read_identity(self.address)

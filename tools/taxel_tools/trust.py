@@ -32,12 +32,12 @@ TrustedKeys = Mapping[bytes, str]
 
 
 def get_key_folder() -> Path:
-    """Folder whose .pub files are trusted: `taxel/firmware-keys` in the configuration folder of the user."""
+    """Return the folder whose .pub files are trusted: `taxel/firmware-keys` in the configuration folder of the user."""
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "taxel" / "firmware-keys"
 
 
 def read_trusted_keys(files: Sequence[Path]) -> dict[bytes, str]:
-    """Public keys of `files` and of the key folder, with the names of their files.
+    """Read the public keys of `files` and of the key folder; return the names of their files by key.
 
     Raises `FirmwareFileError` for an invalid key file, OSError.
     """
@@ -47,7 +47,7 @@ def read_trusted_keys(files: Sequence[Path]) -> dict[bytes, str]:
 
 
 def get_development_public_key() -> bytes:
-    """Public key of the development key. Raises `MissingPackageError` without the package `cryptography`."""
+    """Return the public key of the development key. Raises `MissingPackageError` without the package `cryptography`."""
     with optional_import("cryptography", PURPOSE):
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     return Ed25519PrivateKey.from_private_bytes(DEVELOPMENT_SEED).public_key().public_bytes_raw()
@@ -72,7 +72,10 @@ def check_file(path: Path, data: bytes, keys: TrustedKeys) -> str:
 
 
 def _check(path: Path, content: Content, data: bytes, keys: TrustedKeys, *, is_emulated: bool) -> str:
-    """Check the signature beside a file over its content; returns the name of the key. Raises `SignatureError`."""
+    """Check the signature file beside a file; return the name of the key. Raises `SignatureError`.
+
+    data: signed content of the file.
+    """
     signature = read_signature(path)
     file = str(get_signature_path(path))
     if signature.content is not content:
@@ -83,7 +86,7 @@ def _check(path: Path, content: Content, data: bytes, keys: TrustedKeys, *, is_e
 
 
 def _name_key(file: str, signature: Signature, keys: TrustedKeys, is_emulated: bool) -> str:
-    """Name of the key of a valid signature. Raises `SignatureError` if the key is not trusted."""
+    """Return the name of the key of a valid signature. Raises `SignatureError` if the key is not trusted."""
     if signature.public_key in keys:
         return keys[signature.public_key]
     if signature.public_key != get_development_public_key():

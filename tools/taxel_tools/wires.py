@@ -33,7 +33,7 @@ class BoardWire(Protocol):
     is_queued: bool
 
     def now_s(self) -> float:
-        """Seconds of the clock of this bus."""
+        """Return the time of this bus's clock in seconds."""
         ...
 
     def submit(self, transfer: Transfer) -> int:
@@ -41,7 +41,7 @@ class BoardWire(Protocol):
         ...
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """The I2C transfers that have ended, by number; waits at most `timeout_s` for the first.
+        """Return the ended I2C transfers as (number, read bytes or error); waits at most `timeout_s` for the first.
 
         Raises `WireError`, `LinkError`.
         """
@@ -93,7 +93,7 @@ class SmbusWire:
         self._completed: list[CompletedTransfer] = []
 
     def now_s(self) -> float:
-        """Seconds of the adapter's clock."""
+        """Return the time of the adapter's clock in seconds."""
         return self._now_s()
 
     def submit(self, transfer: Transfer) -> int:
@@ -103,7 +103,11 @@ class SmbusWire:
         return self._number
 
     def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
-        """Run a transfer on the adapter: bytes read, or the error of the device. Raises `WireError`."""
+        """Run a transfer on the adapter.
+
+        Returns the bytes read (b"" for a pure write), or the error of the device. Raises `WireError` if the adapter
+        fails.
+        """
         with optional_import("smbus2", f"the I2C adapter {self.name}"):
             from smbus2 import i2c_msg
         messages = [i2c_msg.write(transfer.address, transfer.write)] if transfer.write or not transfer.read_size else []
@@ -119,7 +123,10 @@ class SmbusWire:
         return bytes(read) if transfer.read_size else b""
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """The I2C transfers that have ended, by number; waits if there are none."""
+        """Return the ended I2C transfers as (number, read bytes or error).
+
+        If there are none, the method first waits for `timeout_s` seconds.
+        """
         if not self._completed:
             self._wait(max(timeout_s, WAIT_MIN_S))
         completed, self._completed = self._completed, []
@@ -153,7 +160,7 @@ class HubWire:
             raise
 
     def now_s(self) -> float:
-        """Seconds of the link's clock."""
+        """Return the time of the link's clock in seconds."""
         return self.hub.now_s()
 
     def submit(self, transfer: Transfer) -> int:
@@ -161,7 +168,7 @@ class HubWire:
         return self.hub.submit(transfer)
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """The I2C transfers through the hub whose replies have arrived, by number."""
+        """Return the ended I2C transfers as (number, read bytes or error); waits at most `timeout_s` for the first."""
         return self.hub.collect(timeout_s)
 
     def scan(self) -> list[int]:

@@ -24,7 +24,7 @@ SHORTEST_S = 0.2
 
 
 def read_times(path: Path) -> dict[str, float]:
-    """Read the seconds of each test from a JUnit file, by node id. A test that was skipped is left out."""
+    """Read the seconds of each test from a JUnit file, by the test's node id; skipped tests are omitted."""
     times: dict[str, float] = {}
     for case in ElementTree.parse(path).getroot().iter("testcase"):
         if case.find("skipped") is None:
@@ -33,7 +33,10 @@ def read_times(path: Path) -> dict[str, float]:
 
 
 def _to_node_id(classname: str, name: str) -> str:
-    """Convert the names of a JUnit file, "host.tests.a.test_b.TestC" and "test_d[e]", to a node id of pytest."""
+    """Convert the names of a JUnit file, "host.tests.a.test_b.TestC" and "test_d[e]", to a node id of pytest.
+
+    Exits the program if the module does not exist.
+    """
     parts = classname.split(".")
     for number in range(len(parts), 0, -1):
         path = "/".join(parts[:number]) + ".py"
@@ -43,7 +46,10 @@ def _to_node_id(classname: str, name: str) -> str:
 
 
 def choose(times: dict[str, float], budget_s: float) -> list[str]:
-    """Choose the longest tests until the others take at most `budget_s` seconds; the quickest of each file remains."""
+    """Choose the longest tests until the others take at most `budget_s` seconds.
+
+    The quickest test of each file is never chosen.
+    """
     remaining = Counter(node_id.split("::")[0] for node_id in times)
     total = sum(times.values())
     chosen = []
@@ -59,12 +65,12 @@ def choose(times: dict[str, float], budget_s: float) -> list[str]:
 
 
 def read_list() -> list[str]:
-    """Read the present list."""
+    """Return the node ids in the present list of slow tests."""
     return [line for line in LIST.read_text().splitlines() if line and not line.startswith("#")]
 
 
 def main() -> int:
-    """Write the list."""
+    """Choose the slow tests and write their list."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("junit", type=Path, help="JUnit file of a run of all tests on an idle machine")
     parser.add_argument(

@@ -17,7 +17,7 @@ from pathlib import Path
 
 
 def list_processes(session: int) -> list[int]:
-    """Process ids of a session of processes (`setsid`), except its leader."""
+    """Return the process ids of a session of processes (`setsid`), except its leader."""
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -30,7 +30,7 @@ def list_processes(session: int) -> list[int]:
 
 
 def send(number: signal.Signals, processes: list[int]) -> None:
-    """Send a signal to each process that still exists."""
+    """Send a signal to each of the processes that still exists."""
     for process in processes:
         try:
             os.kill(process, number)
@@ -39,7 +39,7 @@ def send(number: signal.Signals, processes: list[int]) -> None:
 
 
 def main() -> int:
-    """Run the command with pauses; return its exit status."""
+    """Run the command with random pauses of its processes and return its exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", type=int, default=1, help="seed of the pauses")
     parser.add_argument("--period-s", type=float, default=1.5, help="mean time between two pauses, seconds")

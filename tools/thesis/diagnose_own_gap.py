@@ -48,9 +48,10 @@ EditCounts = Callable[[CountArray], CountArray]
 
 
 def simulate(out: Path, name: str, seed: int, iterations: int, setting: Setting, rules: OriginalRules | None) -> Path:
-    """Simulate the first iterations of every approach into a dataset of the folder `out`, if it is missing.
+    """Simulate the first iterations of every approach and return the path of the dataset, which is kept if it exists.
 
-    rules: of the original contact plug-in; None: the simulator with an elastic layer. Returns the path.
+    out: folder. setting: source of the tool poses. rules: of the original contact plug-in; None: the simulator with an
+    elastic layer.
     """
     path, setup = out / f"{name}.h5", Setup(setting=setting, torques=setting)
     plan = [planned for planned in make_thesis_plan(seed) if planned.iteration < iterations]
@@ -65,7 +66,7 @@ def simulate(out: Path, name: str, seed: int, iterations: int, setting: Setting,
 
 
 def write_as_hand(sim: Path, out: Path, edit: EditCounts | None = None, taxels: TaxelTable | None = None) -> Path:
-    """Write a simulated dataset as one of a hand: without forces. Returns its path.
+    """Write a simulated dataset as one of a hand, without forces, and return its path.
 
     edit: changes the raw counts u16[T, n] of a grasp. taxels: table that replaces that of the simulation.
     """
@@ -78,7 +79,7 @@ def write_as_hand(sim: Path, out: Path, edit: EditCounts | None = None, taxels: 
 
 
 def _make_record(grasp: Grasp, edit: EditCounts | None) -> GraspRecord:
-    """Make the record of a hand from a simulated grasp."""
+    """Create the record of a hand from a simulated grasp. edit: changes its raw counts; None: unchanged."""
     counts = grasp.raw_counts.copy()
     return GraspRecord(
         grasp.object,
@@ -96,13 +97,16 @@ def _make_record(grasp: Grasp, edit: EditCounts | None) -> GraspRecord:
 
 
 def freeze_masked(counts: CountArray) -> CountArray:
-    """Replace the counts of the masked taxels by their first count: the host never reports a change of them."""
+    """Replace the counts u16[T, n] of the masked taxels with their first count.
+
+    The original host never reports a change of these taxels.
+    """
     counts[:, SETS.is_masked] = counts[0, SETS.is_masked]
     return counts
 
 
 def describe_diagnosis(real: Path, sim: Path) -> str:
-    """Diagnose a pair and describe the result as part of a table row: verdict, effects, stated differences."""
+    """Diagnose a pair of datasets and return part of a table row: verdict, named effects, stated differences."""
     try:
         report = diagnose(real, sim).report
     except TaxelError as error:
@@ -115,7 +119,10 @@ def describe_diagnosis(real: Path, sim: Path) -> str:
 
 
 def _describe_effect(entry: Mapping[str, Any]) -> str:
-    """Describe a named effect: its share of the reducible gap, and for a dropout the boards and taxels on its lines."""
+    """Return an effect's name and its share of the reducible gap.
+
+    For a dropout also the numbers of its taxels, of their boards, and of those that are masked.
+    """
     text = f"{entry['name']} ({100 * entry['shapley_share']:.0f} %"
     if entry["name"] == DROPOUT:
         taxels = find_dropped_taxels(entry["parameters"])
@@ -127,7 +134,7 @@ def _describe_effect(entry: Mapping[str, Any]) -> str:
 
 
 def find_dropped_taxels(parameters: Mapping[str, Any]) -> BoolArray:
-    """Find the taxels of a dropout in a report, bool[n]: single taxels, taxels on lines, taxels of whole boards."""
+    """Return the taxels of a dropout in a gap report, bool[n]: single taxels, and those on whole lines and boards."""
     dropped = np.zeros(HAND.n_taxels, bool)
     dropped[np.array(parameters["taxels"]["value"], np.int64)] = True
     for address, axis, index in parameters["lines"]["value"]:
@@ -136,7 +143,7 @@ def find_dropped_taxels(parameters: Mapping[str, Any]) -> BoolArray:
 
 
 def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[Path, Path]]:
-    """Make the datasets of the wanted pairs; return (hand, simulator) by the name of the pair."""
+    """Create the datasets of the wanted pairs and return (hand, simulator) by the name of the pair."""
     pairs: dict[str, tuple[Path, Path]] = {}
     if wanted & {"none", "mask", "tuned_poses", "coded_host"}:
         twin = simulate(out, "layer_twin", HAND_SEED, iterations, "hardware", None)
@@ -165,7 +172,7 @@ def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[
 
 
 def _get_coded_positions() -> np.ndarray:
-    """Return the coded centres of the host, f64[n, 3], with true centres where it has none."""
+    """Return the taxel centres f64[n, 3] in the code of the original host; true centres where it has none."""
     coded = get_centres(SETS, OwnEffects(coded_host=True), is_real=True)
     coded[SETS.has_no_coordinates] = SETS.true_centres[SETS.has_no_coordinates]
     return coded
@@ -176,7 +183,7 @@ PAIRS = ("none", "mask", "coded_host", "tuned_poses", "none_plugin", "stale_cont
 
 
 def main() -> None:
-    """Make the pairs, diagnose them, and print one row for each."""
+    """Create the pairs of datasets, diagnose them, and print one row for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/thesis-gap/diagnosis"), help="folder of the datasets")
     parser.add_argument("--iterations", type=int, default=4, help="grasps of each approach")

@@ -40,7 +40,7 @@ HALF_NORMAL_VARIATION = float(np.sqrt(np.pi / 2.0 - 1.0))
 
 
 def bound_points_beyond(stats: DistanceStats, limit_m: float) -> float:
-    """Return the largest number of points that can lie beyond a distance, from mean and standard deviation."""
+    """Return the largest number of points that can lie beyond a distance, given mean and standard deviation."""
     if limit_m >= stats.max_m:
         return 0.0
     excess = limit_m - stats.mean_m
@@ -51,16 +51,16 @@ def bound_points_beyond(stats: DistanceStats, limit_m: float) -> float:
 
 
 def describe_removed(before: DistanceStats, after: DistanceStats) -> str:
-    """Return number and mean distance of the points that a filter removes, from the sums of both rows."""
+    """Return the number and the mean distance of the points that a filter removes, from the sums of both rows."""
     count = before.points - after.points
     mean = (before.points * before.mean_m - after.points * after.mean_m) / max(count, 1)
     return f"{count} points ({100 * count / before.points:.1f} %), mean {1e3 * mean:.1f} mm"
 
 
 def describe_signals(force: Mapping[int, DistanceStats]) -> str:
-    """Return the points for each count between neighbouring thresholds of the force filter, and those above the last.
+    """Return the number of points per count of signal between neighbouring thresholds, and the number above the last.
 
-    force: rows by threshold in counts.
+    force: table rows of the force filter by threshold in counts.
     """
     densities = [
         f"{low}-{high}: {(force[low].points - force[high].points) / (high - low):.1f}"
@@ -71,7 +71,7 @@ def describe_signals(force: Mapping[int, DistanceStats]) -> str:
 
 
 def print_printed() -> None:
-    """Print what the tables of the thesis imply."""
+    """Print what the printed tables of the thesis imply for far points."""
     limits = ", ".join(f"{1e3 * limit:g}" for limit in LIMITS_M)
     print(f"printed tables; half-normal error around 0: coefficient of variation {HALF_NORMAL_VARIATION:.2f}")
     print(f"cloud: mean, std, max in mm; std/mean; (max - mean)/std; largest possible number beyond {limits} mm")
@@ -91,7 +91,7 @@ def print_printed() -> None:
 
 
 def print_dataset(path: Path) -> None:
-    """Print the tails of the clouds of a dataset, and where the far points lie."""
+    """Print the tails of a dataset's contact clouds, and where their far points lie."""
     limits = {item.printed_name: item.cad[REAL].max_m for item in build_printed_results()}
     with closing(GraspDataset(path)) as data:
         for name in data.objects:
@@ -121,7 +121,10 @@ def print_dataset(path: Path) -> None:
 
 
 def describe_origin(cloud: ContactCloud, distances: FloatArray, taxels: TaxelTable) -> str:
-    """Return the origin of the points beyond 10 mm: lines shared with a contact, boards with and without contact."""
+    """Return where the points beyond 10 mm lie: on a line of a contact, on a board with or without contact.
+
+    distances: f64[k], distance of each point of the cloud to the CAD model, metres.
+    """
     counts = {"on a line of a contact": 0, "on a board with contact": 0, "on a board without contact": 0}
     contacts: dict[tuple[int, int], list[int]] = {}
     for row in np.flatnonzero(distances <= CONTACT_M):

@@ -64,12 +64,12 @@ CollectSim = Callable[[OwnEffects], Points]
 
 
 def show(stage: str) -> Progress:
-    """Return a progress function that writes the stage and the finished share to standard error."""
+    """Return a progress function that writes the name of the stage and the finished share to standard error."""
     return lambda done, total: print(f"\r{stage}: {done}/{total}", end="\n" if done == total else "", file=sys.stderr)
 
 
 def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> list[MeasuredGrasp]:
-    """Read the campaign on the emulated hand with a seed, and make it if it is missing or interrupted.
+    """Read the grasps of the campaign on the emulated hand; a missing or interrupted campaign is completed first.
 
     grasps: only the first ones of the plan; None: all.
     """
@@ -83,14 +83,14 @@ def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> lis
 
 
 def prepare_plugin(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
-    """Simulate the grasps with the contact sensors of the original; return the function that gives the points."""
+    """Simulate the grasps with the contact sensors of the original, and return the function that gives the points."""
     hand = load_hand("original")
     grasps = {setting: read_plugin(out, setting, jobs) for setting in SETTINGS}
     return lambda effects: collect_plugin_points(hand, grasps[SETTINGS[effects.tuned_poses]], sets, effects)
 
 
 def read_plugin(out: Path, setting: Setting, jobs: int | None) -> list[PluginGrasp]:
-    """Read the grasps of the plug-in with the poses of `setting` (DIR/plugin_*.npz), and make them if missing."""
+    """Read the plug-in's grasps with the poses of `setting` (DIR/plugin_*.npz); they are simulated first if missing."""
     path, settings = out / f"plugin_{setting}.npz", SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
     description = f"{settings.describe()}, poses of {setting}"
     if not path.exists():
@@ -102,7 +102,7 @@ def read_plugin(out: Path, setting: Setting, jobs: int | None) -> list[PluginGra
 
 
 def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
-    """Simulate the grasps with an elastic layer into DIR/layer_*.h5; return the function that gives the points."""
+    """Simulate the grasps with an elastic layer (DIR/layer_*.h5), and return the function that collects the points."""
     grasps, settings = {}, SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
     for setting in SETTINGS:
         path, setup = out / f"layer_{setting}.h5", Setup(setting=setting, torques=setting)
@@ -117,13 +117,17 @@ def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
 def evaluate(
     real: Sequence[list[MeasuredGrasp]], collect_sim: CollectSim, sets: TaxelSets, groups: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Compute the distances and shares of all seeds: lists over the seeds, by row and object."""
+    """Compute the distances and shares of all seeds.
+
+    real: grasps of the hand for each seed. collect_sim: returns the simulated points with some effects. groups: effects
+    of the table's rows. Returns lists over the seeds, by row and object.
+    """
     cache: dict[OwnEffects, Points] = {}
     per_seed = []
     for grasps in real:
 
         def measure(effects: OwnEffects, grasps: list[MeasuredGrasp] = grasps) -> Distances:
-            """Measure the distances of one seed with a combination of effects."""
+            """Return the distances of one seed with a combination of effects."""
             key = replace(effects, coded_host=False, mask=False, rises=False)
             if key not in cache:
                 cache[key] = collect_sim(key)
@@ -146,7 +150,9 @@ def evaluate(
 
 
 def print_table(title: str, result: dict[str, Any]) -> None:
-    """Print the table of one simulator: mean and 95 % interval over the seeds, percent of the distance with all."""
+    """Print the table of one simulator: mean and 95 % interval over the seeds, in percent of the distance with all
+    effects.
+    """
     print(f"\n{title}")
     for label, key in (("without effects", "none_m"), ("all effects", "all_m")):
         text = ", ".join(f"{name} {format_interval(values, 1e3)}" for name, values in result[key].items())
@@ -163,14 +169,17 @@ def print_table(title: str, result: dict[str, Any]) -> None:
 
 
 def format_interval(values: Sequence[float], scale: float) -> str:
-    """Format the mean of values over seeds and half the width of the 95 % interval, multiplied by `scale`."""
+    """Return the mean of values over seeds and half the width of its 95 % interval, multiplied by `scale`.
+
+    Without an interval only the mean is returned.
+    """
     interval = compute_interval(values)
     text = f"{scale * interval.mean:.1f}"
     return text if interval.half_width != interval.half_width else f"{text} ± {scale * interval.half_width:.1f}"
 
 
 def main() -> None:
-    """Make the missing campaigns, compute the shares with both simulators, print and write them."""
+    """Make the missing campaigns, compute the shares with both simulators, and print and write them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/thesis-gap"), help="folder of the campaigns")
     parser.add_argument("--seeds", default="1,2,3", help="seeds of the real side, separated by commas")

@@ -93,7 +93,7 @@ class GraspLoad:
 
 
 def read_loads(path: Path) -> list[GraspLoad]:
-    """Loads of all grasps of a simulated campaign."""
+    """Read the loads of all grasps of a simulated campaign."""
     with GraspDataset(path) as data:
         return [
             GraspLoad(
@@ -110,7 +110,7 @@ class CandidateModel:
     """Substitute for the emulated hand: loads of the simulated and the displaced campaigns, boards, meshes."""
 
     def __init__(self, path: Path, displaced: Sequence[Path]) -> None:
-        """Load simulated grasps, from which the signals of a real hand are predicted for any candidate of settings.
+        """Read the simulated grasps, from which the signals of a hand are predicted for any candidate.
 
         path: campaign of simulated grasps. displaced: campaigns with the same grasps and displaced objects.
         """
@@ -130,9 +130,7 @@ class CandidateModel:
         self.boards = [np.flatnonzero(self.taxels.sensor == board) for board in np.unique(self.taxels.sensor)]
 
     def predict_signal(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
-        """Predict the signals f64[n] in counts of a real hand from the forces f64[n], with the effects of a
-        candidate.
-        """
+        """Predict the signals f64[n] in counts of a hand from the forces f64[n] in N, with a candidate's effects."""
         result = np.zeros_like(force)
         full_scale, half_force = self.sensor_model.full_scale_drop_counts, self.sensor_model.half_force_n
         for board in self.boards:
@@ -154,9 +152,9 @@ CloudParts = dict[str, list[tuple[FloatArray, FloatArray]]]
 
 
 def build_clouds(model: CandidateModel, candidate: Candidate, seed: int) -> dict[str, ObjectClouds]:
-    """Contact clouds of all objects with the settings of a candidate, by the printed names of the objects.
+    """Build the contact clouds of all objects with the settings of a candidate, by printed name of the object.
 
-    seed: of the noise.
+    seed: seed of the noise.
     """
     rng = np.random.default_rng(seed)
     propagation = Propagation(candidate.reach_m, candidate.min_signal_counts)
@@ -180,8 +178,7 @@ def build_clouds(model: CandidateModel, candidate: Candidate, seed: int) -> dict
 def _join_and_treat(model: CandidateModel, name: str, parts: CloudParts) -> ObjectClouds:
     """Join the point clouds of all grasps of one object, and apply the thesis's treatment to the joined clouds.
 
-    parts: list of (positions f64[n, 3], values f64[n]) of the grasps, for each kind of cloud (real, simulated,
-    spread).
+    parts: (positions f64[n, 3], values f64[n]) of each grasp, by the name of the cloud (real, simulated, spread).
     """
     joined = {
         key: ContactCloud.from_points(
@@ -195,9 +192,9 @@ def _join_and_treat(model: CandidateModel, name: str, parts: CloudParts) -> Obje
 
 
 def compute_objective(model: CandidateModel, candidate: Candidate, seed: int) -> tuple[float, float, list[Finding]]:
-    """Evaluate candidate settings: the objective, the mean skill of the tables, and the findings of the thesis.
+    """Return the objective of a candidate, the mean skill of its tables, and the findings of the thesis.
 
-    seed: of the noise.
+    seed: seed of the noise.
     """
     items = build_clouds(model, candidate, seed)
     meshes = {name: items[name].mesh for name in OBJECTS}
@@ -214,17 +211,17 @@ MIN_SKILL: Final = -1.0
 
 
 def _average_skill(results: Sequence[ObjectResult]) -> float:
-    """Average the skill of mean, RMS, maximum and standard deviation over the groups of tables."""
+    """Return the mean skill of mean, RMS, maximum and standard deviation over the groups of tables."""
     skills = compute_skills(results).groups
     values = [skill.value for (_, column), skill in skills.items() if column in STATISTICS]
     return float(np.mean([max(value, MIN_SKILL) for value in values if value is not None]))
 
 
 def sample_candidate(rng: np.random.Generator, best: list[tuple[float, Candidate]], campaigns: int) -> Candidate:
-    """Random settings within the bounds, or near one of the best so far.
+    """Return random settings within the bounds, in 80 % of the cases near one of the five best so far.
 
-    best: (objective, candidate). campaigns: number of campaigns with displaced objects, of which each object uses
-    one.
+    best: (objective, candidate), best first. campaigns: number of campaigns with displaced objects, of which each
+    object uses one.
     """
     low, high = asdict(LOWER_BOUND), asdict(UPPER_BOUND)
     if best and rng.random() < 0.8:
@@ -239,7 +236,7 @@ def sample_candidate(rng: np.random.Generator, best: list[tuple[float, Candidate
 
 
 def main() -> None:
-    """Search the settings that reproduce the thesis, and write one line for each candidate."""
+    """Search for the settings that reproduce the thesis, and write one line for each candidate."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sim", type=Path, help="grasp dataset of the simulator")
     parser.add_argument("displaced", type=Path, nargs="+", help="the same grasps with displaced objects")

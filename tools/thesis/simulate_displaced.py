@@ -23,21 +23,21 @@ from taxel.thesis.settings import OBJECT_VARIATION
 
 @dataclass(frozen=True)
 class EmulatedVariation(Variation):
-    """Variation with the unit samples of a grasp on the emulated hand, in place of those of the simulator."""
+    """Variation with the given unit samples of a grasp on the emulated hand, instead of random ones."""
 
     unit_samples: tuple[float, ...] = ()
 
     def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Object offset f64[6] and torque factor of a grasp, from the fixed samples `unit_samples`.
+        """Return the object offset f64[6] and the torque factor of a grasp, from the fixed samples `unit_samples`.
 
-        Overrides `Variation.apply`, which uses the random samples `draw`: all grasps of this program have the same
-        displacement, so that `draw` is ignored.
+        Overrides `Variation.apply`, which uses the random samples `draw`; they are ignored here, because the
+        displacement must be that of the same grasp on the emulated hand.
         """
         return super().apply(np.array(self.unit_samples))
 
 
 def main() -> None:
-    """Simulate a campaign of grasps with displaced objects."""
+    """Simulate a campaign of grasps with the displaced objects of the emulated hand."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="dataset to write")
     parser.add_argument("--share", type=float, default=1.0, help="factor on the pose variation")

@@ -16,7 +16,9 @@ from taxel.output import write_whole
 
 
 def main() -> int:
-    """Run the check."""
+    """Run the streams of the check, score them and print the score; the exit status is 1 after a one-line error
+    message.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--streams", type=int, default=150)
     parser.add_argument("--hours", type=float, default=2.0)

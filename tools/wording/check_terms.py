@@ -51,10 +51,10 @@ class Term:
     paths: tuple[str, ...]
 
     def matches(self, kind: str, text: str) -> Iterator[str]:
-        """The forbidden words in a name or a piece of prose."""
+        """Yield the forbidden words in `text`. kind: `NAME` or `PROSE`; a forbidden name is yielded as a whole."""
         if kind == NAME:
             if (self.whole is not None and self.whole.fullmatch(text)) or (
-                self.name is not None and any(self.name.fullmatch(part) for part in name_parts(text))
+                self.name is not None and any(self.name.fullmatch(part) for part in split_name(text))
             ):
                 yield text
         elif self.prose is not None:
@@ -71,7 +71,7 @@ class Exception_:  # noqa: N801 - an entry of allowed.toml, not an error
     reason: str
 
     def covers(self, finding: Finding) -> bool:
-        """True if the exception applies to a finding."""
+        """Return whether the exception applies to a finding."""
         return (
             fnmatch(finding.path, self.path)
             and self.word in ("*", finding.word)
@@ -83,24 +83,28 @@ _STEM: Final = re.compile(r"[a-z]{3,}")
 
 
 def list_stems(term: Term) -> tuple[str, ...]:
-    """Beginnings of the words of which one is in every prose that a term matches; none if its pattern has no letters.
+    """Return beginnings of words of which one must occur in any prose that the term matches.
 
-    Escapes and optional letters of the pattern do not count: `rooms?` has the stem `room`.
+    Returns () if the term's pattern has no letters. Escapes and optional letters are ignored: `rooms?` has the stem
+    `room`.
     """
     source = re.sub(r"\w\?", "", re.sub(r"\\.", " ", term.prose.pattern)) if term.prose is not None else ""
     return tuple(_STEM.findall(source.lower()))
 
 
 class Prefilter:
-    """Finds the few terms that the prose of a file can contain, from the words of the file."""
+    """Quick selection of the few terms that the prose of a file can contain, from the words of the file."""
 
     def __init__(self, terms: Sequence[Term]) -> None:
-        """Prepare the search. terms: of all files."""
+        """Collect the stems of the terms. terms: of all files."""
         self._stems = {term: list_stems(term) for term in terms if term.prose is not None}
         self._terms_of_words: dict[str, frozenset[Term]] = {}
 
     def select(self, content: str) -> set[Term]:
-        """The terms with a stem that begins a word of a file."""
+        """Return the terms with a stem that begins a word of a file, and those without stems.
+
+        content: text of the file.
+        """
         selected = {term for term, stems in self._stems.items() if not stems}
         for word in set(_STEM.findall(content.lower())):
             if word not in self._terms_of_words:
@@ -112,13 +116,13 @@ class Prefilter:
 
 
 @cache
-def name_parts(name: str) -> tuple[str, ...]:
-    """The words of a name in lower case: `signal_counts` and `SignalCounts` have two."""
+def split_name(name: str) -> tuple[str, ...]:
+    """Return the words of a name in lower case: `signal_counts` and `SignalCounts` have two."""
     return tuple(part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name))
 
 
 def read_terms(path: Path = TERMS) -> list[Term]:
-    """The terms of `terms.toml`. Raises KeyError for an entry without word or replacement."""
+    """Read the terms of `terms.toml`. Raises KeyError for an entry without word or replacement."""
     entries = tomllib.loads(path.read_text())["term"]
     return [
         Term(
@@ -134,11 +138,12 @@ def read_terms(path: Path = TERMS) -> list[Term]:
 
 
 def _pattern(entry: Mapping[str, Any], key: str) -> re.Pattern[str] | None:
+    """Return the regular expression under `key` in an entry of terms.toml, which ignores case; None without the key."""
     return re.compile(entry[key], re.IGNORECASE) if key in entry else None
 
 
 def read_exceptions(path: Path = ALLOWED) -> list[Exception_]:
-    """The exceptions of `allowed.toml`. Raises KeyError for an entry without a reason."""
+    """Read the exceptions of `allowed.toml`. Raises KeyError for an entry without a reason."""
     entries = tomllib.loads(path.read_text())["allowed"]
     return [
         Exception_(
@@ -150,7 +155,7 @@ def read_exceptions(path: Path = ALLOWED) -> list[Exception_]:
 
 
 def list_tracked_files(arguments: Sequence[str]) -> list[str]:
-    """Files that git tracks or would track, below the given paths."""
+    """Return the files that git tracks or would track below the given paths, sorted; without a path all of them."""
     command = ["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "--", *arguments]
     names = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split("\n")
     return sorted({name for name in names if name and (ROOT / name).is_file()})
@@ -160,7 +165,7 @@ class Search:
     """Search for forbidden words in files, which remembers the words and names of earlier files."""
 
     def __init__(self, terms: Sequence[Term]) -> None:
-        """Prepare the search. terms: of all files."""
+        """Prepare the search. terms: all terms of terms.toml."""
         self._terms = terms
         self._prefilter = Prefilter(terms)
         self._whole_terms = [term for term in terms if term.whole is not None]
@@ -168,10 +173,10 @@ class Search:
         self._terms_of_names: dict[str, set[Term]] = {}
 
     def find_terms_of_name(self, name: str) -> set[Term]:
-        """The terms that match a name."""
+        """Return the terms that forbid a name or a word of the name."""
         if name not in self._terms_of_names:
             found = {term for term in self._whole_terms if any(term.matches(NAME, name))}
-            for part in name_parts(name):
+            for part in split_name(name):
                 if part not in self._terms_of_parts:
                     self._terms_of_parts[part] = {term for term in self._terms if any(term.matches(NAME, part))}
                 found |= self._terms_of_parts[part]
@@ -179,14 +184,17 @@ class Search:
         return self._terms_of_names[name]
 
     def findings_in(self, path: str, content: str) -> Iterator[Finding]:
-        """All forbidden words of a file, exceptions not yet considered."""
+        """Yield all forbidden words of a file; exceptions are not yet considered.
+
+        path: relative to the repository. content: text of the file.
+        """
         applicable = [term for term in self._terms if any(fnmatch(path, glob) for glob in term.paths)]
         possible = self._prefilter.select(content)
         in_prose = [term for term in applicable if term in possible]
         names: set[str] = set()
 
         def is_suspicious(name: str) -> bool:
-            """Whether a term applies to a name in this file."""
+            """Return whether a term applies to a name in this file."""
             return any(term in applicable for term in self.find_terms_of_name(name))
 
         for kind, line, text in extract_texts(Path(path), content, is_suspicious):
@@ -203,7 +211,7 @@ class Search:
 
 
 def main() -> int:
-    """Print the findings; the exit status is 1 if there are any."""
+    """Print the findings and the unused exceptions; the exit status is 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("paths", nargs="*", help="files and folders (default: all)")
     parser.add_argument("--counts", action="store_true", help="print counts by word and folder only")

@@ -40,8 +40,8 @@ class Piece(NamedTuple):
     text: str
 
 
-def pieces() -> Iterator[Piece]:
-    """Every piece of the repository that can be sampled, in a fixed order."""
+def list_pieces() -> Iterator[Piece]:
+    """Yield every piece of the repository that can be sampled, in a fixed order."""
     names = subprocess.run(["git", "-C", str(ROOT), "ls-files"], check=True, capture_output=True, text=True).stdout
     for name in sorted(names.split()):
         path = ROOT / name
@@ -52,10 +52,11 @@ def pieces() -> Iterator[Piece]:
         elif name.endswith(".c"):
             yield from _list_c_pieces(name, path.read_text())
         elif name.endswith(".md"):
-            yield from _paragraphs(name, path.read_text())
+            yield from _list_paragraphs(name, path.read_text())
 
 
 def _list_python_pieces(name: str, content: str) -> Iterator[Piece]:
+    """Yield the functions of a Python file, or only the tests of a test file, with their decorators."""
     is_test = "/tests/" in name or Path(name).name.startswith("test_")
     lines = content.split("\n")
     for node in ast.walk(ast.parse(content)):
@@ -69,6 +70,7 @@ def _list_python_pieces(name: str, content: str) -> Iterator[Piece]:
 
 
 def _list_c_pieces(name: str, content: str) -> Iterator[Piece]:
+    """Yield the functions of a C file with the comment above each, or only the test cases of a test file."""
     is_test = name.startswith("firmware/tests/")
     for match in _C_FUNCTION.finditer(content):
         text = match[0]
@@ -78,7 +80,8 @@ def _list_c_pieces(name: str, content: str) -> Iterator[Piece]:
             yield Piece("test" if is_test else "function", f"{name}:{line}", "c", text)
 
 
-def _paragraphs(name: str, content: str) -> Iterator[Piece]:
+def _list_paragraphs(name: str, content: str) -> Iterator[Piece]:
+    """Yield the paragraphs of a Markdown page, without code blocks, headings, tables and images."""
     without_code = re.sub(r"^```.*?^```$", "", content, flags=re.MULTILINE | re.DOTALL)
     for text in without_code.split("\n\n"):
         if len(text) >= SHORTEST_PARAGRAPH and not text.lstrip().startswith(("|", "#", "<!--", "![")):
@@ -86,7 +89,7 @@ def _paragraphs(name: str, content: str) -> Iterator[Piece]:
 
 
 def main() -> int:
-    """Write the sample; print the seed that repeats it."""
+    """Write the sample to a Markdown file and print the seed that repeats it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--functions", type=int, default=30)
@@ -95,7 +98,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="Markdown file of the sample")
     arguments = parser.parse_args()
     rng = random.Random(arguments.seed)
-    every = list(pieces())
+    every = list(list_pieces())
     parts = []
     counts = {"function": arguments.functions, "test": arguments.tests, "paragraph": arguments.paragraphs}
     for kind, count in counts.items():

@@ -35,7 +35,7 @@ class Text(NamedTuple):
 
 
 def extract_texts(path: Path, content: str, is_suspicious: Callable[[str], bool] = lambda name: True) -> Iterator[Text]:
-    """All names and prose of a file; nothing for a file of another type.
+    """Yield all names and prose of a file; nothing for a file of another type.
 
     is_suspicious: whether a name is of interest; a Python file without such names is not parsed.
     """
@@ -52,7 +52,10 @@ def extract_texts(path: Path, content: str, is_suspicious: Callable[[str], bool]
 
 
 def _list_python_texts(content: str, is_suspicious: Callable[[str], bool]) -> Iterator[Text]:
-    """Names that the file defines, comments, docstrings and the strings that contain a space."""
+    """Yield the names that a Python file defines, its comments, its docstrings and its strings that contain a space.
+
+    is_suspicious: as in `extract_texts`.
+    """
     line, counted, names = 1, 0, set()
     for match in _PYTHON_TOKEN.finditer(content):
         token = match[0]
@@ -72,7 +75,7 @@ def _list_python_texts(content: str, is_suspicious: Callable[[str], bool]) -> It
 
 
 def _list_python_names(content: str) -> Iterator[Text]:
-    """Names that the file defines; names of other packages do not count."""
+    """Yield the names that a Python file defines; names of other packages are ignored."""
     for node in ast.walk(ast.parse(content)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             yield Text(NAME, node.lineno, node.name)
@@ -85,6 +88,7 @@ def _list_python_names(content: str) -> Iterator[Text]:
 
 
 def _list_c_texts(content: str) -> Iterator[Text]:
+    """Yield the names, comments and strings with a space of a C file."""
     line, counted = 1, 0
     for match in _C_TOKEN.finditer(content):
         line += content.count("\n", counted, match.start())
@@ -98,6 +102,7 @@ def _list_c_texts(content: str) -> Iterator[Text]:
 
 
 def _list_markdown_prose(content: str) -> Iterator[Text]:
+    """Yield the lines of a Markdown page without inline code, and the comments in its code blocks."""
     is_code = False
     for number, line in enumerate(_remove_inline_code(content, _MARKDOWN_CODE).split("\n"), 1):
         if line.lstrip().startswith(("```", "~~~")):
@@ -109,11 +114,16 @@ def _list_markdown_prose(content: str) -> Iterator[Text]:
 
 
 def _html_prose(content: str) -> Iterator[Text]:
+    """Yield the lines of an HTML file without tags and template expressions."""
     for number, line in enumerate(_remove_inline_code(content, _HTML_CODE).split("\n"), 1):
         yield Text(PROSE, number, line)
 
 
 def _hash_prose(content: str, *, is_toml: bool) -> Iterator[Text]:
+    """Yield the comments of a file whose comments begin with #.
+
+    is_toml: also yield the values of keys that contain prose, such as `description`.
+    """
     for number, line in enumerate(content.split("\n"), 1):
         comment = _HASH_COMMENT.search(line)
         if comment is not None:
@@ -123,5 +133,8 @@ def _hash_prose(content: str, *, is_toml: bool) -> Iterator[Text]:
 
 
 def _remove_inline_code(text: str, pattern: re.Pattern[str] = re.compile(r"`[^`\n]*`")) -> str:
-    """The text with code blanked out, at the same length: a name in code is checked where it is defined."""
+    """Return the text with code replaced by spaces, at the same length.
+
+    A name in code is checked where it is defined.
+    """
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)

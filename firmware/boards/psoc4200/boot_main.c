@@ -22,8 +22,8 @@ static struct taxel_boot_i2c wire;
 
 static struct taxel_boot boot;
 
-/* HAL function of the bootloader: writes one flash row of 128 bytes. The I2C slave is off during the write, so that
- * the bus is not held. */
+/* HAL function of the bootloader: write one flash row of 128 bytes. On a board, the I2C slave is off during the write,
+ * so that the bus is not held. Always returns 0, because the caller reads the row back. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -40,32 +40,33 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     i2c_slave_on();
 #endif
     interrupts_unmask(0);
-    return 0; /* the caller reads the row back */
+    return 0;
 }
 
-/* HAL function of the bootloader: the time since the start of the clock, in microseconds modulo 2^32. */
+/* HAL function of the bootloader: return the time since the start of the clock, in microseconds modulo 2^32. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return ticks_us_32();
 }
 
-/* HAL function of the bootloader: TAXEL_RESET_CAUSE_COMMAND if software requested the last reset, else 0. */
+/* HAL function of the bootloader: return TAXEL_RESET_CAUSE_COMMAND if software requested the last reset, otherwise
+ * 0. */
 static uint8_t on_reset_cause(void *context)
 {
     (void)context;
     return reset_was_commanded() ? TAXEL_RESET_CAUSE_COMMAND : 0; /* the bootloader distinguishes no other causes */
 }
 
-/* HAL function of the bootloader: true if the application requested that the bootloader keeps running after the
- * reset. */
+/* HAL function of the bootloader: return whether the application requested that the bootloader keeps running after the
+ * reset. The request is cleared. */
 static bool on_stay_requested(void *context)
 {
     (void)context;
     return reset_stay_requested();
 }
 
-/* HAL function of the bootloader: starts the image whose vector table is at address `vectors`. I2C or UART are
+/* HAL function of the bootloader: start the image whose vector table is at address `vectors`. I2C or UART are
  * switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays enabled; the
  * start-up code of the image expects this state. */
 static void on_start(void *context, uint32_t vectors)
@@ -78,14 +79,14 @@ static void on_start(void *context, uint32_t vectors)
     __builtin_unreachable();
 }
 
-/* HAL function of the bootloader: resets the processor. Does not return. */
+/* HAL function of the bootloader: reset the processor. Does not return. */
 static void on_restart(void *context)
 {
     (void)context;
     reset_now();
 }
 
-/* HAL function of the bootloader: writes the unique id of the processor to `id`, 8 bytes. */
+/* HAL function of the bootloader: write the unique id of the processor to `id`, 8 bytes. */
 static void on_unique_id(void *context, uint8_t *id)
 {
     (void)context;
@@ -111,34 +112,33 @@ static const struct taxel_boot_config config = {
 
 #if IMAGE_DEVICE == 2
 
-/* Called by the UART driver for each received byte: passes the byte to the bootloader of the hub. */
+/* Pass a received byte to the bootloader of the hub. Called by the UART driver. */
 void uart_on_byte(uint8_t byte)
 {
     taxel_boot_uart_on_byte(&wire, byte);
 }
 
-/* Called by the UART driver when a received byte was lost because its FIFO was full. */
+/* Ignore that a received byte was lost because the FIFO was full. Called by the UART driver. */
 void uart_on_lost_byte(void)
 {
     /* the packet's checksum fails, and the host repeats the packet */
 }
 
-/* Called by the UART driver for bytes to send: copies up to `size` bytes of the bootloader's response to `bytes`
- * and returns their number. */
+/* Copy up to `size` bytes of the bootloader's response to `bytes` and return their number. Called by the UART driver
+ * for bytes to send. */
 size_t uart_pull(uint8_t *bytes, size_t size)
 {
     return taxel_boot_uart_pull(&wire, bytes, size);
 }
 
-/* Hub: prepares the UART as the connection of the bootloader to the host. */
+/* Hub: set up the UART as the connection of the bootloader to the host. */
 static void wire_init(void)
 {
     taxel_boot_uart_init(&wire, &boot);
     uart_init();
 }
 
-/* Hub: processes received packets and starts the transmission of a response. Called in each pass of the main
- * loop. */
+/* Hub: process a received packet and start the transmission of its response. Called in each pass of the main loop. */
 static void wire_run(void)
 {
     taxel_boot_uart_run(&wire);
@@ -149,46 +149,46 @@ static void wire_run(void)
 
 #else
 
-/* Called by the I2C driver when a master sends the address of the board; `reading` states the direction. Returns
- * true to acknowledge. */
+/* Pass the board's address, sent by a master for reading or writing, to the bootloader. Called by the I2C driver.
+ * Returns whether to acknowledge. */
 bool i2c_slave_on_address(bool reading)
 {
     return taxel_boot_i2c_on_address(&wire, reading);
 }
 
-/* Called by the I2C driver for each byte from the master. Returns true to acknowledge the byte. */
+/* Pass a byte from the master to the bootloader. Called by the I2C driver. Returns whether to acknowledge the byte. */
 bool i2c_slave_on_write(uint8_t byte)
 {
     return taxel_boot_i2c_on_write(&wire, byte);
 }
 
-/* Called by the I2C driver when the master reads: returns the next byte of the bootloader's response. */
+/* Return the next byte of the bootloader's response. Called by the I2C driver when the master reads. */
 uint8_t i2c_slave_on_read(void)
 {
     return taxel_boot_i2c_on_read(&wire);
 }
 
-/* Called by the I2C driver at a stop condition, which completes a packet. */
+/* Pass a stop condition, which completes a packet, to the bootloader. Called by the I2C driver. */
 void i2c_slave_on_stop(void)
 {
     taxel_boot_i2c_on_stop(&wire);
 }
 
-/* Called by the I2C driver at a start or stop condition at a wrong position: the bootloader discards the incomplete
- * packet. */
+/* Pass a start or stop condition at a wrong position to the bootloader, which discards the incomplete packet. Called by
+ * the I2C driver. */
 void i2c_slave_on_bus_error(void)
 {
     taxel_boot_i2c_on_bus_error(&wire);
 }
 
-/* Board: prepares the I2C slave, at the configured address, as the connection of the bootloader to the host. */
+/* Board: set up the I2C slave, at the configured address, as the connection of the bootloader to the host. */
 static void wire_init(void)
 {
     taxel_boot_i2c_init(&wire, &boot);
     i2c_slave_init(taxel_boot_i2c_address(&config.flash));
 }
 
-/* Board: processes a received packet. Called in each pass of the main loop. */
+/* Board: process a received packet. Called in each pass of the main loop. */
 static void wire_run(void)
 {
     taxel_boot_i2c_run(&wire);
@@ -196,7 +196,7 @@ static void wire_run(void)
 
 #endif
 
-/* Bootloader of a board (I2C) or of the hub (UART): runs until it starts the application. */
+/* Run the bootloader of a board (I2C) or of the hub (UART) until it starts the application. */
 int main(void)
 {
     watchdog_start();

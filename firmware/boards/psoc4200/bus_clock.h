@@ -33,6 +33,7 @@
 _Static_assert(CPU_HZ == BUS_DIVIDER * BUS_CLOCK_HZ, "the divider is whole");
 _Static_assert((BUS_LOW_PHASE + BUS_HIGH_PHASE) * BUS_SCL_HZ == BUS_CLOCK_HZ, "the phases make up an SCL clock");
 
+/* Select the clock of the bus's serial block, BUS_CLOCK_HZ. */
 static inline void bus_clock_init(void)
 {
     PERI_CLK->divider_a[0] = (BUS_DIVIDER - 1u) | PERI_CLK_DIVIDER_ENABLE;

@@ -6,14 +6,14 @@
 #define MHZ_OF_FIRST_TRIM 3u
 #define SETTLE_LOOPS 200u /* at least 12 us: the oscillator takes its new frequency within 5 us (confirm) */
 
-/* Waits about 800 cycles, until the oscillator has settled after a change of its trim. */
+/* Wait about 800 cycles, until the oscillator has settled after a change of its trim. */
 static void settle(void)
 {
     for (volatile unsigned i = 0; i < SETTLE_LOOPS; i++) {
     }
 }
 
-/* Set the main oscillator to 48 MHz, with flash wait states and the factory trims. */
+/* Set the main oscillator from 24 to 48 MHz, with flash wait states and the factory trims. */
 void clocks_init(void)
 {
     CLK->imo_config = CLK->imo_config | CLK_ENABLE;

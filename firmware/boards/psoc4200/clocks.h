@@ -9,7 +9,7 @@
 #define CPU_HZ 24000000u
 #endif
 
-/* From 24 to 48 MHz. */
+/* Change the clock of an application from 24 to 48 MHz. */
 void clocks_init(void);
 
 #endif

@@ -31,13 +31,14 @@ static struct fault_memory fault __attribute__((section(".noinit.fault"), used))
 #define FRAME_LINK_REGISTER 5u
 #define FRAME_PROGRAM_COUNTER 6u
 
-/* Sum of the members of a record: CHECK if the record is valid. */
+/* Return the sum of the members of the record: CHECK if the record is valid. */
 static uint32_t sum(void)
 {
     return fault.head + fault.program_counter + fault.link_register + fault.check;
 }
 
-/* Stores a fault. `kind`: its code and the number of its exception; the registers of the interrupted code, or 0. */
+/* Store a fault in the record and count it. `kind`: fault code, and the number of the exception in bits 8 to 15;
+ * `program_counter` and `link_register`: registers of the interrupted code, or 0. */
 static void store(uint32_t kind, uint32_t program_counter, uint32_t link_register)
 {
     fault.head = (fault.head / COUNT_ONE + 1u) * COUNT_ONE + kind;
@@ -46,6 +47,7 @@ static void store(uint32_t kind, uint32_t program_counter, uint32_t link_registe
     fault.check += CHECK - sum();
 }
 
+/* Check the record after a reset, and empty it if it is invalid, as after a power-on. */
 void fault_init(void)
 {
     if (sum() != CHECK) {
@@ -59,9 +61,9 @@ void fault_store_not_scanning(void)
 }
 
 void fault_take_exception(const uint32_t *frame);
-/* Stores an exception and waits for the reset by the watchdog, after which the bootloader listens for a host. `frame`:
- * the stack at the entry of the handler. If the stack pointer does not point to RAM, the processor locks up and resets
- * at once; such a fault is visible only as the reset cause. */
+/* Store an exception in the record and wait for the reset by the watchdog, after which the bootloader listens for a
+ * host. `frame`: the stack at the entry of the handler. If the stack pointer does not point to RAM, the processor locks
+ * up and resets at once; such a fault is visible only as the reset cause. */
 __attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
 {
     store(TAXEL_FAULT_CODE_EXCEPTION + (current_exception() << EXCEPTION_SHIFT), frame[FRAME_PROGRAM_COUNTER],

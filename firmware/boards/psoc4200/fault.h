@@ -7,10 +7,10 @@
 /* The record: TAXEL_FAULT_RECORD_SIZE bytes, laid out as in the register of a board (image.ld.in). */
 extern const uint8_t fault_record[];
 
-/* Checks the record after a reset, and empties it after a power-on. */
+/* Check the record after a reset, and empty it after a power-on. */
 void fault_init(void);
 
-/* Stores that the board does not scan (TAXEL_FAULT_CODE_NOT_SCANNING). */
+/* Store the fault that the board does not scan (TAXEL_FAULT_CODE_NOT_SCANNING). */
 void fault_store_not_scanning(void);
 
 #endif

@@ -16,7 +16,7 @@ struct parameters {
     uint32_t words[WORDS];
 };
 
-/* Calls function number `opcode` of the chip's ROM with the parameters in RAM; `high` is an argument of the
+/* Call function number `opcode` of the chip's ROM with the parameters in RAM; `high` is an argument of the
  * function. The result of the ROM is ignored: the caller reads the row back. */
 __attribute__((noinline)) static void call(struct parameters *parameters, uint32_t opcode, uint32_t high)
 {

@@ -44,7 +44,7 @@ static struct {
     uint8_t tx, rx; /* connected lines, or NO_LINE */
 } front_end;
 
-/* Drives one pin low as a push-pull output: the state of a TX or RX line that takes no part in a conversion. */
+/* Drive one pin low as a push-pull output: the state of a TX or RX line that takes no part in a conversion. */
 static void hold_low(uint8_t pin)
 {
     pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);
@@ -125,8 +125,8 @@ static void connect_rx(uint8_t line)
     front_end.rx = line;
 }
 
-/* Starts a conversion on the connected lines. The counter is started first, then the sense clock, within a few
- * sample clocks; the count before the first clock edge is stored separately. */
+/* Start a conversion on the connected lines. The counter is started first, then the sense clock, within a few sample
+ * clocks; the count before the first clock edge is stored in early_count. */
 static void convert(void)
 {
     const uint32_t begin = CSD_COUNTER_PERIOD(front_end.period);
@@ -147,8 +147,8 @@ static void settle(void)
     __asm__ volatile("1: sub %0, #1\n\tbne 1b" : "+l"(loops)::"cc");
 }
 
-/* Start the conversion of the crossing of a TX and an RX line, after the settling time. The CSD interrupt follows at
- * its end. */
+/* Start the conversion of the crossing of TX line `tx` and RX line `rx`, after the settling time. The CSD interrupt
+ * follows at its end. */
 void front_end_start(uint8_t tx, uint8_t rx)
 {
 #ifdef BOARD_RX_PER_ROW /* a board with one TX line: a row of the register map is a group of RX lines */
@@ -166,9 +166,9 @@ void front_end_start(uint8_t tx, uint8_t rx)
 }
 
 void csd_handler(void);
-/* Interrupt at the end of a conversion: passes the raw count on, which starts the next conversion. The raw count is
- * the period minus the clocks in which the current source was on, so that contact lowers it; 0 if the count exceeds
- * the period. */
+/* Handle the interrupt at the end of a conversion: pass the raw count to the program, which starts the next conversion.
+ * The raw count is the period minus the clocks in which the current source was on, so that contact lowers it; 0 if
+ * these clocks exceed the period. */
 void csd_handler(void)
 {
     const uint32_t counted = (CSD->counter & CSD_COUNTER_COUNT) - front_end.early_count;

@@ -7,8 +7,8 @@
 
 #include "generated/taxel_protocol.h"
 
-/* Number of lines in use, in the order of pins.toml; a current code for each RX line, 0: the code of the settings
- * applies. */
+/* Initialise the block. `tx_lines`, `rx_lines`: number of lines in use, in the order of pins.toml; `idac_codes`: a
+ * current code for each RX line (0: the code of the scan settings applies), or NULL. */
 void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes);
 void front_end_configure(const struct taxel_scan_settings *settings);
 

@@ -29,21 +29,21 @@ static uint8_t transmit_ring[TRANSMIT_RING];
 static uint64_t wake_us;
 static volatile bool was_interrupted;
 
-/* HAL function of the hub: starts an I2C transfer, whose end i2c_master_on_done() reports. */
+/* HAL function of the hub: start an I2C transfer, whose end i2c_master_on_done() reports. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
     i2c_master_start(transfer);
 }
 
-/* HAL function of the hub: aborts the I2C transfer in progress and releases both lines. */
+/* HAL function of the hub: abort the I2C transfer in progress and release both lines. */
 static void on_i2c_abort(void *context)
 {
     (void)context;
     i2c_master_abort();
 }
 
-/* HAL function of the hub: sets the levels of SCL and SDA by hand to free a blocked bus; true releases a line,
+/* HAL function of the hub: set the levels of SCL and SDA by hand to free a blocked bus; true releases a line,
  * false drives it low. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
@@ -51,21 +51,21 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
     i2c_master_drive(scl_high, sda_high);
 }
 
-/* HAL function of the hub: true if the I2C clock line is high. */
+/* HAL function of the hub: return whether the I2C clock line is high. */
 static bool on_i2c_scl(void *context)
 {
     (void)context;
     return i2c_master_scl();
 }
 
-/* HAL function of the hub: true if the I2C data line is high. */
+/* HAL function of the hub: return whether the I2C data line is high. */
 static bool on_i2c_sda(void *context)
 {
     (void)context;
     return i2c_master_sda();
 }
 
-/* HAL function of the hub: starts the UART transmitter, which then fetches bytes with uart_pull(). */
+/* HAL function of the hub: start the UART transmitter, which then fetches bytes with uart_pull(). */
 static void on_uart_kick(void *context)
 {
     (void)context;
@@ -73,7 +73,7 @@ static void on_uart_kick(void *context)
 }
 
 #ifdef BOARD_PIN_UART_RTS
-/* HAL function of the hub: requests with the RTS output that the host pauses (`hold` true) or continues to send. */
+/* HAL function of the hub: request with the RTS output that the host pauses (`hold` true) or continues to send. */
 static void on_uart_hold(void *context, bool hold)
 {
     (void)context;
@@ -81,21 +81,21 @@ static void on_uart_hold(void *context, bool hold)
 }
 #endif
 
-/* HAL function of the hub: the time since the start of the hub in microseconds. */
+/* HAL function of the hub: return the time since the start of the hub in microseconds. */
 static uint64_t on_clock_us(void *context)
 {
     (void)context;
     return ticks_us();
 }
 
-/* HAL function of the hub: waits for the given time in microseconds without sleeping. */
+/* HAL function of the hub: wait for the given time in microseconds without sleeping. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     (void)context;
     ticks_delay_us(microseconds);
 }
 
-/* HAL function of the hub: requests that the main loop runs again at `clock_us` at the latest. The earliest request
+/* HAL function of the hub: request that the main loop runs again at `clock_us` at the latest. The earliest request
  * applies. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
@@ -103,14 +103,14 @@ static void on_wake_at(void *context, uint64_t clock_us)
     wake_us = clock_us < wake_us ? clock_us : wake_us;
 }
 
-/* HAL function of the hub: resets the processor. Does not return. */
+/* HAL function of the hub: reset the processor. Does not return. */
 static void on_restart(void *context)
 {
     (void)context;
     reset_now();
 }
 
-/* HAL function of the hub: resets the processor with the request that the bootloader keeps running. Does not
+/* HAL function of the hub: reset the processor with the request that the bootloader keeps running. Does not
  * return. */
 static void on_enter_bootloader(void *context)
 {
@@ -149,37 +149,38 @@ const struct taxel_hub_config taxel_hub_fixed_config = {
     .transmit_ring_size = TRANSMIT_RING,
 };
 
-/* Called by the I2C driver at the end of a transfer, with the result of the transfer; prevents the main loop from
- * sleeping. */
+/* Pass the result of an I2C transfer that has ended to the hub, and prevent the main loop from sleeping. Called by the
+ * I2C driver. */
 void i2c_master_on_done(int8_t result)
 {
     taxel_hub_on_i2c_done(&hub, result);
     was_interrupted = true;
 }
 
-/* Called by the UART driver for each byte from the host; prevents the main loop from sleeping. */
+/* Pass a byte from the host to the hub, and prevent the main loop from sleeping. Called by the UART driver. */
 void uart_on_byte(uint8_t byte)
 {
     taxel_hub_on_uart_byte(&hub, byte);
     was_interrupted = true;
 }
 
-/* Called by the UART driver when a byte from the host was lost because the FIFO was full: counts the byte. */
+/* Count a byte from the host that was lost because the FIFO was full. Called by the UART driver. */
 void uart_on_lost_byte(void)
 {
     hub.inbox.overruns++;
 }
 
-/* Called by the UART driver for bytes to send: copies up to `size` bytes of the hub's frames to `bytes` and returns
- * their number. */
+/* Copy up to `size` bytes of the hub's frames to `bytes` and return their number. Called by the UART driver for bytes
+ * to send. */
 size_t uart_pull(uint8_t *bytes, size_t size)
 {
     return taxel_hub_uart_pull(&hub, bytes, size);
 }
 
 #ifndef IMAGE_STANDALONE
-/* Confirms the image of the hub if a host has sent a command and no transfer is in progress; returns whether it was
- * confirmed. Writing the flash row takes 20 ms without interrupts, so RTS stops the host during this time. */
+/* Confirm the image of the hub if a host has completed the handshake and sent a command, and no transfer is in
+ * progress; returns whether this was the case. Writing the flash row takes 20 ms without interrupts, so RTS stops the
+ * host during this time. */
 static bool try_confirm(void)
 {
     if (!hub.version || !hub.inbox.commands || !i2c_master_is_idle()) {
@@ -195,8 +196,8 @@ static bool try_confirm(void)
 }
 #endif
 
-/* Sleeps until the next interrupt, unless the main loop has work. Interrupts are masked, so that none is handled
- * between the check and the sleep; a pending interrupt still ends the sleep. */
+/* Sleep until the next interrupt, unless the main loop has work or the timer would interrupt too late. Interrupts are
+ * masked, so that none is handled between the check and the sleep; a pending interrupt still ends the sleep. */
 static void sleep_until_event(void)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -206,8 +207,8 @@ static void sleep_until_event(void)
     interrupts_unmask(interrupts);
 }
 
-/* Application of the hub: run its main loop after each interrupt and at the requested times, sleep otherwise. A new
- * image confirms itself once it has worked. */
+/* Run the application of the hub: its main loop after each interrupt and at the requested times, sleep otherwise. An
+ * image on trial confirms itself once it has worked. */
 int main(void)
 {
 #ifdef IMAGE_STANDALONE

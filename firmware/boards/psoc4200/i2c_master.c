@@ -53,19 +53,19 @@ void i2c_master_init(void)
     interrupt_enable(BUS_IRQ);
 }
 
-/* True if no I2C transfer is in progress. */
+/* Return whether no I2C transfer is in progress. */
 bool i2c_master_is_idle(void)
 {
     return master.state == IDLE;
 }
 
-/* True if the I2C clock line is high. */
+/* Return whether the I2C clock line is high. */
 bool i2c_master_scl(void)
 {
     return (BUS_PORT->state & BUS_SCL) != 0;
 }
 
-/* True if the I2C data line is high. */
+/* Return whether the I2C data line is high. */
 bool i2c_master_sda(void)
 {
     return (BUS_PORT->state & BUS_SDA) != 0;
@@ -81,16 +81,18 @@ void i2c_master_drive(bool scl_high, bool sda_high)
     }
 }
 
-/* Whether the serial block (SCB) acknowledges received bytes itself. It does so until its FIFO is full, and then
- * holds SCL, so that no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the
- * very last byte is not acknowledged. (confirm) that the byte that fills the FIFO waits for its acknowledge; the
- * manufacturer's driver relies on it. */
+/* Return whether the serial block (SCB) acknowledges the remaining bytes of a read itself: at least a FIFO of bytes
+ * remains, and their number is known. The block acknowledges until its FIFO is full, and then holds SCL, so that no
+ * byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last byte is not
+ * acknowledged. Assumed, to be confirmed on hardware: the byte that fills the FIFO waits for its acknowledge; the
+ * manufacturer's driver relies on this behaviour. */
 static bool collects(void)
 {
     return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
 }
 
-/* Let the serial block acknowledge by itself while at least a FIFO of bytes remains to be read. */
+/* Let the serial block acknowledge by itself if collects() permits it, and set the FIFO level of the receive
+ * interrupt. */
 static void collect_if_long(void)
 {
     const bool is_long = collects();
@@ -136,7 +138,7 @@ void i2c_master_abort(void)
     interrupts_unmask(interrupts);
 }
 
-/* Ends the transfer in progress and reports its result (TAXEL_I2C_...) to the program. */
+/* End the transfer in progress and report its result (enum taxel_i2c_result) to the program. */
 static void end(int8_t result)
 {
     master.state = IDLE;
@@ -151,14 +153,14 @@ static void stop(uint32_t command, int8_t result)
     BUS_SCB->i2c_m_cmd = command | SCB_I2C_M_CMD_STOP;
 }
 
-/* True while the master sends the address for writing or bytes to the slave. */
+/* Return whether an address has been sent and not acknowledged yet, or bytes are being written to the slave. */
 static bool is_sending(void)
 {
     return master.state >= ADDRESS_TO_WRITE && master.state <= WRITING;
 }
 
-/* The slave acknowledged the address or a byte: send the next byte, a repeated start for reading, or the stop
- * condition. */
+/* Continue after the slave has acknowledged the address or a byte: send the next byte, a repeated start for reading, or
+ * the stop condition. */
 static void take_acknowledge(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
@@ -247,7 +249,7 @@ static void take_bytes_if_any(void)
 /* SCL is held low after each acknowledge and after each byte that the SCB does not acknowledge itself, until a
  * command or a byte to send is written: events occur one at a time. */
 void bus_handler(void);
-/* Interrupt of the I2C master: events of the bus, and received bytes. */
+/* Handle the interrupt of the I2C master: events of the bus, and received bytes. */
 void bus_handler(void)
 {
     const uint32_t events = BUS_SCB->intr_m_masked;

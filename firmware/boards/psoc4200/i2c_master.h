@@ -1,5 +1,5 @@
-/* Serial block of the bus as an I2C master: one transfer at a time. One interrupt per byte, except for long reads, which are collected
- * in the FIFO. */
+/* Serial block of the bus as an I2C master: one transfer at a time. One interrupt per byte, except for long reads,
+ * which are collected in the FIFO. */
 #ifndef PSOC4200_I2C_MASTER_H
 #define PSOC4200_I2C_MASTER_H
 
@@ -9,13 +9,13 @@
 
 void i2c_master_init(void);
 
-/* i2c_master_on_done() is called at the end, possibly before this function returns. The transfer is copied, its
- * bytes are not. */
+/* Start a transfer. i2c_master_on_done() is called at its end, possibly before this function returns. The struct is
+ * copied, the bytes to which it points are not. */
 void i2c_master_start(const struct taxel_i2c_transfer *transfer);
 void i2c_master_abort(void);
 bool i2c_master_is_idle(void);
 
-/* Manual control of the lines, until the next start. */
+/* Drive both lines manually, until the next start of a transfer, and read their levels. */
 void i2c_master_drive(bool scl_high, bool sda_high);
 bool i2c_master_scl(void);
 bool i2c_master_sda(void);

@@ -37,7 +37,7 @@ void i2c_slave_on(void)
     BUS_SCB->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
 }
 
-/* Disables the I2C block, which keeps its settings: both lines are released and no address is acknowledged. */
+/* Disable the I2C block, which keeps its settings: both lines are released and no address is acknowledged. */
 static void off(void)
 {
     BUS_SCB->ctrl = SCB_CTRL_MODE_I2C;
@@ -53,7 +53,7 @@ bool i2c_slave_try_off(void)
     return true;
 }
 
-/* Disables the I2C block and disconnects its pins, before the bootloader starts an image. */
+/* Disable the I2C block and disconnect its pins, before the bootloader starts an image. */
 void i2c_slave_end(void)
 {
     BUS_SCB->ctrl = 0;
@@ -76,7 +76,8 @@ void i2c_slave_init(uint8_t address)
     interrupt_enable(BUS_IRQ);
 }
 
-/* Fill the TX FIFO with the bytes that the master reads next. */
+/* Fill the TX FIFO with the bytes that the master reads next: all of it in an application, one byte in the
+ * bootloader. */
 static void fill(void)
 {
     do {
@@ -85,7 +86,7 @@ static void fill(void)
     BUS_SCB->intr_tx = SCB_INTR_TX_TRIGGER;
 }
 
-/* Pass a received byte to the register machine and acknowledge it or not. */
+/* Pass a received byte, if there is one, to the program and acknowledge it if the program returns true. */
 static void take_byte(void)
 {
     if (BUS_SCB->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one byte: the next follows after the acknowledge */
@@ -106,8 +107,8 @@ static void take_stop(void)
     }
 }
 
-/* Handle an address match: acknowledge or not, as the register machine decides. For a read, the FIFO is filled before
- * the acknowledge. */
+/* Handle an address match: acknowledge it if the program returns true. For a read, the FIFO is filled before the
+ * acknowledge. */
 static void take_address(void)
 {
     const bool reading = (BUS_SCB->i2c_status & SCB_I2C_STATUS_S_READ) != 0;
@@ -122,11 +123,11 @@ static void take_address(void)
     BUS_SCB->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
 }
 
-/* Handles the pending events in the only order in which they can occur: SCL is held low after an address and after a
+/* The events are handled in the only order in which they can occur: SCL is held low after an address and after a
  * byte, so no further event occurs before the acknowledge. */
 void bus_handler(void);
-/* Interrupt of the I2C slave. The order of the events matters: a byte and a stop condition of the last transfer precede
- * a new address. */
+/* Handle the interrupt of the I2C slave. The order of the events matters: a byte and a stop condition of the last
+ * transfer precede a new address. */
 void bus_handler(void)
 {
     const uint32_t events = BUS_SCB->intr_s_masked;

@@ -1,5 +1,5 @@
-/* Serial block of the bus as an I2C slave. Addresses and received bytes are acknowledged by software, one interrupt each, with SCL held
- * low until then; bytes to be sent go through the transmit FIFO. */
+/* Serial block of the bus as an I2C slave. Addresses and received bytes are acknowledged by software, one interrupt
+ * each, with SCL held low until then; bytes to be sent go through the transmit FIFO. */
 #ifndef PSOC4200_I2C_SLAVE_H
 #define PSOC4200_I2C_SLAVE_H
 
@@ -8,7 +8,7 @@
 
 void i2c_slave_init(uint8_t address);
 
-/* With interrupts off: switch the slave off, so that its address is not acknowledged. Returns false during a
+/* Switch the slave off, so that its address is not acknowledged; called with interrupts off. Returns false during a
  * transfer with this slave: the caller enables interrupts and tries again. */
 bool i2c_slave_try_off(void);
 void i2c_slave_on(void);

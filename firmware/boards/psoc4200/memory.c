@@ -29,7 +29,7 @@ void *memmove(void *to, const void *from, size_t size)
     return to;
 }
 
-/* The function of the C standard library, for images without this library: fills `size` bytes with `value`. */
+/* Fill `size` bytes with `value`. */
 void *memset(void *to, int value, size_t size)
 {
     uint8_t *out = to;
@@ -39,7 +39,7 @@ void *memset(void *to, int value, size_t size)
     return to;
 }
 
-/* Difference of the first pair of unequal bytes, 0 if all are equal. */
+/* Compare two ranges of bytes. Returns the difference of the first pair of unequal bytes, 0 if all are equal. */
 int memcmp(const void *a, const void *b, size_t size)
 {
     const uint8_t *first = a;
@@ -51,7 +51,7 @@ int memcmp(const void *a, const void *b, size_t size)
     return difference;
 }
 
-/* First byte with this value, or NULL. */
+/* Return a pointer to the first byte with this value, or NULL if there is none. */
 void *memchr(const void *bytes, int value, size_t size)
 {
     const uint8_t *in = bytes;
@@ -63,8 +63,7 @@ void *memchr(const void *bytes, int value, size_t size)
     return NULL;
 }
 
-/* The function of the C standard library, for images without this library: number of characters before the final
- * zero. */
+/* Return the number of characters before the final zero. */
 size_t strlen(const char *text)
 {
     size_t length = 0;

@@ -15,6 +15,7 @@ static inline void pin_connect(uint8_t pin, uint32_t mode, uint32_t function)
     HSIOM_PORT_SELECT[port] = (HSIOM_PORT_SELECT[port] & ~(0xFu << (4u * number))) | (function << (4u * number));
 }
 
+/* Set the output level of a pin. Must not be called for a port that an interrupt changes too. */
 static inline void pin_drive(uint8_t pin, uint32_t high)
 {
     const uint32_t port = pin >> 4;

@@ -18,22 +18,21 @@ static struct handover handover __attribute__((section(".noinit.handover"), used
 
 #define STAY 0x59415453u /* "STAY" */
 
-/* Copies the cause of the last reset from its register to RAM, where the application reads it, and clears the
- * register. */
+/* Copy the cause of the last reset from its register to RAM, where the application reads it, and clear the register. */
 void reset_take_cause(void)
 {
     handover.cause = RES_CAUSE;
     RES_CAUSE = RES_CAUSE_ALL;
 }
 
-/* True if software requested the last reset. */
+/* Return whether software requested the last reset. */
 bool reset_was_commanded(void)
 {
     return (handover.cause & RES_CAUSE_SOFT) != 0;
 }
 
-/* Cause of the last reset (enum taxel_reset_cause). Of several cause bits, watchdog, lockup and protection fault have
- * precedence over a software reset, and a software reset over a brown-out. */
+/* Return the cause of the last reset (enum taxel_reset_cause). Of several cause bits, watchdog, lockup and protection
+ * fault have precedence over a software reset, and a software reset over a brown-out. */
 uint8_t reset_cause(void)
 {
     const uint32_t bits = handover.cause;
@@ -49,7 +48,8 @@ uint8_t reset_cause(void)
     return TAXEL_RESET_CAUSE_POWER_ON;
 }
 
-/* Whether the application requested to stay in the bootloader. The request is cleared. */
+/* Return whether the application requested before the reset that the bootloader keeps running. The request is
+ * cleared. */
 bool reset_stay_requested(void)
 {
     const bool stay = handover.stay == STAY;
@@ -57,7 +57,7 @@ bool reset_stay_requested(void)
     return stay;
 }
 
-/* Resets the processor. Does not return. */
+/* Reset the processor. Does not return. */
 void reset_now(void)
 {
     SCS_AIRCR = SCS_AIRCR_RESET;
@@ -65,7 +65,7 @@ void reset_now(void)
     }
 }
 
-/* Resets the processor with the request that the bootloader keeps running. Does not return. */
+/* Reset the processor with the request that the bootloader keeps running. Does not return. */
 void reset_into_bootloader(void)
 {
     /* Through volatile, because no program of this image need read the word again. */
@@ -73,7 +73,7 @@ void reset_into_bootloader(void)
     reset_now();
 }
 
-/* Writes the unique id of the processor (its position on the wafer), 8 bytes, to `id`. */
+/* Write the unique id of the processor (lot, wafer, position on the wafer, test results), 8 bytes, to `id`. */
 void reset_unique_id(uint8_t *id)
 {
     memcpy(id, SFLASH->die, sizeof SFLASH->die);

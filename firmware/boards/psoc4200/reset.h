@@ -7,12 +7,12 @@
 
 /* Called once by the bootloader: read the hardware's cause, clear it, and store it for the images. */
 void reset_take_cause(void);
-/* Whether the last reset was commanded. */
+/* Return whether software requested the last reset. */
 bool reset_was_commanded(void);
-/* enum taxel_reset_cause. */
+/* Return the cause of the last reset (enum taxel_reset_cause). */
 uint8_t reset_cause(void);
 
-/* Whether reset_into_bootloader() caused the last reset. The call clears the request. */
+/* Return whether reset_into_bootloader() caused the last reset. The call clears the request. */
 bool reset_stay_requested(void);
 void reset_into_bootloader(void);
 void reset_now(void);

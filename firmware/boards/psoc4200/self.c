@@ -3,13 +3,13 @@
 #include "boards/psoc4200/flash_rows.h"
 #include "boards/psoc4200/ticks.h"
 
-/* Function of struct taxel_boot_flash: writes one flash row of 128 bytes and always returns 0, because the caller
- * reads the record back. */
+/* HAL function of the bootloader's parts in the application: write one flash row of 128 bytes. Always returns 0,
+ * because the caller reads the row back. */
 static int write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
     flash_rows_write(row, bytes);
-    return 0; /* the record is read back */
+    return 0;
 }
 
 static const struct taxel_boot_hal hal = {
@@ -23,20 +23,20 @@ const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_l
 const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board};
 #endif
 
-/* The flash slot (0 or 1) for which the running image is linked. */
+/* Return the flash slot (0 or 1) for which the running image is linked. */
 static uint8_t slot(void)
 {
     return image_header[TAXEL_BOOT_IMAGE_HEADER_OFFSET_SLOT];
 }
 
-/* True if the running image is on trial, that is, has not been confirmed with taxel_boot_confirm(). */
+/* Return whether the running image is on trial, that is, has not been confirmed with taxel_boot_confirm(). */
 bool self_is_on_trial(void)
 {
     return !taxel_boot_is_confirmed(&self_flash, slot());
 }
 
-/* Records in flash that the running image works. Not inlined: the function needs a flash row on the stack, for
- * which the frame of main() has no space. */
+/* Confirm the running image: record in flash that it works. To be called with interrupts off. Not inlined: the function
+ * needs a flash row on the stack, for which the frame of main() has no space. */
 __attribute__((noinline)) void self_confirm(void)
 {
     const uint32_t begin = ticks_stretch();

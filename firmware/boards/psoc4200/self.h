@@ -9,11 +9,11 @@
 
 extern const struct taxel_boot_flash self_flash;
 
-/* Major, minor, patch. */
 extern const uint8_t image_header[]; /* by the linker: start of the slot */
+/* The three bytes of the image's version: major, minor, patch. */
 #define SELF_VERSION (image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR)
 
-/* Whether the running image is not confirmed yet; and its confirmation, to be called with interrupts off. */
+/* Return whether the running image is not confirmed yet; and confirm it, with interrupts off. */
 bool self_is_on_trial(void);
 void self_confirm(void);
 

@@ -1,4 +1,4 @@
-/* A sensor board: scan and I2C run in two interrupts of the same priority; the main loop codes compact snapshots,
+/* A sensor board: scan and I2C run in two interrupts of the same priority; the main loop encodes compact snapshots,
  * feeds the watchdog while the scan advances, and confirms the image. */
 #include <stdatomic.h>
 
@@ -30,49 +30,49 @@ static uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(BOARD_TAXELS_MAX)];
  * and flashed. */
 static const struct kind unknown_kind = {.rows = 1, .columns = 1, .taxels = 1, .crossing_map = {1}};
 
-/* HAL function of the board: sets up the capacitance converter with scan settings. */
+/* HAL function of the board: set up the capacitance converter with scan settings. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     front_end_configure(settings);
 }
 
-/* HAL function of the board: starts the conversion of the crossing of TX line `tx` and RX line `rx`. */
+/* HAL function of the board: start the conversion of the crossing of TX line `tx` and RX line `rx`. */
 static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
     front_end_start(tx, rx);
 }
 
-/* HAL function of the board: the time since the start of the board, in microseconds modulo 2^32. */
+/* HAL function of the board: return the time since the start of the board, in microseconds modulo 2^32. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return ticks_us_32();
 }
 
-/* HAL function of the board: masks all interrupts and returns the previous state of the mask. */
+/* HAL function of the board: mask all interrupts and return the previous state of the mask. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context;
     return interrupts_mask();
 }
 
-/* HAL function of the board: restores the interrupt mask that on_interrupts_disable() returned. */
+/* HAL function of the board: restore the interrupt mask that on_interrupts_disable() returned. */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     interrupts_unmask(state);
 }
 
-/* HAL function of the board: resets the processor. Does not return. */
+/* HAL function of the board: reset the processor. Does not return. */
 static void on_restart(void *context)
 {
     (void)context;
     reset_now();
 }
 
-/* HAL function of the board: resets the processor with the request that the bootloader keeps running. Does not
+/* HAL function of the board: reset the processor with the request that the bootloader keeps running. Does not
  * return. */
 static void on_enter_bootloader(void *context)
 {
@@ -90,46 +90,48 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_enter_bootloader,
 };
 
-/* Called by the I2C driver when the hub sends the address of the board; `reading` states the direction. Returns
- * true to acknowledge. */
+/* Pass the board's address, sent by the hub for reading or writing, to the register machine. Called by the I2C driver.
+ * Returns whether to acknowledge. */
 bool i2c_slave_on_address(bool reading)
 {
     return taxel_sensor_on_address(&sensor, reading);
 }
 
-/* Called by the I2C driver for each byte from the hub. Returns true to acknowledge the byte. */
+/* Pass a byte from the hub to the register machine. Called by the I2C driver. Returns whether to acknowledge the
+ * byte. */
 bool i2c_slave_on_write(uint8_t byte)
 {
     return taxel_sensor_on_write(&sensor, byte);
 }
 
-/* Called by the I2C driver when the hub reads: returns the next byte from the register map. */
+/* Return the next byte of the register that the hub reads. Called by the I2C driver. */
 uint8_t i2c_slave_on_read(void)
 {
     return taxel_sensor_on_read(&sensor);
 }
 
-/* Called by the I2C driver at a stop condition, at which the board applies what the hub has written. */
+/* Pass a stop condition, at which written bytes take effect, to the register machine. Called by the I2C driver. */
 void i2c_slave_on_stop(void)
 {
     taxel_sensor_on_stop(&sensor);
 }
 
-/* Called by the I2C driver at a start or stop condition at a wrong position: the board discards the bytes of this
- * write. */
+/* Pass a start or stop condition at a wrong position to the register machine, which discards the bytes of this write.
+ * Called by the I2C driver. */
 void i2c_slave_on_bus_error(void)
 {
     taxel_sensor_on_bus_error(&sensor);
 }
 
-/* Called by the converter's driver at the end of a conversion: stores the raw count and starts the next
- * conversion. */
+/* Pass the raw count of a conversion that has ended to the scan sequencer, which starts the next conversion. Called by
+ * the converter's driver. */
 void front_end_on_conversion(uint16_t raw_count)
 {
     taxel_sensor_on_conversion(&sensor, raw_count);
 }
 
-/* Lines and crossing map of the kind of board with this code; `unknown_kind` if the image contains no such kind. */
+/* Return lines and crossing map of the kind of board (design) with this code; `unknown_kind` if the image contains no
+ * such kind. */
 static const struct kind *kind_of(uint8_t code)
 {
     for (uint8_t i = 0; i < kind_count; i++) {
@@ -168,7 +170,7 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
     };
 }
 
-/* Starts I2C slave, converter and scanning with the stored configuration (NULL: none) and the kind of board. The
+/* Start I2C slave, converter and scanning with the stored configuration (NULL: none) and the kind of board. The
  * converter is initialised after the bus, because it has a pin on the bus's port. */
 static void start(const uint8_t *configuration, const struct kind *kind)
 {
@@ -181,15 +183,15 @@ static void start(const uint8_t *configuration, const struct kind *kind)
 }
 
 #ifndef IMAGE_STANDALONE
-/* True when the application has shown that it works: it has completed CONFIRM_SCANS scans, and a snapshot was
+/* Return whether the application has shown that it works: it has completed CONFIRM_SCANS scans, and a snapshot was
  * read. */
 static bool has_proven_itself(void)
 {
     return sensor.scan.scans >= CONFIRM_SCANS && sensor.slave.snapshot_reads != 0;
 }
 
-/* Confirm the image between two scans, with the slave off: the write of a row takes 20 ms. Returns false if
- * this is not possible at present. */
+/* Confirm the image between two scans, with the I2C slave off, because writing a flash row takes 20 ms. Returns false
+ * if this is not possible at present: a scan is in progress, or a master addresses the board. */
 static bool try_confirm(void)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -203,14 +205,14 @@ static bool try_confirm(void)
 }
 #endif
 
-/* Codes the newest scan as a compact snapshot, if a reader needs one. Not inlined: its stack frame would add to the
+/* Encode the newest scan as a compact snapshot, if a reader needs one. Not inlined: its stack frame would add to the
  * deepest call chain, the write to flash. */
 static __attribute__((noinline)) void code_compact(void)
 {
     taxel_sensor_run(&sensor);
 }
 
-/* Once per SysTick period: feeds the watchdog if the scan has advanced. A scan that stalls, for example after a missed
+/* Feed the watchdog once per SysTick period if the scan has advanced. A scan that stalls, for example after a missed
  * interrupt of the converter, is stored in the fault record; the watchdog then resets the board. A check after every
  * interrupt would take a sixth more cycles. */
 static void watch_scan(void)
@@ -229,8 +231,8 @@ static void watch_scan(void)
     }
 }
 
-/* Application of a sensor board: starts scanning and the I2C slave; the main loop codes compact snapshots. A new image
- * confirms itself once it has worked. */
+/* Run the application of a sensor board: start scanning and the I2C slave; the main loop encodes compact snapshots. An
+ * image on trial confirms itself once it has worked. */
 int main(void)
 {
 #ifdef IMAGE_STANDALONE

@@ -1,5 +1,5 @@
 /* Constants of an image without slots. Built without link-time optimisation: the image tool changes the address in the
- * linked image, so that the compiler must not replace reads of it by the value. */
+ * linked image, so that the compiler must not replace reads of the address by its value. */
 #include "boards/psoc4200/standalone.h"
 
 #include "boards/psoc4200/regs/core.h"
@@ -23,8 +23,8 @@ __attribute__((used)) const uint8_t standalone_configuration[] = {
 
 void reset_handler(void);
 void standalone_entry(void);
-/* Entry for the original bootloader, which jumps here with its own stack pointer: sets the stack pointer as a reset
- * does, and continues like one. */
+/* Enter the image from the original bootloader, which jumps here with its own stack pointer: set the stack pointer and
+ * continue as after a reset. */
 __attribute__((naked, section(".text.standalone_entry"), used)) void standalone_entry(void)
 {
     __asm__("ldr r0, =stack_top\n\tmov sp, r0\n\tldr r0, =reset_handler\n\tbx r0\n\t.ltorg");

@@ -14,14 +14,14 @@ handler reset_handler, unexpected_handler, systick_handler, scb0_handler, scb1_h
 extern uint32_t stack_top[], bss_begin[], bss_end[];
 
 #ifdef IMAGE_APPLICATION
-/* Handler of unexpected exceptions and faults: stores the interrupted code in the fault record and waits for the reset
- * by the watchdog. Without a prologue, so that the stack pointer is the address of the exception frame. */
+/* Handle unexpected exceptions and faults: store the address of the interrupted code in the fault record and wait for
+ * the reset by the watchdog. Without a prologue, so that the stack pointer is the address of the exception frame. */
 __attribute__((naked)) void unexpected_handler(void)
 {
     __asm__ volatile("mov r0, sp\n\tbl fault_take_exception");
 }
 #else
-/* Handler of unexpected exceptions and faults: waits for the reset by the watchdog. */
+/* Handle unexpected exceptions and faults: wait for the reset by the watchdog. */
 void unexpected_handler(void)
 {
     for (;;) {
@@ -55,16 +55,16 @@ typedef union {
 
 #ifdef IMAGE_APPLICATION
 
-/* The flash of an application holds only what its start needs. The table in RAM is filled in by reset_handler(): most of
- * its vectors are the same, and a table in flash would take 120 bytes more. */
+/* The flash of an application holds only what its start needs. The table in RAM is filled in by reset_handler(): most
+ * of its vectors are the same, and a table in flash would take 120 bytes more. */
 VECTORS(".vectors.0") vectors_0_to_1[] = {{.stack = stack_top}, {reset_handler}};
 
 static vector ram_vectors[EXCEPTIONS + IRQ_COUNT] __attribute__((section(".ram_vectors"), used));
 
 #define SYSTICK_EXCEPTION 15u
 
-/* Fill in the table of vectors in RAM and use it. NMI: during a call of the supervisory ROM the processor uses the
- * vector of the ROM (confirm). */
+/* Fill in the table of vectors in RAM and make the processor use it. NMI: during a call of the supervisory ROM the
+ * processor uses the vector of the ROM (confirm). */
 static void use_ram_vectors(void)
 {
     for (unsigned i = 0; i < EXCEPTIONS + IRQ_COUNT; i++) {
@@ -110,8 +110,8 @@ VECTORS(".vectors.4") interrupt_10[] = {{scb0_handler}};
 #endif
 #endif
 
-/* First function after a reset: clear the variables and call main(). No image has variables with an initial value. An application also uses a vector table in
- * RAM and disables the interrupts that the bootloader left active. */
+/* First function after a reset: clear the variables and call main(). No image has variables with an initial value. An
+ * application also uses a vector table in RAM and disables the interrupts that the bootloader left active. */
 void reset_handler(void)
 {
     memset(bss_begin, 0, (size_t)((uintptr_t)bss_end - (uintptr_t)bss_begin));

@@ -17,13 +17,13 @@
 static volatile uint32_t wraps;
 
 void systick_handler(void);
-/* Interrupt handler of the timer SysTick: counts the periods of the timer. */
+/* Handle the interrupt of the timer SysTick: count the periods of the timer. */
 void systick_handler(void)
 {
     wraps++;
 }
 
-/* Starts the timer SysTick, from which the clock of the program is computed. */
+/* Start the timer SysTick, from which the clock of the program is computed. */
 void ticks_init(void)
 {
     SYSTICK->reload = CYCLES - 1u;
@@ -36,8 +36,9 @@ void ticks_init(void)
 _Static_assert(CPU_HZ == 48000000u, "a microsecond is 16 * 3 cycles");
 _Static_assert(CYCLES <= CYCLES_MAX, "a wrap can be that long");
 
-/* The quotient x / 3 without a division, which this processor lacks: 1/3 = 1/4 + 1/16 + ...; the shifts lose less
- * than 32 (checked for every x below 2^20, more than one period of the timer). */
+/* Compute x / 3, rounded down, without a division, which this processor lacks: 1/3 = 1/4 + 1/16 + ... The shifts leave a
+ * remainder x - 3 * third below 32, which the last line divides by 3 as 11 / 32 (checked for every x below 2^20, more
+ * than one period of the timer). */
 static uint32_t third_of(uint32_t x)
 {
     uint32_t third = (x >> 2) + (x >> 4);
@@ -47,8 +48,8 @@ static uint32_t third_of(uint32_t x)
     return third + (((x - 3u * third) * 11u) >> 5);
 }
 
-/* Reads the timer SysTick: sets *whole to the number of whole wraps and returns the microseconds since the latest
- * wrap. */
+/* Read the timer SysTick: `whole` receives the number of whole periods since ticks_init(). Returns the microseconds
+ * since the start of the present period. */
 static uint32_t read(uint32_t *whole)
 {
     uint32_t count, value;
@@ -67,7 +68,7 @@ static uint32_t read(uint32_t *whole)
     return third_of(since >> 4);
 }
 
-/* Microseconds since ticks_init(), 64 bits. */
+/* Return the time since ticks_init() in microseconds, 64 bits. */
 uint64_t ticks_us(void)
 {
     uint32_t whole;
@@ -75,20 +76,20 @@ uint64_t ticks_us(void)
     return ((uint64_t)whole << US_SHIFT) | part;
 }
 
-/* The time since ticks_init(), in microseconds modulo 2^32. */
+/* Return the time since ticks_init() in microseconds, modulo 2^32. */
 uint32_t ticks_us_32(void)
 {
     return (uint32_t)ticks_us();
 }
 
-/* Number of whole periods of the timer SysTick since ticks_init(), of about 4 ms each. */
+/* Return the number of whole periods of the timer SysTick since ticks_init(), of about 4 ms each. */
 uint32_t ticks_periods(void)
 {
     return wraps;
 }
 
-/* True if the timer SysTick interrupts before the time `us` (microseconds since ticks_init()), so that a sleep ends
- * in time. */
+/* Return whether the timer SysTick interrupts before the time `us` (microseconds since ticks_init()), so that a sleep
+ * ends in time. */
 bool ticks_interrupts_before(uint64_t us)
 {
     return us >> US_SHIFT > ticks_us() >> US_SHIFT;
@@ -131,8 +132,8 @@ void ticks_delay_us(uint32_t microseconds)
 
 #else
 
-/* The time since ticks_init(), in microseconds modulo 2^32, in steps of one period of the timer: sufficient for a
- * bootloader. */
+/* Return the time since ticks_init() in microseconds, modulo 2^32, in steps of one period of the timer: sufficient for
+ * a bootloader. */
 uint32_t ticks_us_32(void)
 {
     return wraps << US_SHIFT;

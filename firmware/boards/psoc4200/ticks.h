@@ -9,11 +9,11 @@
 void ticks_init(void);
 uint32_t ticks_us_32(void);
 
-/* Microseconds since ticks_init(); applications only. */
+/* Return the microseconds since ticks_init(); applications only. */
 uint64_t ticks_us(void);
-/* Number of SysTick periods (4.1 ms) since ticks_init(): cheaper than a time. */
+/* Return the number of SysTick periods (4.1 ms) since ticks_init(), which is cheaper than a time. */
 uint32_t ticks_periods(void);
-/* Whether SysTick interrupts before that time. */
+/* Return whether SysTick interrupts before the time `us` (microseconds since ticks_init()). */
 bool ticks_interrupts_before(uint64_t us);
 void ticks_delay_us(uint32_t microseconds);
 /* Between these two calls, with interrupts off, no time is lost for up to 340 ms, and the time must not be read. */

@@ -63,14 +63,14 @@ void uart_off(void)
     HSIOM_PORT_SELECT[BOARD_PIN_UART_RX >> 4] = 0;
 }
 
-/* Starts transmission: enables the interrupt that fetches bytes from the program with uart_pull(). */
+/* Start transmission: enable the interrupt that fetches bytes from the program with uart_pull(). */
 void uart_kick(void)
 {
     UART_SCB->intr_tx_mask = SCB_INTR_TX_TRIGGER; /* the FIFO has space: the interrupt follows at once */
 }
 
-/* Sets the RTS output, if the board has one: `hold` requests that the host pauses. A single store, because both the main loop and the
- * interrupt call this function. */
+/* Set the RTS output, if the board has one: `hold` requests that the host pauses. A single store, because both the main
+ * loop and the interrupt call this function. */
 void uart_hold(bool hold)
 {
 #ifdef BOARD_PIN_UART_RTS
@@ -80,7 +80,8 @@ void uart_hold(bool hold)
 #endif
 }
 
-/* Pass all bytes of the RX FIFO to uart_on_byte(). An overflow of the FIFO is reported first. */
+/* Pass all bytes of the RX FIFO to uart_on_byte(). An overflow of the FIFO is reported first, with
+ * uart_on_lost_byte(). */
 static void receive_bytes(void)
 {
     if (UART_SCB->intr_rx & SCB_INTR_RX_OVERFLOW) {
@@ -93,7 +94,8 @@ static void receive_bytes(void)
     UART_SCB->intr_rx = SCB_INTR_RX_NOT_EMPTY;
 }
 
-/* Fill the TX FIFO with queued bytes, and disable its interrupt when none are left. */
+/* Fill the free space of the TX FIFO with bytes that uart_pull() takes from the program. If the program has fewer bytes
+ * than fit, disable the interrupt of the TX FIFO: uart_kick() enables it again. */
 static void refill_fifo(void)
 {
     uint8_t bytes[SCB_FIFO_SIZE];
@@ -109,7 +111,7 @@ static void refill_fifo(void)
 }
 
 void uart_handler(void);
-/* Interrupt of the UART: received bytes, and space in the TX FIFO. */
+/* Handle the interrupt of the UART: received bytes, and space in the TX FIFO. */
 void uart_handler(void)
 {
     if (UART_SCB->intr_rx_masked) {

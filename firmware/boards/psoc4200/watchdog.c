@@ -12,7 +12,7 @@ void watchdog_start(void)
     watchdog_feed();
 }
 
-/* Clears the counter of the watchdog; otherwise the watchdog resets the processor. The main loop calls this function in
+/* Clear the counter of the watchdog; otherwise the watchdog resets the processor. The main loop calls this function in
  * each pass: on a board only if the scan has advanced. */
 void watchdog_feed(void)
 {

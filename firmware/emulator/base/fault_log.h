@@ -19,6 +19,7 @@ struct fault_log {
     struct fault_log_entry entries[FAULT_LOG_MAX];
 };
 
+/* Add an entry to the log; it replaces the oldest entry if the log is full. */
 static inline void fault_log_add(struct fault_log *log, vtime time, enum fault_kind kind, uint8_t address)
 {
     log->entries[log->count++ % FAULT_LOG_MAX] =

@@ -43,7 +43,7 @@ static const struct {
     [FAULT_MUTE] = {"mute_host", FAULT_TARGET_NONE},
 };
 
-/* Kind of the fault with this name in a world file, or FAULT_KINDS if no fault has the name. */
+/* Return the kind of the fault with this name in a world file, or FAULT_KINDS if no fault has the name. */
 enum fault_kind fault_find_kind(const char *name)
 {
     enum fault_kind kind = FAULT_UNPLUG;
@@ -53,14 +53,15 @@ enum fault_kind fault_find_kind(const char *name)
     return kind;
 }
 
-/* What the address of a fault of this kind names: a board, any I2C address, or nothing. */
+/* Return what the address of a fault of this kind denotes: a board, the branch of a board, any I2C address, or
+ * nothing. */
 enum fault_target fault_get_target(enum fault_kind kind)
 {
     return fault_table[kind].target;
 }
 
-/* Whether the value of a fault of a branch selects lines that the fault can have: 0 the whole cable, 1 SCL, 2 SDA, 3 the
- * supply. True for faults that are not faults of a branch. */
+/* Return whether the value of a fault of a wiring branch selects lines that this fault can have: 0 the whole cable, 1
+ * SCL, 2 SDA, 3 the supply. True for faults that are not faults of a branch. */
 bool fault_has_valid_selection(const struct fault_description *fault)
 {
     const double value = fault->value;

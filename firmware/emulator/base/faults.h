@@ -68,11 +68,13 @@ struct fault_description {
     double value, second_value; /* meaning and units depend on the kind (README.md) */
 };
 
-/* Returns FAULT_KINDS for an unknown name. */
+/* Return the kind of the fault with this name, or FAULT_KINDS for an unknown name. */
 enum fault_kind fault_find_kind(const char *name);
+
+/* Return the meaning of the address of faults of this kind. */
 enum fault_target fault_get_target(enum fault_kind kind);
 
-/* Whether `value` is permitted for a fault of a branch, where it selects the line; true for other faults. */
+/* Return whether `value` is permitted for a fault of a branch, where it selects the line; true for other faults. */
 bool fault_has_valid_selection(const struct fault_description *fault);
 
 #endif

@@ -5,8 +5,8 @@
 #define WORD 4u
 #define WORDS (FLASH_ROW_SIZE / WORD)
 
-/* Initialises an erased flash array without a planned power cut. `seed` and the I2C address select the random
- * content of interrupted writes. */
+/* Initialise an erased flash array without a planned power cut. `seed` and the I2C address select the random content of
+ * interrupted writes. */
 void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
 {
     memset(flash, 0, sizeof *flash);
@@ -14,8 +14,8 @@ void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
     flash->cut_time = VTIME_NEVER;
 }
 
-/* Plan a power cut during a later write of the flash. Write numbers of the first plan count from this call. Returns
- * false if the list of plans is full. */
+/* Plan a power cut during a later write of the flash. The write number of the first plan is counted from this call,
+ * that of each later plan from the previous cut. Returns false if the list of plans is full. */
 bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan)
 {
     if (flash->plan_count == FLASH_CUTS_MAX) {
@@ -28,8 +28,8 @@ bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan)
     return true;
 }
 
-/* If the next planned power cut is for this write (counted from the previous cut), set the time of the cut and fill in
- * its record; the owner of the flash switches off the power at that time. */
+/* Schedule the next planned power cut if it belongs to this write (counted from the previous cut): set the time of the
+ * cut, fill in its record, and remove the plan. The owner of the flash switches off the power at that time. */
 static void schedule_planned_cut(struct flash *flash, const struct flash_pending_write *write, const uint8_t *new_bytes)
 {
     const struct flash_cut_plan *plan = &flash->plans[0];

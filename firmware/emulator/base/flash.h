@@ -31,6 +31,7 @@ struct flash_cut_record {
     uint8_t new_bytes[FLASH_ROW_SIZE]; /* what the interrupted write was to store */
 };
 
+/* A write that has not ended yet, with the content of the row before it. */
 struct flash_pending_write {
     vtime begin, end;
     uint16_t row;
@@ -56,14 +57,15 @@ struct flash {
 
 void flash_init(struct flash *flash, uint64_t seed, uint8_t address);
 
-/* Writes run one after another: each starts when the previous one has ended. Returns the end of this write. */
+/* Write a row of FLASH_ROW_SIZE bytes. Writes run one after another: each starts when the previous one has ended.
+ * Returns the time at which this write ends. */
 vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime now);
 
 /* Plan a power cut during a later write. Returns false if FLASH_CUTS_MAX cuts are planned. The owner of the flash must
  * switch off the power at `cut_time`. */
 bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan);
 
-/* The power fails at `now`: writes that have not started have no effect, and the running write tears its row. */
+/* Apply a power failure at `now`: writes that have not started have no effect, and the running write tears its row. */
 void flash_cut_power(struct flash *flash, vtime now);
 
 #endif

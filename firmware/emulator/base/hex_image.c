@@ -11,14 +11,14 @@
 
 enum record_type { DATA = 0, END = 1, SEGMENT = 2, START_SEGMENT = 3, LINEAR = 4, START_LINEAR = 5 };
 
-/* Value of a hexadecimal digit, or -1 for any other character. */
+/* Return the value of a hexadecimal digit, or -1 for any other character. */
 static int parse_digit(char c)
 {
     return isdigit((unsigned char)c) ? c - '0' : isxdigit((unsigned char)c) ? tolower((unsigned char)c) - 'a' + 10 : -1;
 }
 
-/* Convert the digits after the colon of a line of an Intel HEX file to bytes. Returns their number, or 0 if the line is
- * no record. */
+/* Convert a line of an Intel HEX file, a colon and hexadecimal digits, to bytes. Returns the number of bytes, or 0 if
+ * the line is not a record. */
 static size_t parse_line(const char *line, uint8_t record[RECORD_MAX])
 {
     size_t size = 0;
@@ -36,8 +36,9 @@ static size_t parse_line(const char *line, uint8_t record[RECORD_MAX])
     return size;
 }
 
-/* Check a record of an Intel HEX file and copy its data to `bytes` (size `capacity`). *base is the address offset that
- * an earlier address record has set. Returns NULL or an error message. */
+/* Check a record of an Intel HEX file and copy its data to `bytes` (`capacity` bytes). *base is the address offset that
+ * an earlier address record has set; an address record changes it. *has_ended becomes true at the end record. Returns
+ * NULL or an error message. */
 static const char *apply_record(const uint8_t *record, size_t size, uint32_t *base, uint8_t *bytes, size_t capacity,
                                 bool *has_ended)
 {
@@ -79,7 +80,7 @@ static const char *apply_record(const uint8_t *record, size_t size, uint32_t *ba
 }
 
 /* Read an Intel HEX file into a buffer of `size` bytes, filled with 0 where the file has no data. Returns NULL, or an
- * error message for the line number in *line (0: the file cannot be opened). */
+ * error message; *line is then the line of the error, or 0 if the file cannot be opened. */
 const char *hex_image_read(const char *path, uint8_t *bytes, size_t size, int *line)
 {
     char text[LINE_SIZE_MAX];

@@ -9,7 +9,7 @@ struct pairs {
     double u[NORMAL_SOURCE_PAIRS], v[NORMAL_SOURCE_PAIRS], s[NORMAL_SOURCE_PAIRS];
 };
 
-/* Initialises a source of standard normal random numbers. Sources with equal seed and different stream are
+/* Initialise a source of standard normal random numbers. Sources with the same seed and different streams are
  * independent. */
 void normal_source_init(struct normal_source *normals, uint64_t seed, uint64_t stream)
 {

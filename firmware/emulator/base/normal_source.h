@@ -18,7 +18,7 @@ void normal_source_init(struct normal_source *normals, uint64_t seed, uint64_t s
 /* Compute the next block. Only for normal_source_sample(). */
 void normal_source_fill(struct normal_source *normals);
 
-/* The next number: mean 0, standard deviation 1. */
+/* Return the next random number of a normal distribution with mean 0 and standard deviation 1. */
 static inline double normal_source_sample(struct normal_source *normals)
 {
     if (normals->used == 2u * NORMAL_SOURCE_PAIRS) {

@@ -16,6 +16,7 @@
 /* bits of 2^52; with an integer n < 2^52 in the mantissa they are the double 2^52 + n */
 #define POLAR_2_52 0x4330000000000000ull
 
+/* Return the double with these bits. */
 static inline double polar_bits_to_double(uint64_t bits)
 {
     double value;
@@ -23,8 +24,8 @@ static inline double polar_bits_to_double(uint64_t bits)
     return value;
 }
 
-/* log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)) with m between sqrt(1/2) and sqrt(2); the truncated terms are
- * below 1e-17. */
+/* Return the natural logarithm of s: log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)) with m between sqrt(1/2) and
+ * sqrt(2). The truncated terms of the series are below 1e-17. */
 static inline double polar_log(double s)
 {
     uint64_t bits;
@@ -47,6 +48,7 @@ static inline double polar_log(double s)
     return (exponent + halved) * POLAR_LN_2 + 2.0 * (x + x * (square * sum));
 }
 
+/* Return the factor by which the polar method multiplies a point at the squared distance s from the origin. */
 static inline double polar_factor(double s)
 {
     return sqrt(-2.0 * polar_log(s) / s);

@@ -2,7 +2,7 @@
 
 #include "emulator/base/polar.h"
 
-/* The next number of the generator splitmix64 (Steele et al., 2014). */
+/* Return the next number of the generator splitmix64 (Steele et al., 2014), and advance its state. */
 static uint64_t splitmix64(uint64_t *state)
 {
     uint64_t z = (*state += 0x9E3779B97F4A7C15ull);
@@ -11,8 +11,8 @@ static uint64_t splitmix64(uint64_t *state)
     return z ^ (z >> 31);
 }
 
-/* Seed a generator. splitmix64 mixes seed and stream number, so that every pair of them gives an independent sequence.
- */
+/* Seed a generator. splitmix64 mixes seed and stream number, so that every pair of seed and stream gives an independent
+ * sequence. */
 void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
 {
     uint64_t state = seed;
@@ -23,8 +23,8 @@ void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
     source->has_spare = false;
 }
 
-/* Standard normal number. Marsaglia's polar method (1964) generates pairs; the second number of a pair is kept for the
- * next call. */
+/* Return a standard normal number. Marsaglia's polar method (1964) generates pairs; the second number of a pair is kept
+ * for the next call. */
 double random_normal(struct random_source *source)
 {
     if (source->has_spare) {

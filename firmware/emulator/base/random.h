@@ -12,19 +12,20 @@ struct random_source {
     bool has_spare;
 };
 
-/* Each pair (seed, stream) is an independent sequence: the order in which streams are used does not change their
- * numbers. */
+/* Start the sequence of a pair (seed, stream). Sequences are independent: the order in which streams are used does not
+ * change their numbers. */
 void random_init(struct random_source *source, uint64_t seed, uint64_t stream);
 
-/* Normally distributed: mean 0, standard deviation 1. */
+/* Return a normally distributed number: mean 0, standard deviation 1. */
 double random_normal(struct random_source *source);
 
+/* Return `value` rotated left by `bits` (1 to 63). */
 static inline uint64_t random_rotate_left(uint64_t value, int bits)
 {
     return (value << bits) | (value >> (64 - bits));
 }
 
-/* All 64 bits random. */
+/* Return a number with 64 random bits. */
 static inline uint64_t random_u64(struct random_source *source)
 {
     uint64_t *s = source->state;
@@ -39,7 +40,7 @@ static inline uint64_t random_u64(struct random_source *source)
     return result;
 }
 
-/* Uniformly distributed in [0, 1), 53 bits. */
+/* Return a number that is uniformly distributed in [0, 1), with 53 random bits. */
 static inline double random_uniform(struct random_source *source)
 {
     return (double)(random_u64(source) >> 11) * 0x1.0p-53;

@@ -1,9 +1,11 @@
-/* Reset causes of the protocol as bits of the register RES_CAUSE of a PSoC 4200 (boards/psoc4200/regs/srss.h). */
+/* A reset cause of the protocol as bits of the register RES_CAUSE of a PSoC 4200
+ * (boards/psoc4200/regs/srss.h). */
 #ifndef EMULATOR_BASE_RESET_BITS_H
 #define EMULATOR_BASE_RESET_BITS_H
 
 #include "generated/taxel_protocol.h"
 
+/* Return the bits of RES_CAUSE for a reset cause of the protocol. */
 static inline uint32_t reset_bits(uint8_t cause)
 {
     switch (cause) {

@@ -16,19 +16,19 @@ _Static_assert(THREAD_POOL_ITEMS_MAX <= END_MASK, "item numbers have END_BITS ea
 
 #define SPINS 40000 /* about 1 ms: the next task usually starts sooner than the kernel can wake a thread */
 
-/* The number of the first item that no thread has taken, from the packed ticket. */
+/* Return the number of the first item that no thread has started, from the packed ticket. */
 static size_t get_first_item(uint64_t ticket)
 {
     return (size_t)(ticket >> END_BITS) & END_MASK;
 }
 
-/* The number after the last item of the current task, from the packed ticket. */
+/* Return one past the number of the last item that no thread has started, from the packed ticket. */
 static size_t get_items_end(uint64_t ticket)
 {
     return (size_t)ticket & END_MASK;
 }
 
-/* Reduces the power of a busy-waiting thread for a few cycles. */
+/* Reduce the power of a busy-waiting thread for a few cycles. */
 static inline void pause_cpu(void)
 {
 #ifdef __x86_64__
@@ -36,10 +36,9 @@ static inline void pause_cpu(void)
 #endif
 }
 
-/* Start one item of the current task, and return false if no item is left. The number of the task is a part of the
- * compared ticket, so `task` and `context` cannot change before the item is done. The caller starts items from the
- * first, workers from the last: the data of an item then tend to stay in the cache of the same core from task to
- * task. */
+/* Run one item of the current task; returns false if no item is left. The number of the task is a part of the compared
+ * ticket, so `task` and `context` cannot change before the item is done. The caller's thread takes items from the first
+ * on, workers from the last: the data of an item then tend to stay in the cache of the same core from task to task. */
 static bool run_next_item(struct thread_pool *pool, bool is_worker)
 {
     uint64_t ticket = atomic_load(&pool->ticket);
@@ -53,7 +52,7 @@ static bool run_next_item(struct thread_pool *pool, bool is_worker)
     return true;
 }
 
-/* True if a worker thread must not sleep: an item is available, or the pool is being closed. */
+/* Return whether a worker thread must not sleep: an item is available, or the pool is being closed. */
 static bool has_work_or_is_closing(struct thread_pool *pool)
 {
     const uint64_t ticket = atomic_load(&pool->ticket);
@@ -79,7 +78,7 @@ static void wait_for_work(struct thread_pool *pool)
     pthread_mutex_unlock(&pool->mutex);
 }
 
-/* Main function of a worker thread: run items of tasks until the pool closes. */
+/* Run items of tasks until the pool closes; main function of a worker thread. */
 static void *run_worker(void *context)
 {
     struct thread_pool *pool = context;
@@ -91,7 +90,7 @@ static void *run_worker(void *context)
     return NULL;
 }
 
-/* Wakes the worker threads that sleep, if any. */
+/* Wake the worker threads that sleep, if there are any. */
 static void wake_workers(struct thread_pool *pool)
 {
     if (atomic_load(&pool->workers_asleep)) {

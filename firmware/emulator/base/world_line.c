@@ -22,7 +22,7 @@ void world_line_split(struct world_line *line, char *text)
     }
 }
 
-/* Prints an error message with the path and line number of the world file to stderr. Returns -1. */
+/* Print an error message with the path and line number of the world file to stderr. Returns -1. */
 int world_line_report_error(const struct world_line *line, const char *message)
 {
     fprintf(stderr, "world %s, line %d: %s\n", line->path, line->number, message);
@@ -46,8 +46,8 @@ int world_line_read_number(const struct world_line *line, int index, double low,
     return 0;
 }
 
-/* Read word number `index` as a whole number in [low, high]; a form such as 1e3 is accepted. Returns 0, or -1 after an
- * error line on stderr. */
+/* Read word number `index` as a whole number in [low, high]; notations such as 1e3 are accepted. Returns 0, or -1 after
+ * an error line on stderr. */
 int world_line_read_integer(const struct world_line *line, int index, double low, double high, long *value)
 {
     double real;

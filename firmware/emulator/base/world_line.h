@@ -18,16 +18,16 @@ struct world_line {
 /* Split `text` into words in place. A `#` starts a comment; words beyond WORLD_LINE_WORDS_MAX are ignored. */
 void world_line_split(struct world_line *line, char *text);
 
-/* All return 0, or -1 after an error line; world_line_report_error() always returns -1. `index`: of the word in the
- * line. Numbers must lie in [low, high]. */
+/* All functions below return 0, or -1 after an error line on stderr; world_line_report_error() always returns -1.
+ * index: number of the word in the line. Numbers must lie in [low, high]. */
 int world_line_report_error(const struct world_line *line, const char *message);
 int world_line_read_number(const struct world_line *line, int index, double low, double high, double *value);
 int world_line_read_integer(const struct world_line *line, int index, double low, double high, long *value);
 
-/* `size` bytes, written as twice as many hexadecimal digits. */
+/* Read `size` bytes, which are written as twice as many hexadecimal digits. */
 int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes, size_t size);
 
-/* Words `first` to `first + count - 1`. */
+/* Read the words `first` to `first + count - 1` as numbers. */
 int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high,
                             double *values);
 

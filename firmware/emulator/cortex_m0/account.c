@@ -1,8 +1,7 @@
 /* Cycle accounting of handlers, from the first cycle of the entry to the last cycle of the return. */
 #include "emulator/cortex_m0/internal.h"
 
-/* Starts to count cycles and instructions per exception handler in `account`, which is cleared; NULL ends the
- * counting. */
+/* Start to count the cycles of each exception handler in `account`, which is cleared; NULL ends the counting. */
 void cortex_m0_set_account(struct cortex_m0 *cpu, struct cortex_m0_account *account)
 {
     cpu->account = account;
@@ -11,8 +10,8 @@ void cortex_m0_set_account(struct cortex_m0 *cpu, struct cortex_m0_account *acco
     }
 }
 
-/* Record the entry into the handler of exception `number` at cycle `begin`: its latency since it became pending, and a
- * new level of nesting. */
+/* Record the entry into the handler of exception `number` at cycle `begin`: its latency since the exception became
+ * pending, and a new level of nesting. */
 void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t begin)
 {
     struct cortex_m0_account *const account = cpu->account;
@@ -30,8 +29,8 @@ void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t be
     account->depth_max = account->depth > account->depth_max ? account->depth : account->depth_max;
 }
 
-/* Add one execution of a handler, which took `cycles`, to the sum, minimum and maximum of its cycles; `first`: it
- * is the first execution. */
+/* Add one execution of a handler, which took `cycles`, to the sum, minimum and maximum of its cycles. first: this is
+ * the first execution, so the old minimum is not valid. */
 static void add_cost(uint64_t cycles, bool first, uint64_t *sum, uint64_t *minimum, uint64_t *maximum)
 {
     *sum += cycles;

@@ -9,8 +9,8 @@
 #define PSR_THUMB (1u << 24)
 #define LONGEST_RUN (UINT64_C(1) << 62) /* the budget until the deadline is a signed 64-bit number */
 
-/* Instruction, exception and flash timing (cycles) of a PSoC 4200 at 48 MHz. cortex_m0.h states the sources of the
- * figures. */
+/* Return the instruction, exception and flash timing (cycles) of a PSoC 4200 at 48 MHz. cortex_m0.h states the sources
+ * of the figures. */
 struct cortex_m0_timing cortex_m0_psoc4200(void)
 {
     return (struct cortex_m0_timing){
@@ -23,8 +23,8 @@ struct cortex_m0_timing cortex_m0_psoc4200(void)
     };
 }
 
-/* Initialise a processor and allocate the decoded instructions of flash and RAM. Returns -1 if out of memory or if the
- * configuration is invalid; call cortex_m0_reset() before the first run. */
+/* Initialise a processor and allocate the decoded instructions of flash and RAM. Returns 0, or -1 if out of memory or
+ * if the configuration is invalid; call cortex_m0_reset() before the first run. */
 int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config)
 {
     *cpu = (struct cortex_m0){.config = *config};
@@ -38,7 +38,7 @@ int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config)
     return 0;
 }
 
-/* Releases the decoded code of the processor. The caller owns the struct itself. */
+/* Free the decoded code of the processor. The caller owns the struct itself. */
 void cortex_m0_free(struct cortex_m0 *cpu)
 {
     free(cpu->flash_code.operations);
@@ -46,7 +46,7 @@ void cortex_m0_free(struct cortex_m0 *cpu)
     cpu->flash_code.operations = cpu->ram_code.operations = NULL;
 }
 
-/* Sets the number of additional cycles of each non-sequential access to flash (wait states). */
+/* Set the number of additional cycles of each non-sequential access to flash (wait states). */
 void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
 {
     cpu->config.timing.flash_wait = wait;
@@ -54,7 +54,7 @@ void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
     cpu->attention = true; /* makes the fast path reload its local copy */
 }
 
-/* Sets the address of the table of exception vectors. */
+/* Set the address of the table of exception vectors. */
 void cortex_m0_set_vectors(struct cortex_m0 *cpu, uint32_t vectors)
 {
     cpu->vector_base = vectors;
@@ -140,7 +140,8 @@ static bool try_to_wake(struct cortex_m0 *cpu)
     return true;
 }
 
-/* Cycle in which SysTick wakes the sleeping processor; UINT64_MAX if it never does, or if the processor is awake. */
+/* Return the cycle in which SysTick wakes the sleeping processor; UINT64_MAX if it never does, or if the processor is
+ * awake. */
 uint64_t cortex_m0_wake_cycle(const struct cortex_m0 *cpu)
 {
     return cpu->asleep && !cpu->deep_sleep ? cortex_m0_systick_due(cpu) : UINT64_MAX;
@@ -160,8 +161,8 @@ static void call_supervisor(struct cortex_m0 *cpu)
     cortex_m0_set_pending(cpu, CORTEX_M0_SVCALL, cpu->cycle);
 }
 
-/* Execute instructions until the deadline and handle the event that ended them, except events that cortex_m0_run()
- * reports. */
+/* Execute instructions until the cycle `until` or until SysTick is due, and handle an exception return or an SVC that
+ * ended them. Returns the event that is left for cortex_m0_run(). */
 static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
 {
     const uint64_t due = cortex_m0_systick_due(cpu), longest = cpu->cycle + LONGEST_RUN;
@@ -209,7 +210,8 @@ static bool handle_before_execution(struct cortex_m0 *cpu, uint64_t until)
     return false;
 }
 
-/* Whether cortex_m0_run() has to return, and its reason. */
+/* Return whether cortex_m0_run() has to return; writes the reason. A request for a reset or a stop is cleared. In
+ * lockup, time passes until `until`, except in the run that reports the lockup first. */
 static bool is_finished(struct cortex_m0 *cpu, uint64_t until, enum cortex_m0_reason *reason)
 {
     if (cpu->reset_requested) {
@@ -232,8 +234,8 @@ static bool is_finished(struct cortex_m0 *cpu, uint64_t until, enum cortex_m0_re
     return cpu->cycle >= until;
 }
 
-/* Run until the cycle counter reaches `until` or an earlier reason to return, which is the result. Before each run of
- * instructions, faults, exception entries and sleep are handled. */
+/* Run until the cycle counter reaches `until`, or until another reason to return occurs, and return the reason. Before
+ * each run of instructions, faults, exception entries and sleep are handled. */
 enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until)
 {
     enum cortex_m0_reason reason;
@@ -268,7 +270,7 @@ enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu)
     return reason;
 }
 
-/* Ends the current run of the processor after the instruction in progress; called from a callback. */
+/* End the current run of the processor after the instruction in progress; called from a callback. */
 void cortex_m0_stop(struct cortex_m0 *cpu)
 {
     cpu->stop_requested = true;

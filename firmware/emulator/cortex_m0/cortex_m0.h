@@ -194,11 +194,12 @@ struct cortex_m0 {
     struct cortex_m0_config config;
 };
 
-/* Timing of a PSoC 4200 at 48 MHz. */
+/* Return the timing of a PSoC 4200 at 48 MHz. */
 struct cortex_m0_timing cortex_m0_psoc4200(void);
 
-/* Initialise a processor and allocate the decoded instructions (8 bytes per halfword). Returns -1 if out of memory or
- * if a size or base address is not a multiple of 4. Call cortex_m0_reset() before the first run. */
+/* Initialise a processor and allocate the decoded instructions (8 bytes per halfword). Returns 0, or -1 if out of
+ * memory or if the configuration is invalid: a size or base address is not a multiple of 4, or the timing is
+ * impossible. Call cortex_m0_reset() before the first run. */
 int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config);
 void cortex_m0_free(struct cortex_m0 *cpu);
 
@@ -211,10 +212,10 @@ void cortex_m0_set_vectors(struct cortex_m0 *cpu, uint32_t vectors);
  * instruction is completed, so up to 3 more cycles may elapse (more with bus stalls or an exception return). */
 enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until);
 
-/* Execute one instruction or one exception entry. */
+/* Execute one instruction or one exception entry. Returns CORTEX_M0_DEADLINE, or another reason that ended the step. */
 enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu);
 
-/* From a callback: makes cortex_m0_run() return after the current instruction. Between runs: makes the next run return
+/* End a run. From a callback: cortex_m0_run() returns after the current instruction. Between runs: the next run returns
  * at once. */
 void cortex_m0_stop(struct cortex_m0 *cpu);
 
@@ -225,7 +226,8 @@ void cortex_m0_pulse_nmi(struct cortex_m0 *cpu);
 void cortex_m0_inject_fault(struct cortex_m0 *cpu); /* HardFault, as after an undefined instruction */
 void cortex_m0_send_event(struct cortex_m0 *cpu);   /* RXEV, the event that ends WFE */
 
-/* Earliest cycle at which SysTick may wake the processor; UINT64_MAX if never, or if the processor is awake. */
+/* Return the earliest cycle at which SysTick may wake the processor; UINT64_MAX if it never does, or if the processor
+ * is awake. */
 uint64_t cortex_m0_wake_cycle(const struct cortex_m0 *cpu);
 
 /* Discard decoded instructions in a range of flash or RAM that was written from outside the processor. */
@@ -236,7 +238,8 @@ uint32_t cortex_m0_xpsr(const struct cortex_m0 *cpu);
 void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr); /* sets the flags and T; IPSR is unchanged */
 uint32_t cortex_m0_msp(const struct cortex_m0 *cpu);
 uint32_t cortex_m0_psp(const struct cortex_m0 *cpu);
-/* Stack high-water marks: minimum of MSP and PSP since the reset or since cortex_m0_reset_stack_marks(). */
+/* Return the minimum of MSP or PSP (high-water mark of the stack) since the reset or the last
+ * cortex_m0_reset_stack_marks(), which starts both again. */
 uint32_t cortex_m0_lowest_msp(const struct cortex_m0 *cpu);
 uint32_t cortex_m0_lowest_psp(const struct cortex_m0 *cpu);
 void cortex_m0_reset_stack_marks(struct cortex_m0 *cpu);

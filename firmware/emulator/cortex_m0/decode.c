@@ -8,20 +8,20 @@
 #define UNDEFINED OPERATION(UNDEFINED, 0, 0, 0, 0)
 #define SPECIAL OPERATION(SPECIAL, 0, 0, 0, 0)
 
-/* The field of `count` bits of `word` that begins at bit `low`. */
+/* Return the field of `count` bits of `word` that begins at bit `low`. */
 static uint8_t bits(uint32_t word, unsigned low, unsigned count)
 {
     return (uint8_t)((word >> low) & ((1u << count) - 1u));
 }
 
-/* Number of registers in the register list of an instruction (one bit per register). */
+/* Return the number of registers in the register list of an instruction (one bit per register). */
 static uint32_t registers_in(uint32_t list)
 {
     return (uint32_t)__builtin_popcount(list);
 }
 
-/* Decode the 16-bit group 000x and 001x: LSL, LSR, ASR by a constant; ADD and SUB of three operands; MOV, CMP, ADD, SUB
- * with an 8-bit constant. A shift by the encoded constant 0 is MOV or a shift by 32. */
+/* Decode the 16-bit instructions that begin with 000 or 001: LSL, LSR, ASR by a constant; ADD and SUB of three
+ * operands; MOV, CMP, ADD, SUB with an 8-bit constant. A shift by the encoded constant 0 is MOV or a shift by 32. */
 static struct cortex_m0_operation decode_arithmetic(uint32_t half)
 {
     const uint8_t d = bits(half, 0, 3), m = bits(half, 3, 3), shift = bits(half, 6, 5), third = bits(half, 6, 3);
@@ -151,7 +151,8 @@ static struct cortex_m0_operation decode_push_pop(uint32_t half)
     return special ? OPERATION(POP_PC, 0, 0, count, list) : OPERATION(POP, 0, 0, count, list);
 }
 
-/* Decode the group 1011: SP adjustment, sign and zero extension, byte reversal, PUSH and POP, CPS, BKPT and hints. */
+/* Decode the instructions that begin with 1011: SP adjustment, sign and zero extension, byte reversal, PUSH and POP,
+ * CPS, BKPT and hints. */
 static struct cortex_m0_operation decode_miscellaneous(uint32_t half)
 {
     static const uint8_t extend[4] = {CORTEX_M0_OP_SXTH, CORTEX_M0_OP_SXTB, CORTEX_M0_OP_UXTH, CORTEX_M0_OP_UXTB};
@@ -197,8 +198,9 @@ static struct cortex_m0_operation decode_multiple(uint32_t half)
     return list >> n & 1u ? OPERATION(LDM_KEEP, 0, n, count, list) : OPERATION(LDM, 0, n, count, list);
 }
 
-/* Branch operation to a target within the same memory, as a number of operations to skip. Other targets become SPECIAL,
- * which handles branches out of the memory. */
+/* Return the branch operation (number `kind`) to a target within the same memory, as a number of operations to skip.
+ * Other targets become SPECIAL, which handles branches out of the memory. index: halfword number of the branch. offset:
+ * bytes from the branch plus 4. */
 static struct cortex_m0_operation decode_branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind,
                                                 int32_t offset)
 {

@@ -27,7 +27,8 @@ void cortex_m0_take_fault(struct cortex_m0 *cpu)
     cortex_m0_set_pending(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
 }
 
-/* Make HardFault pending at the present instruction, from outside of the program. */
+/* Make HardFault pending at the present instruction, for a cause outside the program. In HardFault or NMI the processor
+ * locks up. */
 void cortex_m0_inject_fault(struct cortex_m0 *cpu)
 {
     cpu->faults++;
@@ -92,8 +93,9 @@ void cortex_m0_finish_entry(struct cortex_m0 *cpu)
     enter_handler(cpu, best ? best : cpu->entry_number);
 }
 
-/* Restore registers and flags from the exception frame at the stack pointer; `to_thread`: the return is to the main
- * program, not to another handler. The frame must contain exception number 0 exactly in this case. */
+/* Restore registers and flags from the exception frame at the stack pointer. to_thread: the return is to the main
+ * program, not to another handler; the frame must contain exception number 0 exactly in this case. Returns the fault
+ * event if the frame is invalid or cannot be read. */
 static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
 {
     uint32_t words[FRAME_WORDS], *const r = cpu->r;
@@ -118,8 +120,8 @@ static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Whether an EXC_RETURN value fits the active exceptions: a return to a handler needs another active exception, a
- * return to thread mode must end the last one. */
+/* Return whether an EXC_RETURN value fits the active exceptions: a return to a handler needs another active exception,
+ * a return to thread mode must end the last one. */
 static bool is_valid_return(const struct cortex_m0 *cpu, uint32_t value)
 {
     const uint64_t other_active = cpu->active & ~CORTEX_M0_BIT(cpu->ipsr);
@@ -144,8 +146,9 @@ static void deactivate(struct cortex_m0 *cpu, unsigned number)
     }
 }
 
-/* Return from the handler in IPSR by the EXC_RETURN value in exit_value. A pending exception that has a sufficient
- * priority is entered without unstacking (tail-chaining). */
+/* Return from the handler of the exception in IPSR, with the EXC_RETURN value in exit_value. A pending exception of
+ * sufficient priority is entered without unstacking (tail-chaining). Returns the fault event if the value or the frame
+ * is invalid. */
 enum cortex_m0_event cortex_m0_leave_exception(struct cortex_m0 *cpu)
 {
     const uint32_t value = cpu->exit_value;

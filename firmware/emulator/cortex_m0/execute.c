@@ -6,9 +6,10 @@
  * flash, and branches out of a memory, leave through the labels at the end of the function. */
 #include "emulator/cortex_m0/fast_path.h"
 
-/* Execute instructions from r[15] until the deadline, or until `attention` is set or an event occurs, which is the
- * result. Each decoded operation jumps directly to the code of the next operation (labels as values); one function
- * holds all operations so that flags and cycle budget stay in registers. */
+/* Execute instructions from r[15] until the deadline, until `attention` is set, or until an event occurs, and return
+ * the event (CORTEX_M0_EVENT_NONE in the first two cases). Each decoded operation jumps directly to the code of the
+ * next operation (labels as values); one function holds all operations so that flags and cycle budget stay in
+ * registers. */
 enum cortex_m0_event cortex_m0_execute(struct cortex_m0 *cpu)
 {
     static const void *const labels[] = {

@@ -104,7 +104,7 @@ void cortex_m0_systick_pause(struct cortex_m0 *cpu, uint64_t cycles); /* stop it
 /* nvic.c */
 void cortex_m0_reset_nvic(struct cortex_m0 *cpu);
 void cortex_m0_set_pending(struct cortex_m0 *cpu, unsigned number, uint64_t cycle);
-/* Next exception to be taken whose priority is higher (numerically lower) than `priority`; 0: none. */
+/* Return the next exception to be taken whose priority is higher (numerically lower) than `priority`; 0: none. */
 unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority);
 int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number);
 int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu); /* execution priority with PRIMASK ignored */
@@ -130,6 +130,7 @@ void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_on_event);
 void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t begin);
 void cortex_m0_account_end(struct cortex_m0 *cpu, unsigned number, uint64_t end);
 
+/* Set the stack pointer, whose bits 1:0 are always 0. */
 static inline void cortex_m0_set_sp(struct cortex_m0 *cpu, uint32_t value)
 {
     cpu->r[CORTEX_M0_SP] = value & ~UINT32_C(3);
@@ -138,20 +139,21 @@ static inline void cortex_m0_set_sp(struct cortex_m0 *cpu, uint32_t value)
     }
 }
 
-/* Sign-extends a two's complement number of `width` bits. */
+/* Sign-extend a two's complement number of `width` bits. */
 static inline int32_t cortex_m0_sign_extend(uint32_t value, unsigned width)
 {
     const uint32_t sign = 1u << (width - 1u);
     return (int32_t)((value ^ sign) - sign);
 }
 
-/* Offset of BL from its two halfwords: S, I1, I2 (J1 and J2, inverted where S is 0), imm10, imm11. */
+/* Return the offset of BL from its two halfwords: S, I1, I2 (J1 and J2, inverted where S is 0), imm10, imm11. */
 static inline int32_t cortex_m0_link_offset(uint32_t half, uint32_t second)
 {
     const uint32_t sign = half >> 10 & 1u, i1 = ~(second >> 13 ^ sign) & 1u, i2 = ~(second >> 11 ^ sign) & 1u;
     return cortex_m0_sign_extend(sign << 24 | i1 << 23 | i2 << 22 | (half & 0x3FFu) << 12 | (second & 0x7FFu) << 1, 25);
 }
 
+/* Return the halfword at `bytes`. */
 static inline uint32_t cortex_m0_read_half(const uint8_t *bytes)
 {
     uint16_t value;
@@ -159,6 +161,7 @@ static inline uint32_t cortex_m0_read_half(const uint8_t *bytes)
     return value;
 }
 
+/* Return the word at `bytes`. */
 static inline uint32_t cortex_m0_read_word(const uint8_t *bytes)
 {
     uint32_t value;

@@ -38,21 +38,22 @@ static void invalidate_range(struct cortex_m0_code *code, uint32_t address, uint
     }
 }
 
-/* Discards decoded instructions of a memory range that the caller has changed: `size` bytes from `address`. */
+/* Discard decoded instructions of a memory range that the caller has changed: `size` bytes from `address`. */
 void cortex_m0_memory_changed(struct cortex_m0 *cpu, uint32_t address, uint32_t size)
 {
     invalidate_range(&cpu->flash_code, address, size);
     invalidate_range(&cpu->ram_code, address, size);
 }
 
-/* Pointer to `address` in this memory; NULL if it lies outside. */
+/* Return a pointer to the byte at `address` in this memory; NULL if the address lies outside it. */
 static const uint8_t *memory_at(const struct cortex_m0_code *code, uint32_t address)
 {
     return address - code->base < code->size ? code->bytes + (address - code->base) : NULL;
 }
 
-/* Pass an access outside flash and RAM to the bus function of the caller and add its wait states. No function, an
- * error, or a retry where none is allowed is a bus fault. */
+/* Pass an access outside flash and RAM to the bus function of the caller, and add its wait states to the cycle
+ * counter. A missing function, an error, or a retry where none is allowed is a bus fault. Returns the event for the
+ * instruction. */
 static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_function *function,
                                        struct cortex_m0_access *access, bool can_retry)
 {
@@ -67,8 +68,9 @@ static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_f
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Read `size` bytes (1, 2 or 4) at any address: flash, RAM, system control space or bus. An unaligned address is a
- * fault. `can_retry`: the bus may postpone the access. */
+/* Read `size` bytes (1, 2 or 4) at any address: flash, RAM, system control space or bus. can_retry: the bus may
+ * postpone the access. Returns CORTEX_M0_EVENT_NONE, CORTEX_M0_EVENT_BUS_RETRY if the bus postponed the access, or
+ * CORTEX_M0_EVENT_FAULT for an unaligned or invalid access. */
 enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
                                     uint32_t *value)
 {
@@ -95,8 +97,10 @@ enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, uns
     return event;
 }
 
-/* Write `size` bytes (1, 2 or 4) at any address: RAM, system control space or bus. A store to flash goes to the bus,
- * and an unaligned address is a fault. `can_retry`: the bus may postpone the access. */
+/* Write `size` bytes (1, 2 or 4) at any address: RAM, system control space or bus; a store to flash goes to the bus. A
+ * store to RAM discards the instructions that were decoded there. can_retry: the bus may postpone the access. Returns
+ * CORTEX_M0_EVENT_NONE, CORTEX_M0_EVENT_BUS_RETRY if the bus postponed the access, or CORTEX_M0_EVENT_FAULT for an
+ * unaligned or invalid access. */
 enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
                                      uint32_t value)
 {

@@ -54,7 +54,7 @@ void taxel_cortex_m0_close(struct taxel_cortex_m0 *core)
     }
 }
 
-/* Pointer into flash or RAM; NULL unless the whole range lies in one of them. */
+/* Return a pointer to `size` bytes of flash or RAM; NULL unless the whole range lies in one of them. */
 static uint8_t *memory_at(struct taxel_cortex_m0 *core, uint32_t address, uint32_t size)
 {
     const uint32_t flash_size = core->cpu.config.flash_size, ram_size = core->cpu.config.ram_size;
@@ -89,27 +89,26 @@ int taxel_cortex_m0_read_memory(struct taxel_cortex_m0 *core, uint32_t address, 
     return 0;
 }
 
-/* Resets the processor: stack pointer and program counter come from the vector table at address `vectors`. */
+/* Reset the processor: stack pointer and program counter come from the vector table at address `vectors`. */
 void taxel_cortex_m0_reset(struct taxel_cortex_m0 *core, uint32_t vectors)
 {
     cortex_m0_reset(&core->cpu, vectors);
 }
 
-/* Runs the processor until its cycle counter reaches `until`. Returns the reason for the end of the run (enum
- * cortex_m0_event). */
+/* Run the processor until its cycle counter reaches `until`. Returns why the run ended (enum cortex_m0_reason). */
 int taxel_cortex_m0_run(struct taxel_cortex_m0 *core, uint64_t until)
 {
     return (int)cortex_m0_run(&core->cpu, until);
 }
 
-/* Executes one instruction or one exception entry. Returns the event that occurred (enum cortex_m0_event). */
+/* Execute one instruction or one exception entry. Returns why the step ended (enum cortex_m0_reason). */
 int taxel_cortex_m0_step(struct taxel_cortex_m0 *core)
 {
     return (int)cortex_m0_step(&core->cpu);
 }
 
-/* Number of instructions and exception entries that the processor executes until the cycle `until` or until another
- * reason stops it. */
+/* Execute instructions and exception entries until the cycle `until`, or until one of them ends for a reason other than
+ * the deadline. Returns their number, without the one that ended for another reason. */
 uint64_t taxel_cortex_m0_count_instructions(struct taxel_cortex_m0 *core, uint64_t until)
 {
     uint64_t count = 0;
@@ -119,19 +118,19 @@ uint64_t taxel_cortex_m0_count_instructions(struct taxel_cortex_m0 *core, uint64
     return count;
 }
 
-/* Advances the program counter over the BKPT instruction, 2 bytes, at which the processor halted. */
+/* Advance the program counter over the BKPT instruction, 2 bytes, at which the processor halted. */
 void taxel_cortex_m0_skip_breakpoint(struct taxel_cortex_m0 *core)
 {
     core->cpu.r[CORTEX_M0_PC] += 2u;
 }
 
-/* Sets the level of interrupt line `irq`: 1 high, 0 low. */
+/* Set the level of interrupt line `irq`: 1 high, 0 low. */
 void taxel_cortex_m0_set_line(struct taxel_cortex_m0 *core, unsigned irq, int high)
 {
     cortex_m0_set_line(&core->cpu, irq % CORTEX_M0_IRQS, high);
 }
 
-/* The cycle counter of the processor. */
+/* Return the cycle counter of the processor. */
 uint64_t taxel_cortex_m0_get_cycle(const struct taxel_cortex_m0 *core)
 {
     return core->cpu.cycle;
@@ -184,13 +183,13 @@ void taxel_cortex_m0_run_cases(struct taxel_cortex_m0 *core, struct taxel_cortex
     }
 }
 
-/* Switches the counting of cycles per exception handler on (1, from zero) or off (0). */
+/* Switch the counting of cycles per exception handler on (1, from zero) or off (0). */
 void taxel_cortex_m0_set_accounting(struct taxel_cortex_m0 *core, int on)
 {
     cortex_m0_set_account(&core->cpu, on ? &core->account : NULL);
 }
 
-/* Copies the counted cycles and instructions of the handler of exception number `exception` to `cost`. */
+/* Copy the counted cycles of the handler of exception number `exception` to `cost`. */
 void taxel_cortex_m0_get_cost(const struct taxel_cortex_m0 *core, unsigned exception, struct cortex_m0_cost *cost)
 {
     *cost = core->account.cost[exception % CORTEX_M0_EXCEPTIONS];

@@ -20,7 +20,8 @@ struct taxel_cortex_m0_state {
     uint32_t lowest_msp;
 };
 
-/* Returns NULL if out of memory or if a size is not a multiple of 4. `halt_flags`: TAXEL_CORTEX_M0_HALT_*. */
+/* Create a processor. Returns NULL if out of memory or if a size is not a multiple of 4. halt_flags: sum of
+ * TAXEL_CORTEX_M0_HALT_*. */
 struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait,
                                              uint8_t multiply, int halt_flags);
 void taxel_cortex_m0_close(struct taxel_cortex_m0 *core);
@@ -30,11 +31,11 @@ int taxel_cortex_m0_write_memory(struct taxel_cortex_m0 *core, uint32_t address,
 int taxel_cortex_m0_read_memory(struct taxel_cortex_m0 *core, uint32_t address, uint8_t *bytes, uint32_t size);
 
 void taxel_cortex_m0_reset(struct taxel_cortex_m0 *core, uint32_t vectors);
-/* Return an enum cortex_m0_reason. */
+/* Run until a cycle, or execute one instruction or exception entry. Both return an enum cortex_m0_reason. */
 int taxel_cortex_m0_run(struct taxel_cortex_m0 *core, uint64_t until);
 int taxel_cortex_m0_step(struct taxel_cortex_m0 *core);
-/* Steps until the cycle `until`, or until a step ends for another reason than the deadline. Returns the number of
- * steps. */
+/* Step until the cycle `until`, or until a step ends for a reason other than the deadline. Returns the number of steps
+ * that ended by the deadline. */
 uint64_t taxel_cortex_m0_count_instructions(struct taxel_cortex_m0 *core, uint64_t until);
 void taxel_cortex_m0_skip_breakpoint(struct taxel_cortex_m0 *core); /* step over the BKPT at r[15] */
 void taxel_cortex_m0_set_line(struct taxel_cortex_m0 *core, unsigned irq, int high);

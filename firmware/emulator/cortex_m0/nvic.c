@@ -32,8 +32,8 @@ void cortex_m0_set_pending(struct cortex_m0 *cpu, unsigned number, uint64_t cycl
     }
 }
 
-/* Number of the enabled pending exception that preempts execution at `priority` (a lower number is a higher priority),
- * or 0. NMI and HardFault have the fixed priorities -2 and -1. */
+/* Return the number of the enabled pending exception that preempts execution at `priority` (a lower number is a higher
+ * priority), or 0 if there is none. NMI and HardFault have the fixed priorities -2 and -1. */
 unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
 {
     const uint64_t ready = cpu->pending & cpu->enabled;
@@ -55,7 +55,7 @@ unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
     return 0;
 }
 
-/* Configured priority, 0 (highest) to 3, of an exception. */
+/* Return the configured priority of an exception, 0 (highest) to 3. */
 unsigned cortex_m0_level_of(const struct cortex_m0 *cpu, unsigned number)
 {
     unsigned level = 0;
@@ -74,7 +74,7 @@ void cortex_m0_set_level(struct cortex_m0 *cpu, unsigned number, unsigned level)
     cpu->level[level] |= CORTEX_M0_BIT(number);
 }
 
-/* Priority of an exception: fixed for NMI (-2) and HardFault (-1), otherwise the configured level 0 to 3. */
+/* Return the priority of an exception: fixed for NMI (-2) and HardFault (-1), otherwise the configured level 0 to 3. */
 int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
 {
     switch (number) {
@@ -87,8 +87,8 @@ int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
     }
 }
 
-/* Execution priority without the effect of PRIMASK: the highest priority (lowest number) of all active exceptions, 4 in
- * thread mode. */
+/* Return the execution priority without the effect of PRIMASK: the highest priority (lowest number) of all active
+ * exceptions; 4 in thread mode. */
 int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu)
 {
     int priority = CORTEX_M0_PRIORITY_THREAD;
@@ -119,19 +119,19 @@ void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high)
     cpu->lines = high ? cpu->lines | bit : cpu->lines & ~bit;
 }
 
-/* Makes interrupt number `irq` pending once, as a short pulse on its line does. */
+/* Make interrupt number `irq` pending once, as a short pulse on its line does. */
 void cortex_m0_pulse(struct cortex_m0 *cpu, unsigned irq)
 {
     cortex_m0_set_pending(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
 }
 
-/* Makes the non-maskable interrupt pending once. */
+/* Make the non-maskable interrupt pending once. */
 void cortex_m0_pulse_nmi(struct cortex_m0 *cpu)
 {
     cortex_m0_set_pending(cpu, CORTEX_M0_NMI, cpu->cycle);
 }
 
-/* Sets the event flag of the processor, which ends a sleep by the instruction WFE. */
+/* Set the event flag of the processor, which ends a sleep by the instruction WFE. */
 void cortex_m0_send_event(struct cortex_m0 *cpu)
 {
     cpu->event = true;

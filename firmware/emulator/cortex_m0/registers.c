@@ -25,7 +25,8 @@ void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
     cpu->thumb = xpsr & FLAG_T;
 }
 
-/* Whether a condition code of the manual (0 EQ to 13 LE) holds; an odd code is the inverse of the code before it. */
+/* Return whether a condition code of the manual (0 EQ to 13 LE) holds; an odd code is the inverse of the code before
+ * it. */
 bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
 {
     const bool z = cpu->z == 0, c = cpu->c, n = cpu->n >> 31, v = cpu->v >> 31;
@@ -48,31 +49,31 @@ void cortex_m0_use_stack(struct cortex_m0 *cpu, bool process)
     cpu->process_stack = process;
 }
 
-/* The main stack pointer, also while the processor uses the process stack. */
+/* Return the main stack pointer, also while the processor uses the process stack. */
 uint32_t cortex_m0_msp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->other_sp : cpu->r[CORTEX_M0_SP];
 }
 
-/* The process stack pointer, also while the processor uses the main stack. */
+/* Return the process stack pointer, also while the processor uses the main stack. */
 uint32_t cortex_m0_psp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->r[CORTEX_M0_SP] : cpu->other_sp;
 }
 
-/* The lowest value that the main stack pointer has had since the last reset of the marks. */
+/* Return the lowest value that the main stack pointer has had since the last reset of the marks. */
 uint32_t cortex_m0_lowest_msp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->other_lowest_sp : cpu->lowest_sp;
 }
 
-/* The lowest value that the process stack pointer has had since the last reset of the marks. */
+/* Return the lowest value that the process stack pointer has had since the last reset of the marks. */
 uint32_t cortex_m0_lowest_psp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->lowest_sp : cpu->other_lowest_sp;
 }
 
-/* Sets the lowest values of both stack pointers to their present values, to measure the stack depth from here
+/* Set the lowest values of both stack pointers to their present values, to measure the stack depth from here
  * on. */
 void cortex_m0_reset_stack_marks(struct cortex_m0 *cpu)
 {

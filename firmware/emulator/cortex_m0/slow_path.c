@@ -4,7 +4,7 @@
 
 #define EXC_RETURN_FIRST 0xF0000000u
 
-/* Number of bytes that a load or store operation accesses. */
+/* Return the number of bytes that a load or store operation accesses. */
 static unsigned get_access_size(uint8_t kind)
 {
     switch (kind) {
@@ -25,8 +25,8 @@ static unsigned get_access_size(uint8_t kind)
     }
 }
 
-/* Execute a load that the fast path does not finish: another address than RAM or flash, or an unaligned one. Two cycles
- * plus the wait states of the bus. */
+/* Execute a load that the fast path does not finish: from an address outside RAM and flash, or from an unaligned
+ * address. Two cycles plus the wait states of the bus. */
 enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                             uint32_t address)
 {
@@ -46,8 +46,8 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Execute a store that the fast path does not finish: another address than RAM, or an unaligned one. Two cycles plus
- * the wait states of the bus. */
+/* Execute a store that the fast path does not finish: to an address outside RAM, or to an unaligned address. Two cycles
+ * plus the wait states of the bus. */
 enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                              uint32_t address)
 {
@@ -61,8 +61,9 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Transfer the words of a register list in order of register number, one per cycle. Registers change only if every word
- * could be read, so that the instruction can be repeated. */
+/* Transfer the words of a register list between memory and registers, in order of register number, one per cycle. A
+ * load also stores them in `words`; registers change only if every word could be read, so that the instruction can be
+ * repeated. Returns the event of the first access that fails. */
 static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address,
                                       bool is_load, uint32_t words[])
 {
@@ -121,7 +122,7 @@ enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* The decoded code of the memory (flash or RAM) that contains `address`; NULL if neither does. */
+/* Return the decoded code of the memory (flash or RAM) that contains `address`; NULL if neither does. */
 struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address)
 {
     if (address - cpu->flash_code.base < cpu->flash_code.size) {

@@ -10,7 +10,7 @@ enum special_register { LAST_PSR = 7, SYS_MSP = 8, SYS_PSP = 9, SYS_PRIMASK = 16
 #define SPECIAL_CYCLES 4u
 #define WAIT_CYCLES 2u
 
-/* Completes an instruction: advances the program counter by `bytes` and the cycle counter by `cycles`. Returns no
+/* Complete an instruction: advances the program counter by `bytes` and the cycle counter by `cycles`. Returns no
  * event. */
 static enum cortex_m0_event finish_instruction(struct cortex_m0 *cpu, uint32_t bytes, uint32_t cycles)
 {
@@ -19,7 +19,7 @@ static enum cortex_m0_event finish_instruction(struct cortex_m0 *cpu, uint32_t b
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Completes a jump to `address` (bit 0 is ignored) that takes `cycles`. Returns no event. */
+/* Complete a jump to `address` (bit 0 is ignored) that takes `cycles`. Returns no event. */
 static enum cortex_m0_event finish_jump(struct cortex_m0 *cpu, uint32_t address, uint32_t cycles)
 {
     cpu->cycle += cycles;
@@ -27,7 +27,7 @@ static enum cortex_m0_event finish_jump(struct cortex_m0 *cpu, uint32_t address,
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Records the fault of an undefined instruction at the present program counter. Returns the event of the fault. */
+/* Record the fault of an undefined instruction at the present program counter. Returns the event of the fault. */
 static enum cortex_m0_event record_undefined(struct cortex_m0 *cpu)
 {
     return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNDEFINED, cpu->r[CORTEX_M0_PC]);

@@ -39,7 +39,8 @@
 #define SCR_SLEEPDEEP 4u
 #define SCR_SEVONPEND 16u
 
-/* Value of ICSR: active exception, next pending exception, and the pending bits of NMI, PendSV and SysTick. */
+/* Return the value of ICSR: active exception, next pending exception, and the pending bits of NMI, PendSV and
+ * SysTick. */
 static uint32_t read_interrupt_control(const struct cortex_m0 *cpu)
 {
     const uint64_t pending = cpu->pending;
@@ -50,8 +51,8 @@ static uint32_t read_interrupt_control(const struct cortex_m0 *cpu)
            (pending & CORTEX_M0_BIT(CORTEX_M0_NMI) ? ICSR_NMIPENDSET : 0);
 }
 
-/* Priority register of four consecutive exceptions, from number `first` on: each level occupies the top two bits of a
- * byte. */
+/* Return the priority register of four consecutive exceptions, from number `first` on: each level occupies the top two
+ * bits of a byte. */
 static uint32_t read_four_priorities(const struct cortex_m0 *cpu, unsigned first)
 {
     uint32_t value = 0;
@@ -70,8 +71,8 @@ static void set_four_priorities(struct cortex_m0 *cpu, unsigned first, uint32_t 
     cortex_m0_update_priority(cpu);
 }
 
-/* Value of a register of the system control space; unimplemented registers read as 0. SysTick must be settled to the
- * cycle of the access. Reading SYST_CSR clears COUNTFLAG. */
+/* Return the value of a register of the system control space; unimplemented registers read as 0. SysTick must be
+ * settled to the cycle of the access. Reading SYST_CSR clears COUNTFLAG. */
 static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
 {
     if (offset >= NVIC_IPR && offset < NVIC_IPR_END) {
@@ -136,7 +137,7 @@ static void set_interrupt_control(struct cortex_m0 *cpu, uint32_t value, uint64_
     }
 }
 
-/* Make the interrupts of the bit mask `irqs` pending. */
+/* Make the interrupts of the bit mask `irqs` pending as of `cycle`. */
 static void pend_interrupts(struct cortex_m0 *cpu, uint32_t irqs, uint64_t cycle)
 {
     for (uint32_t remaining = irqs; remaining; remaining &= remaining - 1u) {
@@ -152,7 +153,7 @@ static void unpend_interrupts(struct cortex_m0 *cpu, uint32_t irqs)
     cpu->pending &= ~((uint64_t)irqs << CORTEX_M0_IRQ0 & ~held_by_line);
 }
 
-/* Applies a value that the program wrote to SCR, the system control register with the settings of sleep modes. */
+/* Apply a value that the program wrote to SCR, the system control register with the settings of sleep modes. */
 static void set_sleep_control(struct cortex_m0 *cpu, uint32_t value)
 {
     cpu->sleep_on_exit = value & SCR_SLEEPONEXIT;
@@ -214,7 +215,7 @@ static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycl
     }
 }
 
-/* Reads the processor's register at 0xE000E000 + offset, as of the given cycle, at which the timer SysTick is
+/* Read the processor's register at 0xE000E000 + offset, as of the given cycle, at which the timer SysTick is
  * brought up to date. */
 uint32_t cortex_m0_system_read(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle)
 {
@@ -222,7 +223,7 @@ uint32_t cortex_m0_system_read(struct cortex_m0 *cpu, uint32_t offset, uint64_t 
     return read_register(cpu, offset);
 }
 
-/* Writes `value` to the processor's register at 0xE000E000 + offset in the given cycle. */
+/* Write `value` to the processor's register at 0xE000E000 + offset in the given cycle. */
 void cortex_m0_system_write(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle, uint32_t value)
 {
     cortex_m0_systick_settle(cpu, cycle);

@@ -8,13 +8,14 @@
 #define CLKSOURCE 4u
 #define COUNTFLAG 0x10000u
 
-/* Number of processor cycles per count of the timer SysTick: 1, or the period of the external reference clock. */
+/* Return the number of processor cycles per count of the timer SysTick: 1, or the period of the external reference
+ * clock. */
 static uint64_t cycles_per_tick(const struct cortex_m0 *cpu)
 {
     return cpu->systick.processor_clock ? 1u : cpu->config.systick_reference;
 }
 
-/* Ticks from the cycle `origin` until the counter reaches 0; 0 if the counter is stopped at 0. */
+/* Return the ticks from the cycle `origin` until the counter reaches 0; 0 if the counter is stopped at 0. */
 static uint64_t ticks_to_zero(const struct cortex_m0_systick *timer)
 {
     if (timer->value) {
@@ -54,8 +55,8 @@ void cortex_m0_systick_settle(struct cortex_m0 *cpu, uint64_t cycle)
     }
 }
 
-/* Cycle in which the SysTick exception becomes pending next; UINT64_MAX if the counter is stopped or its interrupt is
- * disabled. */
+/* Return the cycle in which the SysTick exception becomes pending next; UINT64_MAX if the counter is stopped or its
+ * interrupt is disabled. */
 uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
@@ -64,7 +65,7 @@ uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
                                                                : UINT64_MAX;
 }
 
-/* The value of the timer's control register SYST_CSR. */
+/* Return the value of the timer's control register SYST_CSR. */
 uint32_t cortex_m0_systick_control(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;

@@ -8,13 +8,13 @@
 
 #define SMALLEST_SLIP_M 1e-12 /* a shorter slip has no direction */
 
-/* Centre of mass of an object in the world (metres). */
+/* Compute the centre of mass of an object in the world (metres). */
 void free_object_centre(const struct free_object *object, double centre[3])
 {
     frame_point(&object->pose, object->centre, centre);
 }
 
-/* Inertia of an object about its centre of mass in world coordinates (kg m2): R I R^T. */
+/* Compute the inertia of an object about its centre of mass in world coordinates (kg m2): R I R^T. */
 void free_object_inertia(const struct free_object *object, double inertia[3][3])
 {
     double half[3][3]; /* R I */
@@ -36,8 +36,9 @@ struct support {
     double force[3], spring[3][3]; /* N, N/m */
 };
 
-/* Press vertex number `vertex`, which lies at `point` and `depth` metres below the plane of the stand, on the stand, and
- * let the point where the vertex sticks follow. */
+/* Return force and stiffness of the stand at vertex number `vertex`, which lies at `point`, `depth` metres below the
+ * plane of the stand. Updates the point where the vertex sticks: at the first contact it sticks at `point`; beyond the
+ * friction limit it slides. */
 static struct support press_vertex(struct free_object *object, size_t vertex, const double point[3], double depth)
 {
     const double *up = object->up;
@@ -66,7 +67,8 @@ static struct support press_vertex(struct free_object *object, size_t vertex, co
     return support;
 }
 
-/* Add a force and a spring at `arm` from the centre of mass to the load and the stiffness of the object. */
+/* Add a force and a spring at `arm` (metres from the centre of mass, world coordinates) to the load and the stiffness
+ * of the object. */
 static void add_support(const struct support *support, const double arm[3], double load[OBJECT_DOF],
                         double stiffness[OBJECT_DOF][OBJECT_DOF])
 {
@@ -94,7 +96,8 @@ static void add_support(const struct support *support, const double arm[3], doub
     }
 }
 
-/* Sum of weight and forces of the stand in all vertices, with the stiffness; the points where the vertices stick follow. */
+/* Compute the sum of weight and forces of the stand at all vertices, with the stiffness. Updates the points where the
+ * vertices stick. */
 void free_object_support(struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF][OBJECT_DOF])
 {
     double centre[3];
@@ -118,7 +121,8 @@ void free_object_support(struct free_object *object, double load[OBJECT_DOF], do
     }
 }
 
-/* Force, stiffness and damping of the experimenter's hand, proportional to the firmness of the hold. */
+/* Compute force, stiffness and damping of the experimenter's hand, which are proportional to the firmness of the hold.
+ * The force draws the object back to the pose in which the experimenter took hold; all are 0 without a hold. */
 void free_object_steadying(const struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF],
                            double damping[OBJECT_DOF])
 {
@@ -147,7 +151,8 @@ void free_object_steadying(const struct free_object *object, double load[OBJECT_
     }
 }
 
-/* Move the centre of mass and turn the object about it, at constant velocity for `dt` seconds. */
+/* Move the centre of mass and rotate the object about it, at constant velocity for `dt` seconds. velocity: m/s, then
+ * rad/s. */
 void free_object_move(struct free_object *object, const double velocity[OBJECT_DOF], double dt)
 {
     const double shift[3] = {dt * velocity[0], dt * velocity[1], dt * velocity[2]};

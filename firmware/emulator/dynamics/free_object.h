@@ -2,8 +2,8 @@
  * may steady.
  *
  * Coordinates of the motion: the centre of mass, and the rotation, both in world coordinates. The points of the object
- * that touch the stand are its vertices. Each vertex is a spring across the plane, sticks to the plane, and slides where
- * the force along the plane exceeds the friction coefficient times the force across. */
+ * that touch the stand are its vertices. Each vertex is a spring across the plane, sticks to the plane, and slides
+ * where the force along the plane exceeds the friction coefficient times the force across it. */
 #ifndef EMULATOR_DYNAMICS_FREE_OBJECT_H
 #define EMULATOR_DYNAMICS_FREE_OBJECT_H
 
@@ -13,7 +13,8 @@
 
 #define OBJECT_DOF 6
 
-/* Constants and state of an object. The caller fills in all values; the functions of this header change only the state. */
+/* Constants and state of an object. The caller fills in all values; the functions of this header change only the
+ * state. */
 struct free_object {
     double mass_kg, gravity_m_per_s2;
     double centre[3];                               /* of mass, object frame, metres */
@@ -30,17 +31,18 @@ struct free_object {
     double firmness;                  /* of the experimenter's hold, 0 to 1 */
 };
 
-/* Centre of mass in the world, metres. */
+/* Compute the centre of mass in the world, metres. */
 void free_object_centre(const struct free_object *object, double centre[3]);
 
-/* Inertia about the centre of mass in world coordinates, kg m2. */
+/* Compute the inertia about the centre of mass in world coordinates, kg m2. */
 void free_object_inertia(const struct free_object *object, double inertia[3][3]);
 
-/* Weight and force of the stand, and the stiffness of the stand. The points where the object sticks to the stand follow:
- * call it once per time step. load: N, and Nm about the centre of mass. */
+/* Compute the sum of weight and forces of the stand (load: N, and Nm about the centre of mass), and the stiffness of
+ * the stand. Updates where each vertex sticks to the stand, so it must be called once per time step. */
 void free_object_support(struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF][OBJECT_DOF]);
 
-/* Force of the experimenter's hand (N, and Nm about the centre of mass), its stiffness and its damping. */
+/* Compute the force of the experimenter's hand that steadies the object (load: N, and Nm about the centre of mass), and
+ * the stiffness and damping of this hold, one value per coordinate. */
 void free_object_steadying(const struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF],
                            double damping[OBJECT_DOF]);
 

@@ -9,7 +9,7 @@
 #define END_TOLERANCE_S 1e-9 /* shorter remainders of a call are rounding errors */
 #define SMALLEST_SPEED_M_PER_S 1e-9
 
-/* Load of a board: the layout of taxel_contact_evaluate(). */
+/* Load of a board, in the layout that taxel_contact_evaluate() writes. */
 struct board_contact {
     double wrench[6], stiffness[6][6], clearance;
 };
@@ -46,7 +46,7 @@ static void evaluate_contact(struct hand_dynamics *hand, struct step *step)
     }
 }
 
-/* Whether a contact puts a load on a board. */
+/* Return whether a contact puts a load on a board. */
 static bool is_loaded(const struct board_contact *load)
 {
     bool is_nonzero = false;
@@ -56,13 +56,14 @@ static bool is_loaded(const struct board_contact *load)
     return is_nonzero;
 }
 
-/* Length of a vector. */
+/* Return the length of a vector. */
 static double norm(const double v[3])
 {
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/* Speed (m/s) of a board relative to the object, if the board is so near that the speed limits the time step; else 0. */
+/* Return the speed (m/s) of a board relative to the object if it limits the time step: the board is so near that it
+ * could touch the object in the step, and does not move away. Otherwise 0. */
 static double limiting_speed(const struct hand_dynamics *hand, const struct step *step, size_t board)
 {
     const struct bracket_motion *motion = &step->motions[board];
@@ -86,8 +87,8 @@ static double limiting_speed(const struct hand_dynamics *hand, const struct step
     return is_near && !is_separating ? speed : 0.0;
 }
 
-/* Choose the duration (seconds) of the time step, so that no board near the object moves too far. longest: remaining
- * time. */
+/* Return the duration (seconds) of the time step, chosen so that no board near the object moves too far. longest:
+ * remaining time; the result divides it into equal steps. */
 static double choose_duration(const struct hand_dynamics *hand, const struct step *step, double longest)
 {
     double speed = SMALLEST_SPEED_M_PER_S;
@@ -98,7 +99,8 @@ static double choose_duration(const struct hand_dynamics *hand, const struct ste
     return longest / ceil(longest / fmax(limit, hand->limits.shortest_s) - 1e-9);
 }
 
-/* Start the equations of motion with the joints: torques, inertia, damping, friction and stops. */
+/* Start the equations of motion, system * velocity = force, with the joints: torques, inertia, damping, friction and
+ * stops. The velocity is that at the end of the step. */
 static void add_joints(struct hand_dynamics *hand, struct step *step, const double *torque, double dt)
 {
     const struct joint_constants *constants = &hand->constants;
@@ -181,7 +183,7 @@ static void move(struct hand_dynamics *hand, struct step *step, double dt)
     free_object_move(hand->object, hand->object_velocity, dt);
 }
 
-/* Integrate over one time step of at most `longest` seconds; return its duration. */
+/* Integrate over one time step of at most `longest` seconds. Returns its duration. */
 static double advance(struct hand_dynamics *hand, struct step *step, const double *torque, double longest)
 {
     evaluate_contact(hand, step);
@@ -197,7 +199,8 @@ static double advance(struct hand_dynamics *hand, struct step *step, const doubl
     return dt;
 }
 
-/* Integrate over `duration` seconds in time steps; the wrist moves at constant speed from its former to its present pose. */
+/* Integrate the motion over `duration` seconds in time steps. The wrist moves at constant speed from its former to its
+ * present position. */
 void hand_dynamics_step(struct hand_dynamics *hand, const double *torque, double duration)
 {
     const struct frame end = hand->wrist;

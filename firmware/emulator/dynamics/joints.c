@@ -3,7 +3,8 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* Torque (Nm) of dry friction and stop of a joint, and its stiffness *rate (Nm/rad). */
+/* Return the torque (Nm) of dry friction and stop of a joint, and write its stiffness *rate (Nm/rad). Updates the angle
+ * at which the spring of the dry friction is unloaded. */
 double joint_resist(const struct joint_constants *constants, struct joint *joint, double *rate)
 {
     const double friction_rate = constants->friction_nm / constants->breakaway_rad;

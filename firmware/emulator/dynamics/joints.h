@@ -18,8 +18,8 @@ struct joint {
     double rest_angle;   /* where the spring of the dry friction is unloaded */
 };
 
-/* Torque (Nm) of dry friction and stop of a joint, and its stiffness *rate (Nm/rad). The angle at which the spring of the
- * dry friction is unloaded follows: call it once per time step. */
+/* Return the torque (Nm) of dry friction and stop of a joint, and write its stiffness *rate (Nm/rad). Updates the angle
+ * at which the spring of the dry friction is unloaded, so it must be called once per time step. */
 double joint_resist(const struct joint_constants *constants, struct joint *joint, double *rate);
 
 #endif

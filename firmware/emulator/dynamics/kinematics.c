@@ -36,7 +36,8 @@ void kinematics_to_bracket(const struct frame *bracket, const double in[3], doub
     }
 }
 
-/* Append the motion for a unit speed of one coordinate. translation, rotation: world. */
+/* Append the motion of the bracket for a unit speed of one coordinate. translation (m/s) and rotation (rad/s): in the
+ * world; they are stored in the frame of the bracket. */
 static void append(struct bracket_motion *motion, size_t coordinate, const struct frame *bracket,
                    const double translation[3], const double rotation[3])
 {
@@ -46,8 +47,8 @@ static void append(struct bracket_motion *motion, size_t coordinate, const struc
     kinematics_to_bracket(bracket, rotation, &twist[3]);
 }
 
-/* Compute the motion of a bracket relative to the object for a unit speed of each joint that carries the bracket, and of
- * each coordinate of the object. */
+/* Compute the motion of a bracket relative to the object for a unit speed of each joint that carries the bracket, and
+ * of each coordinate of the object. */
 void kinematics_motion(const struct kinematic_tree *tree, size_t board, const struct frame *links,
                        const struct frame *bracket, const double centre[3], struct bracket_motion *motion)
 {

@@ -22,7 +22,7 @@ struct kinematic_tree {
     const double (*axis)[3];      /* [joint_count], unit vector in the frame of the link that the joint moves */
     const int32_t *board_link;    /* [board_count] */
     const struct frame *bracket;  /* [board_count], nominal pose of a bracket on its link */
-    const struct frame *mounting; /* [board_count], true pose of a bracket in its nominal frame */
+    const struct frame *mounting; /* [board_count], pose of the mounted bracket relative to its nominal pose */
 };
 
 /* Motion of one bracket relative to the object, in the true frame of the bracket, for a unit speed of each coordinate:

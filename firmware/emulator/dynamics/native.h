@@ -14,8 +14,8 @@
 
 #include "emulator/dynamics/hand_dynamics.h"
 
-/* Sizes of the structures in bytes, and the largest numbers of links, joints and boards, for the checks of a caller in
- * another language. */
+/* Write the sizes of the structures in bytes and the largest numbers of links, joints and boards, for the checks of a
+ * caller in another language. */
 void taxel_dynamics_sizes(size_t sizes[5]);
 
 /* Integrate the motion of hand and object over `duration` seconds. torque[joints]: of the motors, Nm. */
@@ -24,7 +24,8 @@ void taxel_dynamics_step(struct hand_dynamics *hand, const double *torque, doubl
 /* Write the nominal poses of the brackets in the world: poses[boards][12], 3 rows of 4 each. */
 void taxel_dynamics_brackets(const struct hand_dynamics *hand, double *poses);
 
-/* Write weight and force of the stand, load[6], and the stiffness of the stand, stiffness[6][6]. */
+/* Write the sum of weight and force of the stand, load[6], and the stiffness of the stand, stiffness[6][6]. Updates
+ * where the vertices stick. */
 void taxel_dynamics_support(struct free_object *object, double *load, double *stiffness);
 
 /* Write the force of the experimenter's hand, its stiffness and its damping, each [6]. */

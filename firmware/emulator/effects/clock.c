@@ -30,8 +30,8 @@ int clock_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Thermal drift of the oscillator of one board, with a phase that depends on the seed and the I2C address. The
- * amplitude is 0 (no drift) if the world requests none. */
+/* Return the thermal drift of the oscillator of one board, with a phase that depends on the seed and the I2C address.
+ * The amplitude is 0 (no drift) if the world file states none. */
 struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address)
 {
     struct random_source random;
@@ -46,13 +46,14 @@ struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t boa
     };
 }
 
-/* Clock rate relative to nominal at `time` (seconds): 1 + a sin(w t + phase). */
+/* Return the clock rate relative to its nominal value at `time` (seconds): 1 + a sin(w t + phase). */
 double clock_drift_factor(const struct clock_drift *drift, double time)
 {
     return 1.0 + drift->amplitude * sin(drift->angular_frequency * time + drift->phase);
 }
 
-/* Seconds by which the drift has advanced the clock since time 0: the integral of a sin(w t + phase). */
+/* Return the seconds by which the drift has advanced the clock since time 0: the integral of a sin(w t + phase). The
+ * amplitude of the drift must not be 0. */
 double clock_drift_offset(const struct clock_drift *drift, double time)
 {
     return drift->amplitude / drift->angular_frequency *

@@ -23,10 +23,12 @@ struct clock_drift {
 };
 
 int clock_read(struct effect_line *line, struct effects *effects);
+/* Return the thermal drift of the oscillator of one board; its phase depends on the seed and the I2C address. */
 struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address);
 
-/* Factor on the clock rate at a time, and seconds by which the drift has advanced the clock since time 0. */
+/* Return the factor on the clock rate at a time (seconds). */
 double clock_drift_factor(const struct clock_drift *drift, double time);
+/* Return the seconds by which the drift has advanced the clock since time 0. */
 double clock_drift_offset(const struct clock_drift *drift, double time);
 
 #endif

@@ -40,7 +40,7 @@ int coupling_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* True if the effect "coupling" (resistance of the lines) acts on board number `board`. */
+/* Return whether the effect `coupling` acts on board number `board`: TX or RX lines have a resistance. */
 bool coupling_is_on(const struct coupling_effect *coupling, size_t board)
 {
     return coupling->board[board].tx_ohm > 0.0 || coupling->board[board].rx_ohm > 0.0;
@@ -91,8 +91,8 @@ void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINE
     lines->calibration = effective * CALIBRATION_MAX > ideal ? ideal / effective : CALIBRATION_MAX;
 }
 
-/* Capacitance (farad) that the converter measures at a crossing, crosstalk included. The network is solved only if a
- * capacitance has changed since the last solution for this TX line. */
+/* Return the capacitance (farad) that the converter measures at a crossing, with crosstalk. The network is solved only
+ * if a capacitance has changed since the last solution for this TX line. */
 double coupling_effective_capacitance(struct coupling_lines *lines, int tx, int rx)
 {
     if (lines->solved_version[tx] != lines->version) {

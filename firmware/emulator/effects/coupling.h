@@ -40,7 +40,7 @@ struct coupling_lines {
 int coupling_read(struct effect_line *line, struct effects *effects);
 bool coupling_is_on(const struct coupling_effect *coupling, size_t board);
 
-/* Set the network's parameters, at the start and after a change of the TX clock. */
+/* Set the network's parameters. Call at the start and after each change of the TX clock. */
 void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count,
                         double tx_hz);
 /* Set the calibration so that the mean over these capacitances [tx][rx] (farad, 0 without a taxel) is unchanged. */
@@ -49,7 +49,7 @@ void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINE
 /* Set the capacitances [tx][rx] of the crossings, farad. */
 void coupling_set_capacitances(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 
-/* Effective capacitance of a crossing as measured by the converter, farad. */
+/* Return the capacitance (farad) of a crossing that the converter measures. */
 double coupling_effective_capacitance(struct coupling_lines *lines, int tx, int rx);
 
 #endif

@@ -26,19 +26,19 @@ int dead_read(struct effect_line *line, struct effects *effects)
         return -1;
     }
     entry.taxel = (uint16_t)taxel;
-    entry.stuck = form == 1;
+    entry.is_stuck = form == 1;
     entry.value = (uint16_t)value;
     dead->taxels[dead->count++] = entry;
     return 0;
 }
 
-/* Parameters of the dead taxel with index `taxel` on a board, or NULL if the taxel is healthy. `stuck` selects taxels
- * with a constant raw count instead of taxels detached from the layer. */
-const struct dead_taxel *dead_find_taxel(const struct dead_effect *dead, size_t board, uint16_t taxel, bool stuck)
+/* Return the parameters of the dead taxel with index `taxel` on a board, or NULL if the taxel is healthy. is_stuck:
+ * search taxels with a constant raw count instead of taxels detached from the layer. */
+const struct dead_taxel *dead_find_taxel(const struct dead_effect *dead, size_t board, uint16_t taxel, bool is_stuck)
 {
     for (size_t i = 0; i < dead->count; i++) {
         const struct dead_taxel *entry = &dead->taxels[i];
-        if (entry->board == board && entry->taxel == taxel && entry->stuck == stuck) {
+        if (entry->board == board && entry->taxel == taxel && entry->is_stuck == is_stuck) {
             return entry;
         }
     }

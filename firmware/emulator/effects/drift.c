@@ -34,13 +34,13 @@ int drift_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* True if one line of the effect "drift" has a strength above 0 and applies to board number `board`. */
+/* Return whether one line of the effect `drift` has a nonzero amplitude and applies to board number `board`. */
 static bool acts_on(const struct drift_slot *slot, size_t board)
 {
     return slot->counts != 0.0 && effect_boards_contain(&slot->boards, board);
 }
 
-/* Whether any requested drift acts on this board. */
+/* Return whether any line of the effect `drift` acts on board number `board`. */
 bool drift_is_on(const struct drift_effect *drift, size_t board)
 {
     for (size_t i = 0; i < drift->count; i++) {
@@ -99,8 +99,8 @@ void drift_begin_scan(struct drift_board *drift, double time, double powered)
     }
 }
 
-/* Drift of one taxel during the current scan, in counts under the scan settings of the world: the drift common to the
- * board plus the part that is proportional to the deviation of the taxel. */
+/* Return the drift of one taxel during the current scan, in counts under the world's scan settings: the drift common to
+ * the board plus the part that is proportional to the deviation of the taxel. */
 double drift_counts(const struct drift_board *drift, size_t taxel)
 {
     double sum = 0.0;

@@ -1,12 +1,14 @@
-/* Capacitances that drift with temperature. Keys counts= (at rest, under the world's scan settings), seconds=, board=,
- * share= (0.3): standard deviation between taxels relative to the board.
+/* Capacitances that drift with temperature. Keys: counts= (amplitude, in counts under the world's scan settings),
+ * seconds= (time constant), board=, share= (default 0.3; standard deviation between taxels relative to the drift of the
+ * board).
  *
  * Form `warm_up`: after power-on the board heats its traces with one time constant s and, through the traces, the layer
  * of each taxel with 3 s. The amplitude of a board is counts * exp(0.3 n); the capacitance of a taxel changes by
  *     amplitude * ((1 - e^(-t/s)) + share * n_taxel * (1 - (3 e^(-t/3s) - e^(-t/s)) / 2)).
  * Form `wander`: ambient temperature. The board's temperature is an Ornstein-Uhlenbeck process with standard deviation
- * counts and correlation time seconds, updated exactly at the start of each scan; a taxel follows with factor 1 + share
- * * n_taxel. n: standard normal numbers of the board and of the taxel. Up to 8 lines add up. */
+ * `counts` and correlation time `seconds`, updated exactly at the start of each scan; a taxel follows with
+ * factor 1 + share * n_taxel. n, n_taxel: standard normal numbers of the board and of the taxel. The drifts of up to 8
+ * lines add up. */
 #ifndef EMULATOR_EFFECTS_DRIFT_H
 #define EMULATOR_EFFECTS_DRIFT_H
 
@@ -22,6 +24,7 @@
 struct effect_line;
 struct effects;
 
+/* Parameters of one line of the effect. */
 struct drift_slot {
     bool is_random;
     struct effect_boards boards;
@@ -33,6 +36,7 @@ struct drift_effect {
     size_t count;
 };
 
+/* Drifts of one board: the lines that act on it and their states. */
 struct drift_board {
     const struct drift_slot *slot[DRIFT_SLOTS_MAX];
     struct {
@@ -55,7 +59,7 @@ void drift_open(struct drift_board *drift, const struct drift_effect *effect, si
 /* Update the drift at the start of a scan. time: now; powered: power-on time of the board; both in seconds. */
 void drift_begin_scan(struct drift_board *drift, double time, double powered);
 
-/* Drift of a taxel's capacitance during this scan, in counts of the world's scan settings. */
+/* Return the drift of a taxel's capacitance during this scan, in counts under the world's scan settings. */
 double drift_counts(const struct drift_board *drift, size_t taxel);
 
 #endif

@@ -34,7 +34,7 @@ int droop_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Whether the supply, or the reference of any board, has an output resistance. */
+/* Return whether the supply, or the reference of any board, has an output resistance. */
 bool droop_is_on(const struct droop_effect *droop)
 {
     for (size_t i = 0; i < EFFECT_BOARDS_MAX; i++) {
@@ -45,16 +45,18 @@ bool droop_is_on(const struct droop_effect *droop)
     return droop->supply_ohms > 0.0;
 }
 
-/* Limit the computed relative fall of a supply or reference voltage (1: down to 0 V) to FALL_MAX. The linear model of the
- * droop is not valid for larger falls: a fall of 1 or more would be a voltage of 0 or below, and a division by 0. */
+/* Limit the computed relative fall of a supply or reference voltage (1: fall to 0 V) to FALL_MAX. The linear model
+ * of the droop is not valid for larger falls: a fall of 1 or more would be a voltage of 0 or below, and a division
+ * by 0. */
 static double limit_fall(double fall)
 {
     return fmin(fall, FALL_MAX);
 }
 
-/* Factor by which voltage droop changes the hardware counts of a board. The drivers draw I = f C V, so a voltage falls
- * by the relative amount R f C: a lower supply lowers the TX swing and the count; a lower reference lowers the
- * balancing current and raises the count. `fraction` interpolates the load C (farad) between two records. */
+/* Return the factor by which voltage droop changes the hardware counts of a board. The drivers draw I = f C V, so a
+ * voltage falls by the relative amount R f C. A lower supply lowers the TX swing and the count; a lower reference
+ * lowers the balancing current and raises the count. `fraction` interpolates the load C (farad) between two stimulus
+ * records. Advances the filter of the reference. */
 double droop_factor(const struct droop_effect *droop, size_t board, const struct droop_loads *loads, double fraction,
                     double tx_hz, double time, struct first_order *reference)
 {
@@ -71,8 +73,8 @@ double droop_factor(const struct droop_effect *droop, size_t board, const struct
     return factor;
 }
 
-/* Output of a first-order low-pass filter with time constant `seconds` at `time` (seconds); exact if the input changes
- * linearly between calls. The first call sets the output to the input. */
+/* Return the output of a first-order low-pass filter with time constant `seconds` at `time` (seconds); exact if the
+ * input changes linearly between calls. The first call sets the output to the input. */
 double first_order_step(struct first_order *filter, double time, double input, double seconds)
 {
     if (!filter->has_started) {

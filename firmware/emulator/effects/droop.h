@@ -37,11 +37,13 @@ struct first_order {
 int droop_read(struct effect_line *line, struct effects *effects);
 bool droop_is_on(const struct droop_effect *droop);
 
-/* Factor on a hardware count. fraction: position between the two records of `loads`; tx_hz: TX clock. */
+/* Return the factor on a hardware count of a board. fraction: position between the two records of `loads`, 0 to 1.
+ * tx_hz: TX clock. time: seconds. */
 double droop_factor(const struct droop_effect *droop, size_t board, const struct droop_loads *loads, double fraction,
                     double tx_hz, double time, struct first_order *reference);
 
-/* Filter output at a time in seconds, exact for an input that changes linearly between calls. */
+/* Return the output of the filter with the time constant `seconds` at `time` (seconds), exact for an input that changes
+ * linearly between calls. */
 double first_order_step(struct first_order *filter, double time, double input, double seconds);
 
 #endif

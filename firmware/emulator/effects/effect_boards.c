@@ -6,8 +6,8 @@
 
 static_assert(EFFECT_BOARDS_MAX == WORLD_BOARDS_MAX, "an effect has parameters for every board of a world");
 
-/* Range of boards to which an effect line applies: the board with the address after `board=`, or all boards if the key
- * is absent. Returns 0, or -1 after an error line on stderr. */
+/* Read the range of boards to which an effect line applies: the board with the address after `board=`, or all boards if
+ * the key is absent. Returns 0, or -1 after an error line on stderr. */
 int effect_line_boards(struct effect_line *line, struct effect_boards *boards)
 {
     *boards = (struct effect_boards){0, EFFECT_BOARDS_MAX};

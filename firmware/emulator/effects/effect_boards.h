@@ -13,9 +13,10 @@ struct effect_boards {
     size_t first, end;
 };
 
-/* Returns 0, or -1 after one line on stderr if no board has the address. */
+/* Read the range of boards of an effect line. Returns 0, or -1 after one line on stderr if no board has the address. */
 int effect_line_boards(struct effect_line *line, struct effect_boards *boards);
 
+/* Return whether board number `board` lies in the range. */
 static inline bool effect_boards_contain(const struct effect_boards *boards, size_t board)
 {
     return board >= boards->first && board < boards->end;

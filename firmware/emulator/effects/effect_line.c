@@ -8,7 +8,7 @@
 
 #define FIRST_KEY 3
 
-/* Prints an error message with file, line number and name of the effect to stderr. Returns -1. */
+/* Print an error message with file, line number and name of the effect to stderr. Returns -1. */
 int effect_line_report_error(const struct effect_line *line, const char *message)
 {
     fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->source->path, line->source->number, line->name,
@@ -33,8 +33,8 @@ int effect_line_open(struct effect_line *line, const struct world_line *source, 
     return 0;
 }
 
-/* Index of the FORM of the line in the NULL-terminated list `forms`, or -1 after an error line on stderr that lists the
- * valid forms. */
+/* Return the index of the line's FORM in the NULL-terminated list `forms`, or -1 after an error line on stderr that
+ * lists the valid forms. */
 int effect_line_form_index(struct effect_line *line, const char *const *forms)
 {
     char known_forms[160] = "";
@@ -50,7 +50,7 @@ int effect_line_form_index(struct effect_line *line, const char *const *forms)
     return -1;
 }
 
-/* Index of the word `key=...` in the line, or 0 if the key is absent. */
+/* Return the index of the word `key=...` in the line, or 0 if the key is absent. */
 static int find_key(const struct effect_line *line, const char *key)
 {
     const size_t length = strlen(key);
@@ -62,7 +62,7 @@ static int find_key(const struct effect_line *line, const char *key)
     return 0;
 }
 
-/* True if the effect line contains `key`. */
+/* Return whether the effect line contains `key`. */
 bool effect_line_has_key(const struct effect_line *line, const char *key)
 {
     return find_key(line, key) != 0;
@@ -89,8 +89,8 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
     return -1;
 }
 
-/* Read the number of the optional word `key=number`, which must lie in [low, high]; `fallback` if the key is absent.
- * Returns 0, or -1 after an error line on stderr. */
+/* Read the number of the optional word `key=number`, which must lie in [low, high]; *value becomes `fallback` if the
+ * key is absent. Returns 0, or -1 after an error line on stderr. */
 int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback,
                          double *value)
 {
@@ -109,8 +109,8 @@ int effect_line_integer(struct effect_line *line, const char *key, long low, lon
     return real == floor(real) ? 0 : effect_line_report_error(line, "expected a whole number");
 }
 
-/* Index of the board whose I2C address follows `board=` (required; decimal or 0x). Returns 0, or -1 after an error line
- * on stderr if the world has no board with this address. */
+/* Read the index of the board whose I2C address follows the required key `board=` (decimal, or hexadecimal with 0x).
+ * Returns 0, or -1 after an error line on stderr if the world has no board with this address. */
 int effect_line_board(struct effect_line *line, size_t *index)
 {
     const int word = find_key(line, "board");
@@ -126,8 +126,8 @@ int effect_line_board(struct effect_line *line, size_t *index)
     return effect_line_report_error(line, "expected board= with the address of one of this world's boards");
 }
 
-/* Reject an effect line that contains a word that no read function has used, so that a misspelt key is not silently
- * ignored. Returns 0, or -1 after an error line on stderr. */
+/* Reject an effect line with a word that no read function has used, so that a misspelt key is not silently ignored.
+ * Returns 0, or -1 after an error line on stderr. */
 int effect_line_check_keys(const struct effect_line *line)
 {
     for (int i = FIRST_KEY; i < line->source->count; i++) {

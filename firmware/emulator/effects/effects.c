@@ -18,8 +18,8 @@ static const struct {
     {"moisture", moisture_read}, {"modulus", modulus_read},
 };
 
-/* Read a world-file line that starts with `effect` with the parser of the named effect, and reject unused keys. Returns
- * 0, or -1 after an error line on stderr. */
+/* Read a world-file line that begins with `effect`: call the parser of the named effect, and reject keys that it has
+ * not read. Returns 0, or -1 after an error line on stderr. */
 int effects_read_line(struct effects *effects, const struct world_line *line, const struct board_description *boards,
                       size_t board_count)
 {

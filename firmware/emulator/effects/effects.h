@@ -54,8 +54,8 @@ struct effects {
 struct board_description;
 struct world_line;
 
-/* Read a world-file line that begins with `effect`; boards [board_count] are those described before it. Returns 0,
- * or -1 after one line on stderr. */
+/* Read a world-file line that begins with `effect`. boards [board_count]: the boards described in earlier lines.
+ * Returns 0, or -1 after one line on stderr. */
 int effects_read_line(struct effects *effects, const struct world_line *line, const struct board_description *boards,
                       size_t board_count);
 

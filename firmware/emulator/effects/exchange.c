@@ -5,8 +5,9 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
-/* Read the second board of two boards plugged into each other's socket. Both must have the same lines and crossing map,
- * so that every taxel has a counterpart. Returns 0, or -1 after an error line on stderr. */
+/* Read the address of the board that is exchanged with the board of the entry (each is plugged into the other's
+ * socket). Both must have the same lines and crossing map, so that every taxel has a counterpart. Returns 0, or -1
+ * after an error line on stderr. */
 static int read_boards(struct effect_line *line, struct exchange *entry)
 {
     const struct board_description *board = &line->boards[entry->board];
@@ -27,8 +28,8 @@ static int read_boards(struct effect_line *line, struct exchange *entry)
     return effect_line_report_error(line, "expected other= with the address of one of this world's boards");
 }
 
-/* Read the axis (0 TX, 1 RX) and the indices of two lines that are exchanged in the harness of one board. Returns 0, or
- * -1 after an error line on stderr. */
+/* Read the axis (0 TX, 1 RX) and the indices of two lines that are exchanged in the harness of the entry's board.
+ * Returns 0, or -1 after an error line on stderr. */
 static int read_lines(struct effect_line *line, struct exchange *entry)
 {
     const struct board_description *board = &line->boards[entry->board];
@@ -47,8 +48,8 @@ static int read_lines(struct effect_line *line, struct exchange *entry)
     return 0;
 }
 
-/* Read a world-file line `effect exchange`: two boards or two lines connected to each other's socket. Returns 0, or -1
- * after an error line on stderr. */
+/* Read a world-file line `effect exchange`: two boards, or two lines of a board, that are connected to each other's
+ * socket. Returns 0, or -1 after an error line on stderr. */
 int exchange_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"boards", "lines", NULL};
@@ -68,8 +69,8 @@ int exchange_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Index of the board whose skin the given board measures. Exchanges apply in the order of their lines in the world
- * file, so several of them compose to a permutation. */
+/* Return the index of the board whose skin the given board measures. Exchanges apply in the order of their lines in the
+ * world file, so several of them compose to a permutation. */
 size_t exchange_source_board(const struct exchange_effect *exchange, size_t board)
 {
     for (size_t i = 0; i < exchange->count; i++) {
@@ -81,8 +82,8 @@ size_t exchange_source_board(const struct exchange_effect *exchange, size_t boar
     return board;
 }
 
-/* Index of the line to which a line of a board is wired (axis 0: TX, 1: RX). Exchanges apply in the order of their
- * lines in the world file. */
+/* Return the index of the electrode line to which line `index` of a board is wired (axis 0: TX, 1: RX). Exchanges apply
+ * in the order of their lines in the world file. */
 int exchange_source_line(const struct exchange_effect *exchange, size_t board, int axis, int index)
 {
     for (size_t i = 0; i < exchange->count; i++) {

@@ -15,7 +15,7 @@ struct effect_line;
 struct effects;
 
 struct exchange {
-    bool lines; /* lines are exchanged; otherwise boards */
+    bool lines; /* true: two lines of `board` are exchanged; false: `board` and `other_board` */
     size_t board, other_board;
     int axis, index, other;
 };
@@ -27,8 +27,10 @@ struct exchange_effect {
 
 int exchange_read(struct effect_line *line, struct effects *effects);
 
-/* Board whose skin this board measures, and line to which a line of this board is wired. */
+/* Return the index of the board whose skin this board measures. */
 size_t exchange_source_board(const struct exchange_effect *exchange, size_t board);
+
+/* Return the electrode line to which line `index` of this board is wired. axis: 0 TX, 1 RX. */
 int exchange_source_line(const struct exchange_effect *exchange, size_t board, int axis, int index);
 
 #endif

@@ -32,21 +32,23 @@ int indent_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
-/* True if the world file has an effect "indent" (permanent deformation) with a strength above 0. */
+/* Return whether the world file requests the effect `indent` (permanent deformation of the layer): its fraction is not
+ * 0. */
 bool indent_is_on(const struct indent_effect *indent)
 {
     return indent->fraction != 0.0;
 }
 
-/* Share of a compression set (temporary deformation of the pillars) that remains after `seconds` of recovery; 1 for
- * bedding, the permanent deformation. */
+/* Return the share of a compression set (temporary shortening of the pillars) that remains after `seconds` of recovery;
+ * 1 for the form `bedding`, the permanent deformation. */
 double indent_decay(const struct indent_effect *indent, double seconds)
 {
     return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
 }
 
-/* Compression set of one cell: the larger of the recovering old set and a fraction of the compression `c` (metres)
- * above the threshold remains. Returns c + set (1 - c / pillar height): pressure shortens only the remaining pillar. */
+/* Update the compression set of one cell under the compression `c` (metres): the larger of the recovered old set and a
+ * fraction of the compression above the threshold. Returns the compression with the set: set + c (1 - set / pillar
+ * height), because pressure shortens only the remaining pillar. */
 static double apply_set(const struct indent_effect *indent, double decay, struct indent_state *cell, double c)
 {
     const double recovered = cell->depth * decay, added = indent->fraction * (c - indent->threshold_m);
@@ -55,9 +57,9 @@ static double apply_set(const struct indent_effect *indent, double decay, struct
     return cell->depth + c * (1.0 - cell->depth / LAYER_PILLAR_HEIGHT_M);
 }
 
-/* Compression (metres) of a cell whose pillar tips bed in with the work done on them: c (1 - fraction (1 - exp(-work /
- * work_j_m2))). Only increases of the compression `c` add work; the work at the previous compression is kept from call
- * to call while the load increases. */
+/* Return the compression (metres) of a cell whose pillar tips bed in with the work done on them: c (1 - fraction (1 -
+ * exp(-work / work_j_m2))). Only increases of the compression `c` add work. While the load increases, the layer's work
+ * at the previous compression is kept from call to call, so that it is not computed again. */
 static double apply_bedding(const struct indent_effect *indent, struct indent_state *cell, double c)
 {
     if (c > cell->last_compression) {
@@ -71,9 +73,9 @@ static double apply_bedding(const struct indent_effect *indent, struct indent_st
     return c * (1.0 + indent->fraction * cell->bedding);
 }
 
-/* Replace the compression (metres) of each cell by the compression including its permanent deformation, and update that
- * deformation. `decay`: remaining fraction of a compression set after the elapsed time. Returns whether a cell is
- * deformed or loaded, so that the next step must not skip the cells. */
+/* Replace the compression (metres) of each cell by the compression with its permanent deformation, and update this
+ * deformation. decay: share of a compression set that remains after the time step. Returns whether a cell is deformed
+ * or, for bedding, was compressed in this step, so that the next step must not skip the cells. */
 bool indent_advance(const struct indent_effect *indent, double decay, struct indent_state *cells, size_t count,
                     double *compression)
 {

@@ -34,7 +34,7 @@ struct indent_effect {
 
 /* State of a cell. */
 struct indent_state {
-    double depth;                  /* set, metres */
+    double depth;                  /* compression set, metres */
     double work, last_compression; /* bedding: joule per square metre; compression at the last call, metres */
     double bedding;                /* exp(-work / work_j_m2) - 1 */
     double loading_work;           /* layer work at `last_compression`; valid only if is_loading */
@@ -44,11 +44,13 @@ struct indent_state {
 int indent_read(struct effect_line *line, struct effects *effects);
 bool indent_is_on(const struct indent_effect *indent);
 
-/* Fraction of a compression set that remains after `seconds`. */
+/* Return the share of a compression set that remains after `seconds` of recovery; 1 for the form `bedding`, which is
+ * permanent. */
 double indent_decay(const struct indent_effect *indent, double seconds);
 
-/* Advance the cells by the time of `decay`. compression [count]: c on entry, out on return (see above). Returns whether
- * a cell is deformed at rest or still pressed. */
+/* Advance the state of `count` cells by one time step. decay: result of indent_decay() for the step. compression
+ * [count], metres: c on entry, out on return (see above). Returns whether a cell is deformed or was compressed in this
+ * step, so that the next step must not skip the cells. */
 bool indent_advance(const struct indent_effect *indent, double decay, struct indent_state *cells, size_t count,
                     double *compression);
 

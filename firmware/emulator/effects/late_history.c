@@ -5,7 +5,7 @@
 
 #define FIRST_CAPACITY 64u
 
-/* Allocate an empty history of the fields of `taxels` taxels that reaches back at least `delay_s` seconds. Returns NULL
+/* Create an empty history of the fields of `taxels` taxels that reaches back at least `delay_s` seconds. Returns NULL
  * if out of memory. */
 struct late_history *late_history_open(size_t taxels, double delay_s)
 {
@@ -17,7 +17,7 @@ struct late_history *late_history_open(size_t taxels, double delay_s)
     return history;
 }
 
-/* Releases the recorded fields of a board. NULL is permitted. */
+/* Free the recorded fields of a board. NULL is permitted. */
 void late_history_free(struct late_history *history)
 {
     if (history) {
@@ -53,8 +53,9 @@ static bool reserve_record(struct late_history *history)
     return true;
 }
 
-/* Append a record for the field from `time` on and return its values [taxels], which the caller fills in; NULL if out
- * of memory. `is_constant`: the field does not change until the next record. */
+/* Append a record for the fields from `time` on and return them [taxels] for the caller to fill in; NULL if out of
+ * memory. is_constant: the fields do not change until the next record. Discards records that are older than the delay
+ * before `now`. */
 struct taxel_field *late_history_add(struct late_history *history, vtime time, bool is_constant, vtime now)
 {
     /* A conversion uses the field at its middle, slightly before `now`: keep records for longer than the delay. */
@@ -71,8 +72,8 @@ struct taxel_field *late_history_add(struct late_history *history, vtime time, b
     return history->fields + at * history->taxels;
 }
 
-/* Records before and after a past `time`, found by bisection, and the fraction for interpolation between them. After
- * the last record the field changes linearly to the present field, which the caller has. */
+/* Find the records before and after a past `time` by bisection, and the fraction for interpolation between them. After
+ * the last record, the fields change linearly to the present fields, which the caller has: `after` is then NULL. */
 struct late_span late_history_span_at(const struct late_history *history, vtime time, vtime present_time)
 {
     const struct late_record *records = history->records + history->first;

@@ -1,4 +1,5 @@
-/* History of the fields on a board's taxels at past records of the stimulus, for as long as the board's delay. */
+/* History of the fields on a board's taxels (relative rise of the capacitance, gap and force) at past records of the
+ * stimulus, for at least as long as the board's delay (effect `late`). */
 #ifndef EMULATOR_EFFECTS_LATE_HISTORY_H
 #define EMULATOR_EFFECTS_LATE_HISTORY_H
 
@@ -21,12 +22,12 @@ struct late_history {
     size_t first, count, capacity;
 };
 
-/* Returns NULL if out of memory. */
+/* Create an empty history for `taxels` taxels that reaches back `delay_s` seconds. Returns NULL if out of memory. */
 struct late_history *late_history_open(size_t taxels, double delay_s);
 void late_history_free(struct late_history *history);
 
-/* Add a record that ends at `now` and return its fields [taxels], or NULL if out of memory. Discards records that are
- * no longer needed. */
+/* Add a record for the fields from `time` on, and return its fields [taxels], which the caller fills in; NULL if out of
+ * memory. Discards records that are no longer needed for conversions at `now` or later. */
 struct taxel_field *late_history_add(struct late_history *history, vtime time, bool is_constant, vtime now);
 
 /* Fields [taxels] before and after a time. `after` is NULL if the next fields are those at `present_time`, which the

@@ -42,7 +42,7 @@ int line_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Whether a line of this board is open or short-circuited. */
+/* Return whether a line of this board is open or short-circuited. */
 bool line_is_on(const struct line_effect *lines, size_t board)
 {
     for (size_t i = 0; i < lines->count; i++) {
@@ -53,14 +53,15 @@ bool line_is_on(const struct line_effect *lines, size_t board)
     return false;
 }
 
-/* Capacitance of crossing number `n` on a TX line (axis 0) or an RX line (axis 1). */
+/* Return a pointer to the capacitance of the n-th crossing on TX line (axis 0) or RX line (axis 1) number `line`. */
 static double *get_crossing(double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX], int axis, int line, int n)
 {
     return axis == 0 ? &mutual_f[line][n] : &mutual_f[n][line];
 }
 
-/* Change the mutual capacitances [tx][rx] (farad) for the broken lines of a board: crossings of an open line keep only
- * the stub; two joined lines both measure a share of the sum of their parallel crossings. */
+/* Change the mutual capacitances [tx][rx] (farad) for the faulty lines of a board. Crossings of an open line keep
+ * only the capacitance of the stub. Two short-circuited lines both measure a share of the sum of their parallel
+ * crossings. */
 void line_apply(const struct line_effect *lines, size_t board, int tx_count, int rx_count,
                 double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
 {

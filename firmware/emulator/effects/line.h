@@ -19,7 +19,7 @@ struct effects;
 
 struct broken_line {
     size_t board;
-    bool is_joined; /* short to the next line; otherwise open */
+    bool is_joined; /* short-circuited to the next line; otherwise open */
     int axis, index;
     double stub_f, share;
 };
@@ -32,7 +32,7 @@ struct line_effect {
 int line_read(struct effect_line *line, struct effects *effects);
 bool line_is_on(const struct line_effect *lines, size_t board);
 
-/* Apply the broken and joined lines to the capacitances [tx][rx], farad. */
+/* Change the capacitances [tx][rx] (farad) of a board's crossings for its open and short-circuited lines. */
 void line_apply(const struct line_effect *lines, size_t board, int tx_count, int rx_count,
                 double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 

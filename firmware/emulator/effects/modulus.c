@@ -38,7 +38,7 @@ int modulus_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Whether any board has pillars that are not of nominal stiffness. */
+/* Return whether any board has pillars that are not of nominal stiffness. */
 bool modulus_is_on(const struct modulus_effect *modulus)
 {
     bool is_on = modulus->log_std != 0.0;

@@ -4,8 +4,8 @@
  * modulus, so pillars with k times the modulus shorten under a pressure p as nominal pillars do under p / k.
  *
  * Form `taxels`: k = exp(log_std n) per taxel with standard normal n (inhomogeneous mixture). Form `board`: k = factor
- * exp(gradient (line / lines - 1/2)) along the TX lines of one board (another batch, cured at a temperature gradient).
- * One line per board; both forms may be combined. */
+ * exp(gradient ((line + 1/2) / lines - 1/2)) along the TX lines of one board (another batch, cured at a temperature
+ * gradient). One effect line per board; both forms may be combined. */
 #ifndef EMULATOR_EFFECTS_MODULUS_H
 #define EMULATOR_EFFECTS_MODULUS_H
 
@@ -28,7 +28,7 @@ struct modulus_effect {
 int modulus_read(struct effect_line *line, struct effects *effects);
 bool modulus_is_on(const struct modulus_effect *modulus);
 
-/* Write k of every taxel of a board to stiffness [taxels]; 1 without the effect. */
+/* Write the factor k of every taxel of a board to stiffness [taxels]; 1 without the effect. */
 void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board,
                   double *stiffness);
 

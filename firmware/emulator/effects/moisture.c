@@ -33,14 +33,15 @@ int moisture_read(struct effect_line *line, struct effects *effects)
     return form == MOISTURE_DRYING ? effect_line_number(line, "seconds", 0.1, 1e6, &moisture->seconds) : 0;
 }
 
-/* True if the world file has an effect "moisture" with water in the layer. */
+/* Return whether the world file requests the effect `moisture`: the patch contains water. */
 bool moisture_is_on(const struct moisture_effect *moisture)
 {
     return moisture->water != 0.0;
 }
 
-/* Share (0 to 1) of the maximum water content in each cell of the board: 1 inside the moist disc, 0 outside, with a
- * tanh edge. Shares far below one count are set to 0, so that dry cells need no computation. */
+/* Write the share (0 to 1) of the patch's water content for each cell of the board: 1 inside the moist disc, 0
+ * outside, with a tanh edge. Shares with an influence far below one count are set to 0, so that dry cells need no
+ * computation. */
 void moisture_fill(const struct moisture_effect *moisture, const struct patch *patch, double *weight)
 {
     for (size_t i = 0; i < patch->cell_count; i++) {
@@ -52,8 +53,8 @@ void moisture_fill(const struct moisture_effect *moisture, const struct patch *p
     }
 }
 
-/* Water content at the centre of the moist patch at `time` (seconds), as a share of the pore volume; a drying patch
- * loses its water exponentially. */
+/* Return the water content at the centre of the moist patch at `time` (seconds), as a share of the pore volume. A
+ * drying patch loses its water exponentially. */
 double moisture_water(const struct moisture_effect *moisture, double time)
 {
     if (moisture->form == MOISTURE_FILM) {
@@ -63,8 +64,8 @@ double moisture_water(const struct moisture_effect *moisture, double time)
     return water < NEGLIGIBLE_WATER ? 0.0 : water;
 }
 
-/* Relative rise of the permittivity of a cell whose pores contain the share `water` of water, from its dry rise.
- * Lichtenecker's rule: water multiplies the permittivity by 80^(water * air fraction). */
+/* Return the relative rise of the permittivity of a cell whose pores contain the share `water` of water, from the rise
+ * of the dry cell. Lichtenecker's rule: water multiplies the permittivity by 80^(water * air fraction). */
 double moisture_rise(double water, double rise)
 {
     return rise + (1.0 + rise) * expm1(water * log(WATER_PERMITTIVITY) * layer_air_fraction(rise));

@@ -32,13 +32,14 @@ struct moisture_effect {
 int moisture_read(struct effect_line *line, struct effects *effects);
 bool moisture_is_on(const struct moisture_effect *moisture);
 
-/* Share of the patch's water in each cell, 0 to 1. weight [cells]. */
+/* Write the share of the patch's water in each cell, 0 to 1. weight [cells]: result. */
 void moisture_fill(const struct moisture_effect *moisture, const struct patch *patch, double *weight);
 
-/* Share of the pores that water fills at a time in seconds; 0 after drying. */
+/* Return the share of the pores that water fills at the centre of the patch at a time in seconds; 0 after drying. */
 double moisture_water(const struct moisture_effect *moisture, double time);
 
-/* Relative rise of a cell with a water share `water` in its pores, from its dry rise. */
+/* Return the relative rise of the permittivity of a cell with the share `water` of water in its pores, from its dry
+ * rise. */
 double moisture_rise(double water, double rise);
 
 #endif

@@ -11,7 +11,7 @@
 
 typedef double block __attribute__((vector_size(BLOCK * sizeof(double))));
 
-/* Complex response of a line to the sum of its currents: 1 / (1 + j reactance), where reactance = omega R C. */
+/* Set the complex response of a line to the sum of its currents: 1 / (1 + j reactance), where reactance = omega R C. */
 static inline ALWAYS_INLINE void set_response(struct network_response *response, int line, double reactance)
 {
     const double square = 1.0 + reactance * reactance;
@@ -19,8 +19,8 @@ static inline ALWAYS_INLINE void set_response(struct network_response *response,
     response->im[line] = -reactance / square;
 }
 
-/* Compute from the total capacitance of each line its response 1 / (1 + j omega R C) to injected current, and the
- * transposed matrix of mutual capacitances for the update of the TX lines. */
+/* Compute, from the total capacitance of each line, its response 1 / (1 + j omega R C) to injected current; and the
+ * transposed matrix of mutual capacitances, which the update of the TX lines reads. */
 static inline ALWAYS_INLINE void set_responses(struct network *network)
 {
     double rx_f[TAXEL_LINES_MAX];
@@ -54,8 +54,8 @@ static inline ALWAYS_INLINE void add_neighbours(double farad, const double *valu
     sum[count - 1] += farad * value[count - 2];
 }
 
-/* Complex vector times real matrix: re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in
- * blocks that fit into vector registers. */
+/* Multiply a complex vector by a real matrix: re, im [out_count] = sum over n < rows of row[n][.] * (value_re[n],
+ * value_im[n]), in blocks that fit into vector registers. */
 static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count,
                                           const double *value_re, const double *value_im, double *re, double *im)
 {
@@ -71,9 +71,9 @@ static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], i
     }
 }
 
-/* Gauss-Seidel update of the currents of all RX lines (divided by omega) from the present TX voltages. RX lines are
- * solved for their currents, V = omega rx_ohm * current, so that a resistance of 0 is allowed. Returns the largest
- * change; *largest is the largest quadrature component. */
+/* Update the currents of all RX lines (divided by omega) from the present TX voltages: a half step of the Gauss-Seidel
+ * iteration. RX lines are solved for their currents, V = omega rx_ohm * current, so that a resistance of 0 is allowed.
+ * Returns the largest change of a current; raises *largest to the largest quadrature component. */
 static inline ALWAYS_INLINE double update_rx(const struct network *network, const struct network_response *response,
                                              struct network_state *state, double *largest)
 {
@@ -96,8 +96,8 @@ static inline ALWAYS_INLINE double update_rx(const struct network *network, cons
     return change;
 }
 
-/* Gauss-Seidel update of the complex voltages of all TX lines from the present RX currents; line `driven` has a drive
- * of amplitude 1, all other TX lines are grounded through their resistance. */
+/* Update the complex voltages of all TX lines from the present RX currents: a half step of the Gauss-Seidel iteration.
+ * Line `driven` is driven with amplitude 1; all other TX lines are grounded through their resistance. */
 static inline ALWAYS_INLINE void update_tx(const struct network *network, const struct network_response *response,
                                            struct network_state *state, int driven)
 {
@@ -119,8 +119,8 @@ static inline ALWAYS_INLINE void update_tx(const struct network *network, const 
     state->tx_im[driven] += response->im[driven];
 }
 
-/* Whether the remaining change of an iteration is below the tolerance. Iterations converge by a constant factor, so the
- * sum of all later changes follows from the last two changes. */
+/* Return whether the sum of all later changes of an iteration is below the tolerance. Iterations converge by a constant
+ * factor, so this sum follows from the last two changes. */
 static inline ALWAYS_INLINE bool is_converged(double change, double last_change, double tolerance)
 {
     const double factor = change < last_change ? change / last_change : 1.0;

@@ -9,8 +9,8 @@
 #define SHORTEST_RELAXATION_S 0.020
 #define STEPS_PER_RELAXATION 8.0
 
-/* Read the keys of a noise line that only its form has: the axis of line noise; whether taxels share the 1/f noise;
- * rate (Hz) and duration (ms) of impulses. Returns 0, or -1 after an error line on stderr. */
+/* Read the keys of a noise line that exist only for its form: axis of line noise; whether the taxels share the 1/f
+ * noise; rate (Hz) and duration (ms) of impulses. Returns 0, or -1 after an error line on stderr. */
 static int read_form(struct effect_line *line, struct noise_slot *slot)
 {
     long axis, shared = 0;
@@ -60,14 +60,15 @@ int noise_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* True if one line of the effect "noise" has a strength above 0 and applies to board number `board`. */
+/* Return whether one line of the effect `noise` has a nonzero amplitude (for impulses, also a nonzero rate) and applies
+ * to board number `board`. */
 static bool acts_on(const struct noise_slot *slot, size_t board)
 {
     const bool is_off = slot->counts == 0.0 || (slot->form == NOISE_IMPULSE && slot->rate_hz == 0.0);
     return !is_off && effect_boards_contain(&slot->boards, board);
 }
 
-/* Whether a noise source with a nonzero amplitude acts on this board. */
+/* Return whether a noise source with a nonzero amplitude acts on this board. */
 bool noise_is_on(const struct noise_effect *noise, size_t board)
 {
     for (size_t i = 0; i < noise->count; i++) {
@@ -95,8 +96,8 @@ void noise_open(struct noise_board *noise, const struct noise_effect *effect, si
     }
 }
 
-/* Approximately normal number of variance 1: the sum of the eight bytes of one random number. The sum of many steps of
- * a process is then sufficiently normal. */
+/* Return an approximately normal random number of variance 1: the standardised sum of the eight bytes of one random
+ * number. The sum of many steps of a process is then sufficiently normal. */
 static double approximate_normal(struct random_source *random)
 {
     const uint64_t low_bytes = 0x00FF00FF00FF00FFull;
@@ -131,7 +132,8 @@ static void step_pink(const struct noise_slot *slot, struct noise_state *state, 
     state->has_started = true;
 }
 
-/* Sample the noise that is constant during a scan: 1/f noise, and line noise of each RX line or of the whole scan. */
+/* Sample the noise that is constant during a scan, which starts at `time` (seconds): 1/f noise, and line noise of each
+ * RX line or of the whole scan. */
 void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
 {
     noise->tx = -1;
@@ -150,14 +152,14 @@ void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
     }
 }
 
-/* Seconds until the next event of a Poisson process: exponentially distributed with mean 1 / rate_hz. */
+/* Sample the seconds until the next event of a Poisson process: exponentially distributed with mean 1 / rate_hz. */
 static double sample_waiting_time(struct noise_state *state, double rate_hz)
 {
     return -log(1.0 - random_uniform(&state->random)) / rate_hz;
 }
 
-/* Counts that impulsive noise adds at `time` (seconds): +counts or -counts during an event of a Poisson process,
- * otherwise 0. */
+/* Return the counts that impulsive noise adds at `time` (seconds): +counts or -counts during an event of a Poisson
+ * process, otherwise 0. Times must not decrease from call to call. */
 static double sample_impulse(const struct noise_slot *slot, struct noise_state *state, double time)
 {
     if (!state->has_started) {
@@ -172,8 +174,8 @@ static double sample_impulse(const struct noise_slot *slot, struct noise_state *
     return time < state->event_end ? state->sign * slot->counts : 0.0;
 }
 
-/* Sum of the noise of all sources, in counts before quantisation, for the conversion of one crossing at `time`
- * (seconds). Noise of a TX line is sampled again when `tx` differs from that of the previous conversion. */
+/* Return the sum of the noise of all sources for the conversion of one crossing at `time` (seconds), in counts before
+ * quantisation. Noise of a TX line is sampled again when `tx` differs from the TX line of the previous conversion. */
 double noise_counts(struct noise_board *noise, double time, int tx, int rx, size_t taxel)
 {
     const bool is_new_line = tx != noise->tx;

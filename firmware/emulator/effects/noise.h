@@ -31,6 +31,7 @@ enum noise_form {
     NOISE_IMPULSE,
 };
 
+/* Parameters of one line of the effect. */
 struct noise_slot {
     enum noise_form form;
     struct effect_boards boards;
@@ -49,12 +50,12 @@ struct noise_effect {
 struct noise_state {
     struct random_source random;       /* for infrequent samples and samples that are not normal */
     struct normal_source normals;      /* for white noise */
-    double common;                     /* line: value of the current TX line or scan */
-    double rx_values[TAXEL_LINES_MAX]; /* line, axis 1: value of each RX line */
+    double common;                     /* form line: noise of the current TX line or scan, counts */
+    double rx_values[TAXEL_LINES_MAX]; /* form line, axis 1: noise of each RX line, counts */
     double pink[TAXEL_TAXELS_MAX], process[NOISE_OCTAVES][TAXEL_TAXELS_MAX];
     double step_time[NOISE_OCTAVES]; /* seconds; time of the last step of each octave */
     bool has_started;
-    double next_event, event_end, sign; /* impulse: seconds */
+    double next_event, event_end, sign; /* form impulse: times in seconds; sign +1 or -1 */
 };
 
 struct noise_board {
@@ -69,8 +70,10 @@ bool noise_is_on(const struct noise_effect *noise, size_t board);
 void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed,
                 uint8_t address);
 
-/* Start a scan at a time in seconds, and the counts that each conversion adds. */
+/* Sample the noise that is constant during a scan. time: start of the scan, seconds. taxels: of the board. */
 void noise_begin_scan(struct noise_board *noise, double time, size_t taxels);
+
+/* Return the noise in counts of the conversion of one crossing. time: seconds. */
 double noise_counts(struct noise_board *noise, double time, int tx, int rx, size_t taxel);
 
 #endif

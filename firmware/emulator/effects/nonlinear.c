@@ -28,15 +28,15 @@ int nonlinear_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* True if the effect "nonlinear" (dead zones or a curved characteristic) acts on board number `board`. */
+/* Return whether the effect `nonlinear` (dead zones or a curved characteristic) acts on board number `board`. */
 bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
 {
     return nonlinear->leak[board] > 0.0 || nonlinear->bow_counts[board] != 0.0;
 }
 
-/* Output of a first-order modulator with a leaky integrator for an input of `share` of full scale: the fraction with
- * the smallest denominator whose plateau contains `share`, else `share`. Longer patterns do not persist in a modulator
- * with noise. */
+/* Return the output of a first-order modulator with a leaky integrator for an input of `share` of full scale: the
+ * fraction p / q with the smallest denominator (up to 12) whose plateau contains `share`, or `share` itself if no
+ * plateau contains it. Longer patterns do not persist in a modulator with noise. */
 static double lock_to_plateau(double share, double leak)
 {
     int near_plateau = 0; /* rarely true, so one test without branches covers all denominators */
@@ -56,8 +56,8 @@ static double lock_to_plateau(double share, double leak)
     return share;
 }
 
-/* Hardware count of a converter with a bow (a skewed parabola, zero at both ends of the range) and with the dead zones
- * of a leaky first-order modulator, which locks to simple fractions of full scale. */
+/* Return the hardware count of a nonlinear converter: with a bow (a skewed parabola, zero at both ends of the range),
+ * and with the dead zones of a leaky first-order modulator, which locks to simple fractions of full scale. */
 double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count,
                        double hardware_count)
 {

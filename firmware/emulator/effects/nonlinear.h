@@ -21,6 +21,7 @@ struct nonlinear_effect {
 
 int nonlinear_read(struct effect_line *line, struct effects *effects);
 bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board);
+/* Return the hardware count that the converter outputs instead of `hardware_count`. largest_count: full scale. */
 double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count,
                        double hardware_count);
 

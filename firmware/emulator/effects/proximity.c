@@ -10,7 +10,8 @@
 
 #define IMAGE_FAR 5.0 /* in units of the electrode distance */
 
-/* Read the keys of the target of the forms `conductor` and `dielectric`. Returns 0, or -1 after an error line. */
+/* Read the keys that describe the target (the approaching object) for the forms `conductor` and `dielectric`. Returns
+ * 0, or -1 after an error line on stderr. */
 static int read_target(struct effect_line *line, struct proximity_effect *proximity)
 {
     proximity->grounding = 1.0;
@@ -51,20 +52,20 @@ int proximity_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
-/* True if the world file has an effect "proximity" (signal before contact) with a share above 0. */
+/* Return whether the world file requests the effect `proximity` (signal before contact): its share is not 0. */
 bool proximity_is_on(const struct proximity_effect *proximity)
 {
     return proximity->share != 0.0;
 }
 
-/* Smallest gap (metres) at which an object has no influence; 0 if the effect is inactive. */
+/* Return the smallest gap (metres) at which an object has no influence; 0 if the effect is inactive. */
 double proximity_reach(const struct proximity_effect *proximity)
 {
     const double reach = proximity->form == PROXIMITY_WEDGE ? proximity->reach_m : IMAGE_FAR * proximity->reach_m;
     return proximity_is_on(proximity) ? fmin(reach, CONTACT_FAR_M) : 0.0;
 }
 
-/* Target of the forms `conductor` and `dielectric`. */
+/* Return the target of the forms `conductor` and `dielectric` as the argument of the electrostatic model. */
 static struct proximity_target make_target(const struct proximity_effect *proximity)
 {
     return (struct proximity_target){
@@ -76,9 +77,9 @@ static struct proximity_target make_target(const struct proximity_effect *proxim
     };
 }
 
-/* Response to an object at a gap, without normalisation: `image` has the flux of two line electrodes through the face
- * of the object; `wedge` has the series capacitance of an air film and the layer; the other forms have the change of
- * the mutual capacitance of two line electrodes. */
+/* Return the response to an object at a gap (metres), not normalised. Form `image`: the flux of two line electrodes
+ * through the face of the object. Form `wedge`: the series capacitance of an air film and the layer. Other forms: the
+ * relative change of the mutual capacitance of two line electrodes. thickness: of the layer, metres. */
 static double compute_response(const struct proximity_effect *proximity, double thickness, double gap)
 {
     if (proximity->form == PROXIMITY_WEDGE) {
@@ -92,8 +93,9 @@ static double compute_response(const struct proximity_effect *proximity, double 
     return proximity_target_change(&target, thickness + gap);
 }
 
-/* Scale of the response, so that the contribution in contact is `share`: the response in contact; for the forms
- * `conductor` and `dielectric` the decrease by a conductor at ground in contact, whatever the target. */
+/* Return the divisor that normalises the response to 1 in contact: for `image` and `wedge` the response in contact
+ * minus that at the reach; for `conductor` and `dielectric` the decrease that a conductor at ground causes in contact,
+ * whatever the target is. */
 static double compute_scale(const struct proximity_effect *proximity, double thickness, double reach)
 {
     if (proximity->form == PROXIMITY_IMAGE || proximity->form == PROXIMITY_WEDGE) {
@@ -103,8 +105,8 @@ static double compute_scale(const struct proximity_effect *proximity, double thi
     return proximity_target_change(&ground, thickness + reach) - proximity_target_change(&ground, thickness);
 }
 
-/* Tabulate the contribution of an object over u = thickness / (thickness + gap), normalised by `share` and 0 at the
- * reach; the contribution is smooth in u. `thickness`: of the layer, metres. */
+/* Tabulate the contribution of an object over u = thickness / (thickness + gap): 0 at the reach and scaled by `share`.
+ * The contribution is smooth in u. thickness: of the layer, metres. */
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness)
 {
     curve->thickness = thickness;
@@ -119,8 +121,8 @@ void proximity_prepare(struct proximity_curve *curve, const struct proximity_eff
     }
 }
 
-/* Contribution of an object at `gap` (metres) to the relative rise of the fringe capacitance of a cell, by linear
- * interpolation in the table. */
+/* Return the contribution of an object at `gap` (metres) to the relative rise of a cell's fringe capacitance, by linear
+ * interpolation in the table; 0 beyond the reach. */
 double proximity_rise(const struct proximity_curve *curve, double gap)
 {
     if (gap >= curve->reach) {

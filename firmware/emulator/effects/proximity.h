@@ -55,11 +55,13 @@ struct proximity_curve {
 
 int proximity_read(struct effect_line *line, struct effects *effects);
 bool proximity_is_on(const struct proximity_effect *proximity);
-/* smallest gap without any contribution; 0 if inactive */
+/* Return the smallest gap (metres) at which an object has no influence; 0 if the effect is inactive. */
 double proximity_reach(const struct proximity_effect *proximity);
+
+/* Tabulate the contribution over the gap for a layer of `thickness` metres. */
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness);
 
-/* Contribution of a cell at a gap to the relative rise of the fringe capacitance. */
+/* Return the contribution of an object at a gap (metres) to the relative rise of a cell's fringe capacitance. */
 double proximity_rise(const struct proximity_curve *curve, double gap);
 
 #endif

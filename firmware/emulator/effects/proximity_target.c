@@ -7,12 +7,12 @@
 #define SHIELD_DEPTH 0.5
 #define WIRE_RADIUS 0.125
 
-/* Midpoint rule for the integral over the wave number q, up to the decay e^-16 of the field at the target. The steps are
- * uniform in the square root of q, because a thick slab changes its reflection at small q. */
+/* Midpoint rule for the integral over the wave number q, up to the decay e^-16 of the field at the target. The steps
+ * are uniform in the square root of q, because a thick slab changes its reflection at small q. */
 #define WAVE_STEPS 160
 #define WAVE_DECAY 8.0
 
-/* Share of a field of wave number `q` (per metre) that the target reflects. */
+/* Return the share of a field of wave number `q` (per metre) that the target reflects. */
 static double compute_reflection(const struct proximity_target *target, double q)
 {
     if (target->is_conductor) {
@@ -23,17 +23,21 @@ static double compute_reflection(const struct proximity_target *target, double q
     return k * (1.0 - passage) / (1.0 - k * k * passage);
 }
 
-/* Coefficients of potential of the electrodes, of one itself and of one at the other, without and with a target. */
+/* Coefficients of potential of the two electrodes: potential of an electrode by its own charge (p(0) in the header),
+ * and by the charge of the other electrode (p(d)). */
 struct potentials {
     double own, other;
 };
 
+/* Return the coefficients of potential without a target. */
 static struct potentials compute_potentials_at_rest(void)
 {
     const double ratio = 2.0 * SHIELD_DEPTH;
     return (struct potentials){.own = log(2.0 * SHIELD_DEPTH / WIRE_RADIUS), .other = 0.5 * log1p(ratio * ratio)};
 }
 
+/* Return the coefficients of potential with a target at the height `z` (metres): those without a target minus the field
+ * that the target reflects, integrated over the wave number. */
 static struct potentials compute_potentials(const struct proximity_target *target, double z)
 {
     const double depth = SHIELD_DEPTH * target->distance, q_max = WAVE_DECAY / z;
@@ -50,6 +54,7 @@ static struct potentials compute_potentials(const struct proximity_target *targe
     return potentials;
 }
 
+/* Return the mutual capacitance with a target at the height `z` (metres) divided by that without a target, minus 1. */
 double proximity_target_change(const struct proximity_target *target, double z)
 {
     const struct potentials rest = compute_potentials_at_rest(), near = compute_potentials(target, z);

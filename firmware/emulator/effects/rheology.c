@@ -29,30 +29,31 @@ int rheology_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
-/* True if the world file has an effect "rheology" (creep or hysteresis of the layer) with a strength above 0. */
+/* Return whether the world file requests the effect `rheology` (creep or hysteresis of the layer) with a nonzero
+ * strength. */
 bool rheology_is_on(const struct rheology_effect *rheology)
 {
     return rheology->fraction != 0.0 || rheology->creep != 0.0;
 }
 
-/* Exact coefficients of a first-order lag over a step: decay exp(-x) of an initial difference, and lag (1 - exp(-x)) /
- * x behind a linear ramp, with x = seconds / time_constant. */
+/* Compute the exact coefficients of a first-order lag over a step: the share exp(-x) of an initial difference that
+ * remains, and the lag (1 - exp(-x)) / x behind a linear ramp, with x = seconds / time_constant. */
 static struct rheology_lag compute_lag(double seconds, double time_constant)
 {
     const double x = seconds / time_constant;
     return (struct rheology_lag){.decay = exp(-x), .ramp = x > 0.0 ? -expm1(-x) / x : 1.0};
 }
 
-/* Output (metres) of a first-order lag after a step in which its input changed linearly; `slow` is the output before. A
- * negligible output becomes 0, so that an unloaded cell ends its history. */
+/* Return the output (metres) of a first-order lag after a step in which its input changed linearly from `from` to `to`.
+ * slow: output before the step. A negligible output becomes 0, so that an unloaded cell ends its history. */
 static inline double step_lag(const struct rheology_lag *lag, double slow, double from, double to)
 {
     const double next = to - (to - from) * lag->ramp + (slow - from) * lag->decay;
     return next < NEGLIGIBLE_M ? 0.0 : next;
 }
 
-/* Coefficients of the relaxations for a time step of `seconds`. Form `play` has three time constants one decade apart,
- * whose sum appears as creep that is logarithmic in time. */
+/* Compute the coefficients of the relaxations for a time step of `seconds`. Form `play` has three time constants one
+ * decade apart, whose sum appears as creep that is logarithmic in time. */
 struct rheology_span rheology_span(const struct rheology_effect *rheology, double seconds, bool is_step)
 {
     struct rheology_span span = {.is_step = is_step};
@@ -63,8 +64,8 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
     return span;
 }
 
-/* Compression (metres) of a standard linear solid: a fraction of the elastic compression `c` follows with a first-order
- * lag. With is_step the compression changes at the end of the step. */
+/* Advance a cell of form `solid` by one step, and return its compression (metres): a fraction of the elastic
+ * compression `c` follows with a first-order lag. With is_step the compression changes at the end of the step. */
 static double apply_solid(const struct rheology_effect *rheology, const struct rheology_span *span,
                           struct rheology_state *cell, double c)
 {
@@ -73,8 +74,9 @@ static double apply_solid(const struct rheology_effect *rheology, const struct r
     return c + rheology->fraction * (cell->slow[0] - c);
 }
 
-/* Compression (metres) with hysteresis: a fraction of the elastic compression `c` passes play operators (Prandtl and
- * Ishlinskii), each of which is constant while it lies in [c - r, c]; the relaxations add creep. */
+/* Advance a cell of form `play` by one step, and return its compression (metres). A fraction of the elastic compression
+ * `c` passes through play operators (Prandtl and Ishlinskii), each of which is constant while it lies in [c - r, c];
+ * relaxations add creep. */
 static double apply_play(const struct rheology_effect *rheology, const struct rheology_span *span,
                          struct rheology_state *cell, double c)
 {
@@ -95,7 +97,7 @@ static double apply_play(const struct rheology_effect *rheology, const struct rh
     return x + rheology->creep * creep_sum * (1.0 / RHEOLOGY_CREEPS);
 }
 
-/* Whether earlier loads still influence the compression of a cell. */
+/* Return whether earlier loads still influence the compression of a cell. */
 static bool has_memory(const struct rheology_state *cell)
 {
     return cell->input > NEGLIGIBLE_M || cell->slow[0] != 0.0 || cell->slow[1] != 0.0 || cell->slow[2] != 0.0;

@@ -51,6 +51,7 @@ struct rheology_lag {
     double ramp;  /* lag behind the ramp at its end, relative to the rise of the ramp */
 };
 
+/* Coefficients of one time step for all cells. */
 struct rheology_span {
     struct rheology_lag lags[RHEOLOGY_CREEPS];
     bool is_step;
@@ -59,11 +60,12 @@ struct rheology_span {
 int rheology_read(struct effect_line *line, struct effects *effects);
 bool rheology_is_on(const struct rheology_effect *rheology);
 
-/* Coefficients for a step of `seconds`. jump: the compression changes at the end of the step, not linearly. */
+/* Compute the coefficients of a step of `seconds`. is_step: the compression is constant during the step and changes at
+ * its end; otherwise it changes linearly. */
 struct rheology_span rheology_span(const struct rheology_effect *rheology, double seconds, bool is_step);
 
-/* Advance the cells by one step. compression [count]: c on entry, out on return (metres, see above). Returns whether a
- * cell still has history. */
+/* Advance `count` cells by one time step. compression [count], metres: c on entry, out on return (see above). Returns
+ * whether earlier loads still influence a cell. */
 bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span,
                       struct rheology_state *cells, size_t count, double *compression);
 

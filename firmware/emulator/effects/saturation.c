@@ -23,8 +23,9 @@ int saturation_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Hardware count of a taxel after saturation. The distance x from the count at rest is limited to `counts` (clip), or
- * becomes x counts / (x + counts) because of the output resistance of the current source (soft). */
+/* Return the hardware count of a taxel after saturation. The rise x above the count without contact is limited to
+ * `counts` (clip), or becomes x counts / (x + counts) because of the output resistance of the current source (soft).
+ * Counts below the count without contact are unchanged. */
 double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count)
 {
     const double above = hardware_count - rest_count;

@@ -1,5 +1,5 @@
-/* Saturation of the converter: limit of a count's distance from rest. Keys counts= (the limit), strength= (1;
- * interpolates between none and full effect).
+/* Saturation of the converter: limit of the rise of a hardware count above its value without contact ("at rest"). Keys:
+ * counts= (the limit), strength= (default 1; 0 is no effect, values between interpolate).
  *
  * Form `clip`: the current source cannot balance more charge, so the hardware count is limited to rest + counts. Form
  * `soft`: the output resistance of the current source forms a voltage divider: x counts above rest read as x counts /
@@ -25,7 +25,7 @@ struct saturation_effect {
 
 int saturation_read(struct effect_line *line, struct effects *effects);
 
-/* Hardware count after saturation. rest: hardware count of the taxel at rest. */
+/* Return the hardware count after saturation. rest_count: hardware count of the taxel without contact. */
 double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count);
 
 #endif

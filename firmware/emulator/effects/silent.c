@@ -59,8 +59,8 @@ void silent_open(struct silent_contact *contact, const struct silent_effect *sil
     contact->is_bad = random_uniform(&contact->random) < silent->probability[board];
 }
 
-/* Whether a board fails to acknowledge its I2C address at `time` (seconds). Each call is one addressing and one step of
- * the two-state Markov chain (Gilbert and Elliott) of a loose contact. */
+/* Return whether a board fails to acknowledge its I2C address at `time` (seconds). Each call is one addressing and one
+ * step of the two-state Markov chain (Gilbert and Elliott) of a loose contact. */
 bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
                              struct silent_contact *contact)
 {

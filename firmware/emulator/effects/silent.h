@@ -26,6 +26,7 @@ struct silent_effect {
     double probability[EFFECT_BOARDS_MAX], burst[EFFECT_BOARDS_MAX];
 };
 
+/* State of the loose contact of one board. */
 struct silent_contact {
     struct random_source random;
     bool is_bad;
@@ -35,7 +36,8 @@ int silent_read(struct effect_line *line, struct effects *effects);
 void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed,
                  uint8_t address);
 
-/* Whether the addressing at a time in seconds is lost. */
+/* Return whether the board does not acknowledge its address at a time in seconds. Each call advances the Markov chain
+ * of the contact. */
 bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
                              struct silent_contact *contact);
 

@@ -25,13 +25,13 @@ int spread_read(struct effect_line *line, struct effects *effects)
                                : effect_line_number(line, "slope", 0.01, 10.0, &spread->slope);
 }
 
-/* True if the world file has an effect "spread" (lateral spreading of pressure) with a strength above 0. */
+/* Return whether the world file requests the effect `spread` (lateral spreading of contact) with a nonzero strength. */
 bool spread_is_on(const struct spread_effect *spread)
 {
     return spread->strength != 0.0;
 }
 
-/* Convolve a row of cells with the kernel attenuation^distance, in one pass per direction. attenuation and value are 0
+/* Convolve a row of cells with the kernel attenuation^distance, in one pass per direction. attenuation and `in` are 0
  * where the sheet has no cell, so nothing propagates across a gap. */
 static void sum_row(const double *in, double *out, const double *attenuation, int columns)
 {
@@ -47,7 +47,7 @@ static void sum_row(const double *in, double *out, const double *attenuation, in
 }
 
 /* Convolve every column of the grid with the kernel attenuation^distance, all columns at once, in one pass per
- * direction. attenuation and value are 0 where the sheet has no cell. */
+ * direction. attenuation and `in` are 0 where the sheet has no cell. */
 static void sum_columns(const double *in, double *out, const double *attenuation, int rows, int columns)
 {
     double from_after[GRID_MAX] = {0.0};
@@ -86,9 +86,9 @@ static int init_pillars(struct spread_state *state, const struct patch *patch)
     return 0;
 }
 
-/* Allocate the grids of the effect for one board. For form `film` also compute 1 / (sum of the kernel weights) of each
- * cell along its row and its column, so that smoothing preserves the total force at the edges of the sheet. Returns 0,
- * or -1 if out of memory. */
+/* Allocate the grids of the effect for one board; nothing if the effect is off. For form `film` also compute 1 / (sum
+ * of the kernel weights) of each cell along its row and its column, so that smoothing preserves the total force at the
+ * edges of the sheet. Returns 0, or -1 if out of memory. */
 int spread_init(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, grid_size = rows * columns;
@@ -124,7 +124,7 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
     return 0;
 }
 
-/* Releases the memory of the effect "spread" and clears its state. */
+/* Free the memory of the effect `spread` and clear its state. */
 void spread_free(struct spread_state *state)
 {
     free(state->attenuation);
@@ -167,9 +167,9 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Chamfer pass from one row of cells to the next: each position takes the larger of its own compression and the
- * compressions of its three neighbours in row `from` minus the slope times the distance. decrement: slope times the
- * distance between neighbours along a column and along a row. The barrier (-INFINITY)
+/* Extend compressions from one row of cells to the next, by a chamfer pass: each position of `row` takes the larger of
+ * its own compression and those of its three neighbours in row `from`, minus the slope times their distance. decrement:
+ * slope times the distance between neighbours along a column (0) and along a row (1), metres. The barrier (-INFINITY)
  * removes values at positions without a cell. */
 static void grow_across(double *row, const double *from, const double *barrier, const double decrement[2], int columns)
 {
@@ -182,9 +182,9 @@ static void grow_across(double *row, const double *from, const double *barrier, 
     }
 }
 
-/* Chamfer pass along one row of cells: each position takes the larger of its own compression and the compression of the
- * position before it minus `decrement`. Returns whether the row can raise its neighbours: whether a compression exceeds
- * `smallest`, the smaller decrement of rows and columns. */
+/* Extend compressions along one row of cells, by a chamfer pass in direction +1 or -1: each position takes the larger
+ * of its own compression and that of the position before it minus `decrement`. Returns whether the row can raise the
+ * next row: whether a compression exceeds `smallest`, the smaller decrement of rows and columns. */
 static bool grow_along(double *row, const double *barrier, double decrement, double smallest, int columns,
                        int direction)
 {

@@ -33,22 +33,24 @@ bool spread_is_on(const struct spread_effect *spread);
 /* State of one board. Film: arrays [grid size] of its patch. Pillars: arrays of a grid with a margin of one position.
  */
 struct spread_state {
-    double *attenuation;              /* weight of a neighbour in the row, 0 without a cell; NULL: inactive */
-    double *attenuation_down;         /* weight of a neighbour in the column, 0 without a cell */
+    double *attenuation;      /* weight of a neighbour in the row, 0 without a cell; NULL: form `film` inactive */
+    double *attenuation_down; /* weight of a neighbour in the column, 0 without a cell */
     double *along_row, *along_column; /* 1 / sum of the weights of a position */
     double *value;
     double *barrier;        /* 0 at a cell, -INFINITY elsewhere; NULL: form `pillars` inactive */
     int32_t *grid_index_of; /* [cells]: index in the grid with a margin */
 };
 
-/* Returns 0, or -1 if out of memory. */
+/* Allocate the state of one board. Returns 0, or -1 if out of memory. */
 int spread_init(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch);
 void spread_free(struct spread_state *state);
 
-/* Pillars: extend the compression [cells], metres. Film: smooth the pressure [cells], pascal. Each function does
- * nothing for the other form or at strength 0. */
+/* Form `pillars`: extend the compression [cells], metres, to the surroundings of pressed cells. Does nothing for the
+ * form `film` or at strength 0. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression);
+
+/* Form `film`: smooth the pressure [cells], pascal. Does nothing for the form `pillars` or at strength 0. */
 void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                      double *pressure);
 

@@ -16,6 +16,7 @@ struct stuck_bit_effect {
 
 int stuck_bit_read(struct effect_line *line, struct effects *effects);
 
+/* Return a raw count with the stuck bits of board number `board` applied. */
 static inline uint16_t stuck_bit_apply(const struct stuck_bit_effect *stuck, size_t board, uint16_t raw)
 {
     return (uint16_t)((raw & (uint16_t)~stuck->low[board]) | stuck->high[board]);

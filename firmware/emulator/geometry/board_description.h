@@ -16,6 +16,8 @@ struct psoc_part; /* psoc4200/parts.h */
 #define WORLD_IMAGE_SIZE 32768u
 #define WORLD_MARGINS_MAX 512
 
+/* One board of an emulated world. `kind`, `rows` (TX lines), `columns` (RX lines) and the crossing map describe the
+ * electrodes as in the identity that the board reports. */
 struct board_description {
     uint8_t address;
     uint8_t kind;
@@ -35,9 +37,9 @@ struct board_description {
     size_t taxel_pose_count;        /* 0 or taxel_count */
     struct taxel_pose *taxel_poses; /* [taxel_pose_count] */
     size_t margin_count;
-    /* [margin_count] squares of sheet beside the taxels: they bear load, but are not measured */
+    /* [margin_count] poses of margins: squares of bare sheet beside the taxels, which bear load but are not measured */
     struct taxel_pose *margin_poses;
-    struct frame bracket_offset; /* true pose of the bracket in its nominal frame */
+    struct frame bracket_offset; /* pose of the mounted bracket relative to its nominal pose */
 };
 
 #endif

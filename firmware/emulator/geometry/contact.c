@@ -7,11 +7,11 @@
 #include "emulator/geometry/cover_whole.h"
 #include "emulator/physics/layer.h"
 
-#define ROUNDING_M 1e-9 /* above the rounding errors of distances */
+#define ROUNDING_M 1e-9 /* metres; larger than the rounding errors of distances */
 #define DEEPEST_M 0.006 /* a surface deeper below the electrode does not limit the compression */
 
-/* Lower bound of the distance (metres) between the electrodes of a board and the object, from the bounding sphere of the
- * board and the bounding sphere and surfaces of the object. */
+/* Return a lower bound (metres) of the distance between the electrodes of a board and the object, from the bounding
+ * sphere of the board and the bounding sphere and surfaces of the object. */
 static double bound_distance(const struct patch *patch, const struct shape *shape,
                              const struct frame *object_from_bracket)
 {
@@ -23,14 +23,14 @@ static double bound_distance(const struct patch *patch, const struct shape *shap
     return fmax(sqrt(square) - shape->bound, shape_distance_bound(shape, centre)) - patch->bound;
 }
 
-/* Whether board and object are certainly farther apart than `reach` (metres). False does not imply a contact. */
+/* Return whether board and object are certainly farther apart than `reach` (metres). False does not imply a contact. */
 bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                     double reach)
 {
     return bound_distance(patch, shape, object_from_bracket) > reach;
 }
 
-/* Middle of a square of skin, between two opposite corner cells, in the object's frame. */
+/* Compute the middle of a square of skin in the object's frame: the point halfway between two opposite corner cells. */
 static void find_middle(const struct cell *cells, const struct frame *object_from_bracket, double middle[3])
 {
     double point[3];
@@ -40,8 +40,9 @@ static void find_middle(const struct cell *cells, const struct frame *object_fro
     frame_point(object_from_bracket, point, middle);
 }
 
-/* Lower bound of the distance (metres) from the electrodes of a square of skin to the object, by a test of its middle.
- * size: bound of the distance between points of a square, metres. */
+/* Return a lower bound (metres) of the distance from the electrodes of a square of skin to the object, from the
+ * distance of the middle of the square. Negative if the middle lies deep in the object. size: upper bound of the
+ * distance between two points of the square, metres. */
 static double bound_square_distance(const struct cell *cells, double size, const struct shape *shape,
                                     const struct frame *object_from_bracket)
 {
@@ -50,8 +51,10 @@ static double bound_square_distance(const struct cell *cells, double size, const
     return shape_distance_bound(shape, middle) - 0.5 * size;
 }
 
-/* Whether every cell of square number `square` is farther from the object than `thickness` + `reach` (metres), which
- * holds for most squares of a hand most of the time. Updates the clearance of the load, unless it is NULL. */
+/* Return whether every cell of square number `square` is at least `thickness` + `reach` (metres) away from the object,
+ * which holds for most squares of a hand most of the time. With a grip, the distance of the last examination minus the
+ * motion since then replaces a new examination where it suffices. Updates `due` of the grip and the clearance of the
+ * load, unless they are NULL. */
 static bool square_is_far(const struct cell *cells, size_t square, const struct patch *patch, const struct shape *shape,
                           const struct frame *object_from_bracket, double thickness, double reach,
                           struct contact_grip *grip, struct contact_load *load)
@@ -71,8 +74,9 @@ static bool square_is_far(const struct cell *cells, size_t square, const struct 
     return distance >= reach;
 }
 
-/* Add the motion of the board relative to the object since the last call to the travel: the shift of the bracket's
- * origin, and the turn times the largest distance of a cell from that origin. */
+/* Add the motion of the board relative to the object since the last call to both travel counters of the grip: the shift
+ * of the bracket's origin, plus the rotation times the largest distance of a cell from that origin. The first call sets
+ * travel counters and stored distances to 0. thickness: layer above the electrodes, metres. */
 static void add_travel(struct contact_grip *grip, const struct patch *patch, const struct frame *object_from_bracket,
                        double thickness)
 {
@@ -95,7 +99,8 @@ static void add_travel(struct contact_grip *grip, const struct patch *patch, con
     grip->skin_travel += sqrt(shift) + sqrt(turn) * (size + thickness);
 }
 
-/* Transform the cells of a square to the object's frame, as lines along their normals. size: as for square_is_far(). */
+/* Transform the cells of a square to the object's frame, as lines from the electrode surface along the normals of the
+ * cells. size: upper bound of the distance between two points of the square, metres. */
 static void place_lines(struct shape_lines *lines, const struct cell *cells, double size,
                         const struct frame *object_from_bracket)
 {
@@ -111,7 +116,8 @@ static void place_lines(struct shape_lines *lines, const struct cell *cells, dou
     }
 }
 
-/* Transform the cells of a square to the object's frame, with the tops of the unloaded layer as their middles. */
+/* Transform the cells of a square to the object's frame. The top of each cell lies on the surface of the unloaded
+ * layer, `thickness` metres above the electrode. */
 static void place_square(struct cover_square *square, const struct cell *cells, double thickness,
                          const struct frame *object_from_bracket)
 {
@@ -129,8 +135,9 @@ static void place_square(struct cover_square *square, const struct cell *cells, 
     }
 }
 
-/* Mean pressure (Pa) along the normal of a cell. */
-static double sum_along(const struct cover_load *faces, size_t count)
+/* Return the mean pressure (Pa) on a cell in the direction of its normal: the sum over the `count` faces of the object
+ * that load the cell. */
+static double compute_normal_pressure(const struct cover_load *faces, size_t count)
 {
     double pressure = 0.0;
     for (size_t i = 0; i < count; i++) {
@@ -139,7 +146,8 @@ static double sum_along(const struct cover_load *faces, size_t count)
     return pressure;
 }
 
-/* Forget where the 16 cells from `first` on stick to the object, because they no longer touch it. */
+/* Mark the 16 cells of a square, which begin at cell number `first`, as no longer stuck to the object. Does nothing
+ * without a grip, or if the grip must not change. */
 static void release_square(const struct contact_grip *grip, size_t first)
 {
     if (grip && grip->advances) {
@@ -147,23 +155,23 @@ static void release_square(const struct contact_grip *grip, size_t first)
     }
 }
 
-/* Keep the distance (metres) of the cells from `first` on from the object: none of them touches before the board has moved
- * as far. */
-static void keep_distance(struct contact_grip *grip, size_t first, double distance)
+/* Store the distance (metres) from the object of the square that begins at cell number `first`: none of its cells
+ * touches the object before the board has moved by this distance. */
+static void store_distance(struct contact_grip *grip, size_t first, double distance)
 {
     if (grip && grip->untouched) {
         grip->untouched[first / CELLS_PER_TAXEL] = grip->skin_travel + distance - ROUNDING_M;
     }
 }
 
-/* Whether no cell of square number `square` can touch the object, because the board has not moved far enough since the
- * square was last examined. */
+/* Return whether no cell of square number `square` can touch the object, because the board has moved less since the
+ * last examination of the square than the distance found then. */
 static bool is_still_untouched(const struct contact_grip *grip, size_t square)
 {
     return grip && grip->untouched && grip->skin_travel < grip->untouched[square];
 }
 
-/* Contact of a board, the same for all its squares. */
+/* Inputs and results of the contact of one board, the same for all its squares. */
 struct solution {
     const struct patch *patch;
     const struct shape *shape;
@@ -171,10 +179,12 @@ struct solution {
     double thickness;
     struct contact_grip *grip; /* NULL: cells are not sheared */
     struct contact_load *load; /* NULL: not computed */
-    struct load_sums sums;     /* of whole cells, if there is a grip */
+    struct load_sums sums;     /* loads of the cells that lie wholly below one face; used if there is a grip */
 };
 
-/* Press one cell of a square on the faces of the object. Returns whether the cell touches. */
+/* Compute the contact of cell number `cell` of a square with the faces of the object, and add its load to the load of
+ * the board. Writes compression[cell] in metres (array may be NULL) if the cell touches. Returns whether the cell
+ * touches the object. */
 static bool press_cell(struct solution *solution, const struct load_square *square, const struct cover_planes *planes,
                        size_t cell, double *compression)
 {
@@ -186,7 +196,7 @@ static bool press_cell(struct solution *solution, const struct load_square *squa
         return false;
     }
     if (compression) {
-        compression[cell] = layer_contact_compression(sum_along(faces, count));
+        compression[cell] = layer_contact_compression(compute_normal_pressure(faces, count));
     }
     if (solution->load) {
         contact_load_add_cell(solution->load, square, cell, faces, count, solution->thickness, grip);
@@ -194,8 +204,9 @@ static bool press_cell(struct solution *solution, const struct load_square *squa
     return true;
 }
 
-/* Solve the contact of the 16 cells of a square, whose first cell has the number `first`. Writes the compression of each
- * cell in the direction of its normal (may be NULL). Returns whether a cell touches. */
+/* Solve the contact of the 16 cells of a square, whose first cell has the number `first`, and add their loads to the
+ * board. Writes the compression (metres, may be NULL) in the direction of the normal for each cell that touches the
+ * object; other entries keep their value. Releases the other cells from the grip. Returns whether a cell touches. */
 static bool press_square(struct solution *solution, const struct cell *cells, size_t first, double *compression)
 {
     const double size = solution->patch->reach, thickness = solution->thickness;
@@ -212,7 +223,7 @@ static bool press_square(struct solution *solution, const struct cell *cells, si
     place_square(&places, cells, thickness, solution->object_from_bracket);
     const double distance = cover_find_touched(solution->shape, &planes, &places, touched);
     if (distance > 0.0) {
-        keep_distance(grip, first, distance);
+        store_distance(grip, first, distance);
         release_square(grip, first);
         return false;
     }
@@ -240,7 +251,8 @@ static bool press_square(struct solution *solution, const struct cell *cells, si
     return is_touching;
 }
 
-/* Write the gaps (metres) up to `reach` of the cells of a square along their normals. */
+/* Write the gap (metres) to the object along the normal for each cell of a square, 0 inside the object. Gaps that
+ * exceed `reach`, or that do not exist because the normal misses the object, keep their previous value. */
 static void write_gaps(const struct cell *cells, const struct shape *shape, double size,
                        const struct frame *object_from_bracket, double thickness, double reach, double *gap)
 {
@@ -254,8 +266,8 @@ static void write_gaps(const struct cell *cells, const struct shape *shape, doub
     }
 }
 
-/* Add the load (wrench and stiffness) of the bare sheet beside the taxels. Returns whether that sheet touches the
- * object. */
+/* Solve the contact of the margins (bare sheet beside the taxels) and add their load to the board. Returns whether a
+ * margin touches the object. */
 static bool press_margins(struct solution *solution)
 {
     const struct patch *patch = solution->patch;
@@ -274,7 +286,8 @@ static bool press_margins(struct solution *solution)
     return is_touching;
 }
 
-/* Set the arrays and the load to the values without a contact. */
+/* Set the results to their values without contact: load 0 with infinite clearance, compression 0, gaps CONTACT_FAR_M.
+ * Each result may be NULL. */
 static void clear_results(const struct patch *patch, double *compression, double *gap, struct contact_load *load)
 {
     if (load) {
@@ -289,7 +302,8 @@ static void clear_results(const struct patch *patch, double *compression, double
     }
 }
 
-/* Press all squares of a board on the object. compression, gap: as for contact_solve(). Returns whether a cell touches. */
+/* Solve the contact of all squares of a board. compression, gap: arrays over the cells as for contact_solve(). Margins
+ * are included only if a load is requested. Returns whether a cell touches. */
 static bool press_board(struct solution *solution, double reach, double *compression, double *gap)
 {
     const struct patch *patch = solution->patch;
@@ -312,9 +326,8 @@ static bool press_board(struct solution *solution, double reach, double *compres
     return (solution->load && press_margins(solution)) || is_touching;
 }
 
-/* Compress every cell to the depth at which the object enters the layer along the normal of the cell. Writes the
- * compression and the gap (metres) of each cell and the wrench and stiffness of the board; returns whether the object
- * touches the board. Each cell is an independent spring. */
+/* Solve the contact of a board's skin with an object; contact.h describes arguments and results. Each cell is an
+ * independent spring: the pressure on a cell does not depend on its neighbours. */
 bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                    double thickness, double reach, double *compression, double *gap, struct contact_load *load,
                    struct contact_grip *grip)

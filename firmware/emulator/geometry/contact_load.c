@@ -5,25 +5,28 @@
 
 #include "emulator/physics/layer.h"
 
-/* Sum of the loads of all faces on one cell, in the object's frame. */
+/* Sum of the loads of all faces of the object on one cell, in the object's frame. */
 struct cell_contact {
     double normal[3]; /* of the object, outward; direction of the sum of the normal forces */
-    double arm[3]; /* point where the sum acts, from the middle of the cell's top: in half sides, and depth (metres) */
+    /* point where the sum acts: offset from the middle of the cell's top in half sides, and depth below it in metres */
+    double arm[3];
     double pressing; /* magnitude of the sum, newtons */
     double share;    /* of the area of the cell that the object touches */
 };
 
-/* Whether the skin slides on the object: the shear force that a spring would reach exceeds the limit. */
+/* Return whether the skin slides on the object: the shear force `reached` without sliding exceeds `limit` (both in
+ * newtons). */
 bool contact_load_slides(double reached, double limit)
 {
     return reached > limit;
 }
 
-/* Add the shear of cell number `cell`, whose top is at `top`: force (newtons) of a spring to the point where the cell
- * sticks to the object, and its stiffness. A part of the cell that touches the object anew is not sheared: as the touched
- * share of the cell grows, the point where the cell sticks moves towards the top. */
-static void add_grip(const struct contact_grip *grip, size_t cell, const double top[3],
-                     const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
+/* Add the shear of cell number `cell`, whose top is at `top`, to a force and a stiffness: a spring between the top and
+ * the point where the cell sticks to the object, limited by friction. The part of the cell that touches the object only
+ * since this step is not sheared: as the touched share of the cell grows, the point where the cell sticks moves towards
+ * the top. area: of the cell, square metres. Updates the point if the grip advances. */
+static void add_shear_spring(const struct contact_grip *grip, size_t cell, const double top[3],
+                             const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
 {
     const double *n = contact->normal, spring = layer_shear_stiffness() * area * contact->share;
     const double new_share = fmax(1.0 - grip->stuck[cell] / contact->share, 0.0);
@@ -66,8 +69,8 @@ static void rotate_back(const struct frame *object_from_bracket, const double in
     }
 }
 
-/* Rotate the load of a board from the object's frame to the bracket's frame, and complete its stiffness K, of which only
- * the lower triangle is set: both 3-vectors of each row and of each column turn. */
+/* Rotate the load of a board from the object's frame to the bracket's frame. The stiffness has only its lower triangle
+ * set before; afterwards it is complete. Both 3-vectors of each row and of each column of the stiffness are rotated. */
 void contact_load_turn(const struct frame *object_from_bracket, struct contact_load *load)
 {
     double half[6][6], turned[3];
@@ -91,9 +94,9 @@ void contact_load_turn(const struct frame *object_from_bracket, struct contact_l
     }
 }
 
-/* Add force and stiffness of one cell to the load of the board: the force acts at the point r on the object's surface,
- * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. Only the lower
- * triangle of the stiffness is set. */
+/* Add force and stiffness of one cell to the load of the board. The force acts at the point r of the object's surface.
+ * The stiffness is that of a spring with the 3 x 3 matrix S at r: (I, [r]) S (I, [r])^T with the cross-product matrix
+ * [r]. Only the lower triangle of the board's stiffness is set. */
 static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
 {
     double product[3][3]; /* [r] S */
@@ -117,8 +120,8 @@ static void add_spring(struct contact_load *load, const double r[3], const doubl
     }
 }
 
-/* Point of a cell relative to the bracket's origin, in the object's frame. at: in half sides from the middle of the cell.
- * depth: below the top, metres. */
+/* Compute a point of a cell relative to the bracket's origin, in the object's frame. at: offset from the middle of the
+ * cell in half sides. depth: below the top of the cell, metres. */
 static void find_arm(const struct cover_cell *cell, const double at[2], double depth,
                      const struct frame *object_from_bracket, double arm[3])
 {
@@ -128,13 +131,14 @@ static void find_arm(const struct cover_cell *cell, const double at[2], double d
     }
 }
 
-/* Depth of a face at the centre of its pressure on a cell, metres. */
-static double get_depth(const struct cover_load *face)
+/* Return the depth (metres) of a face below the top of a cell at the centre of the face's pressure on the cell. */
+static double compute_depth_at_centre(const struct cover_load *face)
 {
     return face->face.depth + face->face.change[0] * face->centre[0] + face->face.change[1] * face->centre[1];
 }
 
-/* Sum the forces of the faces on a cell: direction, point and magnitude. area: of the cell, square metres. */
+/* Sum the forces of the `count` faces of the object that press on a cell. Returns direction, point and magnitude of the
+ * sum, and the touched share of the cell. area: of the cell, square metres. */
 static struct cell_contact join_faces(const struct cover_load *faces, size_t count, double area)
 {
     struct cell_contact sum = {.share = 0.0};
@@ -146,7 +150,7 @@ static struct cell_contact join_faces(const struct cover_load *faces, size_t cou
         }
         sum.arm[0] += force * faces[i].centre[0];
         sum.arm[1] += force * faces[i].centre[1];
-        sum.arm[2] += force * get_depth(&faces[i]);
+        sum.arm[2] += force * compute_depth_at_centre(&faces[i]);
         sum.share += faces[i].share;
         total += force;
     }
@@ -158,9 +162,10 @@ static struct cell_contact join_faces(const struct cover_load *faces, size_t cou
     return sum;
 }
 
-/* Add the stiffness of the pressure on a cell against a turn of the cell, which moves the centre of pressure. rate: of the
- * cell, N/m. share: of the area of the cell below the face; the stiffness is exact where the face covers the cell. */
-static void add_turn(struct contact_load *load, const struct cover_cell *cell, double rate, double share)
+/* Add the stiffness against a rotation of a cell, which moves the centre of pressure on the cell. rate: stiffness of
+ * the cell along its normal, N/m. share: of the cell's area that lies below the face; the result is exact for a share
+ * of 1. */
+static void add_turning_stiffness(struct contact_load *load, const struct cover_cell *cell, double rate, double share)
 {
     const double *n = cell->normal;
     for (int side = 0; side < 2; side++) {
@@ -174,11 +179,12 @@ static void add_turn(struct contact_load *load, const struct cover_cell *cell, d
     }
 }
 
-/* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
- * normal of the cell in the centre of pressure of each face. area: of the cell, square metres. */
-static void add_column(struct contact_load *load, const struct cover_cell *cell, double area,
-                       const struct cover_load *faces, size_t count, double thickness,
-                       const struct frame *object_from_bracket)
+/* Add the load of one cell that carries no shear to the load of the board: for each face of the object, a spring along
+ * the normal of the cell in the face's centre of pressure. area: of the cell, square metres. thickness: layer above the
+ * electrode, metres. */
+static void add_normal_springs(struct contact_load *load, const struct cover_cell *cell, double area,
+                               const struct cover_load *faces, size_t count, double thickness,
+                               const struct frame *object_from_bracket)
 {
     const double *n = cell->normal;
     for (size_t face = 0; face < count; face++) {
@@ -193,20 +199,20 @@ static void add_column(struct contact_load *load, const struct cover_cell *cell,
         }
         find_arm(cell, faces[face].centre, thickness, object_from_bracket, arm);
         add_spring(load, arm, force, spring);
-        add_turn(load, cell, rate, faces[face].share);
+        add_turning_stiffness(load, cell, rate, faces[face].share);
     }
 }
 
-/* Add the load of cell number `number`, which sticks to the object, to the wrench on the board and to the stiffness. The
- * force of each face has the direction of the face's normal; its part along the cell follows from the compression. The
- * shear acts in the centre of these forces. */
-static void add_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
-                     const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
-                     const struct contact_grip *grip)
+/* Add the load of cell number `number`, which sticks to the object, to the load of the board. The force of each face
+ * has the direction of the face's normal, and its part along the cell's surface follows from the compression. The shear
+ * acts at the point where the sum of these forces acts. area: of the cell, square metres. */
+static void add_sticking_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
+                              const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
+                              const struct contact_grip *grip)
 {
     const struct cell_contact sum = join_faces(faces, count, area);
     double force[3] = {0.0, 0.0, 0.0}, spring[3][3] = {{0.0}}, arm[3];
-    add_grip(grip, number, cell->top, &sum, area, force, spring);
+    add_shear_spring(grip, number, cell->top, &sum, area, force, spring);
     if (count > 1) {
         find_arm(cell, sum.arm, sum.arm[2], object_from_bracket, arm);
         add_spring(load, arm, force, spring);
@@ -221,12 +227,12 @@ static void add_cell(struct contact_load *load, const struct cover_cell *cell, d
                 spring[i][j] = (count > 1 ? 0.0 : spring[i][j]) + rate * face->normal[i] * face->normal[j];
             }
         }
-        find_arm(cell, faces[n].centre, get_depth(&faces[n]), object_from_bracket, arm);
+        find_arm(cell, faces[n].centre, compute_depth_at_centre(&faces[n]), object_from_bracket, arm);
         add_spring(load, arm, force, spring);
     }
 }
 
-/* Cell number `cell` of a placed square. */
+/* Return cell number `cell` (0 to 15) of a square whose values are stored by coordinate. */
 struct cover_cell contact_load_get_cell(const struct cover_square *square, size_t cell)
 {
     struct cover_cell result;
@@ -239,7 +245,8 @@ struct cover_cell contact_load_get_cell(const struct cover_square *square, size_
     return result;
 }
 
-/* Add the load of one cell of a square: with shear if there is a grip, else a spring along the normal of the cell. */
+/* Add the load of one cell of a square to the load of a board: with shear if there is a grip, otherwise as springs
+ * along the normal of the cell. */
 void contact_load_add_cell(struct contact_load *load, const struct load_square *square, size_t cell,
                            const struct cover_load *faces, size_t count, double thickness,
                            const struct contact_grip *grip)
@@ -247,8 +254,8 @@ void contact_load_add_cell(struct contact_load *load, const struct load_square *
     const struct cover_cell place = contact_load_get_cell(square->places, cell);
     const double area = square->cells[cell].area;
     if (grip) {
-        add_cell(load, &place, area, square->first + cell, faces, count, square->object_from_bracket, grip);
+        add_sticking_cell(load, &place, area, square->first + cell, faces, count, square->object_from_bracket, grip);
     } else {
-        add_column(load, &place, area, faces, count, thickness, square->object_from_bracket);
+        add_normal_springs(load, &place, area, faces, count, thickness, square->object_from_bracket);
     }
 }

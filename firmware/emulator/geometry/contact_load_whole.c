@@ -4,14 +4,16 @@
 
 #include "emulator/physics/layer.h"
 
-/* Springs of the whole cells of a square in the object's frame. */
+/* Springs of the whole cells of a square (cells wholly below one face of the object), in the object's frame. */
 struct square_springs {
-    double arm[3][SHAPE_LINES], force[3][SHAPE_LINES];
-    double spring[3][3][SHAPE_LINES]; /* lower triangle */
+    double arm[3][SHAPE_LINES];       /* point where the object presses, relative to the bracket's origin; metres */
+    double force[3][SHAPE_LINES];     /* newtons */
+    double spring[3][3][SHAPE_LINES]; /* stiffness, N/m; lower triangle */
 };
 
-/* Set the points where the faces press on the cells, relative to the bracket's origin. */
-static void set_arms(struct square_springs *springs, const struct load_square *square, const struct cover_whole *whole)
+/* Compute for each cell of a square the point at which the object loads it, relative to the bracket's origin. */
+static void compute_arms(struct square_springs *springs, const struct load_square *square,
+                         const struct cover_whole *whole)
 {
     const struct cover_square *places = square->places;
     for (int k = 0; k < 3; k++) {
@@ -25,10 +27,11 @@ static void set_arms(struct square_springs *springs, const struct load_square *s
     }
 }
 
-/* Copy the shear of the cells (metres, along the faces) since they stick to the object. A cell that was touched in part
- * is sheared less: see add_grip(). */
-static void set_shears(double shear[3][SHAPE_LINES], const struct load_square *square, const struct cover_whole *whole,
-                       const struct contact_grip *grip)
+/* Compute the shear of each cell: the displacement (metres, along the surface of the object) of the cell's top since it
+ * sticks to the object; 0 for a cell that did not stick before. A cell of which only a share stuck is sheared by this
+ * share of the displacement: see add_shear_spring(). */
+static void compute_shears(double shear[3][SHAPE_LINES], const struct load_square *square,
+                           const struct cover_whole *whole, const struct contact_grip *grip)
 {
     const double *stuck = &grip->stuck[square->first];
     for (int k = 0; k < 3; k++) {
@@ -47,13 +50,13 @@ static void set_shears(double shear[3][SHAPE_LINES], const struct load_square *s
     }
 }
 
-/* Set forces and stiffnesses of the cells: pressure along the normals of the faces and shear, which is limited by the
- * friction. The points where the cells stick follow. */
-static void set_springs(struct square_springs *springs, const struct load_square *square,
-                        const struct cover_whole *whole, const struct contact_grip *grip)
+/* Compute forces and stiffnesses of the cells: pressure along the normal of the face above the cell, and shear, which
+ * friction limits. If the grip advances, stores where each whole cell sticks after this step. */
+static void compute_springs(struct square_springs *springs, const struct load_square *square,
+                            const struct cover_whole *whole, const struct contact_grip *grip)
 {
     double shear[3][SHAPE_LINES], kept[SHAPE_LINES];
-    set_shears(shear, square, whole, grip);
+    compute_shears(shear, square, whole, grip);
     for (int i = 0; i < SHAPE_LINES; i++) {
         const double area = whole->is_whole[i] ? square->cells[i].area : 0.0, steep = whole->steep[i];
         const double pressing = whole->pressure[i] * area / steep, rate = whole->rate[i] * area / (steep * steep);
@@ -83,7 +86,8 @@ static void set_springs(struct square_springs *springs, const struct load_square
     }
 }
 
-/* Add forces and stiffnesses to the sums: see add_spring(). */
+/* Add forces and stiffnesses of the 16 cells of a square to the sums. The formula is that of add_spring() in
+ * contact_load.c. */
 static void sum_springs(struct load_sums *sums, const struct square_springs *springs)
 {
     for (int i = 0; i < SHAPE_LINES; i++) {
@@ -117,17 +121,18 @@ static void sum_springs(struct load_sums *sums, const struct square_springs *spr
     }
 }
 
-/* Add the loads of the whole cells of a square, which stick to the object, and let the points where they stick follow. */
+/* Add the loads of the whole cells of a square to the sums. If the grip advances, the points where the cells stick to
+ * the object are updated. */
 void contact_load_add_whole(struct load_sums *sums, const struct load_square *square, const struct cover_whole *whole,
                             const struct contact_grip *grip)
 {
     struct square_springs springs;
-    set_arms(&springs, square, whole);
-    set_springs(&springs, square, whole, grip);
+    compute_arms(&springs, square, whole);
+    compute_springs(&springs, square, whole, grip);
     sum_springs(sums, &springs);
 }
 
-/* Sum of the values of all places in a square. */
+/* Return the sum of the values of the 16 places in a square. */
 static double sum_places(const double values[SHAPE_LINES])
 {
     double sum = 0.0;
@@ -137,7 +142,7 @@ static double sum_places(const double values[SHAPE_LINES])
     return sum;
 }
 
-/* Add the sums over the places of the squares to wrench and stiffness of a board. */
+/* Add the sums of the whole cells to the load of a board. Only the lower triangle of the stiffness is set. */
 void contact_load_join(struct contact_load *load, const struct load_sums *sums)
 {
     for (int i = 0; i < 6; i++) {

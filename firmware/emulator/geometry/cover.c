@@ -5,7 +5,8 @@
 #include "emulator/geometry/vector.h"
 #include "emulator/physics/layer.h"
 
-#define STRIPS 3 /* lines across a cell at the points of Gauss's rule of this order */
+/* parallel lines across a cell, at the points of Gauss's rule of order 3, along which the pressure is integrated */
+#define STRIPS 3
 
 static const double strip_place[STRIPS] = {-0.77459666924148338, 0.0, 0.77459666924148338};
 static const double strip_weight[STRIPS] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
@@ -20,7 +21,8 @@ static double greater(double a, double b)
     return a > b ? a : b;
 }
 
-/* Complete a face, whose normal is set, over a cell whose top lies `level` metres below the plane of the face. */
+/* Complete a face whose normal is set: slope, depth and change of the depth over a cell. level: distance (metres) of
+ * the middle of the cell's top from the plane of the face, positive inside the object. */
 static void set_face(struct cover_face *face, const struct cover_cell *cell, double level)
 {
     face->slope = -dot(face->normal, cell->normal);
@@ -31,7 +33,8 @@ static void set_face(struct cover_face *face, const struct cover_cell *cell, dou
     face->change[1] = -dot(face->normal, cell->half[1]) * inverse;
 }
 
-/* Set the face to the tangent plane of the wall of a cylinder where the line below the top of the cell meets the wall. */
+/* Set the face to the tangent plane of a cylinder's wall at the point where the line below the middle of the cell meets
+ * the wall, by Newton's method. */
 static void set_wall(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell)
 {
     double depth = 0.0;
@@ -50,7 +53,7 @@ static void set_wall(struct cover_face *face, const struct shape *shape, const s
     }
 }
 
-/* Set the face to cap or wall number `number` of a cylinder over a cell. */
+/* Set the face to one of the three faces of a cylinder over a cell. number: 0 wall, 1 lower cap, 2 upper cap. */
 static void set_cylinder_face(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell,
                               size_t number)
 {
@@ -63,14 +66,15 @@ static void set_cylinder_face(struct cover_face *face, const struct shape *shape
     set_face(face, cell, number == 1 ? cell->top[2] : shape->height - cell->top[2]);
 }
 
-/* Largest change of the depth of a face from the middle of a cell to its border, metres. */
-static double get_extent(const struct cover_face *face)
+/* Return the largest change (metres) of the depth of a face between the middle of a cell and its border. */
+static double compute_depth_variation(const struct cover_face *face)
 {
     return fabs(face->change[0]) + fabs(face->change[1]);
 }
 
-/* Find the faces that limit the compression somewhere in the cell; the least deep one at each point limits it. Returns
- * their number, 0 if a face lies outside of the whole cell. */
+/* Find the faces of the object that determine the compression of a cell: at each point of the cell, the face with the
+ * smallest depth does. Returns the number of faces; 0 if the whole cell lies outside one of the faces, so that the
+ * object does not touch it. */
 static size_t find_faces(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,
                          struct cover_face faces[COVER_FACES_MAX])
 {
@@ -89,7 +93,7 @@ static size_t find_faces(const struct shape *shape, const struct cover_planes *p
             face->normal[2] = plane[2];
             set_face(face, cell, plane[3] - dot(plane, cell->top));
         }
-        const double extent = get_extent(face);
+        const double extent = compute_depth_variation(face);
         if (face->depth + extent <= 0.0) {
             return 0;
         }
@@ -97,7 +101,7 @@ static size_t find_faces(const struct shape *shape, const struct cover_planes *p
         count += face->depth - extent <= least && count < COVER_FACES_MAX - 1;
     }
     for (size_t i = 0; i < count; i++) {
-        if (faces[i].depth - get_extent(&faces[i]) <= least) {
+        if (faces[i].depth - compute_depth_variation(&faces[i]) <= least) {
             faces[kept] = kept < i ? faces[i] : faces[kept];
             kept++;
         }
@@ -105,8 +109,8 @@ static size_t find_faces(const struct shape *shape, const struct cover_planes *p
     return kept;
 }
 
-/* Direction of the strips: the half side along which the depths of the faces change most differently, so that the strips
- * cross the edges. */
+/* Choose the direction of the strips that integrate the pressure over a cell: 0 or 1, the side of the cell along which
+ * the depths of the faces change most differently, so that the strips cross the edges between the faces. */
 static int choose_direction(const struct cover_face *faces, size_t count)
 {
     double range[2];
@@ -121,7 +125,9 @@ static int choose_direction(const struct cover_face *faces, size_t count)
     return range[1] > range[0];
 }
 
-/* Add the pressure of a face on the piece [from, to] of a strip at `place` with the weight `weight` to a load. */
+/* Add the pressure of a face on a part of a strip to the load of the face. The strip crosses the cell in direction
+ * `direction` (0 or 1); `from`, `to` (along the strip) and `place` (across it) are in half sides. weight: of the strip
+ * in Gauss's rule. */
 static void add_piece(struct cover_load *load, int direction, double from, double to, double place, double weight)
 {
     const struct cover_face *face = &load->face;
@@ -139,7 +145,9 @@ static void add_piece(struct cover_load *load, int direction, double from, doubl
     }
 }
 
-/* Follow the least deep face along a strip at `place`, from edge to edge, and add the pressures of the faces. */
+/* Integrate the pressure along a strip across a cell, and add it to the loads. At each point, the face with the
+ * smallest depth presses: the loop goes along the strip from edge to edge. direction, place, weight: as for
+ * add_piece(). */
 static void press_strip(struct cover_load *loads, size_t count, int direction, double place, double weight)
 {
     double depth[COVER_FACES_MAX], at = -1.0;
@@ -180,9 +188,9 @@ static void press_strip(struct cover_load *loads, size_t count, int direction, d
     }
 }
 
-/* Load of the only face on a cell that lies wholly below the face: Gauss's rule of order 2 in the direction of the
- * steepest change of the depth. */
-static void press_whole(struct cover_load *load)
+/* Compute the load of a face on a cell that lies wholly below it and below no other face: Gauss's rule of order 2 in
+ * the direction in which the depth changes most. */
+static void press_wholly_covered(struct cover_load *load)
 {
     const double *change = load->face.change;
     const double steepest = sqrt(change[0] * change[0] + change[1] * change[1]);
@@ -197,9 +205,10 @@ static void press_whole(struct cover_load *load)
     load->centre[1] = (below - above) / (below + above) * scale * change[1];
 }
 
-/* Loads of several faces, or of a face that covers a cell partly, on a cell: sum over the strips. Returns the number of
- * faces that load the cell. */
-static size_t press_parts(const struct cover_face *faces, size_t count, struct cover_load loads[COVER_FACES_MAX])
+/* Compute the loads of several faces, or of one face that covers a cell only partly, by a sum over strips. Writes only
+ * loads with a pressure above 0 and returns their number. */
+static size_t press_partly_covered(const struct cover_face *faces, size_t count,
+                                   struct cover_load loads[COVER_FACES_MAX])
 {
     const int direction = choose_direction(faces, count);
     size_t stored = 0;
@@ -219,8 +228,8 @@ static size_t press_parts(const struct cover_face *faces, size_t count, struct c
     return stored;
 }
 
-/* Collect the planes that the cells within `radius` of `middle` can touch, up to `deepest` metres below the surface; all
- * planes if none is so near. */
+/* Collect the planes that the cells within `radius` of `middle` can touch, up to `deepest` metres below the surface;
+ * all planes if none is so near. */
 void cover_find_planes(const struct shape *shape, const double middle[3], double radius, double deepest,
                        struct cover_planes *planes)
 {
@@ -237,7 +246,8 @@ void cover_find_planes(const struct shape *shape, const double middle[3], double
     planes->count = planes->count ? planes->count : shape->plane_count;
 }
 
-/* Reduce the margins (metres) by which the farthest points of the cells of a square lie inside the object, by one plane.
+/* Reduce the margins of the cells of a square by one plane of the object. The margin (metres) of a cell is the distance
+ * by which the point of the cell that lies deepest below the plane is inside it; the smallest over all planes counts.
  * Without branches, so that the compiler vectorises the loop. */
 static void reduce_margins(const double *n, const struct cover_square *square, double margin[SHAPE_LINES])
 {
@@ -252,9 +262,10 @@ static void reduce_margins(const double *n, const struct cover_square *square, d
     }
 }
 
-/* Reduce the same margins by the tangent planes of the wall of a cylinder. A cell of which the top lies inside the wall
- * may touch the wall. The tangent plane turns when the cell moves along the wall, so that the distance of the cell from
- * the plane decreases by more than the motion: a negative margin is divided by the largest ratio. */
+/* Reduce the margins of the cells (see reduce_margins()) by the tangent planes of a cylinder's wall. A cell whose top
+ * lies inside the wall may touch the wall. The tangent plane turns when the cell moves along the wall, so the distance
+ * of the cell from the plane can decrease by more than the motion: a negative margin is divided by the largest possible
+ * ratio of both. */
 static void reduce_wall_margins(const struct shape *shape, const struct cover_square *square,
                                 double margin[SHAPE_LINES])
 {
@@ -270,8 +281,8 @@ static void reduce_wall_margins(const struct shape *shape, const struct cover_sq
     }
 }
 
-/* Write for each cell of a square whether the object may touch it. Returns the distance of the nearest cell from the
- * object along the normal of a face, or 0 if a cell may touch. */
+/* Write for each cell of a square whether the object may touch it. Returns a lower bound (metres) of the distance of
+ * the nearest cell from the object, or 0 if a cell may touch. */
 double cover_find_touched(const struct shape *shape, const struct cover_planes *planes,
                           const struct cover_square *square, bool touched[SHAPE_LINES])
 {
@@ -295,16 +306,17 @@ double cover_find_touched(const struct shape *shape, const struct cover_planes *
     return greater(-greatest, 0.0);
 }
 
-/* Compute the loads of the faces on a cell. Returns their number, 0 if the object does not touch the cell. */
+/* Compute the loads of the object's faces on a cell. Returns the number of loads written; 0 if the object does not
+ * touch the cell. */
 size_t cover_press(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,
                    struct cover_load loads[COVER_FACES_MAX])
 {
     struct cover_face faces[COVER_FACES_MAX];
     const size_t count = find_faces(shape, planes, cell, faces);
-    if (count == 1 && faces[0].depth > get_extent(&faces[0])) {
+    if (count == 1 && faces[0].depth > compute_depth_variation(&faces[0])) {
         loads[0].face = faces[0];
-        press_whole(&loads[0]);
+        press_wholly_covered(&loads[0]);
         return 1;
     }
-    return count ? press_parts(faces, count, loads) : 0;
+    return count ? press_partly_covered(faces, count, loads) : 0;
 }

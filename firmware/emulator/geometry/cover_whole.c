@@ -4,20 +4,23 @@
 
 #include "emulator/physics/layer.h"
 
-/* Least deep face over each cell so far. The depth of a face over a cell lies between `high` and `low`. */
+/* State of the search for the least deep face over each cell of a square. The depth of this face varies over the cell
+ * between `high` (smallest depth) and `low` (largest depth), in metres below the top of the cell. */
 struct search {
     double low[SHAPE_LINES], high[SHAPE_LINES];
-    double other_high[SHAPE_LINES]; /* least of all other faces */
+    double other_high[SHAPE_LINES]; /* smallest depth of all other faces anywhere in the cell */
 };
 
-/* Face over all cells of a square: outward normal, and depth of its plane below the tops in the direction of the normal. */
+/* One face of the object over the 16 cells of a square: outward normal, and distance of the top of each cell from its
+ * plane (metres, positive inside the object). For a curved wall, each cell has its own tangent plane. */
 struct square_face {
     double normal[3][SHAPE_LINES], level[SHAPE_LINES];
-    double nearer
-        [SHAPE_LINES]; /* metres that the depth gains because the plane is that of another point of a curved wall */
+    /* metres to add to the depth: the distance below the top of the cell at which the plane touches a curved wall */
+    double depth_offset[SHAPE_LINES];
 };
 
-/* Compare a face with the least deep face over each cell, and store the less deep one. */
+/* Compare a face with the least deep face found so far over each cell of a square, and store the less deep of the two
+ * in `search` and `whole`. */
 static void compare_face(const struct square_face *face, const struct cover_square *square, struct search *search,
                          struct cover_whole *whole)
 {
@@ -28,7 +31,7 @@ static void compare_face(const struct square_face *face, const struct cover_squa
         const double across =
             n[0] * square->half[1][0][i] + n[1] * square->half[1][1][i] + n[2] * square->half[1][2][i];
         const double steep = slope > COVER_STEEPEST ? slope : COVER_STEEPEST, inverse = 1.0 / steep;
-        const double depth = face->level[i] * inverse + face->nearer[i];
+        const double depth = face->level[i] * inverse + face->depth_offset[i];
         const double extent = fabs(along * inverse) + fabs(across * inverse);
         const double low = depth + extent, high = depth - extent;
         const bool is_least = low < search->low[i];
@@ -47,7 +50,8 @@ static void compare_face(const struct square_face *face, const struct cover_squa
     }
 }
 
-/* Set a face to a plane of a polyhedron or to a cap of a cylinder. */
+/* Set a face to a plane of a polyhedron or to a cap of a cylinder. plane: outward normal and distance from the
+ * origin. */
 static void set_plane(struct square_face *face, const double plane[4], const struct cover_square *square)
 {
     for (int i = 0; i < SHAPE_LINES; i++) {
@@ -56,15 +60,19 @@ static void set_plane(struct square_face *face, const double plane[4], const str
         face->normal[2][i] = plane[2];
         face->level[i] =
             plane[3] - (plane[0] * square->top[0][i] + plane[1] * square->top[1][i] + plane[2] * square->top[2][i]);
-        face->nearer[i] = 0.0;
+        face->depth_offset[i] = 0.0;
     }
 }
 
-/* Set a face to the tangent planes of the wall of a cylinder where the lines below the tops of the cells meet the wall, by
- * Newton's method. Cells to which the wall is too steep keep the tangent plane of the first step in which it is. */
+/* Set a face to the tangent planes of a cylinder's wall, one for each cell of a square: at the point where the line
+ * from the top of the cell against its normal meets the wall, found by Newton's method. As soon as the wall is steeper
+ * than COVER_STEEPEST in a step, the tangent plane of this step is kept, because the exact intersection no longer
+ * matters. */
 static void set_wall(struct square_face *face, const struct shape *shape, const struct cover_square *square)
 {
-    double depth[SHAPE_LINES] = {0.0}, is_final[SHAPE_LINES] = {0.0};
+    double depth[SHAPE_LINES] = {0.0};
+    /* 1: the plane is kept in the next steps; a double, for vectorised loops */
+    double has_fixed_plane[SHAPE_LINES] = {0.0};
     for (int step = 0; step <= COVER_WALL_STEPS; step++) {
         for (int i = 0; i < SHAPE_LINES; i++) {
             const double x = square->top[0][i] - depth[i] * square->normal[0][i];
@@ -73,20 +81,20 @@ static void set_wall(struct square_face *face, const struct shape *shape, const 
             const double n[2] = {radius > 0.0 ? x / positive : 1.0, radius > 0.0 ? y / positive : 0.0};
             const double slope = -(n[0] * square->normal[0][i] + n[1] * square->normal[1][i]);
             const double steep = slope > COVER_STEEPEST ? slope : COVER_STEEPEST;
-            const bool is_kept = is_final[i] > 0.0;
+            const bool is_kept = has_fixed_plane[i] > 0.0;
             face->normal[0][i] = is_kept ? face->normal[0][i] : n[0];
             face->normal[1][i] = is_kept ? face->normal[1][i] : n[1];
             face->normal[2][i] = 0.0;
             face->level[i] = is_kept ? face->level[i] : shape->radius - radius;
-            face->nearer[i] = is_kept ? face->nearer[i] : depth[i];
-            is_final[i] = slope < COVER_STEEPEST ? 1.0 : is_final[i];
+            face->depth_offset[i] = is_kept ? face->depth_offset[i] : depth[i];
+            has_fixed_plane[i] = slope < COVER_STEEPEST ? 1.0 : has_fixed_plane[i];
             const double next = (shape->radius - radius) / steep + depth[i];
             depth[i] = next > 0.0 ? next : 0.0;
         }
     }
 }
 
-/* Find the least deep face over each cell. */
+/* Find the least deep face of the object over each cell of a square. */
 static void find_least(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
                        struct search *search, struct cover_whole *whole)
 {
@@ -110,6 +118,8 @@ static void find_least(const struct shape *shape, const struct cover_planes *pla
     }
 }
 
+/* Find the cells that lie wholly below one face and compute their loads; cover_whole.h describes the arguments. The
+ * pressure is integrated by Gauss's rule of order 2 in the direction in which the depth changes most. */
 void cover_press_whole(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
                        const bool touched[SHAPE_LINES], struct cover_whole *whole)
 {

@@ -4,7 +4,7 @@
 
 const struct frame frame_identity = {{{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}}};
 
-/* Rotates the direction `in` by the rotation of `frame`, without its translation; result in `out`. */
+/* Rotate the direction `in` by the rotation of `frame`, without its translation; result in `out`. */
 void frame_direction(const struct frame *frame, const double in[3], double out[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -12,7 +12,7 @@ void frame_direction(const struct frame *frame, const double in[3], double out[3
     }
 }
 
-/* Transforms the point `in` (metres) by rotation and translation of `frame`; result in `out`. */
+/* Transform the point `in` (metres) by rotation and translation of `frame`; result in `out`. */
 void frame_point(const struct frame *frame, const double in[3], double out[3])
 {
     frame_direction(frame, in, out);
@@ -21,7 +21,7 @@ void frame_point(const struct frame *frame, const double in[3], double out[3])
     }
 }
 
-/* Composition of two rigid transforms: b is applied first, then a. */
+/* Compose two rigid transforms: the result applies b first, then a. */
 struct frame frame_product(const struct frame *a, const struct frame *b)
 {
     struct frame product;
@@ -40,7 +40,7 @@ struct frame frame_product(const struct frame *a, const struct frame *b)
     return product;
 }
 
-/* Inverse of a rigid transform: rotation R^T, translation -R^T t. */
+/* Return the inverse of a rigid transform: rotation R^T, translation -R^T t. */
 struct frame frame_inverse(const struct frame *a)
 {
     struct frame inverse;
@@ -54,8 +54,8 @@ struct frame frame_inverse(const struct frame *a)
     return inverse;
 }
 
-/* Rigid transform of a rotation by |rotation_vector| radians about the direction of the vector (Rodrigues' formula),
- * followed by a translation (metres). */
+/* Return the rigid transform that rotates by |rotation_vector| radians about the direction of the vector (Rodrigues'
+ * formula) and then translates (metres). */
 struct frame frame_of_offset(const double translation[3], const double rotation_vector[3])
 {
     const double *w = rotation_vector;
@@ -77,8 +77,8 @@ struct frame frame_of_offset(const double translation[3], const double rotation_
     return frame;
 }
 
-/* Rotation vector of a frame, of length 0 to pi: inverse of frame_of_offset(). From the quaternion whose largest component
- * is computed first, which is free of cancellation (Shepperd 1978). */
+/* Compute the rotation vector of a frame, of length 0 to pi: the inverse of frame_of_offset(). The largest component of
+ * the quaternion is computed first, which avoids cancellation (Shepperd 1978). */
 void frame_rotation_vector(const struct frame *frame, double rotation_vector[3])
 {
     const double (*m)[4] = frame->row;

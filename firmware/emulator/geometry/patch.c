@@ -7,6 +7,7 @@
 
 #include "emulator/geometry/vector.h"
 
+/* Arrangement of a board's taxels on the unrolled sheet. */
 struct layout {
     int rows, columns;
     int taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* by place on the unrolled sheet; -1: no taxel */
@@ -28,7 +29,7 @@ static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_coun
     }
 }
 
-/* Replace the layout by the places that the poses of the taxels state. */
+/* Arrange the taxels at the rows and columns that their poses state, instead of the places by TX and RX line. */
 static void read_places(struct layout *layout, size_t taxels, const struct taxel_pose *poses)
 {
     *layout = (struct layout){0, 0, {{0}}};
@@ -44,7 +45,7 @@ static void read_places(struct layout *layout, size_t taxels, const struct taxel
     }
 }
 
-/* Taxel poses on a flat sheet, for worlds without taxel poses: x is distal, y is left, one pitch per line. */
+/* Write taxel poses on a flat sheet, for worlds without taxel poses: x is distal, y is left, one pitch per line. */
 static void place_flat(const struct layout *layout, struct taxel_pose *poses)
 {
     for (int tx = 0; tx < layout->rows; tx++) {
@@ -60,7 +61,8 @@ static void place_flat(const struct layout *layout, struct taxel_pose *poses)
     }
 }
 
-/* Pose of the taxel at a place of the unrolled sheet; NULL if the place lies outside the sheet or has no taxel. */
+/* Return the pose of the taxel at a place of the unrolled sheet; NULL if the place lies outside the sheet or has no
+ * taxel. */
 static const struct taxel_pose *find_neighbour(const struct layout *layout, const struct taxel_pose *poses, int row,
                                                int column)
 {
@@ -71,15 +73,16 @@ static const struct taxel_pose *find_neighbour(const struct layout *layout, cons
     return &poses[layout->taxel_at[row][column]];
 }
 
-/* Side of the square of a taxel or margin, metres. axis 0: along the distal direction, 1: across it. */
-static double get_side(const struct taxel_pose *pose, int axis)
+/* Return the length (metres) of a side of the square of a taxel or margin; one pitch if no size is stated. axis 0:
+ * along the distal direction, 1: across it. */
+static double compute_side_length(const struct taxel_pose *pose, int axis)
 {
     return pose->size[axis] > 0.0 ? pose->size[axis] : TAXEL_PITCH_M;
 }
 
-/* Set the mean distance between neighbouring cells along rows and columns of the grid, from the distances of
- * neighbouring taxels if squares of different sizes are described. */
-static void measure_steps(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses)
+/* Compute the mean distance between neighbouring cells along rows and columns of the grid: from the distances of
+ * neighbouring taxels if the poses state places, otherwise from the pitch. */
+static void compute_grid_steps(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses)
 {
     patch->step[0] = patch->step[1] = CELL_SIDE_M;
     for (int axis = 0; axis < 2; axis++) {
@@ -103,15 +106,15 @@ static void measure_steps(struct patch *patch, const struct layout *layout, cons
     }
 }
 
-/* Bound of the distance between two cells of a square, also on a curved sheet, metres. */
-static double bound_square(const struct taxel_pose *pose)
+/* Return an upper bound (metres) of the distance between two cells of a square, also on a curved sheet. */
+static double compute_square_bound(const struct taxel_pose *pose)
 {
-    const double diagonal = hypot(get_side(pose, 0), get_side(pose, 1));
+    const double diagonal = hypot(compute_side_length(pose, 0), compute_side_length(pose, 1));
     return pose->size[0] > 0.0 ? 1.1 * diagonal : 1.5 * TAXEL_PITCH_M;
 }
 
-/* Curvature of the sheet at a taxel (1/m): change of the normal per metre in the direction `along`, mean over the
- * neighbours on both sides; 0 without neighbours. */
+/* Return the curvature of the sheet at a taxel (1/m): change of the normal per metre in the direction `along`, as the
+ * mean over the neighbours on both sides; 0 without neighbours. */
 static double compute_curvature(const struct taxel_pose *centre, const struct taxel_pose *const sides[2],
                                 const double along[3])
 {
@@ -134,7 +137,8 @@ static double compute_curvature(const struct taxel_pose *centre, const struct ta
     return count ? sum / count : 0.0;
 }
 
-/* Set the half sides of a placed cell, tangential to the sheet: the first one near the distal direction of its taxel. */
+/* Set the half sides of a placed cell in the plane tangential to the sheet, and its area. The first half side is the
+ * projection of the taxel's distal direction. sides: lengths, metres. */
 static void set_sides(struct cell *cell, const double distal[3], const double sides[2])
 {
     const double *n = cell->normal, along = dot(distal, n);
@@ -151,8 +155,9 @@ static void set_sides(struct cell *cell, const double distal[3], const double si
     cell->area = sides[0] * sides[1];
 }
 
-/* Place a cell with two sides (metres) at (a, b) metres from a taxel along its distal and left direction, on the
- * paraboloid with the curvatures bend[0] (distal) and bend[1] (left), 1/m. */
+/* Place a cell of a taxel on the curved sheet, `a` metres from the taxel in its distal direction and `b` metres in its
+ * left direction. The sheet is the paraboloid with the curvatures bend[0] (distal) and bend[1] (left), 1/m. sides:
+ * lengths of the cell's sides, metres. */
 static void place_cell(struct cell *cell, const struct taxel_pose *pose, const double sides[2], double a, double b,
                        const double bend[2])
 {
@@ -181,7 +186,8 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
                                                       find_neighbour(layout, poses, row + 1, column)};
     const struct taxel_pose *const along_row[2] = {find_neighbour(layout, poses, row, column - 1),
                                                    find_neighbour(layout, poses, row, column + 1)};
-    const double sides[2] = {get_side(pose, 0) / CELLS_PER_SIDE, get_side(pose, 1) / CELLS_PER_SIDE};
+    const double sides[2] = {compute_side_length(pose, 0) / CELLS_PER_SIDE,
+                             compute_side_length(pose, 1) / CELLS_PER_SIDE};
     double left[3];
     cross(pose->normal, pose->distal, left);
     const double bend[2] = {compute_curvature(pose, along_column, pose->distal),
@@ -241,7 +247,7 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     patch->cell_count = taxel_count * CELLS_PER_TAXEL;
     patch->grid_rows = layout.rows * CELLS_PER_SIDE;
     patch->grid_columns = layout.columns * CELLS_PER_SIDE;
-    measure_steps(patch, &layout, poses);
+    compute_grid_steps(patch, &layout, poses);
     patch->reach = 0.0;
     const size_t grid = (size_t)patch->grid_rows * (size_t)patch->grid_columns;
     patch->cell_at = malloc(grid * sizeof *patch->cell_at);
@@ -257,7 +263,7 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
         for (int column = 0; column < layout.columns; column++) {
             if (layout.taxel_at[row][column] >= 0) {
                 add_taxel_cells(patch, &layout, poses, row, column);
-                patch->reach = fmax(patch->reach, bound_square(&poses[layout.taxel_at[row][column]]));
+                patch->reach = fmax(patch->reach, compute_square_bound(&poses[layout.taxel_at[row][column]]));
             }
         }
     }
@@ -265,7 +271,7 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     return 0;
 }
 
-/* Add rectangles of bare sheet beside the taxels. They carry load but are not measured. Returns 0, or -1 if out of
+/* Add rectangles of bare sheet beside the taxels, which carry load but are not measured. Returns 0, or -1 if out of
  * memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses)
 {
@@ -276,10 +282,10 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
     patch->margin_count = count;
     patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0;
     for (size_t square = 0; square < count; square++) {
-        const double sides[2] = {get_side(&poses[square], 0) / CELLS_PER_SIDE,
-                                 get_side(&poses[square], 1) / CELLS_PER_SIDE};
+        const double sides[2] = {compute_side_length(&poses[square], 0) / CELLS_PER_SIDE,
+                                 compute_side_length(&poses[square], 1) / CELLS_PER_SIDE};
         const double flat[2] = {0.0, 0.0};
-        patch->reach = fmax(patch->reach, bound_square(&poses[square]));
+        patch->reach = fmax(patch->reach, compute_square_bound(&poses[square]));
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
             const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
             const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * sides[0];
@@ -290,7 +296,7 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
     return 0;
 }
 
-/* Releases the cells of the skin of one board and clears the struct. */
+/* Free the cells of the skin of one board and clear the struct. */
 void patch_free(struct patch *patch)
 {
     free(patch->margins);

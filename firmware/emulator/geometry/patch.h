@@ -2,7 +2,8 @@
  *
  * The cells follow the curvature of the sheet, computed from the normals of neighbouring taxels. They also lie on a
  * grid of the unrolled sheet (4 rows and 4 columns per taxel), on which effects spread between cells. A taxel lies at
- * the place that its pose states, else at its TX line (row) and RX line (column). */
+ * the place that its pose states, otherwise at its TX line (row) and RX line (column). A square is the rectangle of 4 x
+ * 4 cells above one taxel or of one margin (bare sheet beside the taxels). */
 #ifndef EMULATOR_GEOMETRY_PATCH_H
 #define EMULATOR_GEOMETRY_PATCH_H
 
@@ -27,12 +28,14 @@ struct taxel_pose {
     int row, column; /* place on the unrolled sheet, 0 to TAXEL_LINES_MAX - 1 */
 };
 
+/* One of the 4 x 4 cells of a taxel or margin. */
 struct cell {
     double position[3], normal[3]; /* of the electrode surface below the cell, bracket frame */
     double half[2][3];             /* half of each side of the cell: distal, left; metres */
     double area;                   /* square metres */
 };
 
+/* Skin of one board as cells, and their grid on the unrolled sheet. */
 struct patch {
     size_t taxel_count, cell_count;
     int grid_rows, grid_columns;
@@ -43,15 +46,16 @@ struct patch {
     struct cell *cells; /* [taxel_count][16] */
     size_t margin_count;
     struct cell *margins;    /* [margin_count][16] of bare sheet beside the taxels: carries load but is not measured */
-    double centre[3], bound; /* bounding sphere of the cells, metres */
+    double centre[3], bound; /* bounding sphere of the cells: centre and radius, metres */
 };
 
-/* Initialise a patch. Returns 0, or -1 if out of memory. poses: in the order of the crossing map, at different places;
- * NULL: a flat sheet. */
+/* Build the cells of a board. Returns 0, or -1 if out of memory. poses: of the taxels in the order of the crossing map,
+ * all at different places; NULL: a flat sheet. */
 int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const uint8_t *crossing_map, size_t taxel_count,
                const struct taxel_pose *poses);
 
-/* Add flat rectangles of bare sheet (size 0: one pitch). Returns 0, or -1 if out of memory. */
+/* Add `count` margins, flat rectangles of bare sheet (size 0: one taxel pitch), that carry load but are not measured.
+ * Returns 0, or -1 if out of memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses);
 void patch_free(struct patch *patch);
 

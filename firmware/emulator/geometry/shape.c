@@ -2,14 +2,15 @@
 
 #include <math.h>
 
-/* Interval of a line inside the half-spaces so far. */
+/* Interval of a line that lies inside all half-spaces by which it has been clipped so far: distances from the origin of
+ * the line, metres. */
 struct span {
     double enter, leave;
 };
 
-/* Clip the interval in which a line lies inside a shape by a half-space. `slope`: change of the distance from the
- * plane per metre of the line; `excess`: distance of the origin of the line outside the plane, metres. Divides only
- * if the interval changes, because most planes do not bound it. */
+/* Clip the interval in which a line lies inside a shape by a half-space. slope: change of the distance from the plane
+ * per metre of the line. excess: distance of the origin of the line outside the plane, metres. The interval becomes
+ * empty if the line lies outside. Divides only if the interval changes, because most planes do not bound it. */
 static inline void clip(struct span *span, double slope, double excess)
 {
     if (slope < 0.0) {
@@ -30,8 +31,8 @@ static void clip_planes(struct span *span, const struct shape *shape, const doub
     }
 }
 
-/* Clip the interval in which the line o + t d lies inside an upright cylinder by the two caps and the wall, the
- * latter from the roots of a quadratic equation in t. */
+/* Clip the interval in which the line o + t d lies inside an upright cylinder by the two caps and by the wall. The
+ * intersections with the wall are the roots of a quadratic equation in t. */
 static void clip_cylinder(struct span *span, const struct shape *shape, const double o[3], const double d[3])
 {
     clip(span, -d[2], -o[2]);
@@ -53,8 +54,8 @@ static void clip_cylinder(struct span *span, const struct shape *shape, const do
     span->leave = leave < span->leave ? leave : span->leave;
 }
 
-/* Distance (metres) along the unit vector `direction` from `origin` to the point where the line enters the shape:
- * negative behind the origin, INFINITY if the line misses the shape. */
+/* Return the distance (metres) along the unit vector `direction` from `origin` to the point where the line enters the
+ * shape: negative if that point lies behind the origin, INFINITY if the line misses the shape. */
 double shape_entry(const struct shape *shape, const double origin[3], const double direction[3])
 {
     struct span span = {-INFINITY, INFINITY};
@@ -83,8 +84,9 @@ static void clip_lines(const double *plane, const struct shape_lines *lines, dou
     }
 }
 
-/* Entry distances (metres) of a group of lines, as shape_entry() for each line. Planes that are too far from the group
- * to change an entry within `reach` are skipped; results beyond `reach` may be wrong but stay beyond it. */
+/* Compute the entry distances (metres) of a group of lines, as shape_entry() does for each line. Planes that are too
+ * far from the group to change an entry within `reach` are skipped; results beyond `reach` may be wrong but stay beyond
+ * it. */
 void shape_entries(const struct shape *shape, struct shape_lines *lines, double reach)
 {
     double enter[SHAPE_LINES], leave[SHAPE_LINES];
@@ -112,8 +114,8 @@ void shape_entries(const struct shape *shape, struct shape_lines *lines, double 
     }
 }
 
-/* Lower bound (metres) of the distance from a point to the shape: the largest distance from any of its planes or
- * surfaces; 0 or less if the point may lie inside. */
+/* Return a lower bound (metres) of the distance from a point to the shape: the largest distance from any of its planes
+ * or surfaces; 0 or less if the point may lie inside. */
 double shape_distance_bound(const struct shape *shape, const double point[3])
 {
     double bound = -INFINITY;
@@ -128,7 +130,8 @@ double shape_distance_bound(const struct shape *shape, const double point[3])
     return bound;
 }
 
-/* Distance (metres) from a point to the nearest surface of an upright cylinder, positive inside, and its normal. */
+/* Return the distance (metres) from a point to the nearest surface of an upright cylinder, positive inside, and write
+ * the outward normal of this surface. */
 static double cylinder_wall(const struct shape *shape, const double point[3], double normal[3])
 {
     const double radius = hypot(point[0], point[1]), side = shape->radius - radius;
@@ -143,8 +146,8 @@ static double cylinder_wall(const struct shape *shape, const double point[3], do
     return side;
 }
 
-/* Distance (metres) from a point inside a shape to the nearest surface, and the outward normal of this surface; 0 or
- * less for a point outside. */
+/* Return the distance (metres) from a point inside a shape to the nearest surface, and write the outward normal of this
+ * surface. The result is 0 or less for a point outside. */
 double shape_wall(const struct shape *shape, const double point[3], double normal[3])
 {
     if (shape->kind == SHAPE_CYLINDER) {

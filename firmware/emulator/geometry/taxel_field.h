@@ -1,4 +1,5 @@
-/* The field of one taxel: what the layer and an object above the taxel do to its fringe capacitance. */
+/* The field of one taxel: the quantities by which the layer and an object above the taxel change its fringe capacitance
+ * (the part of the capacitance between TX and RX electrode whose field passes through the layer). */
 #ifndef EMULATOR_GEOMETRY_TAXEL_FIELD_H
 #define EMULATOR_GEOMETRY_TAXEL_FIELD_H
 

@@ -3,13 +3,13 @@
 
 /* Products of vectors with three components. */
 
-/* The scalar product of two vectors. */
+/* Return the scalar product of two vectors. */
 static inline double dot(const double a[3], const double b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* The vector product of two vectors, in `out`, which is neither of them. */
+/* Compute the vector product of two vectors; `out` is neither of them. */
 static inline void cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];

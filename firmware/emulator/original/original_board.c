@@ -4,6 +4,7 @@
 
 #include "generated/taxel_protocol.h"
 
+/* Write the status word at the start of the read buffer. */
 static void set_status(struct original_board *board, uint16_t status)
 {
     taxel_put_u16(board->read_buffer, status);
@@ -31,7 +32,8 @@ static void start_scan(struct original_board *board, vtime now)
     board->conversion_end = now + board->conversion_time;
 }
 
-/* Start the next scan, then begin to copy the counts that are in memory now. */
+/* Start the next scan, then begin to copy the counts of the previous scan, which are in memory now, to the read
+ * buffer. */
 static void execute_request(struct original_board *board, vtime now)
 {
     board->has_request = false;
@@ -41,7 +43,8 @@ static void execute_request(struct original_board *board, vtime now)
     board->copy_end = now + board->copy_time;
 }
 
-/* The main loop has found a start command: the counts are not ready, and requested. */
+/* Execute a start command that the main loop has found: set the status to not ready, and request counts. A running scan
+ * is completed first. */
 static void execute_command(struct original_board *board, vtime now)
 {
     set_status(board, ORIGINAL_STATUS_NOT_READY);
@@ -51,6 +54,8 @@ static void execute_command(struct original_board *board, vtime now)
     }
 }
 
+/* Reset the board (power-up or reset): clear counts and buffers, and start the first scan at `now`. conversion_time: of
+ * one taxel. */
 void original_board_reset(struct original_board *board, vtime now, vtime conversion_time)
 {
     memset(board->counts, 0, sizeof board->counts);
@@ -67,6 +72,7 @@ void original_board_reset(struct original_board *board, vtime now, vtime convers
     start_scan(board, now);
 }
 
+/* Return when the next conversion or copy of a word ends; VTIME_NEVER if neither is in progress. */
 vtime original_board_next_event(const struct original_board *board)
 {
     return vtime_min(board->conversion_end, board->copy_end);
@@ -77,8 +83,8 @@ bool original_board_is_converting(const struct original_board *board)
     return board->conversion_end <= board->copy_end;
 }
 
-/* The conversion that ends at board->conversion_end has measured this raw count: store the count and convert the next
- * taxel. After the last taxel, execute a waiting request. */
+/* Store the raw count of the conversion that ends at board->conversion_end, and convert the next taxel. After the last
+ * taxel, execute a waiting request. */
 void original_board_on_conversion(struct original_board *board, uint16_t raw_count)
 {
     const vtime now = board->conversion_end;
@@ -95,7 +101,8 @@ void original_board_on_conversion(struct original_board *board, uint16_t raw_cou
     }
 }
 
-/* The main loop is free at `now`: it polls the flags of the SCB, and a request whose scan has ended meanwhile. */
+/* Execute what arrived while the main loop was busy: the end of a read, which rewinds the read buffer; a start command;
+ * or a request whose scan has ended meanwhile. */
 static void poll_flags(struct original_board *board, vtime now)
 {
     if (board->has_unread_rewind) {
@@ -110,8 +117,8 @@ static void poll_flags(struct original_board *board, vtime now)
     }
 }
 
-/* Copy one word at board->copy_end, from memory that the running scan overwrites. After the last word the counts are
- * ready. */
+/* Copy one word at board->copy_end, from memory that the running scan overwrites. After the last word, set the status
+ * to ready and let the main loop poll its flags. */
 void original_board_copy_word(struct original_board *board)
 {
     const vtime now = board->copy_end;
@@ -127,12 +134,14 @@ void original_board_copy_word(struct original_board *board)
     poll_flags(board, now);
 }
 
+/* Begin a write or read of the I2C master. */
 void original_board_on_address(struct original_board *board)
 {
     board->write_size = 0;
 }
 
-/* Receive a byte. The write buffer has one byte; a further byte is not acknowledged. */
+/* Receive a byte from the I2C master. Returns whether it is acknowledged: the write buffer has one byte, so a further
+ * byte is not. */
 bool original_board_on_write(struct original_board *board, uint8_t byte)
 {
     if (board->write_size++ == 0) {
@@ -142,13 +151,15 @@ bool original_board_on_write(struct original_board *board, uint8_t byte)
     return false;
 }
 
-/* The next byte of the read buffer, 0xFF after its end. */
+/* Return the next byte of the read buffer, 0xFF after its end. */
 uint8_t original_board_on_read(struct original_board *board)
 {
     board->has_unread_rewind = true;
     return board->read_position < board->read_size ? board->read_buffer[board->read_position++] : 0xFF;
 }
 
+/* End a transfer of the I2C master: a write of exactly the start command becomes a command, and a read rewinds the
+ * buffer. A busy main loop handles both later. */
 void original_board_on_stop(struct original_board *board, vtime now)
 {
     const bool is_command = board->write_size == 1u && board->written == ORIGINAL_START_COMMAND;

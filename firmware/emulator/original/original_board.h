@@ -51,21 +51,24 @@ struct original_board {
     uint32_t scans, reads;
 };
 
+/* Set up a board before its first reset. */
 void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
                          const struct original_settings *settings);
 
-/* Power-up or reset; the first scan starts at `now`. */
+/* Power up or reset the board. The first scan starts at `now`. */
 void original_board_reset(struct original_board *board, vtime now, vtime conversion_time);
 
-/* When the next conversion or copy of a word ends. */
+/* Return when the next conversion or copy of a word ends. */
 vtime original_board_next_event(const struct original_board *board);
 
-/* Whether the next event is the end of a conversion, of taxel board->scan_taxel. */
+/* Return whether the next event is the end of a conversion, of taxel board->scan_taxel. */
 bool original_board_is_converting(const struct original_board *board);
+
+/* Process the end of a conversion, with its raw count, or of the copy of a word. */
 void original_board_on_conversion(struct original_board *board, uint16_t raw_count);
 void original_board_copy_word(struct original_board *board);
 
-/* I2C slave: bytes of a transfer, and its stop condition. on_write() returns whether the byte is acknowledged. */
+/* Process the bytes of an I2C transfer and its stop condition. on_write() returns whether the byte is acknowledged. */
 void original_board_on_address(struct original_board *board);
 bool original_board_on_write(struct original_board *board, uint8_t byte);
 uint8_t original_board_on_read(struct original_board *board);

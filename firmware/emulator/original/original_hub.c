@@ -4,6 +4,8 @@
 
 static const uint8_t start_command[1] = {ORIGINAL_START_COMMAND};
 
+/* Set up the hub before its first reset. baud: of the UART. clock_rate: of the hub's oscillator, relative to its
+ * nominal frequency. */
 void original_hub_init(struct original_hub *hub, const struct original_settings *settings,
                        const struct original_hub_hal *hal, double baud, double clock_rate)
 {
@@ -23,7 +25,7 @@ static void account_time(struct original_hub *hub, vtime *sum, vtime now)
     hub->account_mark = now;
 }
 
-/* The account with the sums of the UART driver at virtual time `now`. */
+/* Return the account with the sums of the UART driver at virtual time `now`. */
 static struct original_account read_account(const struct original_hub *hub, vtime now)
 {
     struct original_account account = hub->account;
@@ -34,6 +36,7 @@ static struct original_account read_account(const struct original_hub *hub, vtim
     return account;
 }
 
+/* Start a transfer on the I2C bus; the main program waits for its end. */
 static void start_transfer(struct original_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     hub->transfer_is_done = false;
@@ -41,8 +44,9 @@ static void start_transfer(struct original_hub *hub, const struct taxel_i2c_tran
     hub->hal.start_transfer(hub->hal.context, transfer);
 }
 
-/* Count the cycle that ends at `now` if a board was sent in it; cycles while all boards start do not count. The first
- * counted cycle is not representative, because not all boards may have been ready. */
+/* Count the cycle that ends at `now` if a message was sent in it; cycles in which all boards still start are not
+ * counted. The account at the end of the first counted cycle is stored, because that cycle is not representative: not
+ * all boards may have been ready. */
 static void close_cycle(struct original_hub *hub, vtime now)
 {
     if (hub->account.messages == hub->messages_before) {
@@ -68,6 +72,7 @@ static void begin_cycle(struct original_hub *hub, vtime now)
     start_transfer(hub, &call);
 }
 
+/* Begin the delay between two cycles. */
 static void begin_delay(struct original_hub *hub, vtime now)
 {
     hub->state = ORIGINAL_HUB_DELAYS;
@@ -75,6 +80,7 @@ static void begin_delay(struct original_hub *hub, vtime now)
     hub->wake = hub->delay_end;
 }
 
+/* Return whether a board of the list must still be read in this cycle. */
 static bool is_to_read(const struct original_hub *hub, size_t board)
 {
     return !hub->is_done[board] && !hub->is_offline[board];
@@ -115,8 +121,8 @@ static void count_failed_try(struct original_hub *hub)
     }
 }
 
-/* The timestamp of a message that is built now, ms: the hub triggers the interrupt that adds the 16-bit timer to the
- * sum and restarts the timer. With the fault `stale_timestamp` the sum is read before the interrupt. */
+/* Return the timestamp (ms) of a message that is built now. The hub triggers the interrupt that adds the 16-bit timer
+ * to the sum and restarts the timer. With the fault `stale_timestamp`, the sum is read before the interrupt. */
 static uint32_t take_timestamp(struct original_hub *hub, vtime now)
 {
     const uint32_t stale = hub->timestamp_ms;
@@ -169,7 +175,8 @@ static void send_message(struct original_hub *hub, vtime now)
     }
 }
 
-/* The general call or a read has ended: evaluate its result. */
+/* Evaluate the result of a general call or read that has ended, and continue the cycle. A bus that is held makes the
+ * hub hang for ever with the fault `wait_for_ever`. */
 static void end_transfer(struct original_hub *hub, vtime now)
 {
     const bool is_busy = hub->transfer_result == TAXEL_I2C_BUSY;
@@ -194,6 +201,7 @@ static void end_transfer(struct original_hub *hub, vtime now)
     }
 }
 
+/* Reset the hub (power-up or reset): the first cycle begins at `now`. */
 void original_hub_reset(struct original_hub *hub, vtime now)
 {
     original_sender_reset(&hub->sender, now);
@@ -206,6 +214,7 @@ void original_hub_reset(struct original_hub *hub, vtime now)
     hub->delay_end = hub->wake = now;
 }
 
+/* Record the result of a transfer that has ended, and wake the main program. */
 void original_hub_on_transfer_done(struct original_hub *hub, int8_t result, vtime now)
 {
     hub->transfer_is_done = true;
@@ -213,7 +222,7 @@ void original_hub_on_transfer_done(struct original_hub *hub, int8_t result, vtim
     hub->wake = now;
 }
 
-/* If the whole message is in the ring, the main program continues at `now`. */
+/* Let the main program continue at `now` if it was waiting for the ring and the whole message is now in the ring. */
 static void wake_if_sent(struct original_hub *hub, vtime now)
 {
     if (hub->state == ORIGINAL_HUB_SENDS && original_sender_is_free(&hub->sender)) {
@@ -221,6 +230,7 @@ static void wake_if_sent(struct original_hub *hub, vtime now)
     }
 }
 
+/* Copy the next bytes to send when the UART's wire is free. Returns their number. */
 size_t original_hub_pull(struct original_hub *hub, uint8_t *bytes, size_t size, vtime now)
 {
     const size_t count = original_sender_pull(&hub->sender, bytes, size, now);
@@ -228,12 +238,15 @@ size_t original_hub_pull(struct original_hub *hub, uint8_t *bytes, size_t size, 
     return count;
 }
 
+/* Return when original_hub_run() must be called next: when the main program continues, or at the next tick of the UART
+ * driver that can move bytes. */
 vtime original_hub_next_time(const struct original_hub *hub, vtime now)
 {
     return vtime_min(hub->wake, original_sender_next_tick(&hub->sender, now));
 }
 
-/* Interrupt of the UART driver, if a tick is due; then the main program, up to the next event for which it waits. */
+/* Execute the interrupt of the UART driver if a tick is due; then the main program, up to the next event for which it
+ * waits. */
 void original_hub_run(struct original_hub *hub, vtime now)
 {
     if (original_sender_next_tick(&hub->sender, now) == now) {
@@ -256,6 +269,7 @@ void original_hub_run(struct original_hub *hub, vtime now)
     }
 }
 
+/* Return the sums of the counted cycles after the first one; all 0 before the end of the second one. */
 struct original_account original_hub_measure_cycles(const struct original_hub *hub)
 {
     const struct original_account *first = &hub->first_cycle, *last = &hub->last_cycle;

@@ -88,20 +88,22 @@ struct original_hub {
 void original_hub_init(struct original_hub *hub, const struct original_settings *settings,
                        const struct original_hub_hal *hal, double baud, double clock_rate);
 
-/* Power-up or reset: the first cycle begins at `now`. */
+/* Power up or reset the hub. The first cycle begins at `now`. */
 void original_hub_reset(struct original_hub *hub, vtime now);
 
-/* The transfer has ended with enum taxel_i2c_result. */
+/* Report that the transfer has ended. result: enum taxel_i2c_result. */
 void original_hub_on_transfer_done(struct original_hub *hub, int8_t result, vtime now);
 
-/* The UART's wire is free: copy the next bytes; returns their number. */
+/* Copy the next bytes to send when the UART's wire is free. Returns their number. */
 size_t original_hub_pull(struct original_hub *hub, uint8_t *bytes, size_t size, vtime now);
 
-/* When original_hub_run() must be called next; and one pass at that time. */
+/* Return when original_hub_run() must be called next. */
 vtime original_hub_next_time(const struct original_hub *hub, vtime now);
+
+/* Run one pass of the interrupt and of the main program at `now`. */
 void original_hub_run(struct original_hub *hub, vtime now);
 
-/* The sums of the counted cycles after the first one; all 0 before the end of the second one. */
+/* Return the sums of the counted cycles after the first one; all 0 before the end of the second one. */
 struct original_account original_hub_measure_cycles(const struct original_hub *hub);
 
 #endif

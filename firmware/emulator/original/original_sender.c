@@ -15,6 +15,7 @@ void original_sender_init(struct original_sender *sender, const struct original_
     sender->tick_period = (vtime)((double)VTIME_SECOND / ORIGINAL_TICK_HZ / clock_rate);
 }
 
+/* Discard all bytes; the ticks of the interrupt begin at `now`. */
 void original_sender_reset(struct original_sender *sender, vtime now)
 {
     sender->ring_head = sender->ring_tail = 0;
@@ -23,12 +24,13 @@ void original_sender_reset(struct original_sender *sender, vtime now)
     sender->tick_origin = now;
 }
 
+/* Return the number of bytes in the ring. */
 static size_t ring_fill(const struct original_sender *sender)
 {
     return sender->ring_head - sender->ring_tail;
 }
 
-/* Move bytes of the message into the free space of the ring. */
+/* Move bytes of the message into the free space of the ring, and record the time if the driver was empty before. */
 static void fill_ring(struct original_sender *sender, vtime now)
 {
     if (sender->message_left && !original_sender_has_bytes(sender)) {
@@ -40,6 +42,7 @@ static void fill_ring(struct original_sender *sender, vtime now)
     }
 }
 
+/* Begin to send a message, which must stay valid until original_sender_is_free(). */
 void original_sender_put(struct original_sender *sender, const uint8_t *message, size_t size, vtime now)
 {
     sender->message = message;
@@ -68,19 +71,22 @@ static size_t take_from_ring(struct original_sender *sender, uint8_t *bytes, vti
     return size;
 }
 
-/* When the FIFO becomes empty: its last byte is in the shift register, and on the wire until wire_end. */
+/* Return when the FIFO becomes empty: one byte time before wire_end, because the last byte is then in the shift
+ * register. */
 static vtime fifo_empty_time(const struct original_sender *sender)
 {
     return sender->wire_end > sender->byte_time ? sender->wire_end - sender->byte_time : 0;
 }
 
-/* The first tick at or after virtual time `time`. */
+/* Return the first tick at or after virtual time `time`. */
 static vtime tick_at_or_after(const struct original_sender *sender, vtime time)
 {
     const vtime elapsed = vtime_max(time, sender->tick_origin) - sender->tick_origin;
     return sender->tick_origin + (elapsed + sender->tick_period - 1u) / sender->tick_period * sender->tick_period;
 }
 
+/* Return the next tick of the interrupt at which bytes can move, when the FIFO is empty; VTIME_NEVER if there is none
+ * to move or the driver is not paced. */
 vtime original_sender_next_tick(const struct original_sender *sender, vtime now)
 {
     if (!sender->is_paced || sender->fifo_fill || !ring_fill(sender)) {
@@ -89,7 +95,7 @@ vtime original_sender_next_tick(const struct original_sender *sender, vtime now)
     return tick_at_or_after(sender, vtime_max(now, fifo_empty_time(sender)));
 }
 
-/* Interrupt at `now`: load the FIFO if it is empty. Calls at other times than ticks have no effect. */
+/* Execute the interrupt at `now`: load the FIFO if it is empty. Calls at times other than ticks have no effect. */
 void original_sender_tick(struct original_sender *sender, vtime now)
 {
     if (original_sender_next_tick(sender, now) == now) {
@@ -97,6 +103,8 @@ void original_sender_tick(struct original_sender *sender, vtime now)
     }
 }
 
+/* Copy the next bytes to send to `bytes` when the wire is free at `now`, and add their time to the sums. Returns their
+ * number; 0 if there are none, or if `size` is smaller than a FIFO. */
 size_t original_sender_pull(struct original_sender *sender, uint8_t *bytes, size_t size, vtime now)
 {
     uint8_t chunk[ORIGINAL_FIFO_SIZE];

@@ -1,8 +1,9 @@
 /* The UART driver of the original hub: a ring of 128 bytes between the main program and the transmit FIFO of 8 bytes.
  *
- * Paced (as in the original): an interrupt every 0.5 ms fills the FIFO with up to 8 bytes, but only if the FIFO is empty. At
- * 115,200 baud 8 bytes take 0.69 ms, so that 8 bytes leave per 1 ms: 8,000 B/s instead of 11,520 B/s. Not paced: the
- * FIFO is refilled whenever the wire is free. The main program waits until its whole message is in the ring. */
+ * Paced (as in the original): an interrupt every 0.5 ms fills the FIFO with up to 8 bytes, but only if the FIFO is
+ * empty. At 115,200 baud 8 bytes take 0.69 ms, so that 8 bytes leave per 1 ms: 8,000 B/s instead of 11,520 B/s. Not
+ * paced: the FIFO is refilled whenever the wire is free. The main program waits until its whole message is in the
+ * ring. */
 #ifndef EMULATOR_ORIGINAL_ORIGINAL_SENDER_H
 #define EMULATOR_ORIGINAL_ORIGINAL_SENDER_H
 
@@ -36,22 +37,27 @@ struct original_sender {
 
 void original_sender_init(struct original_sender *sender, const struct original_settings *settings, double baud,
                           double clock_rate);
+/* Discard all bytes; the ticks of the interrupt begin at `now`. */
 void original_sender_reset(struct original_sender *sender, vtime now);
 
 /* Send a message, which must stay valid until original_sender_is_free(). */
 void original_sender_put(struct original_sender *sender, const uint8_t *message, size_t size, vtime now);
 
-/* Whether the whole message is in the ring: the main program continues. */
+/* Return whether the whole message is in the ring: the main program continues. */
 bool original_sender_is_free(const struct original_sender *sender);
 
-/* Whether the ring or the FIFO contains bytes. */
+/* Return whether the ring or the FIFO contains bytes. */
 bool original_sender_has_bytes(const struct original_sender *sender);
 
-/* Paced: the next tick at which bytes can move, VTIME_NEVER if the ring is empty; and the interrupt at that time. */
+/* Return the next tick of the interrupt at which bytes can move; VTIME_NEVER if the ring is empty or the driver is not
+ * paced. */
 vtime original_sender_next_tick(const struct original_sender *sender, vtime now);
+
+/* Execute the interrupt of a tick at `now`. */
 void original_sender_tick(struct original_sender *sender, vtime now);
 
-/* The wire is free at `now`: copy the next bytes, at most `size` and at most a FIFO; returns their number. */
+/* Copy the next bytes to send when the wire is free at `now`: at most one FIFO of bytes. Returns their number; 0 if
+ * `size` is smaller than a FIFO. */
 size_t original_sender_pull(struct original_sender *sender, uint8_t *bytes, size_t size, vtime now);
 
 #endif

@@ -40,7 +40,7 @@ static int read_number(const struct world_line *line, const char *key, const cha
     return report_value(line, key, expected, text);
 }
 
-/* Index of a text in a list of `count` names, or -1 after an error line on stderr that states `expected`. */
+/* Return the index of a text in a list of `count` names, or -1 after an error line on stderr that states `expected`. */
 static int read_choice(const struct world_line *line, const char *key, const char *text, const char *const *names,
                        int count, const char *expected)
 {
@@ -113,7 +113,8 @@ static int read_accelerations(struct original_settings *settings, const struct w
     return 0;
 }
 
-/* Read the list of polled boards after `order=`, separated by commas. Returns 0, or -1 after an error line on stderr. */
+/* Read the list of polled boards after `order=`, separated by commas. Returns 0, or -1 after an error line on
+ * stderr. */
 static int read_order(struct original_settings *settings, const struct world_line *line, char *text)
 {
     char *saved;
@@ -126,6 +127,7 @@ static int read_order(struct original_settings *settings, const struct world_lin
     return settings->list_size ? 0 : report_value(line, "order", "addresses", "");
 }
 
+/* Set the settings to those of a line without keys. */
 void original_settings_set_defaults(struct original_settings *settings)
 {
     *settings = (struct original_settings){.is_on = true,
@@ -136,7 +138,7 @@ void original_settings_set_defaults(struct original_settings *settings)
 }
 
 /* Read the value of a key that is a choice or a list. Returns 0, -1 after an error line on stderr, or 1 if the key is
- * none of these. */
+ * not one of these. */
 static int read_text_key(struct original_settings *settings, const struct world_line *line, const char *key, char *text)
 {
     static const char *const variants[] = {"main", "branch"};
@@ -209,6 +211,7 @@ static int read_key(struct original_settings *settings, const struct world_line 
                         word);
 }
 
+/* Read the line `protocol original key=value ...`. Returns 0, or -1 after an error line on stderr. */
 int original_settings_read(struct original_settings *settings, const struct world_line *line, double *scl_hz,
                            double *baud)
 {
@@ -226,7 +229,7 @@ int original_settings_read(struct original_settings *settings, const struct worl
     return 0;
 }
 
-/* The number of taxels of the board with this address, or 0 if no board has the address. */
+/* Return the number of taxels of the board with this address, or 0 if no board has the address. */
 static unsigned find_taxel_count(const struct board_description *boards, size_t board_count, uint8_t address)
 {
     for (size_t i = 0; i < board_count; i++) {
@@ -237,11 +240,14 @@ static unsigned find_taxel_count(const struct board_description *boards, size_t 
     return 0;
 }
 
+/* Return the number of words that the board sends: its raw counts, and the accelerations of some fingertips. */
 unsigned original_settings_count_words(const struct original_settings *settings, uint8_t address, unsigned taxels)
 {
     return taxels + (settings->has_accelerations[address] ? TAXEL_ORIGINAL_ACCELERATIONS : 0u);
 }
 
+/* Check that the boards suit the protocol, and complete the list of polled boards: all boards without the key `order`,
+ * and the taxel counts that the list does not state. Returns 0, or -1 after an error line on stderr. */
 int original_settings_complete(struct original_settings *settings, const struct board_description *boards,
                                size_t board_count, const char *path)
 {

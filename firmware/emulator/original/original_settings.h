@@ -1,7 +1,8 @@
 /* Settings of the original hub and boards: the world-file line `protocol original key=value ...`.
  *
- * The firmware of the thesis's boards is not public. The defaults are those of the first generation (branch main of the
- * author's hardware project); ../README.md lists the keys and the settings with which the later hand reaches its rate. */
+ * The firmware of the thesis's boards is not public. The defaults are those of the first generation (branch main of
+ * the author's hardware project); ../README.md lists the keys and the settings with which the later hand reaches its
+ * rate. */
 #ifndef EMULATOR_ORIGINAL_ORIGINAL_SETTINGS_H
 #define EMULATOR_ORIGINAL_ORIGINAL_SETTINGS_H
 
@@ -21,8 +22,8 @@
 #define ORIGINAL_COPY_US 1.0 /* estimate: 24 CPU cycles for one word */
 /* Counts and accelerations of a board: the length of a message has one byte, 2 * 123 + 8 = 254. */
 #define ORIGINAL_WORDS_MAX 123u
-/* Modulator 12 MHz, TX clock 300 kHz, 100 sub-conversions: 4,000 counts in 333 us. The current source, calibrated by the
- * original firmware to 40 % of full scale at rest, has the code for the capacitance of the emulated taxels. */
+/* Modulator 12 MHz, TX clock 300 kHz, 100 sub-conversions: 4,000 counts in 333 us. The current source, calibrated by
+ * the original firmware to 40 % of full scale at rest, has the code for the capacitance of the emulated taxels. */
 #define ORIGINAL_SCAN_SETTINGS {100, 40, 4, 4, 0}
 #define ORIGINAL_RECEIVE_SIZE 50u /* bytes of the hub's receive buffer, with the fault `receive_buffer` */
 
@@ -75,15 +76,16 @@ struct original_settings {
 int original_settings_read(struct original_settings *settings, const struct world_line *line, double *scl_hz,
                            double *baud);
 
-/* Once all boards are described: complete the list of boards and check all boards. Returns 0, or -1 after an error
- * line on stderr that begins with `path`. */
+/* Complete the list of boards and check all boards, once the world file has described them. Returns 0, or -1 after an
+ * error line on stderr that names the file `path`. */
 int original_settings_complete(struct original_settings *settings, const struct board_description *boards,
                                size_t board_count, const char *path);
 
-/* Raw counts and accelerations that the board with this address sends. */
+/* Return the number of words that the board with this address sends: raw counts of its `taxels`, and three
+ * accelerations of some fingertips. */
 unsigned original_settings_count_words(const struct original_settings *settings, uint8_t address, unsigned taxels);
 
-/* The settings of a line without keys. */
+/* Set the settings to those of a line without keys. */
 void original_settings_set_defaults(struct original_settings *settings);
 
 #endif

@@ -25,7 +25,7 @@ void front_end_init(struct front_end *front_end, uint16_t taxel_count, double no
     }
 }
 
-/* True if two settings give the same conversion of capacitance to raw count. */
+/* Return whether two settings give the same conversion from capacitance to raw count. */
 static bool are_settings_equal(const struct front_end_settings *a, const struct front_end_settings *b)
 {
     return a->conversion_clocks == b->conversion_clocks && a->sense_clocks == b->sense_clocks &&
@@ -70,8 +70,8 @@ void front_end_configure(struct front_end *front_end, const struct taxel_scan_se
     front_end->settle_time = (vtime)(scan->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
 }
 
-/* Hardware count of a taxel before noise and quantisation. `rise`: relative rise of the permittivity of the layer,
- * which multiplies the fringe capacitance. */
+/* Return the hardware count of a taxel before noise and quantisation. rise: relative rise of the layer's permittivity,
+ * by which the fringe capacitance increases. */
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise)
 {
     const struct front_end_taxel *electrode = &front_end->taxels[taxel];
@@ -82,13 +82,14 @@ double front_end_hardware_count(const struct front_end *front_end, uint16_t taxe
     return hardware_count;
 }
 
-/* A random value of the read-out noise in counts; 0 if the noise is off. */
+/* Return a random value of the read-out noise in counts; 0 if the noise is off. */
 double front_end_sample_noise(struct front_end *front_end)
 {
     return front_end->noise_counts > 0.0 ? front_end->noise_counts * normal_source_sample(front_end->normals) : 0.0;
 }
 
-/* Raw count of a hardware count: full scale minus the integer part, limited to the range of the converter. */
+/* Return the raw count of a hardware count: full scale minus the integer part, limited to the range of the
+ * converter. */
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count)
 {
     /* Contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
@@ -96,7 +97,7 @@ uint16_t front_end_quantise(const struct front_end *front_end, double hardware_c
     return raw <= 0.0 ? 0 : raw >= front_end->max_count ? (uint16_t)front_end->max_count : (uint16_t)raw;
 }
 
-/* Raw count of a taxel, with noise. `rise`: relative rise of the permittivity of the layer above the taxel. */
+/* Return the raw count of a taxel, with noise. rise: relative rise of the permittivity of the layer above the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise)
 {
     const double hardware_count = front_end_hardware_count(front_end, taxel, rise);

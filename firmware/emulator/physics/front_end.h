@@ -44,18 +44,18 @@ struct front_end {
 void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts,
                     struct normal_source *normals);
 
-/* Apply scan settings of the protocol. `clock_rate`: CPU clock relative to its nominal frequency. */
+/* Apply scan settings of the protocol to the front end. clock_rate: CPU clock relative to its nominal frequency. */
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *scan, double clock_rate);
 
 /* Apply register values. Returns whether any of them has changed. */
 bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings,
                               double clock_rate);
 
-/* The raw count of a taxel. `rise`: relative rise of the layer's permittivity above the taxel. */
+/* Return the raw count of a taxel, with noise. rise: relative rise of the permittivity of the layer above the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise);
 
-/* The three steps of a conversion: hardware count without noise, a sample of the white noise, raw count of a hardware
- * count. */
+/* Execute one of the three steps of front_end_convert(). They return the hardware count without noise, a sample of the
+ * white noise, and the raw count of a hardware count. */
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise);
 double front_end_sample_noise(struct front_end *front_end);
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count);

@@ -44,8 +44,8 @@ static double contact_pressures[TABLE_SIZE]; /* at these compressions */
 static uint16_t contact_starts[CONTACT_STARTS + 1];
 static double log_min, log_step;
 
-/* Pressure (Pa) that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION: no air
- * left): neo-Hookean pillars, and a stiffness that diverges as their sides touch. */
+/* Return the pressure (Pa) that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION:
+ * no air left): neo-Hookean pillars, and a stiffness that diverges as their sides touch. */
 static double pillar_pressure(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (1.0 / (stretch * stretch) - stretch);
@@ -53,8 +53,8 @@ static double pillar_pressure(double stretch)
     return pillars + BULK_STIFFNESS_PA * (1.0 / air - 1.0) * (1.0 - air) * (1.0 - air);
 }
 
-/* Relative height (1: unloaded) to which a pressure (Pa) compresses the pillars: inverse of pillar_pressure(), by
- * bisection. */
+/* Return the relative height (1: unloaded) to which a pressure (Pa) compresses the pillars: inverse of
+ * pillar_pressure(), by bisection. */
 static double find_stretch(double pressure)
 {
     double low = PILLAR_FRACTION + 1e-9, high = 1.0;
@@ -71,21 +71,22 @@ static double find_stretch(double pressure)
     }
 }
 
-/* Relative permittivity of pillars and air at a relative height `stretch` of the pillars: logarithmic mixing rule by
- * volume (Lichtenecker, 1926). */
+/* Return the relative permittivity of pillars and air at a relative height `stretch` of the pillars: logarithmic mixing
+ * rule by volume (Lichtenecker, 1926). */
 static double mixture_permittivity(double stretch)
 {
     return pow(SILICONE_PERMITTIVITY, PILLAR_FRACTION / stretch);
 }
 
-/* Relative rise of the permittivity over the unloaded layer at a relative height `stretch` of the pillars. */
+/* Return the relative rise of the layer's permittivity over the unloaded layer at a relative height `stretch` of the
+ * pillars (1: unloaded). */
 static double permittivity_rise(double stretch)
 {
     return mixture_permittivity(stretch) / mixture_permittivity(1.0) - 1.0;
 }
 
-/* Compression (metres) of the silicone sheet below the pillars under a pressure (Pa): neo-Hookean, p = E / 3 (1 / s^2 -
- * s), solved by bisection. */
+/* Return the compression (metres) of the silicone sheet below the pillars under a pressure (Pa): neo-Hookean, p = E / 3
+ * (1 / s^2 - s) with the relative height s, solved by bisection. */
 static double sheet_compression(double pressure)
 {
     double low = 1e-3, high = 1.0;
@@ -131,8 +132,8 @@ void layer_init(void)
     }
 }
 
-/* Relative rise of the permittivity under a force (newtons) on the area of one taxel. Interpolates a logarithmic table;
- * linear below the smallest force, constant above the largest. */
+/* Return the relative rise of the permittivity under a force (newtons) on the area of one taxel. Interpolates a
+ * logarithmic table; linear below the smallest force of the table, constant above the largest. */
 double layer_rise_at_force(double force_n)
 {
     if (force_n <= 0.0) {
@@ -150,8 +151,9 @@ double layer_rise_at_force(double force_n)
     return rise_at_force[index] + fraction * (rise_at_force[index + 1] - rise_at_force[index]);
 }
 
-/* Index of a pressure >= CURVE_MIN_PA in at_pressure[], and the fraction up to the next entry: the exponent and the
- * first bits of the mantissa of the pressure are the index, so that no logarithm is needed. */
+/* Return the index of a pressure >= CURVE_MIN_PA in at_pressure[], and write the fraction of the step to the next
+ * entry. The exponent and the first bits of the mantissa of the pressure form the index, so that no logarithm is
+ * needed. */
 static int find_pressure_index(double pressure, double *fraction)
 {
     const double minimum = CURVE_MIN_PA;
@@ -163,7 +165,8 @@ static int find_pressure_index(double pressure, double *fraction)
     return (int)(offset >> CURVE_SHIFT);
 }
 
-/* Compression (metres) of the pillars under a pressure (Pa); linear below the table, constant above it. */
+/* Return the compression (metres) of the pillars under a pressure (Pa); linear below the range of the table, constant
+ * above it. */
 double layer_compression(double pressure_pa)
 {
     double fraction;
@@ -177,7 +180,8 @@ double layer_compression(double pressure_pa)
     return at_pressure[i].compression + fraction * (at_pressure[i + 1].compression - at_pressure[i].compression);
 }
 
-/* Relative rise of the permittivity under a pressure (Pa); linear below the table, constant above it. */
+/* Return the relative rise of the permittivity under a pressure (Pa); linear below the range of the table, constant
+ * above it. */
 double layer_rise_at_pressure(double pressure_pa)
 {
     double fraction;
@@ -191,7 +195,8 @@ double layer_rise_at_pressure(double pressure_pa)
     return at_pressure[i].rise + fraction * (at_pressure[i + 1].rise - at_pressure[i].rise);
 }
 
-/* Relative rise of the permittivity at a compression (metres) of the pillars; constant once no air is left. */
+/* Return the relative rise of the permittivity at a compression (metres) of the pillars; constant once no air is
+ * left. */
 double layer_rise_at_compression(double compression_m)
 {
     const double position = compression_m * (DEPTH_STEPS / (LAYER_PILLAR_HEIGHT_M * (1.0 - PILLAR_FRACTION)));
@@ -205,19 +210,21 @@ double layer_rise_at_compression(double compression_m)
     return rise_at_depth[index] + (position - index) * (rise_at_depth[index + 1] - rise_at_depth[index]);
 }
 
-/* Volume fraction of air at a relative rise of the permittivity: inverse of Lichtenecker's mixing rule. */
+/* Return the volume fraction of air at a relative rise of the permittivity: the inverse of Lichtenecker's mixing
+ * rule. */
 double layer_air_fraction(double rise)
 {
     return fmax(1.0 - PILLAR_FRACTION - log1p(rise) / log(SILICONE_PERMITTIVITY), 0.0);
 }
 
-/* The relative permittivity of the uncompressed layer. */
+/* Return the relative permittivity of the uncompressed layer. */
 double layer_rest_permittivity(void)
 {
     return mixture_permittivity(1.0);
 }
 
-/* Derivative of pillar_pressure() by the stretch: the sum of the derivatives of its two terms. */
+/* Return the derivative of pillar_pressure() with respect to the stretch (relative height of the pillars): the sum of
+ * the derivatives of its two terms. */
 static double pillar_pressure_slope(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (-2.0 / (stretch * stretch * stretch) - 1.0);
@@ -227,8 +234,8 @@ static double pillar_pressure_slope(double stretch)
     return pillars + BULK_STIFFNESS_PA * bulk / (1.0 - PILLAR_FRACTION);
 }
 
-/* Pressure (Pa) at a compression (metres) of the pillars. Where almost no air is left the curve continues as its
- * tangent, so that a solver always gets a finite value. */
+/* Return the pressure (Pa) at a compression (metres) of the pillars. Where almost no air is left, the curve continues
+ * as its tangent, so that a solver always gets a finite value. */
 double layer_pressure(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
@@ -241,7 +248,7 @@ double layer_pressure(double compression_m)
     return pillar_pressure(stretch);
 }
 
-/* Derivative (Pa/m) of layer_pressure() at a compression (metres) of the pillars. */
+/* Return the derivative (Pa/m) of layer_pressure() at a compression (metres) of the pillars; 0 without compression. */
 double layer_stiffness(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
@@ -249,8 +256,8 @@ double layer_stiffness(double compression_m)
     return compression_m <= 0.0 ? 0.0 : -slope / LAYER_PILLAR_HEIGHT_M;
 }
 
-/* Work to compress pillars of height 1 to the relative height `stretch`, per area (Pa): integral of pillar_pressure()
- * from `stretch` to 1, the sum of the integrals of its two terms. */
+/* Return the work per area and per height (Pa) that compresses the pillars to the relative height `stretch`: the
+ * integral of pillar_pressure() from `stretch` to 1, as the sum of the integrals of its two terms. */
 static double pillar_work(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (1.0 / stretch - 1.0 - 0.5 * (1.0 - stretch * stretch));
@@ -259,8 +266,8 @@ static double pillar_work(double stretch)
     return pillars + BULK_STIFFNESS_PA * (1.0 - PILLAR_FRACTION) * open;
 }
 
-/* Work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure(), by the
- * trapezoid rule on the straight part. */
+/* Return the work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure(), by
+ * the trapezoid rule on the straight part of the curve. */
 double layer_work(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
@@ -275,9 +282,9 @@ double layer_work(double compression_m)
     return pillar_work(stretch) * LAYER_PILLAR_HEIGHT_M;
 }
 
-/* Pressure (Pa) at a compression (metres) of pillars and sheet together, and its derivative *rate (Pa/m). The pressure
- * is exponential in the compression between two entries of the table, and linear before the first and after the last
- * entry. */
+/* Return the pressure (Pa) at a compression (metres) of pillars and sheet together, and write its derivative *rate
+ * (Pa/m). The pressure is exponential in the compression between two entries of the table, and linear before the first
+ * and after the last entry. */
 static double evaluate_contact_pressure(double compression_m, double *rate)
 {
     const double last = contact_depths[TABLE_SIZE - 1];
@@ -301,16 +308,16 @@ static double evaluate_contact_pressure(double compression_m, double *rate)
     return pressure;
 }
 
-/* The pressure in pascal between layer and object at a compression of the layer in metres, and its derivative *rate in
- * pascal per metre; both 0 without compression. */
+/* Return the pressure (Pa) between layer and object at a compression of the layer in metres, and write its derivative
+ * *rate (Pa/m); both are 0 without compression. */
 double layer_contact_curve(double compression_m, double *rate)
 {
     *rate = 0.0;
     return compression_m <= 0.0 ? 0.0 : evaluate_contact_pressure(compression_m, rate);
 }
 
-/* The pressures in pascal between layer and object at `count` compressions of the layer in metres, and their derivatives
- * in pascal per metre. */
+/* Compute the pressures (Pa) between layer and object at `count` compressions of the layer in metres, and their
+ * derivatives (Pa/m). */
 void layer_contact_curves(const double *compression_m, size_t count, double *pressure, double *rate)
 {
     for (size_t i = 0; i < count; i++) {
@@ -318,15 +325,15 @@ void layer_contact_curves(const double *compression_m, size_t count, double *pre
     }
 }
 
-/* The pressure in pascal between layer and object at a compression of the layer in metres; 0 without
- * compression. */
+/* Return the pressure (Pa) between layer and object at a compression of the layer in metres; 0 without compression. */
 double layer_contact_pressure(double compression_m)
 {
     double rate;
     return layer_contact_curve(compression_m, &rate);
 }
 
-/* The derivative of the contact pressure by the compression, in pascal per metre; 0 without compression. */
+/* Return the derivative of the contact pressure with respect to the compression, in pascal per metre; 0 without
+ * compression. */
 double layer_contact_stiffness(double compression_m)
 {
     double rate;
@@ -334,7 +341,8 @@ double layer_contact_stiffness(double compression_m)
     return rate;
 }
 
-/* The compression of the layer in metres at a contact pressure in pascal: inverse of the interpolation in the table. */
+/* Return the compression of the layer in metres at a contact pressure in pascal: the inverse of the interpolation in
+ * the table; 0 at a pressure of 0 or less. */
 double layer_contact_compression(double pressure_pa)
 {
     const double last = contact_pressures[TABLE_SIZE - 1], before = contact_depths[TABLE_SIZE - 2];
@@ -350,7 +358,7 @@ double layer_contact_compression(double pressure_pa)
     return contact_depths[low] + (position - low) * (contact_depths[low + 1] - contact_depths[low]);
 }
 
-/* Shear stiffness of the layer in pascal per metre: G / t. */
+/* Return the shear stiffness of the layer in pascal per metre: shear modulus / sheared height. */
 double layer_shear_stiffness(void)
 {
     return SHEAR_MODULUS_PA / SHEARED_HEIGHT_M;

@@ -17,45 +17,48 @@
 /* Compute the tables. Must be called once before any other function of this header. */
 void layer_init(void);
 
-/* Relative rise of the permittivity (0 without force) under a force in newtons on the 5 mm x 5 mm area of one taxel. */
+/* Return the relative rise of the permittivity (0 without force) under a force in newtons on the 5 mm x 5 mm area of
+ * one taxel. */
 double layer_rise_at_force(double force_n);
 
-/* Pressure (Pa) at a compression of the pillars (m), and its derivative (Pa/m). Beyond the compression that leaves
- * almost no air, the curve continues as a steep line, so that a solver always gets a finite value. */
+/* Return the pressure (Pa) at a compression of the pillars (m), or its derivative (Pa/m). Beyond the compression that
+ * leaves almost no air, the curve continues as a steep line, so that a solver always gets a finite value. */
 double layer_pressure(double compression_m);
 double layer_stiffness(double compression_m);
 
-/* Inverse of layer_pressure(), for up to 16 MPa: compression of the pillars (m) under a pressure (Pa). */
+/* Return the compression of the pillars (m) under a pressure (Pa) of up to 16 MPa: the inverse of layer_pressure(). */
 double layer_compression(double pressure_pa);
 
-/* Work per area (J/m^2) of a compression: the integral of layer_pressure(). */
+/* Return the work per area (J/m^2) of a compression: the integral of layer_pressure(). */
 double layer_work(double compression_m);
 
-/* Relative rise of the permittivity at a compression or under a pressure. Agrees with layer_rise_at_force() within a
- * relative error of 3e-5 plus 1e-7. */
+/* Return the relative rise of the permittivity at a compression or under a pressure. The result agrees with
+ * layer_rise_at_force() within a relative error of 3e-5 plus 1e-7. */
 double layer_rise_at_compression(double compression_m);
 double layer_rise_at_pressure(double pressure_pa);
 
-/* Volume fraction of air in the layer at a relative rise of the permittivity. */
+/* Return the volume fraction of air in the layer at a relative rise of the permittivity. */
 double layer_air_fraction(double rise);
 
-/* Relative permittivity of the uncompressed layer. */
+/* Return the relative permittivity of the uncompressed layer. */
 double layer_rest_permittivity(void);
 
-/* Pressure (Pa) of the whole layer, pillars and sheet, at an indentation (m), and its derivative (Pa/m). */
+/* Return the pressure (Pa) of the whole layer, pillars and sheet, at an indentation (m), or its derivative (Pa/m). */
 double layer_contact_pressure(double compression_m);
 double layer_contact_stiffness(double compression_m);
 
-/* Both at once: returns the pressure (Pa) and writes the derivative *rate (Pa/m); 0 without compression. */
+/* Return the pressure (Pa) of the whole layer at an indentation (m), and write its derivative *rate (Pa/m); both are 0
+ * without compression. */
 double layer_contact_curve(double compression_m, double *rate);
 
-/* The same at `count` compressions. */
+/* Compute pressure and derivative as layer_contact_curve() at `count` compressions. */
 void layer_contact_curves(const double *compression_m, size_t count, double *pressure, double *rate);
 
-/* Inverse of layer_contact_pressure(): indentation (m) at a pressure (Pa). */
+/* Return the indentation (m) of the whole layer at a pressure (Pa): the inverse of layer_contact_pressure(). */
 double layer_contact_compression(double pressure_pa);
 
-/* Shear stiffness of the layer in a grasp, pascal per metre: force per area and displacement along the surface. */
+/* Return the shear stiffness of the layer in a grasp: force per area and per displacement along the surface, pascal per
+ * metre. */
 double layer_shear_stiffness(void);
 
 #endif

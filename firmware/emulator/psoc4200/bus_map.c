@@ -3,25 +3,25 @@
 
 typedef bool register_function(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 
-/* Reads the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
+/* Read the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
 static bool scb0_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_read(psoc, &psoc->scb[0], offset, access);
 }
 
-/* Writes the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
+/* Write the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
 static bool scb0_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_write(psoc, &psoc->scb[0], offset, access);
 }
 
-/* Reads the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
+/* Read the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
 static bool scb1_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_read(psoc, &psoc->scb[1], offset, access);
 }
 
-/* Writes the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
+/* Write the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
 static bool scb1_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_write(psoc, &psoc->scb[1], offset, access);
@@ -42,7 +42,7 @@ static const struct block {
     {0x0FFFF000u, 0x1000u, psoc_sflash_read, NULL},
 };
 
-/* Peripheral block at an address of the PSoC 4200, or NULL. */
+/* Return the peripheral block at an address of the PSoC 4200, or NULL. */
 static const struct block *block_at(uint32_t address)
 {
     for (unsigned i = 0; i < sizeof blocks / sizeof blocks[0]; i++) {
@@ -53,8 +53,8 @@ static const struct block *block_at(uint32_t address)
     return NULL;
 }
 
-/* Processor reads from a peripheral register. A register that the emulator does not model is reported and stops the
- * processor; an address without a block is a bus fault. */
+/* Read a peripheral register for the processor. A register that the emulator does not model is reported and stops the
+ * processor. Returns CORTEX_M0_ERROR (bus fault) for an address without a block. */
 enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;
@@ -68,8 +68,8 @@ enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *a
     return CORTEX_M0_OK;
 }
 
-/* Processor writes to a peripheral register. A register that the emulator does not model is reported and stops the
- * processor; an address without a writable block is a bus fault. */
+/* Write a peripheral register for the processor. A register that the emulator does not model is reported and stops the
+ * processor. Returns CORTEX_M0_ERROR (bus fault) for an address without a writable block. */
 enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;

@@ -6,8 +6,8 @@
 #define CASCADE (1u << 30)
 #define SELECTS 0x200u
 
-/* Register of the peripheral clock dividers at an offset, or NULL: dividers A (0x000), B (0x040) and C (0x080), and the
- * divider selected by each peripheral. */
+/* Return the register of the peripheral clock dividers at an offset, or NULL: dividers A (0x000), B (0x040) and C
+ * (0x080), and the divider that each peripheral selects (0x200). */
 static uint32_t *register_at(struct psoc_clocks *clocks, uint32_t offset)
 {
     const uint32_t index = offset >> 2 & 15u;
@@ -50,15 +50,15 @@ bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_acce
     return true;
 }
 
-/* Number of input cycles per output cycle of a clock divider with this register value; 0 if the divider is
+/* Return the number of input cycles per output cycle of a clock divider with this register value; 0 if the divider is
  * disabled. */
 static uint32_t divider_cycles(uint32_t divider)
 {
     return divider & ENABLE ? (divider & 0xFFFFu) + 1u : 0u;
 }
 
-/* Clock cycles of the processor per cycle of a peripheral's clock; 0 if the clock is off. A cascaded divider B
- * multiplies divider A. */
+/* Return the number of processor clock cycles per cycle of a peripheral's clock; 0 if the clock is off. A cascaded
+ * divider B multiplies divider A. */
 uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral)
 {
     const struct psoc_clocks *clocks = &psoc->clocks;

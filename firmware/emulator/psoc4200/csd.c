@@ -19,14 +19,14 @@
 #define SENSE_HALVES 2u
 #define STARTS_AFTER 1u /* sample clocks between the write of the period and the first count */
 
-/* Sets the interrupt line of the capacitance converter to the state of its interrupt cause. */
+/* Set the interrupt line of the capacitance converter to the state of its interrupt cause. */
 static void update_interrupt(struct psoc *psoc)
 {
     psoc_set_line(psoc, psoc_actual(psoc->config.deviations.irq_csd, PSOC_IRQ_CSD), psoc->csd.intr & 1u);
 }
 
-/* Start a conversion of `period` sample clocks at a processor cycle. Returns false if the block is off or its clocks
- * are not set up. */
+/* Start a conversion of `period` sample clocks at a processor cycle. Returns false (access not modelled) if the block
+ * is off or its clocks are not set up; a part that tolerates missing clocks ignores the start instead. */
 static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
 {
     struct psoc_csd *csd = &psoc->csd;
@@ -49,8 +49,9 @@ static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
     return true;
 }
 
-/* Whether the settings let the conversion balance the charge. With two capacitors the model requires the bits that the
- * manufacturer's driver sets; with one capacitor, the bit of two capacitors prevents the measurement. */
+/* Return whether the settings of the converter let the current source balance the charge, so that a conversion counts.
+ * With two capacitors the model requires the bits that the manufacturer's driver sets; with one capacitor, the bit of
+ * two capacitors prevents the measurement. */
 static bool balances_charge(const struct psoc *psoc)
 {
     const bool has_two = psoc->config.part->has_two_capacitors;
@@ -82,9 +83,9 @@ void psoc_csd_end(struct psoc *psoc)
     update_interrupt(psoc);
 }
 
-/* Value of the converter's register COUNTER at a processor cycle. During a conversion the low half is the count so
- * far; the model returns 0 there, which is exact before the first sense clock. The firmware reads the register only
- * until then. */
+/* Return the value of the converter's register COUNTER at a processor cycle. During a conversion the low half is the
+ * count so far; the model returns 0 there, which is exact before the first sense clock. The firmware reads the register
+ * only until then. */
 static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
 {
     if (csd->end == PSOC_NEVER || cycle < csd->begin) {

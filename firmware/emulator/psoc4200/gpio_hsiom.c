@@ -15,19 +15,19 @@
 #define SCL 0u
 #define SDA 1u
 
-/* The function of a pin that the pin multiplexer (HSIOM) selects, 0 to 15. */
+/* Return the function of a pin that the pin multiplexer (HSIOM) selects, 0 to 15. */
 static unsigned function_of(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return psoc->gpio.select[port] >> (4u * number) & 15u;
 }
 
-/* The drive mode of a pin in the port configuration register, 0 to 7. */
+/* Return the drive mode of a pin in the port configuration register, 0 to 7. */
 static unsigned mode_of(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return psoc->gpio.port[port].mode >> (3u * number) & 7u;
 }
 
-/* Whether software drives this pin low. */
+/* Return whether software drives this pin low. */
 static bool pulls_low(const struct psoc *psoc, unsigned port, unsigned number)
 {
     const unsigned mode = mode_of(psoc, port, number);
@@ -35,7 +35,7 @@ static bool pulls_low(const struct psoc *psoc, unsigned port, unsigned number)
            !(psoc->gpio.port[port].data >> number & 1u);
 }
 
-/* True if the program drives the pin high: function GPIO, push-pull mode and output bit 1. */
+/* Return whether the program drives the pin high: function GPIO, push-pull mode and output bit 1. */
 static bool is_high(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return function_of(psoc, port, number) == FUNCTION_GPIO && mode_of(psoc, port, number) == MODE_STRONG &&
@@ -63,7 +63,8 @@ static void update_wires(struct psoc *psoc, uint64_t cycle)
     gpio->rts_high = rts_high;
 }
 
-/* Levels of a port's pins (register PS): the driven levels, but for SCL and SDA the levels of the bus. */
+/* Return the levels of a port's pins (register PS): the levels that the program drives; for SCL and SDA, the levels of
+ * the bus. */
 static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -148,7 +149,7 @@ bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_acces
     return true;
 }
 
-/* Index of the only pin with the function; -1 if no pin or several pins have it. */
+/* Return the index in `pins` of the only pin with the function `function`; -1 if no pin or several pins have it. */
 static int single_pin_with_function(const struct psoc *psoc, const uint8_t *pins, unsigned count, unsigned function)
 {
     int match = -1;
@@ -163,7 +164,7 @@ static int single_pin_with_function(const struct psoc *psoc, const uint8_t *pins
     return match;
 }
 
-/* Finds the TX line that is connected to the sense clock and the RX line that is connected to the converter, as row and
+/* Find the TX line that is connected to the sense clock and the RX line that is connected to the converter, as row and
  * column of the board; -1 for none or several. */
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
 {
@@ -176,8 +177,8 @@ void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
     }
 }
 
-/* Whether the integration capacitors on ordinary pins are connected to the converter. A part without such pins has its
- * capacitor on a pin that the model does not check. */
+/* Return whether the integration capacitors on ordinary pins are connected to the converter. A part without such pins
+ * has its capacitor on a pin that the model does not check. */
 bool psoc_has_capacitors(const struct psoc *psoc)
 {
     const struct psoc_part *part = psoc->config.part;

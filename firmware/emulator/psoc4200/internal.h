@@ -11,18 +11,19 @@
 #define PSOC_CLOCK_CSD_SENSE 4u
 #define PSOC_CLOCK_CSD_SAMPLE 5u
 
-/* A number of this part: the deviating one, or the assumed one. */
+/* Return a number of this part: the deviating number, or the assumed number if the deviation is 0. */
 static inline unsigned psoc_actual(uint8_t deviating, unsigned assumed)
 {
     return deviating ? deviating : assumed;
 }
 
-/* Serial blocks of the I2C bus and of the UART. */
+/* Return the serial block of the I2C bus. */
 static inline struct psoc_scb *psoc_bus_scb(struct psoc *psoc)
 {
     return &psoc->scb[psoc->config.part->bus_scb];
 }
 
+/* Return the serial block of the UART. */
 static inline struct psoc_scb *psoc_uart_scb(struct psoc *psoc)
 {
     return &psoc->scb[1u - psoc->config.part->bus_scb];
@@ -33,7 +34,7 @@ vtime psoc_time(const struct psoc *psoc, uint64_t cycle);
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time);
 void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle);
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high);
-/* records an action on the wires or the flash and ends the run after the instruction */
+/* Record an action on the wires or the flash, and end the run after the instruction. */
 void psoc_end_run(struct psoc *psoc);
 void psoc_end_wait(struct psoc *psoc); /* records that the bus has its reply and ends the wait */
 /* Print one line with the PC and `address`, and stop the processor. `action`: "reads", "writes", ... */
@@ -56,7 +57,7 @@ bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
 bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx);
-/* True if all integration capacitors that the part needs are connected. */
+/* Return whether all integration capacitors that the part needs are connected. */
 bool psoc_has_capacitors(const struct psoc *psoc);
 
 bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
@@ -74,18 +75,18 @@ uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle);
 
 bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
-void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb); /* updates the interrupt level */
+void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb); /* update the interrupt level */
 bool psoc_scb_is_i2c(const struct psoc_scb *scb);
 void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte);
 uint8_t psoc_fifo_pop(struct psoc_fifo *fifo);
 
 void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
-/* a byte was written to the transmit FIFO */
+/* Continue after the program has written a byte to the transmit FIFO. */
 void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 void psoc_slave_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
 void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
-/* The receive FIFO has space, or automatic acknowledge was enabled. */
+/* Continue after the receive FIFO has got space, or automatic acknowledge was enabled. */
 void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 void psoc_master_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 

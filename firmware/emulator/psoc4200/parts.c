@@ -1,4 +1,5 @@
-/* Tables of the parts and their pins, from boards/psoc4200/pins.toml and boards/psoc4200/original (checked by tests). */
+/* Tables of the parts and their pins, from boards/psoc4200/pins.toml and boards/psoc4200/original (checked by
+ * tests). */
 #include "emulator/psoc4200/parts.h"
 
 #include <stddef.h>

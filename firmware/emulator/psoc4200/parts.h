@@ -28,7 +28,7 @@ struct psoc_part {
 
 extern const struct psoc_part psoc_parts[];
 
-/* The part with this name, or NULL. */
+/* Return the part with this name, or NULL. */
 const struct psoc_part *psoc_part_find(const char *name);
 
 #endif

@@ -13,13 +13,14 @@
 #define CAUSE_SOFT (1u << 4)
 #define VECTORS_IN_RAM 1u
 
-/* The virtual time (picoseconds) at which the processor reaches the given cycle, at its present clock frequency. */
+/* Return the virtual time (picoseconds) at which the processor reaches the given cycle, at its present clock
+ * frequency. */
 vtime psoc_time(const struct psoc *psoc, uint64_t cycle)
 {
     return psoc->origin + (vtime)((double)(cycle - psoc->origin_cycle) * psoc->ps_per_cycle);
 }
 
-/* First processor cycle that does not precede a virtual time. */
+/* Return the first processor cycle that does not precede a virtual time. */
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time)
 {
     if (time <= psoc->origin) {
@@ -32,14 +33,14 @@ uint64_t psoc_cycle(const struct psoc *psoc, vtime time)
     return cycle;
 }
 
-/* Declares that the processor reaches `cycle` at the virtual time `time`: the origin of psoc_time(). */
+/* Set the origin of psoc_time(): the processor reaches `cycle` at the virtual time `time`. */
 static void set_origin(struct psoc *psoc, vtime time, uint64_t cycle)
 {
     psoc->origin = time;
     psoc->origin_cycle = cycle;
 }
 
-/* Changes the clock frequency of the chip to `hz` (nominal, before the rate error of the chip) from the given cycle
+/* Change the clock frequency of the chip to `hz` (nominal, before the rate error of the chip) from the given cycle
  * on. */
 void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle)
 {
@@ -55,27 +56,27 @@ void psoc_set_clock_rate(struct psoc *psoc, double clock_rate)
     psoc_set_frequency(psoc, hz, psoc->cpu.cycle);
 }
 
-/* The virtual time (picoseconds) that the processor has reached. */
+/* Return the virtual time (picoseconds) that the processor has reached. */
 vtime psoc_now(const struct psoc *psoc)
 {
     return psoc_time(psoc, psoc->cpu.cycle);
 }
 
-/* Sets the level of interrupt line `irq` of the processor. */
+/* Set the level of interrupt line `irq` of the processor. */
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high)
 {
     cortex_m0_set_line(&psoc->cpu, irq, high);
     psoc->input_changed = true;
 }
 
-/* Ends psoc_run() after the current instruction, because the program has acted on a wire or on the flash. */
+/* End psoc_run() after the current instruction, because the program has acted on a wire or on the flash. */
 void psoc_end_run(struct psoc *psoc)
 {
     psoc->has_acted = true;
     cortex_m0_stop(&psoc->cpu);
 }
 
-/* Ends psoc_run_until_reply() after the current instruction, because the program has answered the I2C master. */
+/* End psoc_run_until_reply() after the current instruction, because the program has answered the I2C master. */
 void psoc_end_wait(struct psoc *psoc)
 {
     psoc->has_replied = true;
@@ -93,7 +94,7 @@ void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t addr
     cortex_m0_stop(&psoc->cpu);
 }
 
-/* Create a PSoC 4200 without power. Returns 0, or -1 without memory. */
+/* Create a PSoC 4200 without power. Returns 0, or -1 if out of memory. */
 int psoc_init(struct psoc *psoc, const struct psoc_config *config)
 {
     memset(psoc, 0, sizeof *psoc);
@@ -119,13 +120,14 @@ int psoc_init(struct psoc *psoc, const struct psoc_config *config)
     return 0;
 }
 
-/* Releases the memory of the emulated chip. The caller owns the struct itself. */
+/* Free the memory of the emulated chip. The caller owns the struct itself. */
 void psoc_free(struct psoc *psoc)
 {
     cortex_m0_free(&psoc->cpu);
 }
 
-/* Reset the blocks and the processor. RAM and virtual time continue. */
+/* Reset the peripheral blocks and the processor, whose first instruction follows after the reset time. RAM and virtual
+ * time continue. causes: bits of the register RES_CAUSE. */
 static void reset(struct psoc *psoc, vtime now, uint32_t causes)
 {
     memset(&psoc->clocks, 0, sizeof psoc->clocks);
@@ -166,7 +168,7 @@ void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
     reset(psoc, now, causes);
 }
 
-/* Switches the supply of the chip off: the processor executes nothing until the next power-on. */
+/* Switch the supply of the chip off: the processor executes nothing until the next power-on. */
 void psoc_power_off(struct psoc *psoc)
 {
     psoc->powered = false;
@@ -190,20 +192,20 @@ static void reset_by(struct psoc *psoc, uint32_t cause)
     psoc->has_acted = true;
 }
 
-/* The processor takes a HardFault at its present instruction. */
+/* Let the processor take a HardFault at its present instruction. */
 void psoc_inject_hard_fault(struct psoc *psoc)
 {
     cortex_m0_inject_fault(&psoc->cpu);
     psoc->input_changed = true;
 }
 
-/* The conversion in progress never ends: its interrupt is lost. */
+/* Let the conversion in progress never end, so its interrupt is lost. */
 void psoc_lose_conversion(struct psoc *psoc)
 {
     psoc->csd.end = PSOC_NEVER;
 }
 
-/* Cycle of the next event of a block: end of a conversion or watchdog reset. */
+/* Return the cycle of the next event of a block: end of a conversion or watchdog reset. */
 static uint64_t next_of_blocks(const struct psoc *psoc)
 {
     return psoc->csd.end < psoc->srss.reset_cycle ? psoc->csd.end : psoc->srss.reset_cycle;
@@ -220,7 +222,8 @@ static void run_blocks(struct psoc *psoc)
     }
 }
 
-/* Execute handlers only: the main program is put to sleep at its current instruction. */
+/* Execute only interrupt handlers: the main program is put to sleep at its current instruction. Returns why the run of
+ * the processor ended. */
 static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
 {
     struct cortex_m0 *cpu = &psoc->cpu;
@@ -238,7 +241,8 @@ static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
     return cortex_m0_run(cpu, tick < until ? tick : until);
 }
 
-/* Execute instructions up to a processor cycle. A processor that writes flash is stalled until the write has ended. */
+/* Execute instructions up to a processor cycle, and perform a reset that they request or that a lockup causes. While a
+ * stall of the main program lasts (psoc_stall()), only interrupt handlers run. */
 static void run_processor(struct psoc *psoc, uint64_t until)
 {
     const bool stalled = psoc->stalled_until && psoc_now(psoc) < psoc->stalled_until;
@@ -254,7 +258,7 @@ static void run_processor(struct psoc *psoc, uint64_t until)
     }
 }
 
-/* Run the processor until a virtual time or until `is_done` becomes true; returns `is_done`. */
+/* Run the chip until a virtual time or until `*is_done` becomes true. Returns `*is_done`. */
 static bool run(struct psoc *psoc, vtime until, const bool *is_done)
 {
     psoc->input_changed = false;
@@ -271,7 +275,7 @@ static bool run(struct psoc *psoc, vtime until, const bool *is_done)
     return *is_done;
 }
 
-/* Runs the chip up to the virtual time `until`, or until the program acts on a wire or on its flash. Returns true in
+/* Run the chip up to the virtual time `until`, or until the program acts on a wire or on its flash. Returns true in
  * the second case. */
 bool psoc_run(struct psoc *psoc, vtime until)
 {
@@ -279,21 +283,21 @@ bool psoc_run(struct psoc *psoc, vtime until)
     return run(psoc, until, &psoc->has_acted);
 }
 
-/* Runs the chip up to the virtual time `until`, or until the program answers the I2C master. Returns true in the
+/* Run the chip up to the virtual time `until`, or until the program answers the I2C master. Returns true in the
  * second case. */
 bool psoc_run_until_reply(struct psoc *psoc, vtime until)
 {
     return run(psoc, until, &psoc->has_replied);
 }
 
-/* Suspends the main program up to the virtual time `until`, as if it were busy; interrupts are served. */
+/* Suspend the main program up to the virtual time `until`, as if it were busy; interrupts are served. */
 void psoc_stall(struct psoc *psoc, vtime until)
 {
     psoc->stalled_until = until;
 }
 
-/* Virtual time until which the processor does nothing: now while it executes, else its next timer, conversion end or
- * watchdog reset; VTIME_NEVER if none is scheduled. */
+/* Return the virtual time until which the processor does nothing: the present time while it executes, otherwise its
+ * next timer, conversion end or watchdog reset; VTIME_NEVER if none is scheduled. */
 vtime psoc_next_event(const struct psoc *psoc)
 {
     if (!psoc->powered || psoc->has_stopped) {
@@ -311,13 +315,13 @@ vtime psoc_next_event(const struct psoc *psoc)
     return psoc_time(psoc, next > psoc->cpu.cycle ? next : psoc->cpu.cycle);
 }
 
-/* True if an application is running, which moves the vectors to RAM; the bootloader does not. */
+/* Return whether an application is running, which moves the vectors to RAM; the bootloader does not. */
 bool psoc_runs_application(const struct psoc *psoc)
 {
     return psoc->powered && psoc->cpuss.config & VECTORS_IN_RAM;
 }
 
-/* True if a fault or a lockup of the processor has occurred since its last reset. */
+/* Return whether a fault or a lockup of the processor has occurred since its last reset. */
 bool psoc_has_faulted(const struct psoc *psoc)
 {
     return psoc->cpu.faults != psoc->faults_before;

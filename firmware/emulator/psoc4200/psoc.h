@@ -1,6 +1,6 @@
-/* Emulated PSoC 4200 (CY8C4245AXI-483 or, as on the original boards, CY8C4244AZI-443) that executes an image in virtual time: the Cortex-M0 of cortex_m0/ and the
- * peripheral blocks that the firmware of boards/psoc4200 uses. boards/psoc4200/PERIPHERALS.md lists the modelled
- * registers.
+/* Emulated PSoC 4200 (CY8C4245AXI-483 or, as on the original boards, CY8C4244AZI-443) that executes an image in virtual
+ * time: the Cortex-M0 of cortex_m0/ and the peripheral blocks that the firmware of boards/psoc4200 uses.
+ * boards/psoc4200/PERIPHERALS.md lists the modelled registers.
  *
  * An access to a register that is not modelled never reads as 0: it is reported on standard error with address and PC,
  * and the processor stops. */
@@ -36,8 +36,8 @@ struct psoc_wires {
     void *context;
     /* Called at the end of a conversion. Returns the number of sample clocks in which the current source was on. */
     uint16_t (*convert)(void *context, const struct psoc_conversion *conversion);
-    /* Serial block of the bus as master: start or repeated start with the address byte, write a byte, read a byte, stop.
-     * psoc_i2c_on_event() reports the result. */
+    /* Serial block of the bus as master: start or repeated start with the address byte, write a byte, read a byte,
+     * stop. psoc_i2c_on_event() reports the result. */
     void (*i2c_start)(void *context, uint8_t address_byte, vtime clock, vtime now);
     void (*i2c_write)(void *context, uint8_t byte, vtime now);
     void (*i2c_read)(void *context, vtime now);
@@ -105,24 +105,26 @@ bool psoc_run_until_reply(struct psoc *psoc, vtime until);
 /* Suspend the main program until a time, as if it were busy; interrupts are served. */
 void psoc_stall(struct psoc *psoc, vtime until);
 
-/* Faults: the processor takes a HardFault; the end of the present conversion causes no interrupt. */
+/* Inject a fault: the processor takes a HardFault, or the end of the present conversion causes no interrupt. */
 void psoc_inject_hard_fault(struct psoc *psoc);
 void psoc_lose_conversion(struct psoc *psoc);
 
-/* Virtual time reached, and time of the next event of the chip. */
+/* Return the virtual time that the chip has reached. */
 vtime psoc_now(const struct psoc *psoc);
+
+/* Return the time of the next event of the chip; VTIME_NEVER if there is none. */
 vtime psoc_next_event(const struct psoc *psoc);
 
 /* Change the clock rate from now on. */
 void psoc_set_clock_rate(struct psoc *psoc, double clock_rate);
 
-/* Whether an application runs, that is, vectors are read from RAM. */
+/* Return whether an application runs, that is, vectors are read from RAM. */
 bool psoc_runs_application(const struct psoc *psoc);
-/* Whether the processor has faulted or locked up since its last reset. */
+/* Return whether the processor has faulted or locked up since its last reset. */
 bool psoc_has_faulted(const struct psoc *psoc);
 
-/* Serial block of the bus as slave: events of the bus at the end of a byte, at the time that psoc_run() reached. Each function returns the
- * time at which the slave releases SCL. */
+/* Pass an event at the end of a byte to the serial block of the bus as slave, at the time that psoc_run() has reached.
+ * Functions of type vtime return the time at which the slave releases SCL. */
 bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address);
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge);
 vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge);
@@ -141,7 +143,8 @@ enum psoc_i2c_event {
 };
 void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte);
 
-/* Serial block of the UART: events at the time that psoc_run() reached. */
+/* Serial block of the UART: receive a byte, or take the next byte to transmit, at the time that psoc_run() reached.
+ * psoc_uart_take() returns false if there is no byte. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte);
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte);
 

@@ -12,7 +12,7 @@ void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte)
     }
 }
 
-/* Remove the oldest byte of a FIFO; 0 if it is empty. */
+/* Remove the oldest byte of a FIFO and return it; 0 if the FIFO is empty. */
 uint8_t psoc_fifo_pop(struct psoc_fifo *fifo)
 {
     if (!fifo->count) {
@@ -24,13 +24,13 @@ uint8_t psoc_fifo_pop(struct psoc_fifo *fifo)
     return byte;
 }
 
-/* True if the serial block is enabled as I2C master or slave. */
+/* Return whether the serial block is enabled as I2C master or slave. */
 bool psoc_scb_is_i2c(const struct psoc_scb *scb)
 {
     return (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_I2C);
 }
 
-/* Updates the interrupt causes of the FIFOs and the interrupt line of a serial block. Causes that state a fill
+/* Update the interrupt causes of the FIFOs and the interrupt line of a serial block. Causes that state a fill
  * level are set again while their condition holds, even after they are cleared. */
 void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
 {
@@ -53,7 +53,7 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
     }
 }
 
-/* Control register of a serial block (SCB) at an offset that only stores its value, or NULL. */
+/* Return the control register of a serial block (SCB) at an offset that only stores its value, or NULL. */
 static uint32_t *register_at(struct psoc_scb *scb, uint32_t offset)
 {
     switch (offset) {
@@ -84,11 +84,13 @@ static uint32_t *register_at(struct psoc_scb *scb, uint32_t offset)
     }
 }
 
+/* Causes and mask of one group of interrupts of a serial block. */
 struct interrupt_group {
     uint32_t *raised, *mask;
 };
 
-/* Interrupt group (master, slave, TX or RX) to which a register offset belongs. Returns false if it belongs to none. */
+/* Find the interrupt group (master, slave, TX or RX) to which a register offset belongs. Returns false if it belongs to
+ * none. */
 static bool interrupt_group_at(struct psoc_scb *scb, uint32_t offset, struct interrupt_group *group)
 {
     switch (offset & ~15u) {
@@ -109,8 +111,8 @@ static bool interrupt_group_at(struct psoc_scb *scb, uint32_t offset, struct int
     }
 }
 
-/* The value of the register I2C_STATUS: whether a transfer is in progress and whether the master reads. */
-static uint32_t i2c_status(const struct psoc_scb *scb)
+/* Return the value of the register I2C_STATUS: whether a transfer is in progress and whether the master reads. */
+static uint32_t compute_i2c_status(const struct psoc_scb *scb)
 {
     return (scb->state != PSOC_SCB_IDLE ? SCB_STATUS_BUS_BUSY : 0u) | (scb->reading ? SCB_STATUS_S_READ : 0u);
 }
@@ -131,7 +133,7 @@ bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, str
         const uint32_t values[4] = {raised, raised, mask, raised & mask};
         access->value = values[offset >> 2 & 3u];
     } else if (offset == SCB_I2C_STATUS) {
-        access->value = i2c_status(scb);
+        access->value = compute_i2c_status(scb);
     } else if (offset == SCB_TX_FIFO_STATUS) {
         access->value = scb->tx.count;
     } else if (offset == SCB_RX_FIFO_STATUS) {
@@ -184,7 +186,7 @@ static bool write_interrupt_group(struct interrupt_group group, uint32_t registe
     }
 }
 
-/* Write a byte into the TX FIFO; the slave, master or UART that waits for it continues. */
+/* Write a byte into the TX FIFO, and let the slave, master or UART that waits for it continue. */
 static void write_tx_fifo(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;

@@ -9,20 +9,20 @@
 
 #define PERI_SCB0 2u
 
-/* True if the serial block is enabled as I2C master. */
+/* Return whether the serial block is enabled as I2C master. */
 static bool is_master(const struct psoc_scb *scb)
 {
     return psoc_scb_is_i2c(scb) && scb->i2c_ctrl & SCB_I2C_MASTER;
 }
 
-/* True if the block acknowledges a received byte itself: the program enabled this, and the receive FIFO has
+/* Return whether the block acknowledges a received byte itself: the program enabled this, and the receive FIFO has
  * space. */
 static bool acknowledges_automatically(const struct psoc_scb *scb)
 {
     return scb->i2c_ctrl & SCB_I2C_M_READY_DATA_ACK && scb->rx.count < PSOC_FIFO;
 }
 
-/* Period of the I2C clock SCL (picoseconds), from the clock divider and the settings of the block. */
+/* Return the period of the I2C clock SCL (picoseconds), from the clock divider and the settings of the block. */
 static vtime bus_clock(const struct psoc *psoc, const struct psoc_scb *scb)
 {
     const uint32_t phases = (scb->i2c_ctrl & 15u) + (scb->i2c_ctrl >> 4 & 15u) + 2u;
@@ -51,7 +51,7 @@ static void send_next_byte(struct psoc *psoc, struct psoc_scb *scb, vtime now)
     psoc_end_run(psoc);
 }
 
-/* Executes a command that the program writes to I2C_M_CMD (start, stop, acknowledge) at a processor cycle. Returns
+/* Execute a command that the program writes to I2C_M_CMD (start, stop, acknowledge) at a processor cycle. Returns
  * false for a command that is invalid in the current state. */
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle)
 {
@@ -82,7 +82,7 @@ bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t comma
     return true;
 }
 
-/* A byte was written into the TX FIFO: a master that holds SCL sends it. */
+/* Let a master that holds SCL send the byte that was written into the TX FIFO. */
 void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (is_master(scb)) {
@@ -90,13 +90,13 @@ void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cyc
     }
 }
 
-/* Whether a received byte waits for its acknowledge. */
+/* Return whether a received byte waits for its acknowledge. */
 static bool has_byte_waiting(const struct psoc_scb *scb)
 {
     return scb->state == PSOC_SCB_MASTER_HOLDING && scb->reading && scb->acknowledged;
 }
 
-/* The RX FIFO has free space again: a master that acknowledges automatically reads the next byte. */
+/* Let a master that acknowledges automatically read the next byte, after the RX FIFO has free space again. */
 void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (is_master(scb) && has_byte_waiting(scb) && acknowledges_automatically(scb)) {
@@ -107,7 +107,8 @@ void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cy
     }
 }
 
-/* The address or a data byte was acknowledged: read the first byte, or continue with the next byte of the TX FIFO. */
+/* Continue after the address or a data byte was acknowledged: read the first byte, or send the next byte of the TX
+ * FIFO. */
 static void handle_acknowledge(struct psoc *psoc, struct psoc_scb *scb, vtime now)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -121,8 +122,9 @@ static void handle_acknowledge(struct psoc *psoc, struct psoc_scb *scb, vtime no
     send_next_byte(psoc, scb, now);
 }
 
-/* Event of the bus for the I2C master, at virtual time `now`; `byte`: received byte of PSOC_I2C_BYTE. Raises the
- * interrupt and holds SCL until the firmware gives the next command. */
+/* Report an event of the bus to the I2C master, at virtual time `now`. byte: received byte of the event PSOC_I2C_BYTE.
+ * Sets the interrupt cause and holds SCL until the firmware gives the next command, unless the transfer has ended or
+ * the block continues by itself. */
 void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -159,7 +161,7 @@ void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, 
     psoc_scb_update(psoc, scb);
 }
 
-/* The serial block was disabled: a master's transfer is aborted without a stop condition. */
+/* Abort the transfer of a master whose serial block was disabled, without a stop condition. */
 void psoc_master_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;

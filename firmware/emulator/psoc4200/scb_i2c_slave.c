@@ -5,7 +5,7 @@
 
 #define CLOCK_STRETCH_MAX (25u * VTIME_MS) /* maximum clock stretching of a slave: SMBus 2.0, table 1 */
 
-/* Whether the slave is on and this I2C address matches its address register under the mask. */
+/* Return whether the slave is on and this I2C address matches its address register under the mask. */
 bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address)
 {
     const struct psoc_scb *scb = &psoc->scb[psoc->config.part->bus_scb];
@@ -14,15 +14,16 @@ bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address)
            !(((uint32_t)address << 1 ^ scb->rx_match) & mask);
 }
 
-/* Sets interrupt causes of the I2C slave (bits of INTR_S) and updates the interrupt line. */
+/* Set interrupt causes of the I2C slave (bits of INTR_S) and update the interrupt line. */
 static void raise_slave(struct psoc *psoc, struct psoc_scb *scb, uint32_t bits)
 {
     scb->intr_s |= bits;
     psoc_scb_update(psoc, scb);
 }
 
-/* Runs the program until it has written its command (acknowledge or not), which *acknowledge receives. Returns the
- * virtual time of the command. */
+/* Run the program until it has written its command, acknowledge or not, or until the longest permitted clock
+ * stretching. Writes to *acknowledge whether the program acknowledged. Returns the virtual time at which SCL is
+ * released. */
 static vtime wait_for_command(struct psoc *psoc, struct psoc_scb *scb, vtime now, bool *acknowledge)
 {
     scb->acknowledged = false;
@@ -45,8 +46,8 @@ static void load_shift_register(struct psoc *psoc, struct psoc_scb *scb, vtime t
     }
 }
 
-/* The slave was addressed: raise the interrupt and run the firmware until it acknowledges or not. Returns the virtual
- * time at which SCL is released. */
+/* Report to the slave that it was addressed: raise the interrupt and run the firmware until it acknowledges or not.
+ * Returns the virtual time at which SCL is released. */
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -61,8 +62,8 @@ vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *ackn
     return released;
 }
 
-/* The master has written a byte: run the firmware until it acknowledges or not. Returns the virtual time at which SCL
- * is released. */
+/* Report to the slave a byte that the master has written: run the firmware until it acknowledges or not. Returns the
+ * virtual time at which SCL is released. */
 vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -76,8 +77,8 @@ vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknow
     return wait_for_command(psoc, scb, now, acknowledge);
 }
 
-/* The next byte that the slave sends to the master, in *byte. Returns the virtual time at which its clocks end:
- * `now`, or later if the byte was not available at the end of the previous byte. */
+/* Write the next byte that the slave sends to the master to *byte; 0xFF if the slave does not send. Returns the virtual
+ * time at which its clocks end: `now`, or later if the byte was not available at the end of the previous byte. */
 vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -101,7 +102,7 @@ vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
     return released;
 }
 
-/* Stop condition: ends the transfer of an addressed slave and raises its interrupt. */
+/* Report a stop condition: it ends the transfer of an addressed slave and raises its interrupt. */
 void psoc_i2c_on_stop(struct psoc *psoc)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -112,7 +113,7 @@ void psoc_i2c_on_stop(struct psoc *psoc)
     }
 }
 
-/* Bus error: ends the transfer and raises the interrupt of the slave. */
+/* Report a bus error: it ends the transfer and raises the interrupt of the slave. */
 void psoc_i2c_on_bus_error(struct psoc *psoc)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -123,7 +124,7 @@ void psoc_i2c_on_bus_error(struct psoc *psoc)
     }
 }
 
-/* Command of the firmware for which the bus waits: acknowledge or not, at this processor cycle. */
+/* Record the command of the firmware for which the bus waits: acknowledge or not, at this processor cycle. */
 static void reply(struct psoc *psoc, struct psoc_scb *scb, bool acknowledge, uint64_t cycle)
 {
     scb->acknowledged = acknowledge;
@@ -131,7 +132,8 @@ static void reply(struct psoc *psoc, struct psoc_scb *scb, bool acknowledge, uin
     psoc_end_wait(psoc);
 }
 
-/* Write to the register I2C_S_CMD: the firmware acknowledges the address or the byte just received, or not. */
+/* Execute a write to the register I2C_S_CMD: the firmware acknowledges the address or the byte just received, or
+ * not. */
 void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle)
 {
     const bool acknowledge = command & SCB_S_ACK;
@@ -144,7 +146,7 @@ void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t comman
     }
 }
 
-/* A byte was written into the TX FIFO: a slave that holds SCL for it continues to send. */
+/* Let a slave that holds SCL because it had no byte send the byte that was written into the TX FIFO. */
 void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (scb->state == PSOC_SCB_SLAVE_SENDING && !scb->shift_full && scb->tx.count) {
@@ -155,7 +157,7 @@ void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycl
     }
 }
 
-/* The serial block was disabled: an addressed slave does not acknowledge. */
+/* End the transfer of an addressed slave whose serial block was disabled: it does not acknowledge. */
 void psoc_slave_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (scb->state >= PSOC_SCB_SLAVE_ADDRESSED && scb->state <= PSOC_SCB_SLAVE_SENDING) {

@@ -4,13 +4,14 @@
 
 #define SCB_MODE_UART (2u << 24)
 
-/* True if the chip is powered and the serial block is enabled as UART. */
+/* Return whether the chip is powered and the serial block is enabled as UART. */
 static bool is_on(const struct psoc *psoc, const struct psoc_scb *scb)
 {
     return psoc->powered && (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_UART);
 }
 
-/* Byte from the host: into the RX FIFO, or an overflow event if the FIFO is full. */
+/* Put a byte from the host into the RX FIFO; if the FIFO is full, the byte is lost and the overflow interrupt is
+ * raised. Without effect while the UART is off. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
 {
     struct psoc_scb *scb = psoc_uart_scb(psoc);
@@ -25,7 +26,8 @@ void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
     psoc_scb_update(psoc, scb);
 }
 
-/* Remove the next byte to transmit from the FIFO. */
+/* Remove the next byte to transmit from the TX FIFO and write it to *byte. Returns false, without a byte, if the FIFO
+ * is empty or the UART is off. */
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte)
 {
     struct psoc_scb *scb = psoc_uart_scb(psoc);

@@ -10,8 +10,8 @@
 #define IMO_TRIM 0x1D0u
 #define IMO_TRIMS 46u
 
-/* Byte of the supervisory flash at an offset: unique id and oscillator and CSD trims. Returns false if the content is
- * not modelled. */
+/* Look up the byte of the supervisory flash at an offset: unique id, and trims of oscillator and CSD. Returns false if
+ * the content is not modelled. */
 static bool byte_at(const struct psoc *psoc, uint32_t offset, uint8_t *value)
 {
     if (offset - DIE < 8u) {

@@ -31,6 +31,7 @@ static const struct psoc_part one_capacitor = {
 };
 static const uint8_t capacitor_pins[] = {0x36, 0x37}; /* CintA and CintB */
 
+/* Ring buffer. */
 struct bytes {
     uint8_t byte[BUFFER];
     size_t first, count;
@@ -53,6 +54,7 @@ struct single_part {
     unsigned edges;
 };
 
+/* Append a byte; it is lost if the buffer is full. */
 static void push(struct bytes *bytes, uint8_t byte)
 {
     if (bytes->count < BUFFER) {
@@ -60,6 +62,7 @@ static void push(struct bytes *bytes, uint8_t byte)
     }
 }
 
+/* Remove the oldest byte and return it. The buffer must not be empty. */
 static uint8_t pop(struct bytes *bytes)
 {
     const uint8_t byte = bytes->byte[bytes->first];
@@ -68,7 +71,7 @@ static uint8_t pop(struct bytes *bytes)
     return byte;
 }
 
-/* Baud rate of the part's UART: its clock divided by the clocks of a bit; 0 without a clock. */
+/* Return the baud rate of the part's UART: its clock divided by the clocks of a bit; 0 without a clock. */
 static double find_baud(const struct single_part *part)
 {
     const struct psoc *psoc = &part->psoc;
@@ -77,12 +80,13 @@ static double find_baud(const struct single_part *part)
     return divider ? (double)VTIME_SECOND / psoc->ps_per_cycle / divider / oversample : 0.0;
 }
 
-/* The byte that a receiver reads whose bits have another duration: a wrong byte. */
+/* Return the byte as the receiver reads it: unchanged if the baud rates of both sides agree within the tolerance,
+ * otherwise a random wrong byte. */
 static uint8_t misread(struct single_part *part, uint8_t byte)
 {
     const double error = find_baud(part) / HOST_BAUD - 1.0;
-    const bool is_right = error < BAUD_TOLERANCE && error > -BAUD_TOLERANCE;
-    return is_right ? byte : (uint8_t)(0x80u | random_u64(&part->random));
+    const bool is_in_tolerance = error < BAUD_TOLERANCE && error > -BAUD_TOLERANCE;
+    return is_in_tolerance ? byte : (uint8_t)(0x80u | random_u64(&part->random));
 }
 
 /* Begin to send the next byte of the UART, if none is being sent. */
@@ -94,6 +98,7 @@ static void send_next(struct single_part *part, vtime now)
     }
 }
 
+/* Send the next byte if the UART is idle; callback of the chip. */
 static void on_uart_kick(void *context, vtime now)
 {
     send_next(context, now);
@@ -107,28 +112,33 @@ static void schedule(struct single_part *part, vtime at, enum psoc_i2c_event eve
     part->bus_event = is_held ? PSOC_I2C_BUS_ERROR : event;
 }
 
+/* Schedule the missing acknowledge of an address byte; callback of the chip. */
 static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
 {
     (void)address_byte;
     schedule(context, now + CLOCKS_PER_BYTE * clock, PSOC_I2C_NACK);
 }
 
+/* Schedule the missing acknowledge of a byte; callback of the chip. */
 static void on_i2c_write(void *context, uint8_t byte, vtime now)
 {
     (void)byte;
     schedule(context, now + 100u * VTIME_US, PSOC_I2C_NACK);
 }
 
+/* Schedule the end of the reading of a byte; callback of the chip. */
 static void on_i2c_read(void *context, vtime now)
 {
     schedule(context, now + 100u * VTIME_US, PSOC_I2C_BYTE);
 }
 
+/* Schedule the end of a stop condition; callback of the chip. */
 static void on_i2c_stop(void *context, vtime now)
 {
     schedule(context, now + 10u * VTIME_US, PSOC_I2C_STOP);
 }
 
+/* Cancel the scheduled event; callback of the chip. */
 static void on_i2c_abort(void *context, vtime now)
 {
     struct single_part *part = context;
@@ -136,6 +146,7 @@ static void on_i2c_abort(void *context, vtime now)
     part->bus_at = VTIME_NEVER;
 }
 
+/* Store whether the chip pulls SCL and SDA low; callback of the chip. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     struct single_part *part = context;
@@ -143,6 +154,7 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
     part->sda_driven = !sda_high;
 }
 
+/* Return the level of SCL; callback of the chip. */
 static bool get_scl(void *context, vtime now)
 {
     const struct single_part *part = context;
@@ -150,6 +162,7 @@ static bool get_scl(void *context, vtime now)
     return !part->scl_driven && part->settings.scl_stuck == 0.0 && part->settings.no_pull_ups == 0.0;
 }
 
+/* Return the level of SDA; callback of the chip. */
 static bool get_sda(void *context, vtime now)
 {
     const struct single_part *part = context;
@@ -157,7 +170,8 @@ static bool get_sda(void *context, vtime now)
     return !part->sda_driven && part->settings.sda_stuck == 0.0 && part->settings.no_pull_ups == 0.0;
 }
 
-/* Count of a conversion: period x 2 C V f / I (boards/psoc4200/front_end.c), with noise of some counts. */
+/* Return the count of a conversion: period x 2 C V f / I (boards/psoc4200/front_end.c), with noise of up to 2 counts; 0
+ * if the lines or capacitors are not connected. */
 static uint16_t convert(void *context, const struct psoc_conversion *conversion)
 {
     struct single_part *part = context;
@@ -173,6 +187,7 @@ static uint16_t convert(void *context, const struct psoc_conversion *conversion)
     return (uint16_t)(count < conversion->period ? count : conversion->period);
 }
 
+/* Create a chip with an image in its flash and power it on. Returns NULL if out of memory. */
 struct single_part *single_part_new(const uint8_t *image, size_t size, const struct single_part_settings *settings)
 {
     struct single_part *part = calloc(1, sizeof *part);
@@ -254,7 +269,7 @@ static void serve_wires(struct single_part *part, vtime now)
     }
 }
 
-/* Count the edges of the clock pin. */
+/* Count a change of the clock pin's level since the last call as an edge, with its time. */
 static void watch_clock_pin(struct single_part *part, vtime now)
 {
     const struct psoc_gpio *gpio = &part->psoc.gpio;
@@ -268,6 +283,7 @@ static void watch_clock_pin(struct single_part *part, vtime now)
     }
 }
 
+/* Run the chip for a duration of virtual time, or until its processor stops. */
 void single_part_run(struct single_part *part, double seconds)
 {
     const vtime end = psoc_now(&part->psoc) + (vtime)(seconds * (double)VTIME_SECOND);
@@ -283,6 +299,8 @@ void single_part_run(struct single_part *part, double seconds)
     }
 }
 
+/* Send bytes to the chip's UART. Returns the number of bytes for which the buffer had space; all if the line is
+ * open. */
 size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t count)
 {
     size_t sent = 0;
@@ -295,6 +313,7 @@ size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t co
     return sent;
 }
 
+/* Take bytes that the host has received. Returns their number. */
 size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size)
 {
     size_t taken = 0;
@@ -304,6 +323,8 @@ size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size)
     return taken;
 }
 
+/* Return the frequency (Hz) of the clock pin from the edges since the last call, whose count restarts; 0 with fewer
+ * than three edges. */
 double single_part_measure_clock_pin(struct single_part *part)
 {
     const double duration = (double)(part->last_edge - part->first_edge) / (double)VTIME_SECOND;

@@ -1,12 +1,13 @@
-/* One emulated chip alone, as on the first board that is brought up: its UART leads to the caller, its I2C bus has pull-up
- * resistors and no device, and a known capacitor connects TX line 0 and RX line 0. */
+/* One emulated chip alone, as on the first board that is brought up: its UART leads to the caller, its I2C bus has
+ * pull-up resistors and no device, and a known capacitor connects TX line 0 and RX line 0. */
 #ifndef PSOC4200_SINGLE_PART_H
 #define PSOC4200_SINGLE_PART_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* What the part and its board have, and the faults of both. All numbers are doubles, for a caller in another language. */
+/* What the part and its board have, and the faults of both. All numbers are doubles, for a caller in another
+ * language. */
 struct single_part_settings {
     double clock_rate;           /* actual divided by nominal frequency of the main oscillator */
     double capacitance_pf;       /* between the lines; 0: not connected */
@@ -22,18 +23,20 @@ struct single_part_settings {
 
 struct single_part;
 
-/* Create a chip with an image in its flash and power it on. Returns NULL without memory. */
+/* Create a chip with an image in its flash and power it on. Returns NULL if out of memory. */
 struct single_part *single_part_new(const uint8_t *image, size_t size, const struct single_part_settings *settings);
 void single_part_free(struct single_part *part);
 
 /* Run for a duration of virtual time. */
 void single_part_run(struct single_part *part, double seconds);
 
-/* Send bytes to the UART at 115,200 baud; returns the number of bytes for which there was space. */
+/* Send bytes to the UART of the chip at 115,200 baud. Returns the number of bytes for which the buffer had space. */
 size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t count);
-/* Take bytes that a host at 115,200 baud received; returns their number. A byte at another rate is received wrongly. */
+/* Take bytes that a host at 115,200 baud has received. Returns their number. A byte that the chip sent at another rate
+ * is received wrongly. */
 size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size);
-/* Frequency (Hz) of the clock pin P1.7 since the last call, from its edges; 0: none. */
+/* Return the frequency (Hz) of the clock pin P1.7, from its edges since the last call; 0 with fewer than three
+ * edges. */
 double single_part_measure_clock_pin(struct single_part *part);
 
 #endif

@@ -15,14 +15,14 @@
 #define CALL_CYCLES 300u  /* estimated duration of the ROM code */
 #define PARAMETER_SIZE 8u /* bytes of parameters before the data to load */
 
-/* The emulated RAM at `address`, or NULL if the `size` bytes from there are not all in RAM. */
+/* Return a pointer to the emulated RAM at `address`, or NULL if the `size` bytes from there are not all in RAM. */
 static const uint8_t *ram_at(const struct psoc *psoc, uint32_t address, uint32_t size)
 {
     const uint32_t offset = address - PSOC_RAM_BASE;
     return offset < PSOC_RAM_SIZE && size <= PSOC_RAM_SIZE - offset ? psoc->ram + offset : NULL;
 }
 
-/* Reads a 32-bit number of the emulated program from 4 bytes. */
+/* Read a 32-bit number of the emulated program from 4 bytes. */
 static uint32_t read_word(const uint8_t *bytes)
 {
     uint32_t value;
@@ -30,8 +30,8 @@ static uint32_t read_word(const uint8_t *bytes)
     return value;
 }
 
-/* ROM call "load latch": copy bytes from RAM (`address`) into the page latch, from the byte offset in the first
- * parameter word on. Returns the status word. */
+/* Execute the ROM call "load latch": copy bytes from RAM (`address`) into the page latch, from the byte offset in the
+ * first parameter word on. Returns the status word. */
 static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
 {
     const uint8_t *parameters = ram_at(psoc, address, PARAMETER_SIZE);
@@ -44,8 +44,8 @@ static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
     return SUCCEEDED;
 }
 
-/* ROM calls "write row" (with erase) and "program row" (bits can only be set): write the page latch to a flash row.
- * `stall`: cycles for which the processor stops. Returns the status word. */
+/* Execute the ROM call "write row" (with erase) or "program row" (bits can only be set): write the page latch to a
+ * flash row. Adds the cycles for which the processor stops to *stall. Returns the status word. */
 static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t cycle, uint32_t *stall)
 {
     struct flash *flash = psoc->config.flash;
@@ -68,7 +68,7 @@ static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t
 }
 
 /* Execute a call of the ROM with the parameters at the address in SYSARG, which receives the status word. Returns the
- * cycles for which the processor stops. */
+ * number of cycles for which the processor stops; 0 after the report of an unknown call. */
 uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle)
 {
     const uint32_t address = psoc->cpuss.sysarg;

@@ -28,7 +28,7 @@
 #define CONTROL_ENABLED (1u << 1)
 #define CONTROL_RESET (1u << 3)
 
-/* Register of the system resources (clocks, watchdog, reset cause, trims) at an offset, or NULL. */
+/* Return the register of the system resources (clocks, watchdog, reset cause, trims) at an offset, or NULL. */
 static uint32_t *register_at(struct psoc_srss *srss, uint32_t offset)
 {
     switch (offset) {
@@ -71,17 +71,16 @@ void psoc_srss_reset(struct psoc *psoc, uint32_t causes)
     };
 }
 
-/* Schedule the reset for the time at which the counter reaches the match value, if the watchdog is configured to reset.
- */
+/* Schedule the watchdog reset for the time at which the counter reaches the match value; cancel it if the watchdog is
+ * not configured to reset. */
 static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
 {
     struct psoc_srss *srss = &psoc->srss;
     const double cycles_a_second = (double)VTIME_SECOND / psoc->ps_per_cycle;
-    const bool reset_cycle = !psoc->config.deviations.has_no_ilo && srss->wdt_control & CONTROL_ENABLE &&
-                             (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
+    const bool can_reset = !psoc->config.deviations.has_no_ilo && srss->wdt_control & CONTROL_ENABLE &&
+                           (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
     const uint64_t before = srss->reset_cycle;
-    srss->reset_cycle =
-        reset_cycle ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
+    srss->reset_cycle = can_reset ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
     if (srss->reset_cycle < before) {
         cortex_m0_stop(&psoc->cpu); /* the reset may occur within this run */
     }

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* Rigid transform from 12 numbers: three rows of rotation and translation (metres). */
+/* Convert 12 numbers (three rows of rotation and translation, metres) to a rigid transform. */
 static struct frame read_frame(const float *values)
 {
     struct frame frame;
@@ -12,9 +12,9 @@ static struct frame read_frame(const float *values)
     return frame;
 }
 
-/* Pose of the bracket of a board in the frame of the object, from the nominal poses in a record of a scene (object
- * number, pose of the object, poses of the brackets) and the errors of mounting and placement that the world file
- * states. */
+/* Return the pose of the bracket of a board in the frame of the object, from the nominal poses in a record of a scene
+ * (object number, pose of the object, poses of the brackets) and the errors of mounting and placement that the world
+ * file states. */
 static struct frame compute_bracket_in_object(const struct world_description *description, const float *values,
                                               long object, size_t index)
 {

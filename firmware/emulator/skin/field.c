@@ -8,8 +8,8 @@
 
 #define NEGLIGIBLE_PA 1.0 /* about a hundredth of a count; the pressure of a film decays without a limit */
 
-/* Whether the world requests an effect that acts on the cells of the skin. Otherwise forces act on the front ends
- * directly, without a model of cells. */
+/* Return whether the world requests an effect that acts on the cells of the skin. Otherwise forces act on the front
+ * ends directly, without a model of cells. */
 bool field_effects_are_on(const struct effects *effects)
 {
     return spread_is_on(&effects->spread) || rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
@@ -17,7 +17,7 @@ bool field_effects_are_on(const struct effects *effects)
            modulus_is_on(&effects->modulus);
 }
 
-/* Whether the response of the skin changes with time while the load is constant. */
+/* Return whether the response of the skin changes with time while the load is constant. */
 bool field_effects_are_dynamic(const struct effects *effects)
 {
     return rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
@@ -40,7 +40,7 @@ int field_load_init(struct field_load *load, const struct patch *patch)
     return 0;
 }
 
-/* Releases the arrays of a load (pressures, gaps and forces on one board) and clears the struct. */
+/* Free the arrays of a load (pressures, gaps and forces on one board) and clear the struct. */
 void field_load_free(struct field_load *load)
 {
     free(load->pressure);
@@ -66,7 +66,7 @@ void field_load_clear(struct field_load *load, const struct patch *patch)
     load->is_unloaded = true;
 }
 
-/* Copies the load `from` (pressures and gaps per cell, forces per taxel) to `load`. Both belong to the board with
+/* Copy the load `from` (pressures and gaps per cell, forces per taxel) to `load`. Both belong to the board with
  * the cells `patch`. */
 void field_load_copy(struct field_load *load, const struct field_load *from, const struct patch *patch)
 {
@@ -158,8 +158,8 @@ static void finish_load(struct field *field, struct field_load *load)
 }
 
 /* Compute a load from the compression (metres) of each cell: the pillars extend the compression laterally, and
- * `pressure_law` converts it to pressure. For a contact this is the law of pillars and sheet together; for prescribed
- * forces it is the law of the pillars alone. */
+ * `pressure_law` converts it to pressure (pascal). For a contact the law is that of pillars and sheet together; for
+ * prescribed forces it is the law of the pillars alone. */
 static void load_from_contact(struct field *field, bool is_touching, double (*pressure_law)(double),
                               double *compression, struct field_load *load)
 {
@@ -202,7 +202,8 @@ void field_load_forces(struct field *field, const float *force, double *compress
     }
 }
 
-/* Whether fields may change although no load touches the board: a cell has load history, or its moisture dries. */
+/* Return whether fields may change although no load touches the board: a cell has load history, or its moisture
+ * dries. */
 bool field_has_history(const struct field *field, double time)
 {
     const struct moisture_effect *moisture = &field->effects->moisture;
@@ -210,7 +211,7 @@ bool field_has_history(const struct field *field, double time)
            (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
 }
 
-/* Linear interpolation of element i between two arrays, exact at both ends. */
+/* Return the linear interpolation of element i between two arrays, exact at both ends. */
 static double interpolate(const double *before, const double *after, size_t i, double fraction)
 {
     return fraction == 0.0 ? before[i] : fraction == 1.0 ? after[i] : before[i] + fraction * (after[i] - before[i]);
@@ -223,10 +224,10 @@ struct step {
     struct rheology_span span;
 };
 
-/* Relative rise of the permittivity in each cell of a taxel, including load history. The field of an electrode extends
- * across its cells, so every cell responds to the mean pressure; the history of a cell adds the deviation of its
- * compression from the elastic value. */
-static void layer_rise(struct field *field, const struct step *step, size_t taxel, double rise[CELLS_PER_TAXEL])
+/* Compute the relative rise of the permittivity in each cell of a taxel, with load history. The field of an electrode
+ * extends across its cells, so every cell responds to the mean pressure; the history of a cell adds the deviation of
+ * its compression from the elastic value. Advances the history of the cells. */
+static void compute_layer_rise(struct field *field, const struct step *step, size_t taxel, double rise[CELLS_PER_TAXEL])
 {
     const size_t first = taxel * CELLS_PER_TAXEL;
     double pressure[CELLS_PER_TAXEL], mean = 0.0;
@@ -263,13 +264,13 @@ static void layer_rise(struct field *field, const struct step *step, size_t taxe
     }
 }
 
-/* Field of one taxel at a time between two loads: mean over its cells of the relative rise of the permittivity, after
- * load history, moisture and proximity, and of the gap (metres); and the force (newtons). */
+/* Return the field of one taxel at a time between two loads: mean over its cells of the relative rise of the
+ * permittivity, after load history, moisture and proximity, and of the gap (metres); and the force (newtons). */
 static struct taxel_field compute_taxel_field(struct field *field, const struct step *step, size_t taxel)
 {
     struct taxel_field sum = {0.0, 0.0, interpolate(step->before->force, step->after->force, taxel, step->fraction)};
     double rise[CELLS_PER_TAXEL];
-    layer_rise(field, step, taxel, rise);
+    compute_layer_rise(field, step, taxel, rise);
     for (size_t n = 0; n < CELLS_PER_TAXEL; n++) {
         const size_t i = taxel * CELLS_PER_TAXEL + n;
         const double gap = interpolate(step->before->gap, step->after->gap, i, step->fraction);

@@ -11,7 +11,7 @@
 #include "emulator/geometry/taxel_field.h"
 #include "emulator/world_file/world_file.h"
 
-/* Load on a board's cells at a record. */
+/* Load on the cells of one board at a record of the stimulus. */
 struct field_load {
     double *pressure;                 /* [cells] pascal, equivalent pressure on pillars of nominal modulus */
     double *gap;                      /* [cells] metres; CONTACT_FAR_M without an object */
@@ -23,7 +23,7 @@ struct field_load {
     long object;                      /* index of the object in the scene, -1: none */
 };
 
-/* A time between two loads. */
+/* A time between two loads, for which the fields are computed. */
 struct field_moment {
     double fraction; /* interpolation fraction between the two loads */
     double seconds;  /* time since the previous call of field_advance() */
@@ -31,6 +31,7 @@ struct field_moment {
     bool is_step;    /* the load changed in a step, not linearly */
 };
 
+/* State of the skin effects of one board. */
 struct field {
     const struct effects *effects;
     const struct patch *patch;
@@ -45,11 +46,12 @@ struct field {
     bool any_has_history;
 };
 
-/* Whether an effect of the skin is active, and whether an active effect changes fields while no load changes. */
+/* Return whether an effect of the skin is active, and whether an active effect changes fields while no load changes. */
 bool field_effects_are_on(const struct effects *effects);
 bool field_effects_are_dynamic(const struct effects *effects);
 
-/* Return 0, or -1 if out of memory. `index`: board in the description. */
+/* Allocate a load, or the state of the skin effects. Both functions return 0, or -1 if out of memory. index: of the
+ * board in the description. */
 int field_load_init(struct field_load *load, const struct patch *patch);
 void field_load_free(struct field_load *load);
 int field_init(struct field *field, const struct world_description *description, size_t index,
@@ -61,15 +63,17 @@ void field_load_clear(struct field_load *load, const struct patch *patch);
 
 void field_load_copy(struct field_load *load, const struct field_load *from, const struct patch *patch);
 
-/* Compute a load from the compression [cells] of a contact, or from forces [taxels] in newtons; `compression` is
- * overwritten. For a contact the gaps are already set; is_touching: a cell is compressed. */
+/* Compute a load from the compression [cells, metres] of a contact, or from forces [taxels] in newtons; `compression`
+ * is overwritten in both cases. For a contact, the caller has set the gaps of the load; is_touching: a cell is
+ * compressed. */
 void field_load_contact(struct field *field, bool is_touching, double *compression, struct field_load *load);
 void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load);
 
-/* Whether fields may change although neither load touches the board. */
+/* Return whether fields may change although neither load touches the board. */
 bool field_has_history(const struct field *field, double time);
 
-/* Compute the fields [taxels] at a time. Times must not decrease. */
+/* Compute the fields [taxels] at a time between two loads, and advance the load history of the effects to this time.
+ * Times must not decrease. */
 void field_advance(struct field *field, const struct field_load *before, const struct field_load *after,
                    const struct field_moment *moment, struct taxel_field *fields);
 

@@ -17,7 +17,7 @@ struct taxel_contact {
     struct contact_grip *grips; /* [boards]; NULL: no friction */
 };
 
-/* Number of cells of a board, with those of the bare sheet. */
+/* Return the number of cells of a board, including the cells of the bare sheet beside the taxels. */
 static size_t count_cells(const struct patch *patch)
 {
     return patch->cell_count + patch->margin_count * CELLS_PER_TAXEL;
@@ -58,7 +58,7 @@ struct taxel_contact *taxel_contact_open(const char *world_path)
     return contact;
 }
 
-/* Releases a contact that taxel_contact_open() created. NULL is permitted. */
+/* Free a contact that taxel_contact_open() created. NULL is permitted. */
 void taxel_contact_close(struct taxel_contact *contact)
 {
     if (contact) {
@@ -69,13 +69,13 @@ void taxel_contact_close(struct taxel_contact *contact)
     }
 }
 
-/* Number of boards in the world file of the contact. */
+/* Return the number of boards in the world file of the contact. */
 size_t taxel_contact_boards(const struct taxel_contact *contact)
 {
     return contact->skin.board_count;
 }
 
-/* Number of taxels of all boards in the world file of the contact. */
+/* Return the number of taxels of all boards in the world file of the contact. */
 size_t taxel_contact_taxels(const struct taxel_contact *contact)
 {
     size_t taxels = 0;
@@ -85,15 +85,15 @@ size_t taxel_contact_taxels(const struct taxel_contact *contact)
     return taxels;
 }
 
-/* Copies the true pose of the bracket of board number `board` in its nominal frame to `offset`: 3 rows of 4 values
- * (rotation, translation in metres). */
+/* Write the actual pose of the bracket of board number `board` relative to its nominal pose to `offset`: 3 rows of 4
+ * values (rotation, translation in metres). */
 void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t board, double *offset)
 {
     memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));
 }
 
-/* Set the friction coefficient between skin and objects (0: no friction) and forget earlier contacts. Returns 0, or -1 if
- * out of memory. */
+/* Set the friction coefficient between skin and objects (0: no friction) and forget earlier contacts. Returns 0, or -1
+ * if out of memory. */
 int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient)
 {
     free_grips(contact);
@@ -128,9 +128,10 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
     }
 }
 
-/* Solve the contact of all boards with one object at given nominal poses (3 x 4, by rows). Writes wrench and stiffness
- * of each board (6 + 36 numbers, in its bracket's frame), its clearance (metres) and, unless `force` is NULL, the force (newtons) on each
- * taxel; returns the number of boards in contact. advances: not 0: the points where the skin sticks follow. */
+/* Solve the contact of all boards with one object at given nominal poses (3 rows of 4). Writes wrench and stiffness of
+ * each board (6 + 36 numbers, in its bracket's frame), its clearance (metres) and, unless `force` is NULL, the force
+ * (newtons) on each taxel. Returns the number of boards in contact. advances: not 0: the points where the skin sticks
+ * are updated. */
 int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
                            const double *bracket_poses, double *load, double *force, int advances)
 {

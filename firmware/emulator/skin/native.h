@@ -23,20 +23,21 @@ void taxel_contact_close(struct taxel_contact *contact);
 size_t taxel_contact_boards(const struct taxel_contact *contact);
 size_t taxel_contact_taxels(const struct taxel_contact *contact);
 
-/* Actual pose of a board's bracket relative to its nominal frame: 3 rows of 4. */
+/* Write the actual pose of a board's bracket relative to its nominal pose: 3 rows of 4 numbers (rotation, translation
+ * in metres). */
 void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t board, double *offset);
 
 /* Let the skin stick to the object and slide on it with a friction coefficient (0: no friction, the initial value), and
  * forget earlier contacts. Returns 0, or -1 if out of memory. */
 int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient);
 
-/* Evaluate the contact. Returns the number of boards that touch the object.
+/* Evaluate the contact of all boards with one object. Returns the number of boards that touch the object.
  *
  * object: index in the file, -1 for none. Nominal poses in the world as 3 rows of 4: object_pose[12],
  * bracket_poses[boards][12]. Written: load[boards][43] on each board, in its actual bracket frame about the origin of
- * that frame: force and moment (6), the 6 x 6 stiffness by rows, and a lower bound of
- * the distance to the object in metres (INFINITY without object); force[taxels] in newtons (may be NULL). advances: not 0: the
- * points where the skin sticks to the object follow this contact. */
+ * that frame: force and moment (6), the 6 x 6 stiffness by rows, and a lower bound of the distance to the object in
+ * metres (INFINITY without object); force[taxels] in newtons (may be NULL). advances: not 0: the points where the skin
+ * sticks to the object are updated by this contact. */
 int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
                            const double *bracket_poses, double *load, double *force, int advances);
 

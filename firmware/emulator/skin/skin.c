@@ -36,7 +36,7 @@ static int init_board(struct skin_board *board, const struct world_description *
     return 0;
 }
 
-/* Whether the world file states the pose of every taxel, which a scene needs. */
+/* Return whether the world file states the pose of every taxel, which a scene needs. */
 static bool is_placed(const struct world_description *description)
 {
     for (size_t i = 0; i < description->board_count; i++) {
@@ -112,13 +112,14 @@ void skin_free(struct skin *skin)
     memset(skin, 0, sizeof *skin);
 }
 
+/* Arguments of load_board() for all boards. */
 struct load_task {
     struct skin *skin;
     const struct stimulus *stimulus;
     const float *values;
 };
 
-/* Task of the thread pool: compute the load of board `item` at the next record into the slot of the later load. */
+/* Compute the load of board `item` at the next record into the slot of the later load; task of the thread pool. */
 static void load_board(void *context, size_t item)
 {
     const struct load_task *load_task = context;
@@ -133,7 +134,7 @@ static void load_board(void *context, size_t item)
     }
 }
 
-/* Computes the load (pressures and gaps) of all boards from the values of one stimulus record, in several
+/* Compute the load (pressures and gaps) of all boards from the values of one stimulus record, in several
  * threads. */
 static void load_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
 {
@@ -141,12 +142,13 @@ static void load_boards(struct skin *skin, const struct stimulus *stimulus, cons
     thread_pool_run(skin->thread_pool, skin->board_count, load_board, &load_task);
 }
 
+/* Arguments of advance_board() for all boards. */
 struct advance_task {
     struct skin *skin;
     struct field_moment moment;
 };
 
-/* Task of the thread pool: compute the fields of board `item` at the end of the step. From the third step without a
+/* Compute the fields of board `item` at the end of the step; task of the thread pool. From the third step without a
  * change on, `before` and `after` both equal the result and the board is skipped. */
 static void advance_board(void *context, size_t item)
 {
@@ -186,7 +188,7 @@ static void advance_fields(struct skin *skin, double fraction, vtime time)
     thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance_task);
 }
 
-/* Whether the load on the skin changes continuously until the next record of the stimulus. */
+/* Return whether the load on the skin changes continuously until the next record of the stimulus. */
 static bool load_changes(const struct stimulus *stimulus)
 {
     return stimulus->until != VTIME_NEVER && !stimulus->is_step &&
@@ -233,7 +235,7 @@ void skin_advance(struct skin *skin, const struct stimulus *stimulus)
     }
 }
 
-/* Starts the next time step: the end of the last step becomes the start of the new step, and the fields at its end
+/* Start the next time step: the end of the last step becomes the start of the new step, and the fields at its end
  * are computed. */
 void skin_step(struct skin *skin, const struct stimulus *stimulus)
 {
@@ -271,8 +273,8 @@ void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, 
     begin_interval(skin, stimulus, now);
 }
 
-/* Weight of the fields at `until` for a time between `from` and `until`: linear, or 0 while the fields change only in a
- * step at `until`. */
+/* Return the weight of the fields at `until` for a time between `from` and `until`: linear, or 0 while the fields
+ * change only in a step at `until`. */
 static double compute_fraction(const struct skin *skin, vtime time)
 {
     if (skin->until == VTIME_NEVER) {
@@ -281,8 +283,8 @@ static double compute_fraction(const struct skin *skin, vtime time)
     return skin->is_step || time <= skin->from ? 0.0 : (double)(time - skin->from) / (double)(skin->until - skin->from);
 }
 
-/* Field of a taxel at `time`: relative rise of the permittivity, gap (metres) and force (newtons), interpolated between
- * the start and the end of the present step. */
+/* Return the field of a taxel at `time`: relative rise of the permittivity, gap (metres) and force (newtons),
+ * interpolated between the start and the end of the present step. */
 struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxel, vtime time)
 {
     const struct taxel_field *before = &skin->boards[board].before[taxel];

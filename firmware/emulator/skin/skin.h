@@ -26,20 +26,21 @@ struct skin {
     vtime history_time; /* time to which the load history of the effects is advanced */
 };
 
-/* Returns 0, or -1 after one line on stderr: out of memory, or a stimulus of poses for a world without taxel poses. */
+/* Return 0, or -1 after one line on stderr: out of memory, or a stimulus of poses for a world without taxel poses. */
 int skin_init(struct skin *skin, const struct world_description *description, const struct stimulus *stimulus);
 void skin_free(struct skin *skin);
 
-/* Continue after the record at the stimulus's former `until`, whether or not the following record is known. */
+/* Begin the interval that follows the record at the stimulus's former `until`, whether or not the following record is
+ * known. */
 void skin_advance(struct skin *skin, const struct stimulus *stimulus);
 
 /* Apply a live record: it takes effect now, or replaces the known next record. */
 void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, vtime now);
 
-/* Continue when virtual time has reached `next`. */
+/* Begin the next step when virtual time has reached `next`. */
 void skin_step(struct skin *skin, const struct stimulus *stimulus);
 
-/* Field of a taxel of a board at a time in [from, until]. */
+/* Return the field of a taxel of a board at a time in [from, until]. */
 struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxel, vtime time);
 
 #endif

@@ -10,13 +10,13 @@
 
 #define HEADER_SIZE 24u
 
-/* Reads a little-endian 32-bit number from 4 bytes. */
+/* Read a little-endian 32-bit number from 4 bytes. */
 static uint32_t get_u32(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
 }
 
-/* Prints an error message with the name of the stimulus and the number of records read so far to stderr. Returns
+/* Print an error message with the name of the stimulus and the number of records read so far to stderr. Returns
  * -1. */
 static int report_error(const struct stimulus *stimulus, const char *message)
 {
@@ -43,7 +43,7 @@ static size_t read_fully(int fd, uint8_t *bytes, size_t size)
     return count;
 }
 
-/* Size of one stimulus record in bytes: a time as double and the values as float. */
+/* Return the size of one stimulus record in bytes: a time as double and the values as float. */
 static size_t record_size(const struct stimulus *stimulus)
 {
     return sizeof(double) + stimulus->value_count * sizeof(float);
@@ -190,8 +190,8 @@ bool stimulus_receive_live(struct stimulus *stimulus)
     return false;
 }
 
-/* Interpolation weight (0 to 1) of the next record at a time before that record. Counts and steps are held until the
- * next record, without interpolation. */
+/* Return the interpolation weight (0 to 1) of the next record at a time before that record. Counts and steps are held
+ * until the next record, without interpolation. */
 double stimulus_fraction(const struct stimulus *stimulus, vtime time)
 {
     if (stimulus->until == VTIME_NEVER || stimulus->is_step || stimulus->kind == STIMULUS_COUNTS ||
@@ -201,7 +201,7 @@ double stimulus_fraction(const struct stimulus *stimulus, vtime time)
     return (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);
 }
 
-/* Force (newtons) or raw count of a taxel at a time between the present and the next record. */
+/* Return the force (newtons) or raw count of a taxel at a time between the present and the next record. */
 double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time)
 {
     const double before = stimulus->before[taxel];

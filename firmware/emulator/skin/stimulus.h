@@ -42,7 +42,8 @@ struct stimulus {
     const char *name;
 };
 
-/* Read the header. Returns 0, or -1 after one line on stderr that names the stream and the error. */
+/* Read the header of the stream `fd` (-1: no stream) and, unless it is live, the first record. Returns 0, or -1 after
+ * one line on stderr that names the stream and the error. */
 int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live);
 void stimulus_close(struct stimulus *stimulus);
 
@@ -50,18 +51,19 @@ void stimulus_close(struct stimulus *stimulus);
  * record is truncated, earlier than the one before, or contains a value that is not finite. */
 int stimulus_advance(struct stimulus *stimulus, vtime now);
 
-/* Live streams: read available bytes. Returns whether a record is complete; stimulus_apply_live() then makes it
+/* Read the available bytes of a live stream. Returns whether a record is complete; stimulus_apply_live() then makes it
  * effective. */
 bool stimulus_receive_live(struct stimulus *stimulus);
 int stimulus_apply_live(struct stimulus *stimulus, vtime now);
 
-/* Without a stream: values [value_count] that act from now on. Returns 0 or -1 as above. */
+/* Set the values [value_count] that act from now on, of a stimulus without a stream. Returns 0, or -1 after one line on
+ * stderr if a value is not permitted. */
 int stimulus_set_values(struct stimulus *stimulus, const float *values, vtime now);
 
-/* The interpolation weight of `after` at a time in [from, until], 0 to 1. */
+/* Return the interpolation weight of `after` at a time in [from, until], 0 to 1. */
 double stimulus_fraction(const struct stimulus *stimulus, vtime time);
 
-/* The force (N) or count of a taxel at a time in [from, until]. */
+/* Return the force (N) or count of a taxel at a time in [from, until]. */
 double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time);
 
 #endif

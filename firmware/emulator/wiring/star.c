@@ -22,22 +22,22 @@ struct network {
     size_t count;
 };
 
-/* Conductance of a resistor in siemens; a short has a small resistance. */
-static double conductance(double ohm)
+/* Return the conductance (siemens) of a resistor; a short is treated as a resistor of CONTACT_OHM. */
+static double compute_conductance(double ohm)
 {
     return 1.0 / fmax(ohm, CONTACT_OHM);
 }
 
-/* Conductance of a pull-up resistor; 0 ohms: no resistor. */
+/* Return the conductance (siemens) of a pull-up resistor; 0 for 0 ohms, which means no resistor. */
 static double pullup_conductance(double ohm)
 {
-    return ohm > 0.0 ? conductance(ohm) : 0.0;
+    return ohm > 0.0 ? compute_conductance(ohm) : 0.0;
 }
 
-/* The node of the boards of a branch with the faults of its line. An open line has no connection to the hub. */
+/* Return the node of the boards of a branch with the faults of its line. An open line has no connection to the hub. */
 static struct node make_branch(const struct branch_description *branch, const struct line_fault *fault)
 {
-    struct node node = {.to_hub = conductance(branch->series_ohm + fault->added_series),
+    struct node node = {.to_hub = compute_conductance(branch->series_ohm + fault->added_series),
                         .to_supply = pullup_conductance(branch->pullup_ohm),
                         .to_ground = LEAKAGE_SIEMENS,
                         .farad = branch->capacitance_pf * PICO};
@@ -45,16 +45,17 @@ static struct node make_branch(const struct branch_description *branch, const st
         node.to_hub = 0.0;
     }
     if (fault->has_short_to_ground) {
-        node.to_ground += conductance(fault->to_ground);
+        node.to_ground += compute_conductance(fault->to_ground);
     }
     if (fault->has_short_to_supply) {
-        node.to_supply += conductance(fault->to_supply);
+        node.to_supply += compute_conductance(fault->to_supply);
     }
     return node;
 }
 
-/* Solves one implicit step of `seconds`: new levels from the present levels. INFINITY: the final levels. Each branch is
- * eliminated into the hub's node, which is possible because the branches are connected at the hub only. */
+/* Compute the levels of all nodes after one implicit time step of `seconds` from their present levels; INFINITY: the
+ * final levels. Each branch is eliminated into the hub's node, which is possible because the branches are connected
+ * only at the hub. */
 static void step(struct network *network, double seconds)
 {
     const struct node *hub = &network->hub;
@@ -77,26 +78,27 @@ static void step(struct network *network, double seconds)
     }
 }
 
-/* The levels of all nodes after a long time, while the driver at `driver` (NULL: none) pulls its node low. */
+/* Return the levels of all nodes after a long time, while the driver at `driver` (NULL: none) pulls its node low. */
 static struct network solve_levels(const struct network *network, const struct node *driver)
 {
     struct network result = *network;
     if (driver == &network->hub) {
-        result.hub.to_ground += conductance(STAR_DRIVER_OHM);
+        result.hub.to_ground += compute_conductance(STAR_DRIVER_OHM);
     } else if (driver) {
-        result.branches[driver - network->branches].to_ground += conductance(STAR_DRIVER_OHM);
+        result.branches[driver - network->branches].to_ground += compute_conductance(STAR_DRIVER_OHM);
     }
     step(&result, INFINITY);
     return result;
 }
 
-/* Times at which a node passes the two levels. */
+/* Times at which a node passes STAR_LOW_LEVEL and STAR_HIGH_LEVEL. */
 struct crossing {
     double low_s, high_s;
 };
 
-/* Notes a level that a node has passed in the step from `before_s` to `after_s`. */
-static void note_crossing(struct crossing *crossing, double before, double after, double before_s, double after_s)
+/* Record the times at which a node passed one of the two levels in the step from `before_s` to `after_s`. before,
+ * after: levels of the node at both times. */
+static void record_crossing(struct crossing *crossing, double before, double after, double before_s, double after_s)
 {
     if (before < STAR_LOW_LEVEL && after >= STAR_LOW_LEVEL) {
         crossing->low_s = before_s + (after_s - before_s) * (STAR_LOW_LEVEL - before) / (after - before);
@@ -106,8 +108,8 @@ static void note_crossing(struct crossing *crossing, double before, double after
     }
 }
 
-/* The time constant of all capacitances together at all pull-ups together, seconds. */
-static double common_time_constant(const struct network *network)
+/* Return the time constant (seconds) of the sum of all capacitances at all pull-ups in parallel. */
+static double compute_common_time_constant(const struct network *network)
 {
     double farad = network->hub.farad, siemens = network->hub.to_supply + network->hub.to_ground;
     for (size_t i = 0; i < network->count; i++) {
@@ -118,7 +120,8 @@ static double common_time_constant(const struct network *network)
     return farad / siemens;
 }
 
-/* Rise times of all nodes from the level 0: [0] the hub, [1 + i] branch i. INFINITY for a node that stays low. */
+/* Compute the rise times of all nodes from the level 0: [0] the hub, [1 + i] branch i; INFINITY for a node that stays
+ * low. */
 static void solve_rise(const struct network *network, double *rise_s)
 {
     struct network final = solve_levels(network, NULL), present = *network;
@@ -133,7 +136,7 @@ static void solve_rise(const struct network *network, double *rise_s)
         rise_s[i] = level > STAR_HIGH_LEVEL ? 0.0 : INFINITY;
         rising += level > STAR_HIGH_LEVEL;
     }
-    const double tau_s = fmax(common_time_constant(network), PICO);
+    const double tau_s = fmax(compute_common_time_constant(network), PICO);
     for (double now_s = 0.0; rising;) {
         const struct network before = present;
         const double duration_s = tau_s / STEPS_PER_TAU + STEP_GROWTH * now_s;
@@ -141,7 +144,7 @@ static void solve_rise(const struct network *network, double *rise_s)
         for (size_t i = 0; i <= network->count; i++) {
             const double old_level = i ? before.branches[i - 1u].level : before.hub.level;
             const double level = i ? present.branches[i - 1u].level : present.hub.level;
-            note_crossing(&crossings[i], old_level, level, now_s, now_s + duration_s);
+            record_crossing(&crossings[i], old_level, level, now_s, now_s + duration_s);
             if (rise_s[i] == 0.0 && level >= STAR_HIGH_LEVEL) {
                 rise_s[i] = crossings[i].high_s - crossings[i].low_s;
                 rising--;
@@ -151,7 +154,8 @@ static void solve_rise(const struct network *network, double *rise_s)
     }
 }
 
-/* Writes the levels and rise times of a network whose branches are numbers `first` and up of the star. */
+/* Write the levels and rise times of a network to the star. Branch i of the network is branch `first` + i of the
+ * star. */
 static void read_network(struct star *star, const struct network *network, size_t first)
 {
     double rise_s[WIRING_BRANCHES_MAX + 1u];
@@ -171,6 +175,7 @@ static void read_network(struct star *star, const struct network *network, size_
     }
 }
 
+/* Compute levels and rise times of one line of the star. With buffers, each branch is a network of its own. */
 void star_solve(struct star *star, const struct wiring_description *wiring, const struct line_fault *faults)
 {
     struct network network = {.hub = {.to_supply = pullup_conductance(wiring->hub_pullup_ohm),
@@ -202,7 +207,8 @@ static const struct mode {
     double scl_hz, rise_s, setup_s;
 } modes[] = {{100e3, 1000e-9, 250e-9}, {400e3, 300e-9, 100e-9}, {1e6, 120e-9, 50e-9}};
 
-/* The limits at a clock rate. */
+/* Return the limits of the slowest I2C mode that permits the clock rate; above 1 MHz, limits that fall with the
+ * rate. */
 static struct mode find_mode(double scl_hz)
 {
     const size_t count = sizeof modes / sizeof modes[0];
@@ -215,11 +221,14 @@ static struct mode find_mode(double scl_hz)
     return (struct mode){scl_hz, modes[count - 1u].rise_s * ratio, modes[count - 1u].setup_s * ratio};
 }
 
+/* Return the largest rise time (seconds) that is permitted at the clock rate. */
 double star_rise_limit_s(double scl_hz)
 {
     return find_mode(scl_hz).rise_s;
 }
 
+/* Return the probability that a receiver misreads a rising bit: the share of the set-up time by which the rise time
+ * exceeds its limit, between 0 and 1. */
 double star_misread_probability(double rise_s, double scl_hz)
 {
     const struct mode mode = find_mode(scl_hz);

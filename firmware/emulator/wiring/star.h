@@ -38,16 +38,17 @@ struct star {
     struct star_branch branches[WIRING_BRANCHES_MAX];
 };
 
-/* `faults`: one for each branch. */
+/* Compute levels and rise times of one line of the star. faults: one for each branch. */
 void star_solve(struct star *star, const struct wiring_description *wiring, const struct line_fault *faults);
 
-/* Largest rise time at this clock rate, seconds, of the slowest I2C mode that permits the rate: 1000 ns up to 100 kHz,
- * 300 ns up to 400 kHz, 120 ns up to 1 MHz (UM10204, table 11). Above 1 MHz the limit falls with the rate (assumed). */
+/* Return the largest rise time at this clock rate, seconds, of the slowest I2C mode that permits the rate: 1000 ns up
+ * to 100 kHz, 300 ns up to 400 kHz, 120 ns up to 1 MHz (UM10204, table 11). Above 1 MHz the limit falls with the rate
+ * (assumed). */
 double star_rise_limit_s(double scl_hz);
 
-/* Probability that a receiver misreads a bit that rises from 0 to 1. It is 0 up to the limit. The excess over the limit
- * shortens the set-up time of the data, t_SU;DAT (250, 100 or 50 ns); the probability is the lost share of the set-up
- * time (assumed), so that all rising bits are misread once no set-up time is left. */
+/* Return the probability that a receiver misreads a bit that rises from 0 to 1. It is 0 up to the limit. The excess
+ * over the limit shortens the set-up time of the data, t_SU;DAT (250, 100 or 50 ns); the probability is the lost share
+ * of the set-up time (assumed), so that all rising bits are misread once no set-up time is left. */
 double star_misread_probability(double rise_s, double scl_hz);
 
 #endif

@@ -14,7 +14,7 @@
 
 #define LINE_SIZE_MAX 512 /* with line end and terminator */
 
-/* The description of the board with an I2C address, or NULL. */
+/* Return the description of the board with an I2C address, or NULL. */
 static struct board_description *find_board(struct world_description *world, uint8_t address)
 {
     for (size_t i = 0; i < world->board_count; i++) {
@@ -137,8 +137,8 @@ static int read_fault(const struct world_reader *reader)
     return 0;
 }
 
-/* Description of the board whose I2C address is the first word after the keyword, or NULL after an error line on
- * stderr. */
+/* Return the description of the board whose I2C address is the first word after the keyword, or NULL after an error
+ * line on stderr. */
 static struct board_description *find_addressed_board(const struct world_reader *reader)
 {
     long address;
@@ -181,7 +181,8 @@ static int read_clock_start(const struct world_reader *reader)
 }
 
 /* Read the firmware image (Intel HEX) whose file name is word number `index` of the line. A relative path starts at the
- * folder of the world file. The next word, if there is one, is the part that executes the image. Returns 0, or -1 after an error line on stderr. */
+ * folder of the world file. The next word, if there is one, names the emulated part that executes the image. *image
+ * becomes a buffer of WORLD_IMAGE_SIZE bytes. Returns 0, or -1 after an error line on stderr. */
 static int read_image(const struct world_reader *reader, int index, uint8_t **image, const struct psoc_part **part)
 {
     const struct world_line *line = &reader->line;
@@ -248,8 +249,8 @@ static int read_seed(const struct world_reader *reader, const char *error, uint6
     return *end || errno || !isdigit((unsigned char)line->words[1][0]) ? world_line_report_error(line, error) : 0;
 }
 
-/* Read one line of a world file after its header: dispatch on the keyword, or set the numeric setting of that name.
- * Returns 0, or -1 after an error line on stderr. */
+/* Read one line of a world file after its header: call the reader of its keyword, or set the numeric setting of that
+ * name. Returns 0, or -1 after an error line on stderr. */
 static int read_line(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -334,7 +335,7 @@ static int read_line(const struct world_reader *reader)
     return -1;
 }
 
-/* True if the line is `taxel-world 1`, the first line of a world file. */
+/* Return whether the line is `taxel-world 1`, the first line of a world file. */
 static bool is_header(const struct world_line *line)
 {
     return line->count == 2 && strcmp(line->words[0], "taxel-world") == 0 && strcmp(line->words[1], "1") == 0;

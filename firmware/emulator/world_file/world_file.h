@@ -22,7 +22,7 @@
 
 struct object_description {
     struct shape shape;
-    struct frame offset; /* true pose of the object in its nominal frame */
+    struct frame offset; /* actual pose of the object relative to its nominal pose */
 };
 
 struct world_description {
@@ -54,8 +54,8 @@ struct world_description {
     size_t fault_count;
 };
 
-/* Returns 0, or -1 after one line on stderr that names the file, the line and the error. Call world_file_free() in both
- * cases. */
+/* Read a world file. Returns 0, or -1 after one line on stderr that names the file, the line and the error. Call
+ * world_file_free() in both cases. */
 int world_file_read(struct world_description *world, const char *path);
 void world_file_free(struct world_description *world);
 

@@ -1,6 +1,7 @@
 #include "emulator/world_file/world_reader.h"
 
-/* Index of the board whose I2C address is word number `index` of the line, or -1 after an error line on stderr. */
+/* Return the index of the board whose I2C address is word number `index` of the line, or -1 after an error line on
+ * stderr. */
 int world_reader_find_board(const struct world_reader *reader, int index)
 {
     long address;

@@ -10,7 +10,7 @@ struct world_reader {
     struct world_description *world;
 };
 
-/* The index of the board whose address is in word `index`, or -1 after an error line on stderr. */
+/* Return the index of the board whose address is in word `index`, or -1 after an error line on stderr. */
 int world_reader_find_board(const struct world_reader *reader, int index);
 
 #endif

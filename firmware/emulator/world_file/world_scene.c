@@ -29,8 +29,8 @@ static int normalise(const struct world_reader *reader, double vector[3])
 }
 
 /* Read ADDRESS X Y Z NX NY NZ DX DY DZ [A B]: position (metres), outward normal, distal direction and optionally the
- * sides of the square (metres) of a taxel or margin in the frame of its bracket. Returns 0, or -1 after an error line on
- * stderr. */
+ * sides of the square (metres) of a taxel or margin in the frame of its bracket. Returns 0, or -1 after an error line
+ * on stderr. */
 static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose *pose)
 {
     const struct world_line *line = &reader->line;
@@ -67,8 +67,8 @@ static int read_margin(const struct world_reader *reader)
     return 0;
 }
 
-/* Read the optional place ROW COLUMN of a taxel on the unrolled sheet of its board. All taxels of a board state a place,
- * or none does. Returns 0, or -1 after an error line on stderr. */
+/* Read the optional place ROW COLUMN of a taxel on the unrolled sheet of its board. All taxels of a board state a
+ * place, or none does. Returns 0, or -1 after an error line on stderr. */
 static int read_place(const struct world_reader *reader, const struct board_description *board, struct taxel_pose *pose)
 {
     const struct world_line *line = &reader->line;
@@ -94,8 +94,8 @@ static int read_place(const struct world_reader *reader, const struct board_desc
     return 0;
 }
 
-/* Read a line of a world file: surface ADDRESS X Y Z NX NY NZ DX DY DZ [A B [ROW COLUMN]], the pose of the next taxel of
- * the board. Returns 0, or -1 after an error line on stderr. */
+/* Read a line of a world file: surface ADDRESS X Y Z NX NY NZ DX DY DZ [A B [ROW COLUMN]], the pose of the next taxel
+ * of the board. Returns 0, or -1 after an error line on stderr. */
 static int read_surface(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
@@ -150,8 +150,8 @@ static int read_object(const struct world_reader *reader)
     return 0;
 }
 
-/* Shape of the object that the file described last, to which plane and cylinder lines belong; NULL after an error line
- * on stderr if there is no object. */
+/* Return the shape of the object that the file described last, to which plane and cylinder lines belong; NULL after an
+ * error line on stderr if there is no object. */
 static struct shape *get_latest_shape(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -242,7 +242,7 @@ static int read_layer(const struct world_reader *reader)
     return world_line_read_number(&reader->line, 1, 1e-5, 0.005, &reader->world->layer_thickness);
 }
 
-/* Read a line that describes the geometry of the scene. Returns 0, 1 if the keyword is none of these, or -1 after an
+/* Read a line that describes the geometry of the scene. Returns 0, 1 if the line has another keyword, or -1 after an
  * error line on stderr. */
 int world_scene_read_line(const struct world_reader *reader)
 {

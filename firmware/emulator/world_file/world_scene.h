@@ -4,10 +4,11 @@
 
 #include "emulator/world_file/world_reader.h"
 
-/* Returns 0 after a line with one of these keywords, 1 for another keyword, -1 after an error line on stderr. */
+/* Read a line. Returns 0 after a line with one of these keywords, 1 for another keyword, or -1 after an error line on
+ * stderr. */
 int world_scene_read_line(const struct world_reader *reader);
 
-/* Call after the last line: checks that descriptions are complete. Returns 0, or -1 after an error line on stderr. */
+/* Check that the descriptions are complete, after the last line. Returns 0, or -1 after an error line on stderr. */
 int world_scene_check(const struct world_reader *reader);
 
 #endif

@@ -7,7 +7,8 @@
 #define PICOFARAD_MAX 1e5
 #define PULLUP_OHM_MIN 100.0 /* a smaller pull-up resistor would exceed the current of every I2C driver */
 
-/* Read a pull-up resistance in ohms; 0: no resistor. Returns 0, or -1 after an error line on stderr. */
+/* Read a pull-up resistance in ohms (0: no resistor) from word number `index`. Returns 0, or -1 after an error line on
+ * stderr. */
 static int read_pullup(const struct world_line *line, int index, double *ohm)
 {
     if (world_line_read_number(line, index, 0.0, OHM_MAX, ohm)) {
@@ -36,7 +37,7 @@ static int read_wiring(const struct world_reader *reader)
                : 0;
 }
 
-/* Whether a name consists of letters, digits, '_', '-' and '.', and is not longer than permitted. */
+/* Return whether a name consists of letters, digits, '_', '-' and '.', and is not longer than permitted. */
 static bool is_valid_name(const char *name)
 {
     const size_t size = strlen(name);
@@ -63,7 +64,8 @@ static int read_description(const struct world_line *line, struct branch_descrip
                : 0;
 }
 
-/* Number of the branch with this description, which is added if its name is new; 0 after an error line on stderr. */
+/* Add a branch unless the wiring has one with this name and these values. Returns the number of the branch from 1; 0
+ * after an error line on stderr. */
 static size_t add_branch(const struct world_reader *reader, const struct branch_description *branch)
 {
     struct wiring_description *wiring = &reader->world->wiring;
@@ -115,6 +117,8 @@ static int read_branch(const struct world_reader *reader)
     return number ? 0 : -1;
 }
 
+/* Read a line with the keyword `wiring` or `branch`. Returns 0, 1 for another keyword, or -1 after an error line on
+ * stderr. */
 int world_wiring_read_line(const struct world_reader *reader)
 {
     if (strcmp(reader->line.words[0], "wiring") == 0) {

@@ -4,7 +4,8 @@
 
 #include "emulator/world_file/world_reader.h"
 
-/* Returns 0 after a line with one of these keywords, 1 for another keyword, -1 after an error line on stderr. */
+/* Read a line. Returns 0 after a line with one of these keywords, 1 for another keyword, or -1 after an error line on
+ * stderr. */
 int world_wiring_read_line(const struct world_reader *reader);
 
 #endif

@@ -42,7 +42,10 @@ class FaultyChannel(can.BusABC):
         self._bus.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next CAN frame that is not lost; None if none arrives within `timeout` seconds."""
+        """Return the next CAN frame that is not lost; None if none arrives within `timeout` seconds.
+
+        Frames are lost while the controller is bus-off.
+        """
         while (frame := self._bus.recv(timeout)) is not None:
             if self.is_off:
                 continue

@@ -17,13 +17,14 @@ BUILD_TOOLS: Final = ("arm-none-eabi-gcc", "cmake", "ninja")
 
 
 def find_missing_tool() -> str | None:
-    """Name of the first build tool that is not installed; None if all are installed."""
+    """Return the name of the first build tool that is not installed; None if all are installed."""
     return next((name for name in BUILD_TOOLS if _find_program(name) is None), None)
 
 
 def _find_program(name: str) -> str | None:
-    """Path of a build program, beside the Python interpreter or else in the search path; None if it is not
-    installed.
+    """Find a build program beside the Python interpreter or, if it is not there, in the search path.
+
+    Returns None if it is not installed.
     """
     beside_python = shutil.which(name, path=str(Path(sys.executable).parent))  # the Makefile uses these first
     return beside_python or shutil.which(name)
@@ -31,7 +32,10 @@ def _find_program(name: str) -> str | None:
 
 @cache
 def build_images() -> Path:
-    """The folder with up-to-date board-factory.hex and hub-factory.hex. Raises `RigError` as one line."""
+    """Build board-factory.hex and hub-factory.hex, and return their folder.
+
+    Raises `RigError` with a one-line message.
+    """
     missing = find_missing_tool()
     if missing:
         raise RigError(f"the rig executes images, whose build needs {missing}; install it, or use --rig virtual")

@@ -39,7 +39,7 @@ class WorldBuild:
 
 
 def open_world(description: RigDescription, build: WorldBuild, exit_stack: ExitStack) -> VirtualWorld:
-    """An emulated world of the rig's hand. `exit_stack` closes the world, after a check of the executed processors."""
+    """Start an emulated world of the rig's hand. exit_stack: checks the executed processors and closes the world."""
     settings = WorldSettings(**{**description.world, **build.settings})
     text = format_world(description.hand, settings)
     text = _select_boards(text, build.board_indices) + "".join(f"{line}\n" for line in build.lines)
@@ -61,10 +61,10 @@ def has_linux_hub(description: RigDescription) -> bool:
 
 
 def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str, Path]]:
-    """Firmware images of the processors that a virtual rig executes instead of emulating them natively.
+    """Find the firmware images of the processors that a virtual rig executes instead of emulating them natively.
 
-    text: world file. Returns additional lines of the world file, and the paths of the images by their names in
-    these lines.
+    text: world file. Returns a tuple of additional lines of the world file, and the paths of the images by their names
+    in these lines.
     """
     if not description.executed:
         return "", {}
@@ -75,7 +75,7 @@ def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str,
 
 
 def _find_executed(description: RigDescription, text: str) -> list[int]:
-    """I2C addresses of the boards in a world file whose firmware is executed; 0 for an executed hub."""
+    """Return the I2C addresses of the boards in a world file whose firmware is executed; 0 for an executed hub."""
     return [address for address in description.executed if address == HUB or f"board 0x{address:02X} " in text]
 
 

@@ -72,7 +72,7 @@ def _trace_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]
 
 
 MAX_CURRENT_FACTOR: Final = 1.35
-"""Largest factor on the current of a board's source: above it the counter saturates and reads 0."""
+"""Largest factor on the current of a board's current source: above this factor, the counter saturates and reads 0."""
 
 
 def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:

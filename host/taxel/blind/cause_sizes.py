@@ -18,7 +18,7 @@ def measure_change(real: Path, without: Path, sim: Path) -> float:
     GapInputError.
     """
     with threadpool_limits(limits=1):
-        own, other = (prepare_pair(read_pair(path, sim)) for path in (real, without))
-        change = own.sessions.value[:, 0] - other.sessions.value[:, 0]
-        floor = measure_gap(own.sessions, own.state.mean, own.layout).floor
-    return compute_gap_of_change(np.nan_to_num(change), own.layout) / floor
+        with_cause, without_cause = (prepare_pair(read_pair(path, sim)) for path in (real, without))
+        change = with_cause.sessions.value[:, 0] - without_cause.sessions.value[:, 0]
+        floor = measure_gap(with_cause.sessions, with_cause.state.mean, with_cause.layout).floor
+    return compute_gap_of_change(np.nan_to_num(change), with_cause.layout) / floor

@@ -17,8 +17,8 @@ SampleCause = Callable[[Rng, Hand, float], Cause]
 class CauseType:
     """Type of hidden causes that use one effect of the emulator.
 
-    name: effect of the catalogue, or "unknown". emulator_effect: such as "spread film". sample: function that samples a
-    cause from random numbers, the hand and a strength from 0 to 1.
+    name: effect of the catalogue, or "unknown". emulator_effect: effect and variant in the emulator, such as "spread
+    film". sample: function that samples a cause from random numbers, the hand and a strength from 0 to 1.
     """
 
     name: str
@@ -41,19 +41,19 @@ def format_board_argument(board: Board) -> str:
     return f"board=0x{board.address:02X}"
 
 
-def _reachable_boards(hand: Hand) -> list[Board]:
+def _list_reachable_boards(hand: Hand) -> list[Board]:
     """List the boards of a hand that indentations reach: all boards except those on the back of the hand."""
     return [board for board in hand.boards if "back" not in board.kind.name]
 
 
 def count_half_of_boards(hand: Hand) -> int:
     """Return half of the number of boards that indentations reach, at least 1."""
-    return max(len(_reachable_boards(hand)) // 2, 1)
+    return max(len(_list_reachable_boards(hand)) // 2, 1)
 
 
 def sample_boards(rng: Rng, hand: Hand, max_count: int = 1) -> list[Board]:
     """Sample one to `max_count` different boards of the hand, among the boards that indentations reach."""
-    boards = _reachable_boards(hand)
+    boards = _list_reachable_boards(hand)
     count = int(rng.integers(1, min(max_count, len(boards)) + 1))
     return [boards[index] for index in sorted(rng.choice(len(boards), count, replace=False).tolist())]
 

@@ -1,4 +1,6 @@
-"""Judgement of a demonstration: what the world hid, what the diagnosis named, and the running score."""
+"""Outcome of a demonstration (hidden causes compared with the diagnosis), and the score of all demonstrations so
+far.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +14,18 @@ from taxel.blind.grasp_world import GraspWorld
 from taxel.gap.calibration.calibration import NO_GAP, SMALLEST_CAUSE, UNKNOWN
 
 SURE: Final = 0.8
-"""Probability from which a wrong name counts as a wrong statement."""
+"""Probability from which a cause that is not hidden is scored as a wrong statement."""
 
 
 @dataclass(frozen=True)
 class DemoOutcome:
     """Outcome of a demonstration.
 
-    seed: of the campaign. hidden: forms of the hidden causes. sizes: gap that each alone produces, in floors. expected:
-    effects of those that count as causes. named: effects that the diagnosis names. is_right: the most probable effects
-    are the expected ones; without an expected effect, none is named. is_surely_wrong: an effect that is not hidden has
-    a probability of `SURE` or more.
+    seed: seed of the campaign. hidden: emulator effects of the hidden causes. sizes: gap that each hidden cause alone
+    produces, in floors. expected: effects of the hidden causes that are large enough to be named. named: effects that
+    the diagnosis names. probabilities: probability of each cause in the diagnosis. is_right: whether the most probable
+    effects are the expected ones; without an expected effect, whether none is named. is_surely_wrong: whether an effect
+    that is not hidden has a probability of `SURE` or more.
     """
 
     seed: int
@@ -42,7 +45,8 @@ class DemoOutcome:
 def judge(world: GraspWorld, sizes: Sequence[float], verdict: Mapping[str, Any]) -> DemoOutcome:
     """Compare the verdict of a report with the hidden causes of a world.
 
-    sizes: gap that each hidden cause alone produces, in floors; a smaller one than `SMALLEST_CAUSE` is not expected.
+    sizes: gap that each hidden cause alone produces, in floors; a cause below `SMALLEST_CAUSE` is not expected to be
+    named. verdict: verdict of the report as JSON values.
     """
     causes = world.hidden.causes
     expected = tuple(cause.name for cause, size in zip(causes, sizes, strict=True) if size >= SMALLEST_CAUSE)
@@ -63,7 +67,9 @@ def judge(world: GraspWorld, sizes: Sequence[float], verdict: Mapping[str, Any])
 
 
 def format_score(outcomes: Sequence[DemoOutcome]) -> str:
-    """The score of demonstrations with its interval of 95 % (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+    """Format the score of demonstrations in one line, with its 95 % interval (Clopper and Pearson, Biometrika 26,
+    1934).
+    """
     number, right = len(outcomes), sum(one.is_right for one in outcomes)
     low = beta.ppf(0.025, right, number - right + 1) if right else 0.0
     high = beta.ppf(0.975, right + 1, number - right) if right < number else 1.0

@@ -28,18 +28,19 @@ STRENGTH: Final = (0.9, 1.0)
 """Range of the strength; at strength 1 the excess of indentations is six floors."""
 
 LOADED_SHARE: Final = 0.2
-"""Smallest share of the simulated signal on the boards of a cause that acts on some boards only: where the grasps do
-not load the skin, a cause has no consequence. A fault needs one loaded taxel."""
+"""Smallest share of the total simulated signal on the boards of a cause that acts only on some boards: a cause has no
+consequence where the grasps do not load the skin. A fault at a location needs one loaded taxel there."""
 
 MOST_SAMPLES: Final = 1000
-"""Samples of a cause after which the last one is used, even if the grasps do not load it."""
+"""Number of samples of a cause after which the last sample is used even if the grasps do not load its location."""
 
 APPROACHES_PER_OBJECT, SESSIONS, SIM_REPEATS = 2, 6, 8
+"""Number of approaches of each object, of sessions of the emulated hand, and of simulated repeats of each approach."""
 
 
 @dataclass(frozen=True)
 class GraspWorld:
-    """The world of a demonstration. seed: of campaign and physics. salt: 256 random bits, hexadecimal."""
+    """The world of a demonstration. seed: seed of campaign and physics. salt: 256 random bits, hexadecimal."""
 
     seed: int
     hidden: HiddenCauses
@@ -57,11 +58,12 @@ class GraspWorldSampler:
 
     Attributes:
         campaign_seed: seed of the grasps, which are simulated before the parameters of the causes are sampled.
-        kind: of the world, of `KIND_SHARES`. types: of its causes.
+        kind: kind of the world, a key of `KIND_SHARES`.
+        types: types of the hidden causes.
     """
 
     def __init__(self, seed: int | None = None) -> None:
-        """seed: of the random numbers; None: random numbers of the operating system."""
+        """Sample kind and types of the causes. seed: None: random numbers of the operating system."""
         rng = self._rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
         self._is_secret = seed is None
         self.campaign_seed = int(rng.integers(2**31))
@@ -74,15 +76,15 @@ class GraspWorldSampler:
     def sample(self, loads: SimulatedLoads) -> GraspWorld:
         """Sample the parameters of the hidden causes, and the deviations that every skin has.
 
-        loads: of the simulated grasps of this world. A cause on some boards or lines is sampled again until the grasps
-        load them.
+        loads: largest signals of the simulated grasps of this world. A cause on some boards or lines is sampled again
+        until the grasps load these boards or lines.
         """
         causes = tuple(self._sample_loaded(cause_type, loads) for cause_type in self.types)
         salt = secrets.token_hex(32) if self._is_secret else self._rng.bytes(32).hex()
         return GraspWorld(self.campaign_seed, HiddenCauses(self.kind, causes, sample_nuisance_lines(self._rng)), salt)
 
     def _sample_loaded(self, cause_type: CauseType, loads: SimulatedLoads) -> Cause:
-        """Sample the parameters of a cause that the grasps load."""
+        """Sample the parameters of a cause until its boards or locations are loaded, at most `MOST_SAMPLES` times."""
         hand = load_hand("original")
         for _ in range(MOST_SAMPLES):
             cause = cause_type.sample(self._rng, hand, float(self._rng.uniform(*STRENGTH)))
@@ -97,7 +99,9 @@ class GraspWorldSampler:
 
 
 def find_boards(cause: Cause, hand: Hand) -> frozenset[int]:
-    """Find the I2C addresses of the boards on which a cause acts; empty for a cause of the whole hand."""
+    """Find the I2C addresses of the boards that the effect lines of a cause name; empty for a cause of the whole
+    hand.
+    """
     words = {word for line in cause.lines for word in line.split()}
     return frozenset(
         board.address for board in hand.boards if format_board_argument(board) in words or board.name in words
@@ -135,8 +139,9 @@ def make_small_plans(
 
 
 def simulate_grasps(campaign_seed: int, sim: Path, progress: Progress = no_progress, jobs: int | None = None) -> None:
-    """Run the simulated grasps of a world. sim: file to write. jobs: number of processes; None: one per core. Raises
-    TaxelError with a one-line message.
+    """Run the simulated grasps of a world and write them to `sim`.
+
+    jobs: number of processes; None: one per core. Raises TaxelError with a one-line message.
     """
     plan = make_small_plans(campaign_seed)[1]
     run_simulated(sim, plan, SimSettings(seed=campaign_seed + 1), jobs=jobs, progress=progress)
@@ -161,6 +166,7 @@ def measure_sizes(
     for number, cause in enumerate(world.hidden.causes):
 
         def show(done: int, _: int, before: int = number * len(first)) -> None:
+            """Report the progress over all causes. done: number of finished grasps without the present cause."""
             progress(before + done, total)
 
         others = tuple(other for other in world.hidden.causes if other is not cause)

@@ -139,7 +139,7 @@ class _AccessHook:
             raise SealedError(event)
 
     def _check(self, name: Any, is_write: bool) -> None:
-        """Raise SealedError for a file outside of the permitted folders. name: path, file descriptor or None."""
+        """Raise SealedError for a file outside the permitted folders. name: path, file descriptor or None."""
         # A file descriptor belongs to a file that was checked when it was opened; None is the current folder.
         if name is None or isinstance(name, int):
             return

@@ -13,7 +13,7 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_tables import TaxelTable
 
 LOADED_COUNTS: Final = 150.0
-"""Simulated signal above which a taxel counts as loaded."""
+"""Simulated signal above which a taxel is treated as loaded."""
 
 OBSERVABLE_COUNTS: Final = 60.0
 """Simulated signal above which the absence of the signal is clearly outside the noise."""
@@ -49,7 +49,9 @@ class SimulatedLoads:
         return np.flatnonzero(_taxels_at(location, self.table) & (self.max_signal > OBSERVABLE_COUNTS)).tolist()
 
     def compute_board_share(self, addresses: Collection[int]) -> float:
-        """Share of the boards with these I2C addresses in the sum of the largest signals of all taxels."""
+        """Compute the share of the boards with these I2C addresses in the sum of the taxels' largest signals, 0 to
+        1.
+        """
         total = max(float(self.max_signal.sum()), np.finfo(float).tiny)
         return float(self.max_signal[np.isin(self.table.sensor, list(addresses))].sum()) / total
 

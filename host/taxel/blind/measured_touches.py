@@ -1,8 +1,8 @@
 """Faults in the frames of the CapFingerId recordings, their correction, and repeats from the frames of one touch.
 
-The frames of the panel are torn: the first taxels of a frame have the values of the frame before (stale prefix), the
-first taxel with a new value may contain an impulse, and only the later taxels have valid new values. An impulse remains
-until the prefix of a later frame ends before it.
+The frames of the touch panel are torn: the first taxels of a frame still have the values of the frame before (stale
+prefix). The first taxel with a new value may contain an impulse, a wrong value; only the later taxels have valid new
+values. An impulse remains in the frames until a later frame has a prefix that ends before its taxel.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ about 200 counts.
 
 TOUCHED_COUNTS: Final = 60.0
 TOUCHED_TAXELS: Final = 2
-"""Signal in counts above which a taxel counts as touched, and smallest number of touched taxels under a finger."""
+"""Signal in counts above which a taxel is treated as touched, and smallest number of touched taxels under a finger."""
 
 REST_COUNTS: Final = 25.0
-"""Without a corrected value above this limit, no finger is on the panel, counts."""
+"""Largest corrected value of a frame without a finger on the panel, counts."""
 
 REST_BLOCKS: Final = 10
 HOLD_BLOCKS: Final = 2
-"""Frames of a repeat at rest, and least number of its frames in hold. The diagnosis requires 10 frames at rest; with
-fewer than 3 in hold it estimates no noise in hold.
-"""
+"""Number of frames of a repeat before contact, and smallest number of its frames in the hold phase. The diagnosis
+requires 10 frames before contact; with fewer than 3 frames in hold it estimates no noise in hold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The T different frames of a recording, as recorded and corrected. Counts: f64[T, 405].
+    """The T different frames of a recording of 405 taxels, as recorded and corrected (see the top of this file).
 
-    n_duplicates: number of omitted frames, which equal the frame before including its time. stale: bool[T, 405], taxels
-    of the stale prefix. first: i64[T], the first taxel after the prefix. measured: as recorded. corrected: prefix and
-    first taxel interpolated in time between valid values; 0 for the corner taxel, which never has a valid value.
-    without_impulses: corrected values with the recorded prefixes. without_prefixes: corrected values with the recorded
-    impulses, each in the frame in which it occurs first.
+    time_s: f64[T]. task: task of the participant in each frame. n_duplicates: number of omitted frames, whose values
+    equal those of the frame before. stale: bool[T, 405], taxels of the stale prefix. first: i64[T], the first taxel
+    after the prefix. The counts are f64[T, 405]: measured: as recorded. corrected: prefix and first taxel are
+    interpolated in time between valid values; 0 for the corner taxel, which never has a valid value. without_impulses:
+    corrected counts with the recorded prefixes. without_prefixes: corrected counts with the recorded impulses, each
+    only in the frame in which it occurs first.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Frames:
 
     @classmethod
     def from_recording(cls, recording: TouchRecording) -> Frames:
-        """Detect the faults of a touch panel's recording and build its corrected versions."""
+        """Detect the faults in the recording of a touch panel and build its corrected versions."""
         frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
         is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])
         values, time = frames[is_new], recording.time_s[is_new]
@@ -81,11 +81,11 @@ class Frames:
 
     @property
     def impulses(self) -> BoolArray:
-        """bool[T, 405]: whether the value is an impulse, new or remaining from an earlier frame."""
+        """Whether each measured value is an impulse, new or remaining from an earlier frame, bool[T, 405]."""
         return np.asarray(np.abs(self.measured - self.without_impulses) > IMPULSE_COUNTS)
 
     def summarise(self) -> dict[str, Any]:
-        """Statistics of the faults in the recorded frames, for the report."""
+        """Return statistics of the faults in the recorded frames as JSON values: shares, lengths and sizes."""
         prefix, impulses = self.stale.sum(axis=1)[1:], self.impulses
         is_new_impulse = np.abs(self.measured - self.corrected)[np.arange(len(self.first)), self.first] > IMPULSE_COUNTS
         size = (self.measured - self.corrected)[np.arange(len(self.first)), self.first][is_new_impulse]
@@ -107,8 +107,9 @@ class Frames:
 
 
 def _interpolate_invalid(values: FloatArray, time_s: FloatArray, is_valid: BoolArray) -> FloatArray:
-    """Interpolate invalid counts in time between the valid counts of the same taxel. values, is_valid: [T, n];
-    time_s: f64[T].
+    """Interpolate the invalid counts of each taxel in time between its valid counts; return f64[T, n].
+
+    values: f64[T, n], counts. time_s: f64[T]. is_valid: bool[T, n]. A taxel without a valid count is 0.
     """
     corrected = np.zeros_like(values)
     for taxel in range(N_TAXELS):
@@ -120,7 +121,11 @@ def _interpolate_invalid(values: FloatArray, time_s: FloatArray, is_valid: BoolA
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Contact of a finger at one position. begin, end: first frame with contact, first frame without."""
+    """Contact of a finger at one position.
+
+    number: index of the touch in the recording. begin, end: index of the first frame with contact, and of the first
+    frame after it without contact.
+    """
 
     frames: Frames
     number: int
@@ -129,17 +134,18 @@ class Touch:
 
     @property
     def row(self) -> int:
-        """Panel row of the centre of the contact."""
+        """Row of the panel at which the centre of the contact lies, averaged over the touch."""
         weight = self.frames.corrected[self.begin : self.end].mean(axis=0).clip(0.0)
         return round(float(weight @ ROW_OF_TAXEL / weight.sum()))
 
     def split_blocks(self, n_repeats: int) -> tuple[NDArray[np.intp], NDArray[np.uint8]] | None:
-        """Frames i64[B, n_repeats] and phase u8[B] of successive blocks; None for a touch that is too short.
+        """Divide the frames of a touch into B blocks of `n_repeats` consecutive frames, one for each repeat.
 
-        Baseline: ten blocks of the last frames without a finger before closing, also from earlier pauses. Closing: the
-        first block with contact. A repeat has one frame in 0.6 s, too few to determine the time of the contact, so
-        closing contains no frame before the contact. Hold: the later blocks with contact. Release: the block from the
-        first frame without contact.
+        Returns the indices of the frames, i64[B, n_repeats], and the grasp phase of each block, u8[B]; None if there
+        are not enough frames before, in or after the touch, or if another touch follows at once. Baseline: ten blocks
+        of the last frames without a finger before the touch, also from earlier pauses. Closing: the first block with
+        contact. A repeat has one frame in 0.6 s, too few to determine the time of the contact, so closing contains no
+        frame before the contact. Hold: the later blocks with contact. Release: the first block after the contact.
         """
         n_hold = (self.end - self.begin) // n_repeats - 1
         is_away: BoolArray = np.max(self.frames.corrected, axis=1) <= REST_COUNTS
@@ -157,7 +163,11 @@ class Touch:
 
 @dataclass(frozen=True, eq=False)
 class Repeat:
-    """One frame of every block of a touch. frames: i64[B]; phase: u8[B]; time_s: f64[B]."""
+    """One repeat of a touch, which consists of one frame of every block (`Touch.split_blocks`).
+
+    number: index of the repeat. frames: i64[B], index of the frame in each of the B blocks. phase: u8[B], grasp phase
+    of each block. time_s: f64[B], time of each block, the same for all repeats.
+    """
 
     touch: Touch
     number: int
@@ -166,13 +176,16 @@ class Repeat:
     time_s: FloatArray
 
 
-def detect_touches(frames: Frames, rows: NDArray[np.intp] | slice) -> BoolArray:
-    """Whether a finger is on the panel, for each of the frames in `rows`."""
-    return np.asarray((frames.corrected[rows] > TOUCHED_COUNTS).sum(axis=1) >= TOUCHED_TAXELS)
+def detect_touches(frames: Frames, indices: NDArray[np.intp] | slice) -> BoolArray:
+    """Return whether a finger is on the panel in each of the frames with these indices, bool[len(indices)]."""
+    return np.asarray((frames.corrected[indices] > TOUCHED_COUNTS).sum(axis=1) >= TOUCHED_TAXELS)
 
 
 def list_touches(frames: Frames, task: str = "TAP") -> list[Touch]:
-    """Touches that began during a task of the participant. In the task TAP the finger does not move along the panel."""
+    """List the touches that began during one task of the participant.
+
+    In the task TAP, the finger does not move along the panel.
+    """
     change = np.diff(np.concatenate([[0], detect_touches(frames, slice(None)).astype(np.int64), [0]]))
     begins, ends = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
     touches = [Touch(frames, k, int(b), int(e)) for k, (b, e) in enumerate(zip(begins, ends, strict=True))]
@@ -180,11 +193,11 @@ def list_touches(frames: Frames, task: str = "TAP") -> list[Touch]:
 
 
 def split_repeats(touch: Touch, n_repeats: int, rng: np.random.Generator) -> list[Repeat]:
-    """Split a long touch into `n_repeats` repeats, as if the finger had touched several times; [] for a touch that
-    is too short.
+    """Split a long touch into `n_repeats` repeats, as if the finger had touched several times.
 
-    The frames of each block of the touch are assigned at random. All frames of a block get the time of the block,
-    so that the times do not depend on the assignment.
+    Each repeat gets one frame of each block (`Touch.split_blocks`), assigned at random. All frames of a block get the
+    time of the block, so that the times do not depend on the assignment. The list is empty for a touch that is too
+    short.
     """
     result = touch.split_blocks(n_repeats)
     if result is None:
@@ -197,7 +210,7 @@ def split_repeats(touch: Touch, n_repeats: int, rng: np.random.Generator) -> lis
 
 
 def split_halves(repeats: list[Repeat]) -> tuple[list[Repeat], list[Repeat]]:
-    """First and second half of the repeats of every touch, both numbered from 0."""
+    """Return the first and the second half of the repeats of every touch; the numbers in each half begin with 0."""
     count = (max(repeat.number for repeat in repeats) + 1) // 2
     first = [repeat for repeat in repeats if repeat.number < count]
     return first, [replace(repeat, number=repeat.number - count) for repeat in repeats if repeat.number >= count]

@@ -146,7 +146,7 @@ def _verdict_from_json(data: dict[str, Any]) -> ReportedVerdict:
 
 
 def _read_texts(value: Any) -> tuple[str, ...]:
-    """Return a list of texts as a tuple. Raises TypeError for another value: a text would become its letters."""
+    """Return a list of strings as a tuple. Raises TypeError for any other value: a string would become its letters."""
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise TypeError("a list of names is no list of texts")
     return tuple(value)

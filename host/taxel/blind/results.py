@@ -17,7 +17,8 @@ MIN_TRUE_VALUE: Final = 1e-6
 """Parameters with a smaller true value have no meaningful relative error."""
 
 MIN_SHARE_OF_MAX: Final = 0.3
-"""Parameters of a board are compared if the true value is at least this share of the largest one of all boards."""
+"""Parameters of a board are compared if the true value is at least this share of the largest true value of all
+boards."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class ReportedVerdict:
     def count_named(self, names: Collection[str]) -> int:
         """Count the true causes `names` that the verdict contains.
 
-        A true cause also counts if a wrong effect of the verdict is confounded with it (the data cannot distinguish
+        A true cause is also counted if a wrong effect of the verdict is confounded with it (the data cannot distinguish
         them); each wrong effect can replace one true cause.
         """
         missing = set(names) - set(self.effects)
@@ -88,8 +89,8 @@ class WorldResult:
 
     Attributes:
         world: the world with its hidden causes.
-        verdict: of the diagnosis.
-        gap, floor: counts.
+        verdict: verdict of the diagnosis.
+        gap, floor: gap and floor of the world, counts.
         runtime_s: duration of the diagnosis.
         shrink: predicted and measured shrink; None without a named effect.
         baseline_verdicts: names given by the simple reference diagnosers.
@@ -97,10 +98,10 @@ class WorldResult:
         is_location_found: whether the location of the fault is reported; None if no location is expected.
         unobservable_causes: those of several causes that no indentation could show, such as a broken line that is
             never loaded.
-        verdict_withheld: with the effect removed from the catalogue; None if the world is not withheld.
-        verdict_shuffled: with exchanged simulations; None if not diagnosed.
-        verdict_decoy: with another effect removed from the catalogue; None if not diagnosed.
-        verdicts_by_seed: with other analysis seeds.
+        verdict_withheld: verdict with the hidden effect removed from the catalogue; None if not diagnosed.
+        verdict_shuffled: verdict with exchanged simulations; None if not diagnosed.
+        verdict_decoy: verdict with an effect that is not hidden removed from the catalogue; None if not diagnosed.
+        verdicts_by_seed: verdicts with other analysis seeds.
         error: reason for a missing report.
         isolation: mechanisms that isolated the diagnosing process.
         diagnosis_version: fingerprint of the diagnosis.

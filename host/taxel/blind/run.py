@@ -95,7 +95,7 @@ def _interleave_hands(worlds: Sequence[World]) -> list[World]:
 def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: SandboxedRunner) -> None:
     """Make the datasets of a world, diagnose them in all required ways, and mark the world as finished.
 
-    makers: processes that make datasets, outside of the sandbox. runner: the sandboxed diagnosing process. The reports
+    makers: processes that make datasets, outside the sandbox. runner: the sandboxed diagnosing process. The reports
     are: report.json (all effects), without.json (hidden effects removed from the catalogue), decoy.json (another effect
     removed), seed*.json (other random seeds) and shuffled.json (simulations of other indentations).
     """

@@ -26,7 +26,7 @@ REPEATED_INTERVAL: Final = 40
 """One in this number of worlds is diagnosed with ten analysis seeds."""
 
 APPROACHES, SESSIONS, REPEATS = (8, 9), (4, 6), (1, 3)
-"""Smallest and largest number of each, on the rig of four boards."""
+"""Smallest and largest number of approaches, of sessions and of repeats on the rig of four boards."""
 
 INDENTATIONS = (48, 120)
 """Smallest and largest number of indentations of a world."""
@@ -35,7 +35,8 @@ FLOORS: Final = (0.5, 6.0)
 """Excess of the gap of a single cause, in floors, at strength 0 and 1 (`tools/blind/strengths.py`)."""
 
 FLOORS_OF_SEVERAL: Final = (2.0, 6.0)
-"""The same for each of several causes: a cause without a clear gap of its own is not expected to be named."""
+"""The same for each of several causes of one world: a cause that alone produces no clear gap is not expected to be
+named."""
 
 SALT_BYTES: Final = 32
 

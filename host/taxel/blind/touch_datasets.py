@@ -25,10 +25,11 @@ REST_RAW_COUNTS: Final = 30_000.0
 """Assumed raw count without contact; the recordings contain counts above an unknown baseline."""
 
 FINGER_M: Final = 0.008
+"""Edge length of the box that represents the finger."""
 
 
 def build_panel() -> tuple[TaxelTable, SensorTable]:
-    """The touch panel as one sensor board of 27 x 15 taxels."""
+    """Build the tables of the touch panel: one sensor board of 27 x 15 taxels."""
     row, column = ROW_OF_TAXEL, np.arange(N_TAXELS) % COLUMNS
     position = np.column_stack([-PITCH_M * row, -PITCH_M * column, np.zeros(N_TAXELS)])
     taxels = TaxelTable(
@@ -43,7 +44,7 @@ def build_panel() -> tuple[TaxelTable, SensorTable]:
 
 
 def build_finger() -> ObjectMesh:
-    """A box in place of the touching finger, whose shape is unknown and not used."""
+    """Build the mesh of a box in place of the finger, whose shape is unknown and not used."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)]) * FINGER_M
     faces = [[0, 2, 4], [2, 6, 4], [1, 5, 3], [3, 5, 7], [0, 1, 2], [1, 3, 2]]
     faces += [[4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]

@@ -33,7 +33,7 @@ class World:
     Attributes:
         number: index in the run.
         hand: name of the packaged hand.
-        seed: of plan and physics.
+        seed: seed of plan and physics.
         hidden: the hidden causes.
         salt: 256 random bits, hexadecimal.
         is_withheld: diagnose a second time with the world's effect removed from the catalogue.

@@ -22,7 +22,7 @@ from taxel.errors import TaxelError
 from taxel.hand import load_hand
 
 MAX_ATTEMPTS = 5
-"""Plans that are sampled for a world until every indentation has an equilibrium."""
+"""Largest number of plans that are sampled for a world until every indentation of a plan has an equilibrium."""
 
 
 class WorldNotMadeError(TaxelError):

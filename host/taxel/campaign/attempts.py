@@ -17,10 +17,10 @@ _Motion = TypeVar("_Motion")
 
 @dataclass(frozen=True, eq=False)
 class Attempt(Generic[_Motion]):
-    """The kept attempt of a grasp.
+    """The attempt of a grasp that a campaign keeps.
 
-    motion: of the kept attempt. attempts: number of attempts that were performed. failure: kind of the failure, if all
-    of them failed; None: the kept attempt is successful.
+    motion: motion of hand and object in this attempt. attempts: number of attempts that were performed. failure: kind
+    of this attempt's failure; None if this attempt succeeded.
     """
 
     motion: _Motion
@@ -36,10 +36,11 @@ def perform_attempts(
 ) -> Attempt[_Motion]:
     """Perform a grasp until an attempt succeeds, and return this attempt.
 
-    perform: simulates the grasp for unit samples f64[7] of the variation. sample: returns the samples of attempt 0, 1
-    ... The first attempt is kept and marked as failed if all attempts fail: its samples are those that the campaign
-    would have without repetition. It is also kept if the grasp fails without variation (all samples 0): then its
-    failure is the outcome of the planned pose, and a success would be an exception of the samples.
+    perform: simulates the grasp for unit samples f64[7] of the variation. find_failure: returns the failure of a
+    motion, or None. sample: returns the unit samples of attempt 0, 1 ... If all attempts fail, the first one is kept
+    and marked as failed, because a campaign without repetition would use its samples. The first attempt is also kept,
+    without further attempts, if the grasp fails without variation (all samples 0): the planned pose itself fails then,
+    and a success would only be a lucky sample.
     """
     first_sample = sample(0)
     first = perform(first_sample)

@@ -28,14 +28,17 @@ def run_emulated(
 ) -> None:
     """Run the grasps of `plan` on the emulated hand and write them to the dataset `path`.
 
-    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. resume: keep the
-    sessions that the file of an interrupted campaign already contains. progress: called with the number of finished
-    grasps and the total. The same plan and settings give the same grasps for any `jobs`. Raises `TaxelError` with a
-    one-line message; effects that the emulator rejects leave an existing file unchanged.
+    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. overwrite:
+    replace an existing file. resume: keep the sessions that the file of an interrupted campaign already contains.
+    progress: called with the number of finished grasps and the total. The same plan and settings give the same grasps
+    for any `jobs`. Raises `TaxelError` with a one-line message; if the emulator rejects the effects, an existing file
+    stays unchanged.
     """
     setup = setup or Setup()
     check_world(setup, settings)
-    with open_campaign_writer(path, "real", setup, _rate_hz(settings), settings.describe(), overwrite, resume) as out:
+    with open_campaign_writer(
+        path, "real", setup, _compute_poll_rate_hz(settings), settings.describe(), overwrite, resume
+    ) as out:
         finished = set(out.ids)
         sessions = [list(part) for _, part in groupby(plan, key=lambda grasp: grasp.session)]
         missing = [part for part in sessions if not finished.issuperset(grasp.id for grasp in part)]
@@ -49,6 +52,6 @@ def run_emulated(
                 progress(done, len(plan))
 
 
-def _rate_hz(settings: EmulatedSettings) -> float:
-    """Compute the poll cycles per second of the emulated skin from its I2C clock."""
+def _compute_poll_rate_hz(settings: EmulatedSettings) -> float:
+    """Compute the number of poll cycles per second of the emulated skin from its I2C clock, rounded to 0.01."""
     return round(settings.scl_hz / POLL_BITS, 2)

@@ -1,7 +1,8 @@
 """Failure of a grasp: one definition on the true poses of hand and object, for the emulated hand and the simulator.
 
-A grasp fails if its hold contains no grasp of its approach. Every limit follows from the plan, from the shape of the
-object or from the description of the hand; there is no tuned threshold (docs/grasp-campaign.md).
+A grasp fails if, in its hold phase, the hand does not hold the object as the planned approach intends. Every limit
+follows from the plan, from the shape of the object or from the description of the hand; there is no tuned threshold
+(docs/grasp-campaign.md).
 """
 
 from __future__ import annotations
@@ -25,26 +26,29 @@ ROUNDING_M: Final = 1e-9
 
 
 class Failure(StrEnum):
-    """Kind of a failure; grasp datasets contain these words."""
+    """How a grasp failed; the values are the words that grasp datasets contain."""
 
     LOST = "lost"
     """At the end of the hold the object is farther from every taxel than a touch permits."""
     TOPPLED = "toppled"
     """The object is tilted so far that it falls over without the hand: its centre of mass is beside its base."""
     TURNED = "turned"
-    """The object has turned so far that the palm is nearer to another approach of the plan than to its own."""
+    """The object has turned so far that the palm's direction is closer to another approach's than to the planned one.
+    """
     MOVING = "moving"
-    """In the hold the object moves at a touching taxel by more than half the pitch: its contact would change taxel."""
+    """In the hold the object moves at a touching taxel by more than half the pitch: the contact would shift to another
+    taxel.
+    """
 
 
 @dataclass(frozen=True, eq=False)
 class GraspCheck:
-    """Check of the motion of one planned grasp.
+    """Checks whether the motion of one planned grasp is a failure.
 
-    hand: the hand, whose pitch and layer limit touch and motion. shape, centre_m: of the object, and its centre of mass
-    f64[3], object frame. up: f64[3], normal of the stand, world. palm_axis: f64[3], direction from the palm to the
-    object in the hold, world. own_axis, other_axes: this direction as planned, f64[3], and that of the other approaches
-    to the object, f64[a, 3], object frame.
+    hand: its pitch and its layer thickness give the limits of touch and motion. shape: shape of the object. centre_m:
+    f64[3], centre of mass, object frame. up: f64[3], normal of the stand, world. palm_axis: f64[3], direction from the
+    palm to the object in the hold, world. planned_axis: f64[3], the same direction in the frame of the undisturbed
+    object. other_axes: f64[a, 3], this direction for each of the object's a other approaches, object frame.
     """
 
     hand: Hand
@@ -52,15 +56,15 @@ class GraspCheck:
     centre_m: FloatArray
     up: FloatArray
     palm_axis: FloatArray
-    own_axis: FloatArray
+    planned_axis: FloatArray
     other_axes: FloatArray
 
     def find_failure(self, object_poses: FloatArray, bracket_poses: FloatArray) -> Failure | None:
-        """Find the failure of a grasp from its hold; None for a successful grasp.
+        """Find the failure of a grasp from its hold phase.
 
-        object_poses: true poses f64[k, 4, 4] of the object in the hold, in order of time, world. bracket_poses: f64[k,
-        s, 4, 4], of the boards. The first failure that applies is returned, in the order of `Failure`. Without a pose
-        in the hold (a timeline without this phase) there is nothing to check.
+        object_poses: true poses f64[k, 4, 4] of the object at k times of the hold, in order of time, world.
+        bracket_poses: f64[k, s, 4, 4], poses of the brackets of the s boards. Returns the first failure that applies,
+        in the order of `Failure`; None for a successful grasp and for a grasp without a hold phase (k = 0).
         """
         if not len(object_poses):
             return None
@@ -75,10 +79,10 @@ class GraspCheck:
         return Failure.MOVING if self._has_moved(object_poses, contacts) else None
 
     def _has_moved(self, poses: FloatArray, contacts: FloatArray) -> bool:
-        """Whether the object has moved at a contact by more than half the pitch, from any time of the hold to its end.
+        """Return whether a contact point of the object moves by more than half the pitch during the hold.
 
-        poses: f64[k, 4, 4] of the object. contacts: f64[m, 3], object frame. The palm rests in the hold; a finger that
-        still settles on an object at rest is no motion of the object.
+        Each pose is compared with the last one. poses: f64[k, 4, 4] of the object. contacts: f64[m, 3], object frame.
+        The palm rests in the hold; a finger that still moves on an object at rest is not treated as motion.
         """
         points = contacts @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
         return bool(np.linalg.norm(points - points[-1], axis=2).max() > self.hand.pitch_m / 2.0)
@@ -95,16 +99,19 @@ class GraspCheck:
         return positions
 
     def _find_touching_taxels(self, positions: FloatArray) -> BoolArray:
-        """Find the taxels that the object may touch, bool[n]; positions: their centres f64[n, 3], object frame.
+        """Return for each of n taxels whether the object may touch the layer over it, bool[n].
 
-        A point of the layer's surface over a taxel is at most the thickness of the layer above its plane and half the
-        diagonal of its square beside its centre.
+        positions: centres of the taxels f64[n, 3], object frame. The layer's surface over a taxel is at most the layer
+        thickness above the taxel's centre and half the diagonal of the taxel's square beside it.
         """
         reach_m = np.hypot(self.hand.layer_m or 0.0, self.hand.pitch_m / np.sqrt(2.0))
         return np.asarray(self.shape.signed_distance(positions) < reach_m)
 
     def _is_toppled(self, pose: FloatArray) -> bool:
-        """Whether the line of gravity through the centre of mass misses the base; pose: f64[4, 4] of the object."""
+        """Return whether the object would fall over: the vertical through its centre of mass misses its base.
+
+        pose: f64[4, 4] of the object. An object that lies upside down is treated as toppled.
+        """
         up = pose[:3, :3].T @ self.up
         if up[2] <= 0.0:
             return True
@@ -113,15 +120,18 @@ class GraspCheck:
         return bool(self.shape.signed_distance(foot) > ROUNDING_M)
 
     def _is_turned(self, pose: FloatArray) -> bool:
-        """Whether the palm points at the object as in another approach; pose: f64[4, 4] of the object."""
+        """Return whether the palm's direction, seen from the object, is closer to another approach than to the planned.
+
+        pose: f64[4, 4] of the object.
+        """
         axis = pose[:3, :3].T @ self.palm_axis
-        return bool((self.other_axes @ axis).max(initial=-np.inf) > self.own_axis @ axis)
+        return bool((self.other_axes @ axis).max(initial=-np.inf) > self.planned_axis @ axis)
 
 
 def make_grasp_check(setup: Setup, planned: PlannedGrasp) -> GraspCheck:
-    """Make the check of the motion of a planned grasp."""
+    """Make the failure check of a planned grasp from the planned poses and the approaches to the same object."""
     approaches = setup.approaches_to(planned.object)
-    own_axis = approaches[planned.approach].palm_pose[:3, 0]
+    planned_axis = approaches[planned.approach].palm_pose[:3, 0]
     other = [approach.palm_pose[:3, 0] for name, approach in approaches.items() if name != planned.approach]
     pose, shape = setup.object_pose(planned.object), setup.objects[planned.object].shape
     return GraspCheck(
@@ -129,7 +139,7 @@ def make_grasp_check(setup: Setup, planned: PlannedGrasp) -> GraspCheck:
         shape=shape,
         centre_m=compute_mass_properties(shape).centre_m,
         up=pose[:3, 2],
-        palm_axis=pose[:3, :3] @ own_axis,
-        own_axis=own_axis,
+        palm_axis=pose[:3, :3] @ planned_axis,
+        planned_axis=planned_axis,
         other_axes=np.array(other).reshape(-1, 3),
     )

@@ -1,7 +1,8 @@
 """Components of the floor of a campaign on the emulated hand: one source of variation at a time.
 
-The random samples of a source are those of the full variation (equal seed and grasp ids), so that the sum of the
-components and the floor of the full variation are estimated from the same sample.
+The floor of a condition (object and approach) is the standard error of its mean signal over the sessions: the gap that
+repeats alone cause. The random samples of a source are those of the full variation (equal seed and grasp ids), so that
+the sum of the components and the floor of the full variation are estimated from the same samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,7 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import BoolArray, FloatArray
 
 ALL: Final = "all"
-"""Name of the full variation."""
+"""Name of the dataset in which all sources vary at the same time."""
 
 SOURCES: Final[Mapping[str, tuple[str, ...]]] = {
     "object pose": ("object_m", "object_rad"),
@@ -30,11 +31,12 @@ SOURCES: Final[Mapping[str, tuple[str, ...]]] = {
     "noise": (),
 }
 """Sources of variation, and the fields of `Variation` that belong to them. Finger bases: the original plan holds the
-first joint of each finger at the angle that was measured in the same iteration. Noise: of the read-out.
+first joint of each finger at the angle that was measured in the original experiment's iteration with the same number.
+Noise: read-out noise of the taxels.
 """
 
 SIGNAL_COUNTS: Final = 10.0
-"""Mean signal above which a taxel counts, counts: 2.5 standard deviations of the default noise of one frame."""
+"""Mean signal, in counts, above which a taxel is included: 2.5 standard deviations of one frame's default noise."""
 
 CONFIDENCE: Final = 0.9
 """Probability that the interval of a floor contains the true floor (chosen)."""
@@ -45,10 +47,10 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class FloorComponents:
-    """Floor of one condition or object, counts, RMS over the taxels with a signal.
+    """Floor of one condition or of several pooled conditions, counts, RMS over the taxels with a signal.
 
-    taxels: number of these taxels. components: floor of each source alone. total: floor of the full variation.
-    interval: of `total`, lower and upper end with the probability `CONFIDENCE`.
+    taxels: number of these taxels. components: floor of each source alone, by name of the source. total: floor of the
+    full variation. interval: lower and upper end of the confidence interval of `total` (level `CONFIDENCE`).
     """
 
     taxels: int
@@ -65,7 +67,7 @@ class FloorComponents:
 def isolate_source(settings: EmulatedSettings, source: str) -> EmulatedSettings:
     """Return the settings in which only one source varies. source: a key of `SOURCES`, or `ALL` for no change.
 
-    Effects other than noise are kept. Raises KeyError for another source.
+    Effects other than noise are kept; noise is kept only for the source "noise". Raises KeyError for another source.
     """
     if source == ALL:
         return settings
@@ -80,8 +82,8 @@ def isolate_source(settings: EmulatedSettings, source: str) -> EmulatedSettings:
 def select_grasps(plan: Sequence[PlannedGrasp], keys: Sequence[Key], source: str) -> tuple[PlannedGrasp, ...]:
     """Select the first grasp of each condition in each session, in the order of the plan.
 
-    keys: conditions to select. All grasps are of iteration 0, so that their finger bases are equal, unless `source`
-    contains the finger bases.
+    keys: conditions to select. The iteration number of the selected grasps, which determines the finger bases, is set
+    to 0, so that all finger bases are equal; it is kept if `source` is "finger bases" or `ALL`.
     """
     first: dict[tuple[str, str, int], PlannedGrasp] = {}
     for grasp in plan:
@@ -93,9 +95,10 @@ def select_grasps(plan: Sequence[PlannedGrasp], keys: Sequence[Key], source: str
 
 
 def read_session_means(path: str | PathLike[str]) -> tuple[dict[Key, FloatArray], BoolArray]:
-    """Read the mean signals over the hold in each session of a dataset, f64[sessions, n], counts, by condition.
+    """Read the mean signals of each session of a dataset, and which of its n taxels the thesis experiments used.
 
-    Also returns which taxels the experiments of the thesis used, bool[n].
+    The first value maps each condition to the signals of its S sessions, f64[S, n], counts: means over the hold and
+    over the session's grasps. The second value is bool[n].
     """
     signals: dict[Key, dict[int, list[FloatArray]]] = {}
     with GraspDataset(path) as data:
@@ -112,7 +115,8 @@ def compute_components(paths: Mapping[str, str | PathLike[str]]) -> dict[Key, Fl
     """Compute the components of the floor from the datasets of all sources, by condition.
 
     paths: dataset of each source and of `ALL`, with two or more sessions. The floor of a condition is the standard
-    error of the mean over the sessions.
+    error of its mean signal over the sessions. Only used taxels whose mean signal in the dataset `ALL` exceeds
+    `SIGNAL_COUNTS` are included.
     """
     means = {source: read_session_means(path) for source, path in paths.items()}
     full, used = means[ALL]
@@ -127,9 +131,10 @@ def compute_components(paths: Mapping[str, str | PathLike[str]]) -> dict[Key, Fl
 
 
 def pool(parts: Sequence[FloorComponents], sessions: int) -> FloorComponents:
-    """Pool the floors of several conditions: the mean of their squares, as for the floor of a campaign.
+    """Pool the floors of several conditions to one: root mean square of the totals and of each component.
 
-    sessions: number of sessions, from which the interval follows. `parts` is not empty.
+    The number of taxels is the sum over the conditions. sessions: number of sessions of each condition, from which the
+    confidence interval follows. `parts` is not empty.
     """
     components = {source: _pool_rms([part.components[source] for part in parts]) for source in parts[0].components}
     total = _pool_rms([part.total for part in parts])
@@ -138,15 +143,15 @@ def pool(parts: Sequence[FloorComponents], sessions: int) -> FloorComponents:
 
 
 def _compute_floor(sessions: FloatArray) -> float:
-    """Compute the standard error of the mean over sessions, RMS over taxels; sessions: f64[s, n], counts."""
+    """Compute the standard error of the mean over S sessions, RMS over n taxels. sessions: f64[S, n], counts."""
     return float(np.sqrt(np.mean(sessions.var(axis=0, ddof=1)) / len(sessions)))
 
 
 def _compute_interval(floor: float, degrees_of_freedom: int) -> tuple[float, float]:
-    """Compute the interval of a floor from the chi-squared distribution of its square.
+    """Compute the confidence interval (lower, upper end) of a floor from the chi-squared distribution of its square.
 
-    The taxels of a condition move together: each session counts as one sample, whatever the number of taxels, so that
-    the interval is rather too wide than too narrow.
+    The signals of a condition's taxels vary together. Each session is therefore treated as one sample, whatever the
+    number of taxels: the interval is too wide rather than too narrow.
     """
     shares = (1.0 + CONFIDENCE) / 2.0, (1.0 - CONFIDENCE) / 2.0
     low, high = (floor * np.sqrt(degrees_of_freedom / chi2.ppf(share, degrees_of_freedom)) for share in shares)
@@ -154,5 +159,5 @@ def _compute_interval(floor: float, degrees_of_freedom: int) -> tuple[float, flo
 
 
 def _pool_rms(values: Sequence[float]) -> float:
-    """Root of the mean of squares."""
+    """Compute the root mean square of the values."""
     return float(np.sqrt(np.mean(np.square(values))))

@@ -29,8 +29,8 @@ MESH_RESOLUTION: Final = 20
 class FreeObject:
     """Pose, inertia and support of a free object. Coordinates: motion of the centre of mass and rotation, world.
 
-    The points of the object that touch the stand are its vertices. Each vertex is a spring across the plane, sticks
-    to the plane, and slides where the force along the plane exceeds the friction coefficient times the force across.
+    The object touches the stand with its vertices. Each vertex is a spring normal to the plane of the stand. It sticks
+    to the plane, and slides where the force along the plane exceeds the friction coefficient times the normal force.
 
     Attributes:
         struct: constants and state for the C library.
@@ -59,22 +59,29 @@ class FreeObject:
         return make_pose(self.struct.pose)
 
     def steady(self, firmness: float) -> None:
-        """Set how firmly the experimenter steadies the object, 0 to 1; a new hold is at the present pose."""
+        """Set how firmly the experimenter's hand steadies the object, 0 (not at all) to 1.
+
+        If the value rises from 0, the experimenter holds the object at its present pose from now on.
+        """
         if self.struct.firmness == 0.0 and firmness > 0.0:
             self.struct.steadied_pose = self.struct.pose
         self.struct.firmness = firmness
 
     def compute_steadying(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Force f64[6] of the experimenter's hand (N, Nm about the centre of mass), stiffness and damping f64[6]."""
+        """Compute the load of the experimenter's hand on the object, and its stiffness and its damping, each f64[6].
+
+        The load is a force in N and a moment in Nm about the centre of mass; stiffness and damping are per coordinate.
+        """
         values = np.zeros((3, OBJECT_DOF))
         self._library.taxel_dynamics_steadying(ctypes.byref(self.struct), *(row.ctypes.data for row in values))
         load, stiffness, damping = values
         return load, stiffness, damping
 
     def compute_support(self) -> tuple[FloatArray, FloatArray]:
-        """Weight and force of the stand, f64[6] (N, Nm about the centre of mass), and its stiffness f64[6, 6].
+        """Compute the load of weight and stand on the object, f64[6], and the stand's stiffness f64[6, 6].
 
-        The points where the object sticks to the stand follow. Call it once per time step.
+        The load is a force in N and a moment in Nm about the centre of mass. The call also moves the points at which
+        sliding vertices stick to the stand, so call it once per time step.
         """
         load, stiffness = np.zeros(OBJECT_DOF), np.zeros((OBJECT_DOF, OBJECT_DOF))
         self._library.taxel_dynamics_support(ctypes.byref(self.struct), load.ctypes.data, stiffness.ctypes.data)

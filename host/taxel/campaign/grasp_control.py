@@ -44,9 +44,10 @@ def control_grasp(
 ) -> JointLog:
     """Control the torques of the Allegro hand from `begin_s` to `end_s` seconds of a grasp; return the joint angles.
 
-    wait_for_period: waits for the next period and returns its number; the number skips missed periods (the method of a
-    `ControlLoop`, or a function that advances a virtual hand). on_period: called in each period with the time of the
-    grasp in seconds. All torques are zero at the end. Raises the errors of the driver (`AllegroError`) at once.
+    wait_for_period: waits for the next control period and returns its number, which skips missed periods
+    (`ControlLoop.wait`, or a function that advances a virtual hand). on_period: called in each period with the time
+    since the start of the grasp, seconds. All torques are zero at the end, also after an error. Errors of the driver
+    (`AllegroError`) are raised at once.
     """
     try:
         log = _run_control_loop(hand, controller, begin_s, end_s, wait_for_period, on_period or (lambda _: None))
@@ -68,8 +69,8 @@ def _run_control_loop(
 ) -> JointLog:
     """Run the control loop of a grasp from `begin_s` to `end_s` seconds; the torques of the last period stay set.
 
-    wait_for_period: returns the number of the next period. on_period: called with the time of the grasp in seconds.
-    Returns the joint angles of all periods.
+    wait_for_period: waits for the next control period and returns its number. on_period: called in each period with the
+    time since the start of the grasp, seconds. Returns the joint angles of all periods.
     """
     first, angles = _wait_for_first_report(hand, wait_for_period)
     period, speeds = first, np.zeros_like(angles)

@@ -38,7 +38,7 @@ STEP_MOTION_M: Final = 0.2e-3
 """Largest motion of a board relative to an object that it may touch in one time step (chosen: a tenth of the layer)."""
 MIN_SUBSTEP_S: Final = 0.3e-3
 BOARD_RADIUS_M: Final = 0.03
-"""Distance from a bracket's origin within which its rotation counts in the choice of the time step (chosen)."""
+"""Lever arm that converts a bracket's rotation into a motion of its board when the time step is chosen (chosen)."""
 
 
 class HandInContact:
@@ -59,7 +59,7 @@ class HandInContact:
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
-        """Create the dynamics of a hand at rest; arguments as for the class. Earlier contacts are forgotten.
+        """Create the dynamics of a hand at rest; arguments as for the class. Clears the contact solver's contacts.
 
         Raises ValueError for a hand that is too large for the C library.
         """
@@ -103,7 +103,7 @@ class HandInContact:
         return self._joints[:, 3].copy()
 
     def object_pose(self) -> FloatArray:
-        """Pose f64[4, 4] of the object in the world."""
+        """Return the pose f64[4, 4] of the object in the world."""
         return self._item.pose
 
     def bracket_poses(self) -> FloatArray:
@@ -115,19 +115,19 @@ class HandInContact:
         return poses
 
     def hold_wrist(self, pose: FloatArray) -> None:
-        """Set the pose of the wrist, f64[4, 4], in world coordinates; it moves there during the next step."""
+        """Set the pose of the wrist, f64[4, 4], world. The wrist moves to it at constant speed during the next step."""
         self._struct.wrist_before = self._struct.wrist
         view_frame(self._struct.wrist)[:] = pose[:3]
 
     def steady_object(self, firmness: float) -> None:
-        """Set how firmly the experimenter steadies the object, 0 to 1."""
+        """Set how firmly the experimenter's hand steadies the object, 0 (not at all) to 1."""
         self._item.steady(firmness)
 
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
         """Integrate the motion of hand and object over `dt_s` seconds; return the joint angles f64[j], radians.
 
         torque_nm: motor torques f64[j]. The wrist moves from its previous to its present pose at constant speed. Raises
-        ValueError for torques of another shape, and for a closed contact.
+        ValueError if the torques have another shape, or if the contact solver is closed.
         """
         torque = np.ascontiguousarray(torque_nm, dtype=np.float64)
         if torque.shape != (len(self._joints),):
@@ -143,7 +143,8 @@ class _TreeArrays:
     def __init__(self, robot: Robot, hand: Hand, contact: SkinContact) -> None:
         """Collect parents, joints and poses of the links, and the boards with their brackets.
 
-        Raises ValueError for a hand that is too large for the C library, or whose boards are not those of the contact.
+        Raises ValueError for a hand that is too large for the C library, or whose boards differ in number from those of
+        the contact solver.
         """
         self.board_count = contact.board_count
         self.link_count, self.joint_count = len(robot.link_names), len(robot.joint_names)

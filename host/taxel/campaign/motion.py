@@ -1,4 +1,4 @@
-"""Motion of one grasp of the emulated hand: a virtual Allegro hand on CAN closes on an object in contact."""
+"""Motion of one grasp of the emulated hand: a virtual Allegro hand on CAN closes on an object and touches it."""
 
 import itertools
 from collections.abc import Callable
@@ -26,8 +26,9 @@ SETTLE_S = 0.12
 class Motion:
     """True motion of one grasp.
 
-    time_s: f64[k], since the start of the grasp. object_poses: f64[k, 4, 4], world. bracket_poses: f64[k, s, 4, 4],
-    world, nominal: without the offsets of their mounting. joints: the measured joint angles.
+    time_s: f64[k], times of the k records of the scene, seconds since the start of the grasp. object_poses: f64[k, 4,
+    4], world. bracket_poses: f64[k, s, 4, 4] of the s boards' brackets, world, nominal: without the offsets of their
+    mounting. joints: the measured joint angles of the hand.
     """
 
     time_s: NDArray[np.float64]
@@ -36,7 +37,7 @@ class Motion:
     joints: JointLog
 
     def select_hold(self, timeline: Timeline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Select the poses of the object f64[k, 4, 4] and of the brackets f64[k, s, 4, 4] in the hold."""
+        """Return the poses of object f64[h, 4, 4] and brackets f64[h, s, 4, 4] at the h recorded times of the hold."""
         is_hold = timeline.find_phases(self.time_s) == Phase.HOLD
         return self.object_poses[is_hold], self.bracket_poses[is_hold]
 
@@ -47,11 +48,11 @@ def simulate_grasp_motion(
     timeline: Timeline,
     wrist_at: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> Motion:
-    """Simulate the motion of one grasp: approach, close, hold, open and withdraw; the hand runs in virtual time.
+    """Simulate the motion of one grasp in virtual time: approach, close, hold, open and withdraw.
 
     The virtual hand and the driver of the real hand exchange messages on a virtual CAN bus. wrist_at: returns the wrist
-    poses f64[k, 4, 4] at times f64[k] of the grasp, seconds. The scene is static before and after the motion: its first
-    and last record are valid for the baseline and the recovery.
+    poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp. The motion has no records in the
+    baseline and the recovery, in which the scene rests: there its first and its last record are valid.
     """
     begin = max(0.0, timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
     ticks = round((timeline.get_end_s(Phase.RELEASE) - begin) / PERIOD_S)

@@ -1,4 +1,4 @@
-"""Number of failed grasps and of repeated attempts per object in a dataset."""
+"""Numbers of failed grasps and of repeated attempts per object in a dataset."""
 
 import os
 from collections import Counter
@@ -25,7 +25,7 @@ class OutcomeCount:
         return sum(self.failures.values())
 
     def __str__(self) -> str:
-        """Format the counts as one phrase, such as "10 of 54 grasps failed (10 turned), 0 attempts repeated"."""
+        """Format the numbers as one phrase, such as "10 of 54 grasps failed (10 turned), 0 attempts repeated"."""
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
         return (
             f"{self.failed} of {self.grasps} grasps failed{f' ({kinds})' if kinds else ''}, "
@@ -34,9 +34,10 @@ class OutcomeCount:
 
 
 def count_outcomes(path: str | os.PathLike[str]) -> dict[str, OutcomeCount]:
-    """Count the failed grasps of a dataset for each object.
+    """Count the grasps, the failed grasps and the repeated attempts of a dataset, by name of the object.
 
-    Only objects with a grasp whose outcome is stated: a recording of a physical hand states none.
+    Only grasps with a stated outcome are counted; an object without such a grasp is not in the result. Recordings of a
+    physical hand state no outcome.
     """
     grasps: Counter[str] = Counter()
     repeated: Counter[str] = Counter()

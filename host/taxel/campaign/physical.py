@@ -54,8 +54,8 @@ JOIN_TIMEOUT_S = 2.0
 class PhysicalSettings:
     """Settings of a campaign on a physical workstation.
 
-    timeline: phases of a grasp. confirm_placement: called before the first grasp and before each grasp of another
-    object or session; returns when the operator has placed the object. None: no confirmation.
+    timeline: phases of a grasp. confirm_placement: called before the first grasp and whenever the object or the session
+    changes; returns when the operator has placed the object. None: no confirmation.
     """
 
     timeline: Timeline = field(default_factory=Timeline)
@@ -74,8 +74,9 @@ def run_physical(
 ) -> None:
     """Perform the grasps of `plan` with a physical hand, and write each finished grasp to the dataset `path`.
 
-    station: arm, hand and skin. resume: keep the grasps that the file already contains. All motions of the arm are
-    planned before the first one begins, and again from the measured joint angles before each of them; an infeasible one
+    station: arm, hand and skin. overwrite: replace an existing file. resume: keep the grasps that the file already
+    contains. progress: called with the number of finished grasps and the total. All motions of the arm are planned
+    before the first one begins, and again from the measured joint angles before each of them; an infeasible motion
     raises MotionPlanningError. Raises the errors of arm, hand and skin, with one-line messages. After an error the
     finished grasps are in the file, the torques of the hand are zero and the arm is stopped.
     """
@@ -100,7 +101,10 @@ def run_physical(
 
 
 def _run_or_stop(station: Workstation, action: Callable[[], _T]) -> _T:
-    """Return the result of an action; after an error the arm is stopped and the torques of the hand are zero."""
+    """Run an action and return its result; if it raises an error, stop the arm and set the hand's torques to zero.
+
+    The error is raised again. Errors of the arm and the hand while they are stopped are suppressed.
+    """
     try:
         return action()
     except BaseException:
@@ -119,14 +123,17 @@ def _perform_grasp(
     collector: _FrameCollector,
     motion: MotionExecutor,
 ) -> GraspRecord:
-    """Perform one grasp with the physical hand and return its record. After an error the arm is stopped.
+    """Perform one grasp with the physical hand and return its record.
 
-    station: arm, hand and skin. collector: thread that collects the frames of the skin. motion: plans and performs the
-    motion to the pre-grasp posture.
+    station: arm, hand and skin. collector: collects the frames of the skin in a thread. motion: plans and performs the
+    motion to the pre-grasp posture. After an error the arm is stopped and the torques of the hand are zero.
     """
 
     def perform() -> tuple[_ArmSchedule, JointLog, list[TaxelFrame]]:
-        """Move to the pre-grasp posture, and perform the grasp; return its logs and its frames."""
+        """Move to the pre-grasp posture, and perform the grasp.
+
+        Returns the arm's schedule with its log, the log of the hand's joint angles and the frames of the skin.
+        """
         path = motion.move_to_pregrasp(planned)
         schedule = _ArmSchedule(station, timeline, path.grasping[:ARM_JOINTS], path.pregrasp[:ARM_JOINTS])
         collector.discard()
@@ -179,7 +186,7 @@ class _ArmSchedule:
     def on_period(self, time_s: float) -> None:
         """Start the next scheduled move of the arm if it is due and the arm is at rest; log the angles of the arm.
 
-        time_s: time of the grasp, seconds.
+        time_s: seconds since the start of the grasp. The first call also sets `start_s`.
         """
         if not self._times:
             self.start_s = time.monotonic() - time_s
@@ -205,8 +212,8 @@ def _make_record(
 ) -> GraspRecord:
     """Make the dataset record of a grasp from the frames of the skin and the measured joint angles.
 
-    cycles: frames of the skin. start_s: time of the start of the grasp. arm, joints: angles of arm and hand. Raises
-    TaxelError if there are no frames.
+    cycles: frames of the skin during the grasp. start_s: start of the grasp on the clock of the frames. arm, joints:
+    measured joint angles of arm and hand. Raises TaxelError if there are no frames.
     """
     elapsed = cycles.time_s - start_s
     phase = timeline.find_phases(elapsed)
@@ -233,9 +240,9 @@ def _make_record(
 
 
 def _confirm_placement(station: Workstation, settings: PhysicalSettings, planned: PlannedGrasp) -> None:
-    """Wait until the operator has placed the object of a grasp.
+    """Wait until the operator has placed the object of a grasp; return at once if the settings ask for no confirmation.
 
-    The periodic reports of the hand are off during this time, because nothing reads them.
+    The periodic reports of the hand are off during the wait, because nothing reads them.
     """
     if settings.confirm_placement is None:
         return
@@ -248,7 +255,7 @@ class _FrameCollector:
     """Reads the skin in a separate thread, so that the control loop never waits for frames."""
 
     def __init__(self, skin: Skin) -> None:
-        """Create a thread that collects the frames of a skin during a grasp; it starts with the `with` block."""
+        """Create the collector of a skin; its thread runs from the beginning to the end of the `with` block."""
         self._skin = skin
         self._frames: list[TaxelFrame] = []
         self._lock = threading.Lock()

@@ -31,9 +31,10 @@ _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
     """Draw the contact points of every object (columns) in every dataset (rows) to an image file, as thesis Figure 5.6.
 
-    paths: grasp datasets. out: image file. Of more than `MAX_OBJECTS` objects, only the first are drawn.
+    paths: grasp datasets. out: image file. The objects are those of the first dataset's grasps; only the first
+    `MAX_OBJECTS` of them are drawn.
     """
-    plt = _pyplot()
+    plt = _import_pyplot()
     datasets = [GraspDataset(path) for path in paths]
     try:
         names = list(dict.fromkeys(grasp.object for grasp in datasets[0]))
@@ -64,7 +65,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
     paths: grasp datasets. out: image file. grasp_ids: the grasp of each dataset. Raises `DatasetError` if a dataset
     lacks its grasp.
     """
-    plt = _pyplot()
+    plt = _import_pyplot()
     figure = plt.figure(figsize=(5.6 * len(paths), 5.6), layout="constrained")
     for column, (path, grasp_id) in enumerate(zip(paths, grasp_ids, strict=True)):
         with GraspDataset(path) as data:
@@ -87,19 +88,21 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
 
 
 def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> None:
-    """Draw the visible edges of an object into a 3-D plot, in millimetres.
+    """Draw the visible edges of the object `name` into a 3-D plot, in millimetres.
 
-    pose: f64[4, 4] of the object in the plot.
+    pose: f64[4, 4] of the object in the plot, metres.
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     mesh = data.objects[name]
     corners = 1e3 * apply(pose, mesh.vertices)
-    axis.add_collection3d(Line3DCollection(corners[_outline(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8))
+    axis.add_collection3d(
+        Line3DCollection(corners[_select_drawn_edges(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8)
+    )
 
 
-def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """Select the edges of a mesh to draw: where two faces meet at an angle, and silhouette edges seen from `VIEW`.
+def _select_drawn_edges(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Select the edges of a mesh to draw: sharp edges, edges of only one face, and the silhouette as seen from `VIEW`.
 
     vertices: f64[v, 3]. faces: vertex indices i32[f, 3]. Returns pairs of vertex indices intp[e, 2].
     """
@@ -114,7 +117,7 @@ def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]
             faces_of_edge.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
 
     def is_drawn(adjacent: list[int]) -> bool:
-        """Whether an edge is visible. adjacent: indices of the faces that contain the edge."""
+        """Return whether an edge is drawn. adjacent: indices of the faces that contain the edge."""
         if len(adjacent) != 2:
             return True
         first, second = adjacent
@@ -141,7 +144,7 @@ def _set_axes(axis: Any, points: FloatArray) -> None:
         getattr(axis, f"set_{letter}label")(f"{letter} mm", fontsize=7, labelpad=-6)
 
 
-def _pyplot() -> Any:
+def _import_pyplot() -> Any:
     """Import pyplot of Matplotlib with a backend that needs no display."""
     import matplotlib
 

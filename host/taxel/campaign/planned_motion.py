@@ -1,4 +1,4 @@
-"""Motions of arm and hand of a physical campaign between its grasps: planned without collisions, then performed."""
+"""Motions of a physical arm and hand between the grasps of a campaign: planned without collisions, then performed."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ HOLD_NM_PER_RAD = 3.0
 HOLD_NM_S_PER_RAD = 0.1
 """Stiffness and damping of the joints of the hand between two grasps (chosen).
 
-A load of 0.05 Nm, the weight of a finger, deflects a joint by 0.017 rad. Below the gains of the held joints in a grasp,
-so that the control stays stable while a plan is computed in another thread.
+A load of 0.05 Nm, the weight of a finger, deflects a joint by 0.017 rad. Both are lower than for the held joints in a
+grasp, so that the control stays stable while a plan is computed in another thread.
 """
 
 SETTLE_S = 0.1
@@ -62,7 +62,7 @@ class Workstation:
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """The planned motion to one grasp. plan: None if it is infeasible; error: its cause."""
+    """The planned motion to one grasp. plan: None if the motion is infeasible. error: why it is infeasible, or None."""
 
     planned: PlannedGrasp
     plan: MotionPlan | None
@@ -70,7 +70,7 @@ class PlannedMotion:
 
 
 def get_placement(planned: PlannedGrasp) -> tuple[str, int]:
-    """Return what the operator must place for a grasp: the object and the session, which requires a new placement."""
+    """Return the object and the session of a grasp; the operator places an object anew if one of the two changes."""
     return planned.object, planned.session
 
 
@@ -83,7 +83,7 @@ class CampaignPlanner:
         self._planner = MotionPlanner(setup.kinematics.robot, setup.hand, setup.table_z_m, settings)
 
     def plan_grasp(self, planned: PlannedGrasp, start: NDArray[np.float64]) -> MotionPlan:
-        """Plan the motion from a start posture f64[j] to a grasp. Raises MotionPlanningError."""
+        """Plan the motion from a start posture f64[j] of arm and hand to a grasp. Raises MotionPlanningError."""
         setup = self._setup
         what = f"object {planned.object}, approach {planned.approach}"
         item, pose = setup.objects[planned.object], setup.object_pose(planned.object)
@@ -92,23 +92,27 @@ class CampaignPlanner:
     def plan_retreat(
         self, planned: PlannedGrasp, arm_angles: NDArray[np.float64], start: NDArray[np.float64]
     ) -> TimedPath:
-        """Plan the motion of the arm away from the object of a grasp, to arm angles f64[6].
+        """Plan the motion of the arm away from the object of a grasp, to the arm angles `arm_angles` f64[6], radians.
 
-        Raises MotionPlanningError.
+        start: posture f64[j] of arm and hand at the start. Raises MotionPlanningError.
         """
         item, pose = self._setup.objects[planned.object], self._setup.object_pose(planned.object)
         what = f"object {planned.object}, retreat after approach {planned.approach}"
         return self._planner.plan_to_arm_posture(what, item, pose, arm_angles, start)
 
     def recheck(self, planned: PlannedGrasp, plan: MotionPlan, index: int, hand_angles: NDArray[np.float64]) -> None:
-        """Check the rest of a plan with measured angles f64[16] of the hand. Raises MotionPlanningError."""
+        """Check the plan's next motion of the arm for collisions of the hand in its measured posture.
+
+        index: number of the waypoint at which this motion begins. hand_angles: measured angles f64[16], radians. Raises
+        MotionPlanningError if the hand would collide.
+        """
         item, pose = self._setup.objects[planned.object], self._setup.object_pose(planned.object)
         self._planner.recheck(plan, item, pose, index, hand_angles)
 
     def plan_campaign(self, grasps: Sequence[PlannedGrasp], start: NDArray[np.float64]) -> Iterator[PlannedMotion]:
-        """Plan the motions of all grasps in their order, from a start posture f64[j].
+        """Plan the motions of all grasps in their order, from a start posture f64[j] of arm and hand, and yield them.
 
-        Before another object is placed, the arm returns to its angles at the start. An infeasible motion is yielded
+        Before an object is placed anew, the arm returns to its angles at the start. An infeasible motion is yielded
         with its error, and the next one starts where the infeasible one would have started.
         """
         here, previous = start, None
@@ -137,7 +141,7 @@ class MotionExecutor:
     """Performs planned motions at a workstation. The fingers are held in their posture while the arm moves."""
 
     def __init__(self, setup: Setup, station: Workstation) -> None:
-        """Create the executor; the posture of the arm at this time is that of later retreats."""
+        """Create the executor. The measured posture of the arm at this time becomes the target of all retreats."""
         self._station = station
         self._planner = CampaignPlanner(setup)
         self._hand = _HandHolder(station.hand)
@@ -171,7 +175,10 @@ class MotionExecutor:
         return plan
 
     def retreat(self, planned: PlannedGrasp) -> None:
-        """Move the arm from its measured posture at the object of a grasp to its posture at the start."""
+        """Move the arm from the object of a grasp to its posture at the start, and then release the fingers.
+
+        Raises MotionPlanningError before the motion, and the errors of arm and hand.
+        """
         self._wait_for_arm()
         start = self._measure()
         path = self._hold_during(lambda: self._planner.plan_retreat(planned, self._start[:ARM_JOINTS], start))
@@ -180,18 +187,18 @@ class MotionExecutor:
         self.release()
 
     def release(self) -> None:
-        """Hold the fingers no longer: their torques are zero."""
+        """Stop holding the fingers: set their torques to zero."""
         self._fingers = None
         self._station.hand.set_torque(np.zeros(JOINT_COUNT))
 
     def hold(self, duration_s: float) -> None:
-        """Hold the fingers in the open posture of the last plan for a duration, seconds."""
+        """Hold the fingers in the pre-grasp posture of the last plan for `duration_s` seconds."""
         self._hold_during(functools.partial(time.sleep, duration_s))
 
     def _hold_during(self, action: Callable[[], _T]) -> _T:
-        """Return the result of an action, which runs in another thread while the fingers hold their posture.
+        """Run an action in another thread while the fingers hold their posture; return the result of the action.
 
-        Without held posture the reports of the hand are read, so that they do not accumulate.
+        If no posture is held, the reports of the hand are only read, so that they do not accumulate.
         """
         with ThreadPoolExecutor(1) as pool:
             future = pool.submit(action)
@@ -201,7 +208,10 @@ class MotionExecutor:
             return future.result()
 
     def _update_hand(self) -> None:
-        """Read the reports of the hand, which detects its faults, and command the torques of the held posture."""
+        """Read the reports of the hand, and command the torques of the held posture if there is one.
+
+        Reading the reports raises the errors of the hand.
+        """
         if self._fingers is None:
             self._station.hand.update()
         else:
@@ -217,7 +227,10 @@ class MotionExecutor:
             time.sleep(PERIOD_S)
 
     def _perform_segment(self, path: TimedPath) -> None:
-        """Perform one straight segment, of the arm or of the hand."""
+        """Perform one straight segment of a path, in which either the arm or the hand moves, and wait for its end.
+
+        In a segment of the arm, the fingers hold the segment's posture.
+        """
         arm, fingers = path.waypoints[:, :ARM_JOINTS], path.waypoints[:, ARM_JOINTS:]
         if not np.array_equal(arm[0], arm[1]):
             self._fingers = fingers[1]
@@ -247,7 +260,7 @@ class MotionExecutor:
 
 
 class _HandHolder:
-    """Position control of the hand by torques: proportional and damped, as for the held joints of a grasp."""
+    """Holds the joints of the hand at target angles with a proportional and damping (PD) torque."""
 
     def __init__(self, hand: AllegroHand) -> None:
         """Create the controller of a hand."""
@@ -257,7 +270,10 @@ class _HandHolder:
         self._time_s = 0.0
 
     def step(self, target: NDArray[np.float64]) -> None:
-        """Command the torques for a target f64[16], radians, from the latest reports of the hand."""
+        """Read the latest reports of the hand and command the torques that hold it at `target` f64[16], radians.
+
+        After a pause of more than ten control periods the estimated joint speeds restart at 0.
+        """
         self._hand.update()
         angles, now_s = self._hand.read_joint_angles().angles, time.monotonic()
         elapsed_s = now_s - self._time_s

@@ -1,4 +1,4 @@
-"""Number of contact points per object in a dataset, as in Table 5.2 of the thesis."""
+"""Number of contact points (active taxels of all grasps) per object in a dataset, as in Table 5.2 of the thesis."""
 
 import os
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ class PointCount:
 
 
 def count_contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
-    """Count the active taxels of a grasp dataset over all grasps, separately for each object.
+    """Count the grasps and their active taxels in a grasp dataset, by name of the object.
 
-    A taxel without a valid hold frame is not counted. A grasp in which a board has hold frames but no baseline frames
-    is omitted.
+    Only taxels that the thesis experiments used and that have a valid hold frame are counted. A grasp in which a board
+    has hold frames but no baseline frames is omitted.
     """
     with GraspDataset(path) as data:
         used = select_used_taxels(data)

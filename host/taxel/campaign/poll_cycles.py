@@ -20,11 +20,11 @@ LATE_CYCLES = 16
 
 @dataclass(frozen=True, eq=False)
 class PollCycles:
-    """Frames of all boards, grouped by poll cycle, in order of time.
+    """Frames of s boards with n taxels, grouped into T poll cycles in order of time.
 
-    time_s: f64[T], start of the first board's scan. raw_counts: u16[T, n]; where a frame is missing, the latest counts
-    (0 before the first frame). valid: bool[T, s], whether the board's frame arrived. sensor_time: f64[T, s], seconds of
-    each board's own clock (where a frame is missing, the latest value).
+    time_s: f64[T], start of the first board's scan. raw_counts: u16[T, n]. valid: bool[T, s], whether the board's frame
+    arrived. sensor_time: f64[T, s], time on each board's own clock, seconds. Where a frame is missing, raw_counts and
+    sensor_time repeat the board's latest values (0 before its first frame).
     """
 
     time_s: NDArray[np.float64]
@@ -66,20 +66,21 @@ def group_by_poll_cycle(hand: Hand, frames: Iterable[TaxelFrame]) -> PollCycles:
 
 
 def _unwrap_cycle_numbers(numbers: list[int]) -> NDArray[np.int64]:
-    """Convert cycle numbers, which wrap around, to increasing numbers i64[n], in the order of arrival.
+    """Convert cycle numbers, which wrap around, to numbers i64[f] that do not, for f frames in order of arrival.
 
-    The result continues without a jump when the hub restarts and counts from 0 again.
+    A late frame keeps the number of its earlier cycle. If the hub restarts and counts from 0 again, the result
+    continues without a jump.
     """
     values = np.array(numbers, dtype=np.int64)
-    steps = _signed_steps(values, CYCLE_MODULUS)
+    steps = _compute_signed_steps(values, CYCLE_MODULUS)
     steps[steps < -LATE_CYCLES] = 1
     return np.asarray(values[:1] + np.cumsum(steps))
 
 
-def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
-    """Compute the differences of a counter that wraps at `modulus`; 0 for the first value.
+def _compute_signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
+    """Compute the difference of each value from the previous one, for a counter that wraps at `modulus`.
 
-    Each difference is between -modulus / 2 and modulus / 2.
+    Each difference is between -modulus / 2 and modulus / 2; the first one is 0.
     """
     steps = np.diff(values, prepend=values[:1])
     return np.asarray((steps + modulus // 2) % modulus - modulus // 2)
@@ -88,13 +89,13 @@ def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
 def _fill_board(
     cycles: PollCycles, column: int, taxels: slice, frames: list[TaxelFrame], index: NDArray[np.intp]
 ) -> None:
-    """Write the frames of one board into the arrays of the poll cycles; a missing frame repeats the latest counts.
+    """Write the frames of one board into the arrays of `cycles`; missing frames repeat the latest counts and time.
 
-    column: number of the board. taxels: its columns in the counts. index: poll cycle of each frame. The board's clock
+    column: index of the board. taxels: its columns in the counts. index: poll cycle of each frame. The board's clock
     in microseconds, which wraps, becomes seconds without wraps.
     """
     clock = np.array([frame.board_time_us for frame in frames], dtype=np.int64)
-    ticks = _signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that restarts steps back
+    ticks = _compute_signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that restarts steps back
     cycles.time_s[index] = np.minimum(cycles.time_s[index], [frame.time_s for frame in frames])
     cycles.valid[index, column] = True
     latest = np.maximum.accumulate(np.where(cycles.valid[:, column], np.arange(len(cycles.time_s)), -1))

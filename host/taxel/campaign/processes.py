@@ -21,7 +21,7 @@ class ProcessLostError(TaxelError):
     """A worker process of a campaign ended before its work was done."""
 
     def __init__(self) -> None:
-        """Create the error of a campaign whose worker process was terminated from outside; it has no arguments."""
+        """Create the error of a campaign whose worker process was terminated from outside."""
         super().__init__()
 
     def __str__(self) -> str:
@@ -42,8 +42,8 @@ def map_in_processes(
 ) -> Iterator[_Result]:
     """Yield `function(setup, part, settings)` for each part, in order, computed by several processes.
 
-    jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task. Raises the errors
-    of `function`, and `ProcessLostError`.
+    jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task of a process.
+    Raises the errors of `function`, and `ProcessLostError` if a process is terminated from outside.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(parts))
     if jobs <= 1:
@@ -70,6 +70,6 @@ def _call_with_pickled_setup(
 
 @lru_cache(maxsize=1)
 def _load_setup(pickled: bytes) -> Setup:
-    """Unpickle the campaign's setup; cached, so that all parts in a process share the values that the setup caches."""
+    """Unpickle the campaign's setup once per process, so that all parts share the values that the setup caches."""
     setup: Setup = pickle.loads(pickled)
     return setup

@@ -7,4 +7,4 @@ Progress = Callable[[int, int], object]
 
 
 def no_progress(finished: int, total: int) -> None:
-    """Progress callback that does nothing."""
+    """Do nothing: the default progress callback of the campaigns."""

@@ -32,14 +32,14 @@ from taxel.skin import open_skin
 from taxel.stream.start_script import write_start_script
 
 LEAD_IN_S = 4.0
-"""Time from power-up to the first grasp: the hub has found every board and has read its clock twice."""
+"""Time from power-up to the first grasp; by then the hub has found every board and has read each clock twice."""
 
 _SESSION_STREAM = 1
 
 
 @dataclass(frozen=True, eq=False)
 class _PerformedGrasp:
-    """A planned grasp and its kept attempt."""
+    """A planned grasp and the attempt that the campaign keeps."""
 
     planned: PlannedGrasp
     attempt: Attempt[Motion]
@@ -51,10 +51,11 @@ class _PerformedGrasp:
 
 
 class SceneMotion(NamedTuple):
-    """Motion of the scene (objects and boards) in a part of a session.
+    """Motion of the scene (one object and all boards) in a part of a session, at k times.
 
-    time_s: f64[k], since power-up. number: [k], number of the object of the world that is present. object_poses: f64[k,
-    4, 4], world. bracket_poses: f64[k, s, 4, 4], world, nominal.
+    time_s: f64[k], seconds since power-up. number: intp[k], index of the present object in the world file.
+    object_poses: f64[k, 4, 4], world. bracket_poses: f64[k, s, 4, 4] of the s boards' brackets, world, nominal: without
+    the offsets of their mounting.
     """
 
     time_s: NDArray[np.float64]
@@ -64,10 +65,10 @@ class SceneMotion(NamedTuple):
 
 
 def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
-    """Compute the records of the grasps of one session on the emulated hand, in order.
+    """Perform the grasps of one session on the emulated hand and return their records in the same order.
 
-    The records depend only on the seed, the session and the grasp. Raises `TaxelError` with a one-line message, such as
-    for an unreachable pose or a world that the emulator rejects.
+    The records depend only on the settings, the session and its grasps. Raises `TaxelError` with a one-line message,
+    for example for an unreachable pose or a world file that the emulator rejects.
     """
     text = format_session_world(setup, settings, plan[0].session)
     with SkinContact(text) as contact:
@@ -92,13 +93,14 @@ def format_session_world(setup: Setup, settings: EmulatedSettings, session: int)
         noise_counts=settings.noise_counts,
         effects=settings.world_effect_lines(),
     )
-    return format_scene(setup.hand, _scene(setup, settings, session), world)
+    return format_scene(setup.hand, _make_scene(setup, settings, session), world)
 
 
-def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedScene:
+def _make_scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedScene:
     """Make the scene of a session on the emulated hand: shapes of the objects, and offsets of brackets and objects.
 
-    Each bracket has a random offset, because the boards are mounted again before each session.
+    Each bracket has a random offset, because the boards are mounted anew before each session; an offset of this bracket
+    in the settings is added to it.
     """
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
     variation = settings.variation
@@ -111,7 +113,7 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedSc
 
 
 def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
-    """Sample a random small motion f64[4, 4]. metres, radians: standard deviations of each axis."""
+    """Sample a random small motion f64[4, 4]. metres, radians: standard deviations per axis."""
     rotation = rng.normal(size=3)
     return make_small_motion(rng.normal(size=3), rotation, metres, radians)
 
@@ -121,8 +123,8 @@ def _perform_grasp(
 ) -> _PerformedGrasp:
     """Simulate one grasp of the emulated hand, and repeat it with another variation if it fails.
 
-    contact: computes the contact loads. Returns the true motion of hand and object in the kept attempt. The skin runs
-    only during the kept attempts: the session has the length of its plan.
+    contact: computes the contact loads. Returns the true motion of hand and object in the kept attempt. Only the kept
+    attempts become part of the session, whose duration is therefore that of its plan.
     """
     check = make_grasp_check(setup, planned)
     attempt = perform_attempts(
@@ -141,14 +143,14 @@ def _simulate_motion(
     contact: SkinContact,
     sample: NDArray[np.float64],
 ) -> Motion:
-    """Simulate the motion of one attempt of a grasp. sample: unit samples f64[7] of the variation."""
+    """Simulate hand and object in one attempt of a grasp. sample: unit samples f64[7] of the variation."""
     approach, item = setup.approach(planned), setup.objects[planned.object]
     offset, grip = settings.variation.for_object(planned.object).apply(sample)
     true_pose = setup.object_pose(planned.object) @ offset
     timeline = settings.timeline
 
     def wrist_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the poses of the wrist f64[k, 4, 4] at times f64[k] of the grasp, seconds."""
+        """Compute the wrist poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp."""
         return setup.wrist_poses(setup.arm_angles(planned, timeline, times_s))
 
     dynamics = HandInContact(
@@ -167,24 +169,24 @@ def _simulate_motion(
 def _run_session_skin(
     setup: Setup, grasps: Sequence[_PerformedGrasp], world: str, settings: EmulatedSettings
 ) -> PollCycles:
-    """Run the emulated skin during all grasps of a session and return the frames that a host decodes.
+    """Run the emulated skin during all grasps of a session and return the frames that a host decodes, by poll cycle.
 
     world: text of the emulator's world file.
     """
     names = list(setup.objects)
     parts = []
     for index, grasp in enumerate(grasps):
-        (begin, end), motion = _grasp_interval(settings, index), grasp.motion
+        (begin, end), motion = _compute_grasp_interval(settings, index), grasp.motion
         # The scene is static between two grasps: the first and the last record are repeated at both ends.
         rows = np.r_[0, : len(motion.time_s), -1]
         number = np.full(len(rows), names.index(grasp.planned.object))
         times = np.r_[begin, begin + motion.time_s, end]
         parts.append(SceneMotion(times, number, motion.object_poses[rows], motion.bracket_poses[rows]))
-    return run_emulated_skin(setup.hand, world, parts, _grasp_interval(settings, len(grasps) - 1)[1] + 0.1)
+    return run_emulated_skin(setup.hand, world, parts, _compute_grasp_interval(settings, len(grasps) - 1)[1] + 0.1)
 
 
-def _grasp_interval(settings: EmulatedSettings, index: int) -> tuple[float, float]:
-    """Return start and end of a grasp in the session, seconds; `index`: number of the grasp.
+def _compute_grasp_interval(settings: EmulatedSettings, index: int) -> tuple[float, float]:
+    """Compute start and end of a grasp, seconds since power-up. index: number of the grasp in its session, from 0.
 
     The end is bit-identical to the start of the next grasp.
     """
@@ -195,8 +197,8 @@ def _grasp_interval(settings: EmulatedSettings, index: int) -> tuple[float, floa
 def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], duration_s: float) -> PollCycles:
     """Run the emulated skin for `duration_s` seconds with a moving scene; return the frames that a host decodes.
 
-    world: text of the emulator's world file. motions: consecutive parts of the session. Raises `LinkError` with the
-    message of the emulator.
+    world: text of the emulator's world file. motions: motions of the scene in consecutive parts of the session. Raises
+    `LinkError` with the message of the emulator.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
         folder = Path(name)
@@ -213,10 +215,10 @@ def _make_record(
 ) -> GraspRecord:
     """Make the dataset record of one grasp from the frames of its session.
 
-    cycles: frames of the whole session. index: number of the grasp in the session.
+    cycles: frames of the whole session. index: number of the grasp in the session, from 0.
     """
     timeline = settings.timeline
-    begin, end = _grasp_interval(settings, index)
+    begin, end = _compute_grasp_interval(settings, index)
     recorded = cycles.between(begin, end)
     elapsed = recorded.time_s - begin
     phase = timeline.find_phases(elapsed)

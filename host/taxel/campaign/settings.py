@@ -28,10 +28,10 @@ PRESETS: dict[str, Sequence[str]] = {"thesis": DEFAULT_EFFECTS}
 
 
 class UnknownPresetError(TaxelError, ValueError):
-    """The text is neither the name of a preset of effects nor a list of effect lines."""
+    """A string is neither the name of a preset of effects nor a list of effect lines."""
 
     def __init__(self, name: str) -> None:
-        """Create the error of a text that is neither the name of a preset nor effect lines."""
+        """Create the error. name: the string that is neither the name of a preset nor a list of effect lines."""
         super().__init__(name)
 
     def __str__(self) -> str:
@@ -41,10 +41,10 @@ class UnknownPresetError(TaxelError, ValueError):
 
 
 class OffsetLineError(TaxelError, ValueError):
-    """An offset line without a name or without six finite numbers."""
+    """An effect line that displaces a bracket or an object lacks the name or the six finite numbers."""
 
     def __init__(self, line: str) -> None:
-        """Create the error of an effect line with a wrong displacement. line: the whole line."""
+        """Create the error of an effect line with an invalid displacement. line: the whole line."""
         super().__init__(line)
 
     def __str__(self) -> str:
@@ -78,7 +78,7 @@ class EmulatedSettings:
         return [line for line in self.effects if line.split()[0] not in OFFSETS]
 
     def offsets(self, keyword: str) -> dict[str, NDArray[np.float64]]:
-        """Parse the displacements f64[4, 4] of brackets or objects in the effect lines, by name.
+        """Parse the effect lines that displace brackets or objects; return displacements f64[4, 4] by board or object.
 
         keyword: "bracket_offset" or "object_offset". Raises `OffsetLineError`.
         """
@@ -90,7 +90,10 @@ class EmulatedSettings:
         return offsets
 
     def describe(self) -> str:
-        """Return one line for the generator attribute of the dataset, without revealing the effects to a diagnosis."""
+        """Return one line for the generator attribute of the dataset, with a digest of the settings.
+
+        The digest does not reveal the effects, which a gap diagnosis must find without help.
+        """
         normalised = replace(self, effects=tuple(self.effects))  # a list and a tuple of the same lines are equivalent
         key = hashlib.sha256(repr(normalised).encode()).hexdigest()[:12]
         return f"emulated hand, settings {key}"
@@ -113,9 +116,9 @@ def _parse_offset(line: str, numbers: Sequence[str]) -> NDArray[np.float64]:
 
 
 def parse_effects(text: str) -> Sequence[str]:
-    """Return the effect lines of a preset, or those of a text in which ';' separates the lines.
+    """Return the effect lines of the preset `text`, or the lines that ';' separates in `text`.
 
-    Raises `UnknownPresetError` for a text that is neither.
+    Raises `UnknownPresetError` for a string that is neither.
     """
     if text in PRESETS:
         return PRESETS[text]

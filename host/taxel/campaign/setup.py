@@ -42,9 +42,10 @@ class Setup:
     objects: by name; empty: the three test objects, in the assumed sizes for the assumed hand, in the original sizes
     for any other hand. calibration: measured poses of objects in the frame of the robot's base, and of remounted
     brackets; objects and brackets without an entry are at their planned poses. placements: pose of the palm against the
-    object, by object and approach; empty: the recorded poses for the original hand, `PALM_PLACEMENTS` for any other.
-    setting: whose recorded poses the original hand uses. torques: whose torques; the hardware limits those of
-    medial and distal joints. Raises UnknownBoardError for a bracket of a board that the hand lacks.
+    object, by object and approach; empty: the poses of the original experiment for the original hand, `PALM_PLACEMENTS`
+    for any other. setting: whether the original hand uses the palm poses of the original "hardware" or "simulation".
+    torques: the same choice for the finger torques; the hardware limits those of medial and distal joints. Raises
+    UnknownBoardError for a bracket of a board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("original"))
@@ -66,7 +67,7 @@ class Setup:
 
     @property
     def is_original(self) -> bool:
-        """Whether the hand is mounted as in the original experiment, so that its recorded grasps apply."""
+        """Whether the hand is mounted as in the original experiment, so that the grasps of that experiment apply."""
         return self.hand.robot == ORIGINAL_ROBOT
 
     @property
@@ -99,26 +100,32 @@ class Setup:
         return {}
 
     def approach(self, planned: PlannedGrasp) -> Approach:
-        """Return the approach (pose of the palm, joint angles, torques) of a planned grasp."""
+        """Return the approach (pose of the palm, joint angles, torques) of a planned grasp.
+
+        For the original hand, the first joint of each finger has the angle measured in the grasp's iteration.
+        """
         approach = self._approaches[planned.object, planned.approach]
         if self.is_original and not self.placements:
             return set_finger_bases(approach, planned.iteration)
         return approach
 
     def approaches_to(self, name: str) -> dict[str, Approach]:
-        """Return all approaches to the object `name` by name, without the finger bases of single iterations."""
+        """Return all approaches to the object `name`, by the approach's name.
+
+        For the original hand, the first joint of each finger has its mean angle over all iterations.
+        """
         return {approach: item for (target, approach), item in self._approaches.items() if target == name}
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
-        """Return the nominal pose of an object, f64[4, 4], world: the calibrated pose, or else the planned pose."""
+        """Return the nominal pose f64[4, 4] of the object `name`, world: calibrated, or else as planned."""
         if self.calibration is not None and name in self.calibration.objects:
             return self.calibration.objects[name].transform
         return get_original_object_pose() if self.is_original else make_standing_pose()
 
     def arm_path(self, planned: PlannedGrasp) -> NDArray[np.float64]:
-        """Solve for the joint angles of the arm, at the object and withdrawn from it, f64[2, 6] radians.
+        """Solve for the arm's joint angles at the object (first) and withdrawn from it (second), f64[2, 6] radians.
 
-        Results are cached. Raises UnreachableError.
+        Results are cached. Raises UnreachableError if the arm cannot reach one of the two poses.
         """
         key = (planned.object, planned.approach)
         if key not in self._arms:
@@ -132,9 +139,10 @@ class Setup:
     def arm_angles(
         self, planned: PlannedGrasp, timeline: Timeline, times_s: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Compute the joint angles of the arm f64[k, 6], radians, at `times_s` f64[k] of the grasp, seconds.
+        """Compute the joint angles of the arm f64[k, 6], radians, at k times f64[k], seconds since the grasp's start.
 
-        The arm withdraws from the object linearly in joint angles.
+        Between the pose at the object and the withdrawn pose the angles are interpolated linearly. Raises
+        UnreachableError.
         """
         grasping, withdrawn = self.arm_path(planned)
         share = np.array([timeline.get_withdrawal(time) for time in times_s.tolist()])
@@ -154,7 +162,7 @@ class Setup:
         return TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, size)
 
     def sensor_table(self, rate_hz: float) -> SensorTable:
-        """Make the dataset's table of boards: address, name, kind and rate.
+        """Make the dataset's table of boards: address, name, board kind and frame rate.
 
         rate_hz: frames per second of every board.
         """

@@ -67,9 +67,9 @@ def run_simulated(
 ) -> None:
     """Simulate the grasps of `plan` and write them to the dataset `path`.
 
-    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. resume: keep the
-    grasps that the file of an interrupted campaign already contains. progress: called with the number of finished
-    grasps and the total. Raises `TaxelError` with a one-line message.
+    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. overwrite:
+    replace an existing file. resume: keep the grasps that the file of an interrupted campaign already contains.
+    progress: called with the number of finished grasps and the total. Raises `TaxelError` with a one-line message.
     """
     setup = setup or Setup()
     sensing = settings.sensing
@@ -89,10 +89,10 @@ def run_simulated(
 
 
 @lru_cache(maxsize=8)  # small, because a cached scene keeps its setup in memory
-def _scene(setup: Setup, name: str, rules: OriginalRules | None) -> Scene:
-    """Build the simulated scene of the hand and one object; cached.
+def _build_scene(setup: Setup, name: str, rules: OriginalRules | None) -> Scene:
+    """Build the simulated scene of the hand and the object `name`; the latest scenes are cached.
 
-    rules: of the original simulator, whose boards have no layer; None: the hand's layer.
+    rules: rules of the original simulator, whose boards have no elastic layer; None: the boards have the hand's layer.
     """
     heights = None if rules is None else get_surface_heights(setup.hand, rules)
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK, layer_m=heights)
@@ -109,7 +109,7 @@ def simulate_motion(
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     rules = settings.sensing.original if settings.sensing.level == "original" else None
     recorder = None if rules is None else make_recorder_settings(setup.hand, rules)
-    scene, approach = _scene(setup, planned.object, rules), setup.approach(planned)
+    scene, approach = _build_scene(setup, planned.object, rules), setup.approach(planned)
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(_sample_variation(planned, settings, 0) if sample is None else sample)
     simulation = SimulationSettings(
@@ -124,17 +124,17 @@ def simulate_motion(
 
 
 def _sample_variation(planned: PlannedGrasp, settings: SimSettings, attempt: int) -> NDArray[np.float64]:
-    """Sample the unit deviations f64[7] of an attempt of a grasp. attempt: number of earlier, failed attempts."""
+    """Compute the unit samples f64[7] of the variation of an attempt. attempt: number of earlier, failed attempts."""
     name = f"{planned.object} {planned.approach}"
     return sample_balanced_variation(settings.seed, name, planned.iteration, attempt)
 
 
 def _perform_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> Attempt[GraspMotion]:
-    """Simulate the motion of a grasp, and repeat it with another variation if it fails."""
+    """Simulate the motion of a grasp, and repeat it with another variation if it fails; return the kept attempt."""
     check = make_grasp_check(setup, planned)
 
     def find_failure(motion: GraspMotion) -> Failure | None:
-        """Return the failure of the grasp in the hold of `motion`."""
+        """Return the failure of the grasp in the hold phase of `motion`; None for a successful grasp."""
         is_hold = motion.phase == Phase.HOLD
         return check.find_failure(motion.object_pose[is_hold], motion.sensor_poses[is_hold])
 

@@ -25,9 +25,10 @@ def open_campaign_writer(
 ) -> GraspDatasetWriter:
     """Open a writer for the grasp dataset of a campaign.
 
-    source: "real" or "sim". settings: one line that describes them. resume: append to an existing file, which must have
-    been made with the same settings. Raises `DatasetError` if the file exists and neither `overwrite` nor `resume` is
-    set, and if the file to resume belongs to another campaign.
+    source: "real" or "sim". rate_hz: frame rate of every board. settings: one line that describes the settings. resume:
+    append to an existing file, which must have been made with the same settings; make a new file if there is none.
+    sensor_model: how forces become counts, only for a simulated campaign. Raises `DatasetError` if the file exists and
+    neither `overwrite` nor `resume` is set, and if the file to resume belongs to another campaign.
     """
     generator = f"taxel {version('taxel')}; {settings}"
     if resume and Path(path).exists():
@@ -48,17 +49,18 @@ def open_campaign_writer(
             objects=setup.meshes(),
             generator=generator,
             sensor_model=sensor_model,
-            created=_creation_time(),
+            created=_read_creation_time(),
             notes={} if setup.calibration is None else {"calibration": json.dumps(setup.calibration.to_json())},
         ),
         overwrite=overwrite,
     )
 
 
-def _creation_time() -> str | None:
-    """Return the time of `SOURCE_DATE_EPOCH` (seconds since 1970) as ISO text, for reproducible files.
+def _read_creation_time() -> str | None:
+    """Return the time in the environment variable `SOURCE_DATE_EPOCH` (Unix time) in ISO format.
 
-    None if the variable is not set; the dataset then states the present time.
+    It makes files reproducible. None if the variable is not set or not a number; the dataset then states the present
+    time.
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else None

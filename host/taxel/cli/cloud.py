@@ -122,7 +122,11 @@ def convert(
 
 
 def _store(cloud: ContactCloud, out: Path, as_json: bool, overwrite: bool) -> None:
-    """Write a contact cloud to the file `out` and print its size. Raises an error of one line for an empty cloud."""
+    """Write a contact cloud to the file `out`, and print its numbers of points and grasps.
+
+    as_json: print one JSON object instead of text. overwrite: replace an existing file. Raises TaxelError for an empty
+    cloud.
+    """
     require_nonempty(cloud)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_cloud(cloud, out, overwrite=overwrite)

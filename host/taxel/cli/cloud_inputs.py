@@ -62,7 +62,10 @@ def load_target(name: str, unit: str) -> TriangleMesh | ContactCloud:
 
 
 def check_scale(cloud: ContactCloud, mesh: TriangleMesh) -> None:
-    """Raise `TaxelError` if the sizes of mesh and cloud differ so much that the mesh has another unit than metres."""
+    """Raise `TaxelError` if the sizes of mesh and cloud differ by more than `LARGEST_SIZE_RATIO`.
+
+    The unit of the mesh file is then probably wrong, for example millimetres instead of metres.
+    """
     extent = float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
     if extent > 0.0 and not 1.0 / LARGEST_SIZE_RATIO < mesh.size / extent < LARGEST_SIZE_RATIO:
         sizes = f"mesh {mesh.size:.3g} m, cloud {extent:.3g} m"

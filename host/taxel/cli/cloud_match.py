@@ -30,7 +30,8 @@ DATASETS: Final = (".h5", ".hdf5")
 class CloudMatch:
     """Result of matching one contact cloud with shape models.
 
-    true_object: the grasped object, "" if unknown. approach: "" for all approaches.
+    file: file of the cloud. true_object: the grasped object, "" if unknown. approach: approach of the matched grasps,
+    "" for all approaches. match: comparison with all models.
     """
 
     file: Path
@@ -68,8 +69,9 @@ def match(
     """Identify the shape of the object in a cloud: distances to each model after alignment, margin, confidence.
 
     A dataset, or a PLY file made from one, also contains the inactive taxels. Then the best model is the one with the
-    largest evidence for the active and inactive taxels, averaged over small displacements of the object. lead: natural
-    logarithm of the ratio of the evidences of the best and the second model.
+    largest evidence for the active and inactive taxels, averaged over small displacements of the object. margin:
+    smallest mean distance to another model, divided by the mean distance to the best model. lead: natural logarithm of
+    the ratio of the evidences of the best and the second model.
 
     Example: taxel cloud match out/campaign/real.h5 out/campaign/sim.h5 --each-approach
     """
@@ -113,8 +115,9 @@ def _read_clouds(
 ) -> Iterator[tuple[Path, str, ContactCloud]]:
     """Yield each contact cloud to match, with its file and the name of the grasped object ("" for a cloud file).
 
-    inputs: grasp datasets or cloud files. object_name: only this object; None: all objects of a dataset. show: displays
-    the progress of a stage.
+    inputs: grasp datasets or cloud files. object_name: only this object of a dataset; None: all objects. Of a dataset,
+    taxels with a signal above `threshold_counts` give points. show: displays the progress of a stage. Raises TaxelError
+    for an empty cloud.
     """
     for path in inputs:
         clouds = {"": read_cloud(path)} if path.suffix.lower() not in DATASETS else {}
@@ -131,9 +134,10 @@ def _read_clouds(
 
 
 def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
-    """Count the clouds of known objects whose shape was identified, and also those identified by mean distance alone.
+    """Count the clouds with a known object, in total and with a correctly identified shape.
 
-    The counts are separate for whole clouds and for single approaches.
+    Returns the counts total, right (best model) and right_by_mean (model with the smallest mean distance), separately
+    for whole clouds ("clouds") and for the grasps of one approach ("single_approaches").
     """
     counts = {group: {"right": 0, "right_by_mean": 0, "total": 0} for group in ("clouds", "single_approaches")}
     for cloud_match in matches:
@@ -146,7 +150,12 @@ def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
 
 
 def _print_matches(matches: list[CloudMatch]) -> None:
-    """Print a table with the best shape model of each cloud, and the number of correctly identified shapes."""
+    """Print a table with the best shape model of each cloud, and the number of correctly identified shapes.
+
+    mean: mean distance between the points and the surface of the best model. margin: smallest mean distance to another
+    model / mean distance to the best. lead: natural logarithm of the ratio of the evidence of the best model to that of
+    the second best. confidence: share of bootstrap samples with the same best model.
+    """
     console = Console(markup=False)
     table = Table(title="best model of each cloud")
     for heading in ("cloud", "best", "mean mm", "margin", "lead", "confidence"):

@@ -139,9 +139,10 @@ def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactClo
 def _align_cloud(
     cloud: ContactCloud, reference: TriangleMesh | ContactCloud, *, is_global: bool, samples_mesh: bool
 ) -> Alignment:
-    """Align a cloud to a mesh, to points sampled on a mesh, or to another cloud.
+    """Align a cloud to a mesh or to another cloud; return the transformation and its convergence.
 
-    is_global: search all poses, without a first guess. samples_mesh: sample points on a mesh target.
+    is_global: search from any initial pose; otherwise the search starts at the given pose. samples_mesh: align to
+    points sampled on the mesh instead of its surface.
     """
     if isinstance(reference, TriangleMesh) and not samples_mesh:
         align_mesh = align_to_mesh_globally if is_global else align_to_mesh

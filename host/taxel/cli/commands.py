@@ -11,10 +11,11 @@ from typing import Final, NamedTuple
 class CommandEntry(NamedTuple):
     """One command or group of commands.
 
-    target: "module:attribute" of a typer function or a `typer.Typer` group; "" for a command that a package above this
-    one adds by an entry point of the group `taxel.commands`. summary: first line of
-    the command's help text. panel: heading on the help page. extra: the extra that installs all optional
-    libraries of the command; None: the extra of the missing library.
+    target: "module:attribute" of a typer function or a `typer.Typer` group; "" for a command of a package that depends
+    on this one and adds the command by an entry point of the group `taxel.commands`. summary: first line of the
+    command's help text. panel: heading above the command on the help page. extra: name of the extra (optional group of
+    dependencies) that installs all libraries of the command; None: an error message names the extra of the missing
+    library.
     """
 
     target: str

@@ -64,9 +64,9 @@ def convert(
 
 
 def print_conversion(result: ConversionResult, target: str, as_json: bool) -> None:
-    """Print the frame counts of a converted recording, and what the target format cannot contain.
+    """Print the numbers of frames of a converted recording, and which information the target format cannot contain.
 
-    target: file written. as_json: print one JSON object instead of text.
+    target: file that was written. as_json: print one JSON object instead of text.
     """
     if as_json:
         print(json.dumps({"file": target, **vars(result)}))

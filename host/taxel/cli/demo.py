@@ -35,7 +35,7 @@ PICTURE, SCORE = "hand.png", "score.json"
 FILES = ("real.h5", "sim.h5", "report.json", "report.html", PICTURE)
 
 MOST_LINES = 3
-"""Effect lines of a cause that are printed."""
+"""Largest number of printed effect lines (lines of the emulator's world file) of a cause."""
 
 _RESULT = {True: "RIGHT", False: "WRONG"}
 
@@ -62,16 +62,22 @@ def demo(
     console, start_s = Console(), time.monotonic()
     out.mkdir(parents=True, exist_ok=True)
     if repeat > 1:
-        _repeat(console, out, seed, repeat, jobs)
+        _repeat_demonstrations(console, out, seed, repeat, jobs)
         return
-    outcome, world = _run(console, out, seed, jobs)
+    outcome, world = _run_demonstration(console, out, seed, jobs)
     _open_seal(console, world, outcome)
     seconds = f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]"
     console.print(f"{seconds}; picture of the hand: {out / PICTURE}", soft_wrap=True)
 
 
-def _run(console: Console, out: Path, seed: int | None, jobs: int | None) -> tuple[DemoOutcome, GraspWorld]:
-    """Run one demonstration up to the opening of the seal. Raises TaxelError with one line."""
+def _run_demonstration(
+    console: Console, out: Path, seed: int | None, jobs: int | None
+) -> tuple[DemoOutcome, GraspWorld]:
+    """Run one demonstration and print it, except the hidden causes; return (outcome, world with the hidden causes).
+
+    The datasets, the report, the page and the picture are written to the folder `out`. Raises TaxelError with a
+    one-line message if the diagnosis fails.
+    """
     real, sim, report_file, page, picture = (out / name for name in FILES)
     for path in (real, sim, report_file, page, picture):
         path.unlink(missing_ok=True)
@@ -104,19 +110,23 @@ def _run(console: Console, out: Path, seed: int | None, jobs: int | None) -> tup
     return judge(world, sizes, report["verdict"]), world
 
 
-def _repeat(console: Console, out: Path, seed: int | None, repeat: int, jobs: int | None) -> None:
-    """Run demonstrations; print one line for each with the running score. Later ones replace the datasets."""
+def _repeat_demonstrations(console: Console, out: Path, seed: int | None, repeat: int, jobs: int | None) -> None:
+    """Run `repeat` demonstrations with successive seeds; print one line for each, with the score so far.
+
+    score.json in the folder `out` contains the outcomes of all demonstrations; the other files are those of the last
+    one.
+    """
     silent = Console(quiet=True)
     outcomes: list[DemoOutcome] = []
     for number in range(repeat):
         start_s = time.monotonic()
-        outcome, _ = _run(silent, out, None if seed is None else seed + number, jobs)
+        outcome, _ = _run_demonstration(silent, out, None if seed is None else seed + number, jobs)
         outcomes.append(outcome)
-        write_whole(out / SCORE, json.dumps([one.to_json() for one in outcomes], indent=1))
-        right = sum(one.is_right for one in outcomes)
+        write_whole(out / SCORE, json.dumps([finished.to_json() for finished in outcomes], indent=1))
+        right = sum(finished.is_right for finished in outcomes)
         console.print(
             f"{number + 1:4d}  {_RESULT[outcome.is_right]}  hidden: {_describe_hidden(outcome)}; "
-            f"named: {_join(outcome.named)}; {right} of {number + 1} right; {time.monotonic() - start_s:.0f} s",
+            f"named: {_join_names(outcome.named)}; {right} of {number + 1} right; {time.monotonic() - start_s:.0f} s",
             soft_wrap=True,
             highlight=False,
         )
@@ -124,9 +134,9 @@ def _repeat(console: Console, out: Path, seed: int | None, repeat: int, jobs: in
 
 
 def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: Path) -> None:
-    """Diagnose the gap between two datasets in a sandboxed process, and write the report.
+    """Diagnose the gap between two datasets in a sandboxed process, and write its report to `report_file`.
 
-    out: folder that the process cannot read.
+    out: folder that the sandboxed process cannot read, because it could contain hidden causes.
     """
     columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
@@ -139,7 +149,10 @@ def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: P
 
 
 def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> None:
-    """Print the hidden causes with their sizes, the named ones, and whether the diagnosis is right."""
+    """Print the hidden causes with their sizes, the causes named by the diagnosis, and whether the diagnosis is right.
+
+    The size of a cause is the gap that the cause alone produces, in multiples of the floor.
+    """
     for cause, size in zip(world.hidden.causes, outcome.sizes, strict=True):
         console.print(
             f"hidden: {cause.name}, alone {size:.1f} floors; in the emulator: {_shorten(cause.lines)}",
@@ -152,21 +165,28 @@ def _open_seal(console: Console, world: GraspWorld, outcome: DemoOutcome) -> Non
         console.print("hidden: nothing", highlight=False)
     colour = "green" if outcome.is_right else "red"
     console.print(
-        f"[bold {colour}]{_RESULT[outcome.is_right]}[/]: the diagnosis named {_join(outcome.named)}.", highlight=False
+        f"[bold {colour}]{_RESULT[outcome.is_right]}[/]: the diagnosis named {_join_names(outcome.named)}.",
+        highlight=False,
     )
 
 
 def _shorten(lines: Sequence[str]) -> str:
-    """Effect lines of a cause, the first ones of many: a dead board has a line for each taxel."""
+    """Join the first `MOST_LINES` effect lines of a cause, and append the number of further lines.
+
+    The number can be large: a dead board has a line for each taxel.
+    """
     more = len(lines) - MOST_LINES
     return "; ".join(lines[:MOST_LINES]) + (f"; and {more} more lines" if more > 0 else "")
 
 
 def _describe_hidden(outcome: DemoOutcome) -> str:
-    """The hidden causes that count, and the forms in the emulator with their sizes in floors."""
+    """Describe the causes that a correct diagnosis names, and in brackets all hidden effects with their sizes.
+
+    A hidden effect that alone produces too small a gap is not expected to be named.
+    """
     variants = [f"{variant}, {size:.1f} floors" for variant, size in zip(outcome.hidden, outcome.sizes, strict=True)]
-    return f"{_join(outcome.expected)} ({'; '.join(variants) or 'no effect'})"
+    return f"{_join_names(outcome.expected)} ({'; '.join(variants) or 'no effect'})"
 
 
-def _join(names: Sequence[str]) -> str:
+def _join_names(names: Sequence[str]) -> str:
     return ", ".join(names) or "no cause"

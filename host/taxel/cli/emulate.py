@@ -57,15 +57,15 @@ def emulate(
         arguments += ["--stimulus", str(stimulus)] if stimulus else []
         arguments += ["--duration", repr(seconds)] if seconds is not None else []
         with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            status = _forward(process, hand, str(world), text)
+            status = _forward_output(process, hand, str(world), text)
     raise typer.Exit(1 if status else 0)
 
 
-def _forward(process: subprocess.Popen[str], hand: str, path: str, world: str) -> int:
+def _forward_output(process: subprocess.Popen[str], hand: str, path: str, world: str) -> int:
     """Print the port and the messages of the emulator until it ends, and return its exit status.
 
-    Standard output has the name of the port alone unless it is a terminal, so that a script can read it. path: of the
-    temporary world file. world: its text. Raises `TaxelError` if the emulator rejects the world.
+    Ctrl-C ends the emulator. path: path of the temporary world file. world: content of that file. Raises `TaxelError`
+    if the emulator rejects the world file.
     """
     assert process.stdout is not None
     assert process.stderr is not None
@@ -90,7 +90,10 @@ def _print_message(line: str, path: str) -> str:
 
 
 def print_port(hand: str, port: str) -> None:
-    """Print the name of the port: alone in a pipe, and with its use on a terminal."""
+    """Print the name of the port, with instructions for its use if standard output is a terminal.
+
+    In a pipe the name is printed alone, so that a script can read it.
+    """
     if not sys.stdout.isatty():
         print(port, flush=True)
         return
@@ -100,7 +103,11 @@ def print_port(hand: str, port: str) -> None:
 
 
 def describe_world_error(message: str, path: str, world: str) -> str:
-    """The emulator's message in terms of the options. path: of the temporary world file. world: its text."""
+    """Reformulate an error message of the emulator about the world file, so that it names the option --effect.
+
+    message: last message of the emulator. path: path of the temporary world file. world: content of that file. A
+    message about another line than that of an effect is returned without the path of the temporary file.
+    """
     text = emulator_message(message, path, world)
     quoted = re.search(r"^world file, line \d+: (.*) \(found 'effect (.*)'\)$", text)
     return f"--effect '{quoted[2]}': {quoted[1]}; see firmware/emulator/README.md" if quoted else text

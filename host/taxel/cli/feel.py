@@ -32,17 +32,17 @@ def feel(
     console = Console()
     out.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    _scripted_contacts(console, out, seed)
-    _measured_touches(console, out, seconds)
+    _show_scripted_contacts(console, out, seed)
+    _show_measured_touches(console, out, seconds)
     console.print(
         f"[bold]done in {time.monotonic() - started:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png"
     )
 
 
-def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
+def _show_scripted_contacts(console: Console, out: Path, seed: int) -> None:
     """Apply the scripted contacts to the emulated skin; print the response and draw it as a heat map.
 
-    out: folder of the picture. seed: of the emulated skin.
+    out: folder of the picture skin.png. seed: seed of the emulated skin.
     """
     hand = load_hand("original")
     console.print(
@@ -74,7 +74,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
         f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
         f"{result.disturbed} taxels disturbed"
     )
-    console.print(_contact_table(result.contacts))
+    console.print(_make_contact_table(result.contacts))
     losses = result.losses
     console.print(
         f"frames: {losses.frames_sent} sent = {losses.frames_received} received + {losses.lost_on_wire} lost; "
@@ -89,8 +89,8 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
     )
 
 
-def _contact_table(outcomes: list[ContactOutcome]) -> Table:
-    """Make a table with the response of the skin to each scripted contact."""
+def _make_contact_table(outcomes: list[ContactOutcome]) -> Table:
+    """Return a table with the response of the skin to each scripted contact."""
     table = Table(title="contacts")
     for heading in ("board", "probe", "active within", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
@@ -104,10 +104,10 @@ def _contact_table(outcomes: list[ContactOutcome]) -> Table:
     return table
 
 
-def _measured_touches(console: Console, out: Path, seconds: float) -> None:
-    """Replay measured touches through the emulated skin; print the response and draw it as a heat map.
+def _show_measured_touches(console: Console, out: Path, seconds: float) -> None:
+    """Replay all touch recordings through the emulated skin; print the scores, and draw the last one as a heat map.
 
-    out: folder of the picture. seconds: length of each recording.
+    out: folder of the picture measured.png. seconds: replayed length of each recording.
     """
     hand = load_hand("original")
     console.print(

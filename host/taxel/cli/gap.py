@@ -116,7 +116,10 @@ def diagnose(
 
 
 def _check_source(sim: Path, real_real: bool) -> None:
-    """Raise `TaxelError` of one line if the second dataset is not of the kind that the options state."""
+    """Raise a one-line `TaxelError` if the second dataset is real without `real_real`, or simulated with it.
+
+    sim: second dataset. real_real: whether the option --real-real is given.
+    """
     source = read_source(sim)
     if source == REAL and not real_real:
         raise TaxelError(f"{sim}: is a real dataset; give a simulated one, or --real-real to compare two real datasets")
@@ -125,7 +128,7 @@ def _check_source(sim: Path, real_real: bool) -> None:
 
 
 def _check_folder(out: Path) -> None:
-    """Raise `TaxelError` of one line if the report of a diagnosis cannot be written to the folder `out`.
+    """Raise a one-line `TaxelError` if the report of a diagnosis cannot be written to the folder `out`.
 
     The check precedes the diagnosis, so that a wrong folder is reported at once.
     """

@@ -46,7 +46,10 @@ def apply(
 
 
 def _print_result(result: AppliedReport, as_json: bool) -> None:
-    """Print the dataset to which the diagnosed effects were added, with the names of the effects and the notes."""
+    """Print the path of the written dataset, the names of the effects that it contains, and the notes.
+
+    as_json: print one JSON object instead of text.
+    """
     if as_json:
         print(json.dumps({"file": str(result.path), "effects": result.effects, "notes": result.notes}))
         return

@@ -61,13 +61,13 @@ def benchmark(
         for name in entries:
             table.add_column(name, justify="right")
         for measure in score[entries[0]][group]:
-            table.add_row(measure, *(_format(score[name][group][measure]) for name in entries))
+            table.add_row(measure, *(_format_measure(score[name][group][measure]) for name in entries))
         console.print(table)
     console.print(f"score: {out / 'score.json'}", highlight=False)
 
 
-def _format(value: float | int | None) -> str:
-    """A measure as text; a dash for a measure without worlds."""
+def _format_measure(value: float | int | None) -> str:
+    """Format a value of the score table; "-" for None, the value of a measure to which no world contributes."""
     if value is None:
         return "-"
     return str(value) if isinstance(value, int) else f"{value:.3f}"

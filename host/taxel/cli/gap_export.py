@@ -36,7 +36,7 @@ def export(
 
 
 def _print_result(result: ExportResult, as_json: bool) -> None:
-    """Print the written files, the effects in them, and what is approximated or missing."""
+    """Print the written files and their effects, and which effects are approximated or cannot be expressed, and why."""
     if as_json:
         print(
             json.dumps(

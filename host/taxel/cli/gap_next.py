@@ -42,7 +42,7 @@ def rank_contacts(
         )
     with stage_bars(hidden=as_json) as show, threadpool_limits(limits=1):
         findings = read_findings(real, show) if sim is None else diagnose_findings(real, sim, show)
-        further, notes = _further_states(findings.fit_data.state, candidates or [], show)
+        further, notes = _read_further_states(findings.fit_data.state, candidates or [], show)
         show("ranking", 0, 1)
         ranking = rank_next_contacts(findings, further, top)
         show("ranking", 1, 1)
@@ -53,10 +53,13 @@ def rank_contacts(
         _print_contacts(ranking, notes)
 
 
-def _further_states(state: State, candidates: Sequence[Path], show: ProgressCallback) -> tuple[list[State], list[str]]:
-    """Read simulated approaches that were not recorded; also return notes on datasets without such approaches.
+def _read_further_states(
+    state: State, candidates: Sequence[Path], show: ProgressCallback
+) -> tuple[list[State], list[str]]:
+    """Read simulated approaches that were not recorded with the hand.
 
-    state: data of the diagnosed pair of datasets. candidates: further simulated datasets.
+    state: data of the diagnosed pair of datasets. candidates: further simulated datasets. Returns (data of the
+    approaches that could be recorded, for each dataset with such approaches; a note for each dataset without).
     """
     paths = [Path(state.pair.paths[1])] if state.pair.unrecorded_conditions else []
     further: list[State] = []

@@ -1,4 +1,4 @@
-"""Lines and texts about the gaps of a port that vanishes and comes back."""
+"""Messages about the gaps in a recording while its port is unplugged."""
 
 import sys
 import time
@@ -10,13 +10,19 @@ class GapNotices:
     """Prints one line on standard error when the port is lost, and one when it is back."""
 
     def __init__(self, name: str, reconnection: Reconnection | None) -> None:
-        """Create notices for the port `name`; reconnection: its state, None for a port that is not waited for."""
+        """Create notices for the port `name`.
+
+        reconnection: state of the port and list of its gaps; None for a port whose loss ends the program.
+        """
         self._name = name
         self._reconnection = reconnection
         self._losses = self._returns = 0
 
     def update(self) -> str:
-        """Print lines for new events; return a text for a progress display, "" while the port is present."""
+        """Print a line for a port that was lost or is back since the last call.
+
+        Returns a note for the progress display, "" while the port is present.
+        """
         if self._reconnection is None:
             return ""
         gaps = self._reconnection.gaps

@@ -16,39 +16,42 @@ from taxel.gap.report.checked_report import CheckedReport
 
 WIDTH: Final = 80
 MOST_LINES: Final = 24
-"""Columns and lines of a terminal as it opens (VT100)."""
+"""Numbers of columns and lines of a terminal of the default size (VT100)."""
 
 CAUSE_BAR, GAP_BAR = 12, 40
-"""Columns of a probability of 1, and of the largest gap."""
+"""Lengths of the bars for a probability of 1, and for the largest gap, columns."""
 
 
 def print_summary(console: Console, report: Mapping[str, Any], page: str = "", report_file: str = REPORT_FILE) -> None:
     """Print a summary of a gap report.
 
-    Headline, probabilities, action, gap before and after, reasons for doubt, parameters, notes, path of the page.
-
-    report: content of `report.json`, as `json.load` returns it. page, report_file: paths of the page, "" for none, and
-    of the report.
+    The parts are headline, probabilities of the causes, recommended action, gap before and after, reasons for doubt,
+    parameters, notes, and path of the page. report: content of `report.json`, as `json.load` returns it. page: path of
+    the page, "" for none. report_file: path of the report.
     """
     checked = CheckedReport(report)
     mark = "\N{FULL BLOCK}" if "utf" in console.encoding.lower() else "#"
     action = recommend_action(checked, min(report_file, os.path.relpath(report_file), key=len))
-    beginning = [*_headline(checked), *_confidence(checked, mark)]
-    end = [*_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])]
+    beginning = [*_format_headline(checked), *_format_confidence(checked, mark)]
+    end = [*_format_parameters(checked), *_format_notes(checked), *([f"report: {page}"] if page else [])]
     for lines_of_doubt in (2, 1):
-        rest = [_action_lines(action), _gap_lines(checked, mark), [*_doubts(checked, lines_of_doubt), *end]]
-        space = MOST_LINES - sum(map(_count_rows, [beginning, *rest]))
+        later_blocks = [
+            _format_action(action),
+            _format_gap(checked, mark),
+            [*_format_doubts(checked, lines_of_doubt), *end],
+        ]
+        space = MOST_LINES - sum(map(_count_rows, [beginning, *later_blocks]))
         if space > 0:
             break
     sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(space, 1))
-    lines = _join([[*beginning, *sentence], *rest])
+    lines = _join_blocks([[*beginning, *sentence], *later_blocks])
     console.print(lines[0], style="bold", highlight=False, markup=False, no_wrap=True, overflow="ignore")
     for line in lines[1:]:
         console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ignore", crop=False)
 
 
-def _join(blocks: Sequence[Sequence[str]]) -> list[str]:
-    """All lines, with an empty line between two blocks where the terminal has space for it."""
+def _join_blocks(blocks: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of all blocks, with an empty line between two blocks as long as `MOST_LINES` permits it."""
     filled = [list(block) for block in blocks if block]
     space = MOST_LINES - sum(map(_count_rows, filled))
     lines: list[str] = []
@@ -58,12 +61,15 @@ def _join(blocks: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _count_rows(lines: Sequence[str]) -> int:
-    """Rows of a terminal that the lines fill; a command is not divided, so that it can be copied."""
+    """Count the terminal rows that the lines fill; a line longer than `WIDTH`, such as a command, fills several."""
     return sum(max(1, -(-len(line) // WIDTH)) for line in lines)
 
 
 def _wrap(text: str, most: int, first: str = "") -> list[str]:
-    """At most `most` lines of a text; an ellipsis shows that the rest is on the page. first: begins the first line."""
+    """Wrap a string to at most `most` lines; an ellipsis at the end shows that the remainder is left out.
+
+    first: start of the first line, such as "doubt: "; further lines are indented by its length.
+    """
     indent = " " * len(first)
     plain = text.replace("\N{NO-BREAK SPACE}", " ")
     return textwrap.wrap(
@@ -76,12 +82,15 @@ def _wrap(text: str, most: int, first: str = "") -> list[str]:
     )
 
 
-def _headline(report: CheckedReport) -> list[str]:
+def _format_headline(report: CheckedReport) -> list[str]:
     return _wrap(clean_text(report.verdict.optional_text("headline") or report.verdict.text("one_line")), 2)
 
 
-def _confidence(report: CheckedReport, mark: str) -> list[str]:
-    """One line with the most probable causes as bars, as many as fit."""
+def _format_confidence(report: CheckedReport, mark: str) -> list[str]:
+    """Return one line with the probabilities of the causes as bars, as many as fit; empty without causes.
+
+    mark: character of the bars.
+    """
     line = ""
     for name, value in list_shown_causes(report):
         bar = mark * round(CAUSE_BAR * value)
@@ -93,15 +102,20 @@ def _confidence(report: CheckedReport, mark: str) -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ")] if line else []
 
 
-def _action_lines(action: Action) -> list[str]:
+def _format_action(action: Action) -> list[str]:
+    """Return the lines of the recommended action: its steps, its command and the contact to record next."""
     steps = _wrap(" ".join(action.steps), 2)
     command = [f"  $ {action.command}"] if action.command else []
     contact = _wrap(f"{action.next_contact}.", 2, "Record next: ") if action.next_contact else []
     return [*steps, *command, *(f"  {line}"[:WIDTH] for line in action.lines), *contact]
 
 
-def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
-    """The gap before and after, and the floor, as bars; and the shrink."""
+def _format_gap(report: CheckedReport, mark: str) -> list[str]:
+    """Return the lines with the gap before and after the diagnosed effects are added, and the floor, as bars.
+
+    The line of the gap after also states the shrink, the relative reduction; without effects it is left out. mark:
+    character of the bars.
+    """
     after = report.after
     has_effects = any(name != "unknown" for name in report.verdict.texts("effects"))
     rows = [("gap before" if has_effects else "gap", after.number("before"), "")]
@@ -116,20 +130,27 @@ def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
-def _doubts(report: CheckedReport, most: int) -> list[str]:
-    """Reasons for doubt and faulty grasps: the first two, and the number of the others. most: lines of each."""
+def _format_doubts(report: CheckedReport, most: int) -> list[str]:
+    """Return the lines of the first two reasons for doubt or faulty grasps, and the number of the others.
+
+    If there are no others, the last line describes the repeated searches. most: largest number of lines for each
+    reason.
+    """
     doubts = list_doubts(report)
     for problem in report.root.field("inputs").optional_list("problems"):
         grasp, fault, handled = (clean_text(problem.text(key)) for key in ("grasp", "problem", "handled"))
         doubts.append(f"Faulty grasp of the simulator: {grasp}: {fault} ({handled}).")
     lines = [line for doubt in doubts[:2] for line in _wrap(doubt, most, "doubt: ")]
     more = len(doubts) - 2
-    rest = [f"doubt: {more} more on the page"] if more > 0 else describe_repeated_searches(report)
-    return [*lines, *rest]
+    last = [f"doubt: {more} more on the page"] if more > 0 else describe_repeated_searches(report)
+    return [*lines, *last]
 
 
-def _parameters(report: CheckedReport) -> list[str]:
-    """Fitted parameters of the named effects, and measured gaps of simulations with effects."""
+def _format_parameters(report: CheckedReport) -> list[str]:
+    """Return up to two lines with the fitted parameters of the named effects.
+
+    If the simulation was repeated with effects, the second line contains its gap before and after.
+    """
     texts = []
     for effect in report.effects:
         if effect.flag("in_verdict") and (parameters := format_parameters(report, effect)):
@@ -142,8 +163,8 @@ def _parameters(report: CheckedReport) -> list[str]:
     return lines
 
 
-def _notes(report: CheckedReport) -> list[str]:
-    """The first note on the data, and the number of the others."""
+def _format_notes(report: CheckedReport) -> list[str]:
+    """Return one line with the first note on the data and the number of further notes; empty without notes."""
     notes = [clean_text(text) for text in report.root.texts("losses")]
     if not notes:
         return []

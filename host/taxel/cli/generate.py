@@ -103,7 +103,10 @@ def _make_workers(jobs: int | None, scheduler: str | None) -> Workers:
 
 
 def _print_run(out: Path, recipe: Recipe, new_grasps: int, seconds: float, as_json: bool) -> None:
-    """Print the folder, the number of generated grasps and the rate of this run. seconds: duration of the run."""
+    """Print the folder, its numbers of grasps and shards, and the rate of this run.
+
+    new_grasps: number of grasps that this run generated; the others existed already. seconds: duration of the run.
+    """
     if as_json:
         result: dict[str, Any] = {
             "folder": str(out),

@@ -105,7 +105,7 @@ def grasp(
         return
     if out is None:
         raise TaxelError("--out: expected the dataset to write, found none; give --out FILE")
-    paths = _output_files(source, out, overwrite or resume)
+    paths = _choose_output_files(source, out, overwrite or resume)
     if "emulated" in paths:
         path = paths["emulated"]
         with count_bar(console, f"emulated hand to {path}", "grasps") as show:
@@ -131,9 +131,11 @@ def grasp(
 
 
 def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) -> Setup:
-    """Make the workstation. Level "original" needs the original hand, whose palm touches with the tips of its mesh.
+    """Return the setup of a campaign: hand and poses of the objects.
 
-    Raises `TaxelError` for level "original" with a source other than the simulator.
+    hand: packaged hand or description file. calibration: file with the measured poses of the objects. level: sensor
+    model of the simulator; the level "original" replaces the hand by the original hand, whose palm touches objects with
+    the tips of its mesh. Raises `TaxelError` for the level "original" with a source other than the simulator.
     """
     poses = load_calibration(calibration) if calibration is not None else None
     if level != "original":
@@ -144,11 +146,11 @@ def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) 
     return Setup(hand=original, calibration=poses, torques="simulation")
 
 
-def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
+def _choose_output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
     """Choose the dataset files to write, by source ("emulated", "sim", "physical").
 
-    may_exist: existing files are continued or replaced. Raises `TaxelError` for an unknown source and for an existing
-    file.
+    For the source "both", `out` is a folder, which is created. may_exist: existing files are continued or replaced.
+    Raises `TaxelError` for an unknown source, and for an existing file unless `may_exist`.
     """
     if source not in SOURCES:
         raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
@@ -165,9 +167,10 @@ def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
 
 
 def _select_plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) -> tuple[PlannedGrasp, ...]:
-    """Select the planned grasps of the thesis for the given objects; none given: all. grasps: largest number.
+    """Plan the grasps of the thesis, and return the first `grasps` of those with the given objects.
 
-    Raises `TaxelError` for a wrong option.
+    seed: seed of the order of grasps. sessions: number of sessions. grasps: largest number of grasps; None: all.
+    objects: names of objects; empty: all. Raises `TaxelError` for a wrong option.
     """
     try:
         plan = make_thesis_plan(seed, sessions)
@@ -182,7 +185,10 @@ def _select_plan(seed: int, sessions: int, grasps: int | None, objects: Sequence
 
 
 def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
-    """Return the emulator's effect lines of the options `--effect` and `--no-effects`. Raises `TaxelError`."""
+    """Return the emulator's effect lines for the options `--effect` and `--no-effects`.
+
+    texts: values of --effect; empty: the effects of the thesis. Raises `TaxelError` for both options together.
+    """
     if "none" in texts:
         raise TaxelError("--effect none: this value is now the option --no-effects")
     if no_effects and texts:
@@ -210,7 +216,11 @@ def _wait_for_operator(planned: PlannedGrasp) -> None:
 
 
 def _describe_counts(path: str, counts: Mapping[str, PointCount]) -> dict[str, dict[str, object]]:
-    """Describe the counts of a dataset for JSON, by object: grasps, points, and outcomes where the dataset has them."""
+    """Return the counts of a dataset as JSON values, by object.
+
+    counts: numbers of grasps and contact points by object. Where the dataset contains outcomes, the failed and repeated
+    grasps are added. path: file of the dataset.
+    """
     content: dict[str, dict[str, object]] = {name: dict(vars(count)) for name, count in counts.items()}
     for name, outcome in count_outcomes(path).items():
         content[name] |= {"failed": outcome.failed, "failures": outcome.failures, "repeated": outcome.repeated}
@@ -218,7 +228,7 @@ def _describe_counts(path: str, counts: Mapping[str, PointCount]) -> dict[str, d
 
 
 def _print_contact_points(console: Console, paths: list[Path], as_json: bool) -> None:
-    """Print the number of grasps and contact points of each dataset and object; as JSON also the outcomes."""
+    """Print the numbers of grasps and contact points for each object of each dataset; as JSON also the outcomes."""
     counts_by_file = {str(path): count_contact_points(path) for path in paths}
     if as_json:
         print(json.dumps({path: _describe_counts(path, by_object) for path, by_object in counts_by_file.items()}))

@@ -19,10 +19,10 @@ from taxel.types import FloatArray
 def check_motions(
     setup: Setup, grasps: Sequence[PlannedGrasp], source: str, is_requested: bool, arm_start: str | None, as_json: bool
 ) -> None:
-    """Plan the motions of all grasps in their order, and print one row for each, or a JSON list.
+    """Plan the motions of all grasps in their order, and print one table row for each, or a JSON list.
 
-    source, is_requested, arm_start: options --source, --check-motion and --arm-start. Raises TaxelError for wrong
-    options, and after the output if a motion is infeasible.
+    source, is_requested, arm_start: values of the options --source, --check-motion and --arm-start. Raises TaxelError
+    for wrong options, and after the output if a motion is infeasible.
     """
     if not is_requested:
         raise TaxelError("--arm-start: expected --check-motion, found none; a physical arm reports its own start")
@@ -31,7 +31,7 @@ def check_motions(
     start = np.r_[_parse_angles(arm_start), _make_relaxed_hand(setup)]
     motions = list(CampaignPlanner(setup).plan_campaign(grasps, start))
     if as_json:
-        print(json.dumps([_describe(motion) for motion in motions]))
+        print(json.dumps([_convert_to_json(motion) for motion in motions]))
     else:
         _print_table(motions)
     infeasible = [motion.error for motion in motions if motion.error is not None]
@@ -41,7 +41,10 @@ def check_motions(
 
 
 def _parse_angles(text: str | None) -> FloatArray:
-    """Parse the option --arm-start: six angles in degrees, separated by commas; f64[6] radians. Raises TaxelError."""
+    """Return the start angles of the arm, f64[6], radians, from the option --arm-start; None: the upright arm.
+
+    text: six angles in degrees, separated by commas. Raises TaxelError for another text.
+    """
     if text is None:
         return np.array(UPRIGHT_RAD)
     try:
@@ -54,13 +57,13 @@ def _parse_angles(text: str | None) -> FloatArray:
 
 
 def _make_relaxed_hand(setup: Setup) -> FloatArray:
-    """Make the hand posture at the start, f64[16], radians: the angle of each joint that is nearest to 0."""
+    """Return the hand's joint angles at the start, f64[16], radians: the permitted angle nearest to 0 of each joint."""
     robot, arm = setup.kinematics.robot, len(ARM_JOINT_NAMES)
     return np.clip(np.zeros(len(robot.joint_names) - arm), robot.lower[arm:], robot.upper[arm:])
 
 
-def _describe(motion: PlannedMotion) -> dict[str, object]:
-    """Describe a motion for JSON."""
+def _convert_to_json(motion: PlannedMotion) -> dict[str, object]:
+    """Return a planned motion as JSON values; waypoints, duration or error are None where they do not exist."""
     grasp, plan = motion.planned, motion.plan
     return {
         "id": grasp.id,
@@ -74,7 +77,7 @@ def _describe(motion: PlannedMotion) -> dict[str, object]:
 
 
 def _print_table(motions: Sequence[PlannedMotion]) -> None:
-    """Print one row for each motion."""
+    """Print a table with grasp, number of waypoints, duration and feasibility of each motion."""
     table = Table(title="planned motions of arm and hand")
     for heading in ("grasp", "object", "approach", "waypoints", "duration, s", "result"):
         table.add_column(heading, justify="right" if heading in {"waypoints", "duration, s"} else "left")

@@ -310,8 +310,8 @@ def _make_options(
 ) -> ImportOptions:
     """Collect the import options of the command line in one object.
 
-    calibration: file with poses of objects. wrist: text of the option `--wrist-pose`. noise: standard deviation,
-    counts. show: progress callback.
+    calibration: file with poses of objects. wrist: value of the option `--wrist-pose`. noise: standard deviation of the
+    sensor noise, counts; None: that of the simulator. show: progress callback. Raises TaxelError.
     """
     objects = load_calibration(calibration).objects if calibration is not None else {}
     return ImportOptions(
@@ -354,7 +354,10 @@ def _progress_bar(hidden: bool) -> Iterator[Progress]:
 
 
 def _print_report(report: ImportReport, out: Path, as_json: bool) -> None:
-    """Print the numbers of imported grasps, frames and contacts. out: dataset written."""
+    """Print the numbers of imported grasps and frames, and the contacts that are too far from every taxel.
+
+    out: dataset that was written. as_json: print one JSON object instead of text.
+    """
     if as_json:
         print(json.dumps({"file": str(out), **vars(report)}))
         return

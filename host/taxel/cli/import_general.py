@@ -60,7 +60,9 @@ def inspect(
     if map_out is not None:
         _write_text(map_out, text, overwrite)
     if as_json:
-        fields = [{"name": one.name, "shape": list(one.shape), "dtype": one.dtype} for one in opened.fields.values()]
+        fields = [
+            {"name": field.name, "shape": list(field.shape), "dtype": field.dtype} for field in opened.fields.values()
+        ]
         print(json.dumps({"file": str(file), "kind": opened.kind, "fields": fields, "map": text}))
         return
     table = Table("field", "shape", "type")
@@ -124,15 +126,23 @@ def lerobot(
 
 
 def _list_fields(fields: list[Field]) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, shape, type) of fields; numbered columns of one prefix and shape are one row."""
-    for (_, shape, dtype), group in groupby(fields, lambda one: (one.name.rstrip("0123456789"), one.shape, one.dtype)):
-        names = [one.name for one in group]
+    """Yield (name, shape, type) of fields as strings.
+
+    Successive fields of equal shape and type whose names differ only in a final number are described together.
+    """
+    for (_, shape, dtype), group in groupby(
+        fields, lambda field: (field.name.rstrip("0123456789"), field.shape, field.dtype)
+    ):
+        names = [field.name for field in group]
         name = names[0] if len(names) == 1 else f"{names[0]} ... {names[-1]} ({len(names)} fields)"
         yield name, " x ".join(map(str, shape)), dtype
 
 
 def _parse_elements(text: str | None) -> tuple[int, int] | None:
-    """Parse the option --elements, first and last number. Raises `TaxelError`."""
+    """Parse the option --elements, such as "6-33"; return (first, last number), None without the option.
+
+    Raises `TaxelError` for another text.
+    """
     if text is None:
         return None
     first, _, last = text.partition("-")

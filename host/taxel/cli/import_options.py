@@ -27,14 +27,17 @@ Environments = Annotated[bool, typer.Option("--environments", help="The second a
 
 
 def check_source(source: str) -> str:
-    """Return the value of the option --source. Raises `TaxelError` for another value than real and sim."""
+    """Return the value of the option --source unchanged. Raises `TaxelError` for a value other than real and sim."""
     if source not in (REAL, SIM):
         raise TaxelError(f"--source: expected real or sim, found {format_value(source)}; correct the option")
     return source
 
 
 def print_report(report: ImportReport, out: Path, as_json: bool) -> None:
-    """Print the numbers of imported contacts, frames and taxels. out: dataset written."""
+    """Print the numbers of imported contacts, frames and taxels.
+
+    out: dataset that was written. as_json: print one JSON object instead of text.
+    """
     if as_json:
         print(json.dumps({"file": str(out), **vars(report)}))
         return

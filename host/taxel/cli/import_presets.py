@@ -62,7 +62,7 @@ def tsf85(
         raise TaxelError(f"--columns: expected two names FIRST,LAST, found {format_value(columns)}; correct the option")
     options = _make_options(session, object_name, approach, gap_s, time_unit, rate_hz)
     span = None if names is None else (names[0], names[1])
-    _write(read_tsf85(files, check_source(source), options, span), options, out, overwrite, as_json)
+    _write_dataset(read_tsf85(files, check_source(source), options, span), options, out, overwrite, as_json)
 
 
 @preset_app.command()
@@ -86,7 +86,7 @@ def uskin(
     Example: taxel import uskin log.csv --prefix raw_ --gap-s 1 --out real.h5
     """
     options = _make_options(session, object_name, approach, gap_s, time_unit, rate_hz)
-    _write(read_uskin(files, check_source(source), options, prefix, unit), options, out, overwrite, as_json)
+    _write_dataset(read_uskin(files, check_source(source), options, prefix, unit), options, out, overwrite, as_json)
 
 
 @preset_app.command("mujoco-sensors")
@@ -116,7 +116,7 @@ def mujoco_sensors(
     names = [name.strip() for name in sensors.split(",")] if sensors is not None else []
     options = _make_options(session, object_name, approach, gap_s, time_unit, rate_hz)
     read = read_mujoco_sensors(file, options, model, layout, names, normal_only)
-    _write(read, options, out, overwrite, as_json)
+    _write_dataset(read, options, out, overwrite, as_json)
 
 
 @preset_app.command()
@@ -138,7 +138,7 @@ def isaac(
     Example: taxel import isaac tacsl.npz --rate-hz 60 --out sim.h5
     """
     options = _make_options(session, object_name, approach, gap_s, time_unit, rate_hz)
-    _write(read_isaac(file, options, environments), options, out, overwrite, as_json)
+    _write_dataset(read_isaac(file, options, environments), options, out, overwrite, as_json)
 
 
 @preset_app.command()
@@ -162,7 +162,7 @@ def genesis(
     Example: taxel import genesis taxels.npz --rate-hz 100 --out sim.h5
     """
     options = _make_options(session, object_name, approach, gap_s, time_unit, rate_hz)
-    _write(read_genesis(file, options, field, environments, scalar), options, out, overwrite, as_json)
+    _write_dataset(read_genesis(file, options, field, environments, scalar), options, out, overwrite, as_json)
 
 
 def _make_options(
@@ -173,16 +173,23 @@ def _make_options(
     time_unit: str | None,
     rate_hz: float | None,
 ) -> PresetOptions:
-    """Collect the options of a preset. Raises `TaxelError` for an unknown unit."""
+    """Collect the options of a preset in one object. Raises `TaxelError` for an unknown time unit."""
     if time_unit is not None and time_unit not in TIME_UNITS:
         found = format_value(time_unit)
         raise TaxelError(f"--time-unit: expected {', '.join(TIME_UNITS)}, found {found}; correct the option")
     return PresetOptions(Labels(session, object_name, approach), Grouping(gap_s=gap_s), time_unit, rate_hz)
 
 
-def _write(
-    read: tuple[GeneralHeader, Iterable[Recording]], options: PresetOptions, out: Path, overwrite: bool, as_json: bool
+def _write_dataset(
+    content: tuple[GeneralHeader, Iterable[Recording]],
+    options: PresetOptions,
+    out: Path,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
-    """Write the recordings of a preset and print the report."""
-    header, recordings = read
+    """Write the data that a preset has read as a dataset, and print the numbers of contacts, frames and taxels.
+
+    content: (header of the dataset, recordings). options: their grouping divides the recordings into contacts.
+    """
+    header, recordings = content
     print_report(write_recordings(out, header, recordings, options.grouping, overwrite), out, as_json)

@@ -1,4 +1,4 @@
-"""Joint angles of a command: fixed, from a file or a recording, from a ROS topic, or from the hand on CAN."""
+"""Sources of a command's joint angles: constant angles, a file, a recording, a ROS topic, or the hand on CAN."""
 
 import sys
 import time
@@ -27,11 +27,13 @@ FIRST_SAMPLE_S: Final = 3.0
 def choose_joints(
     source: str, hand: Hand | str | None, angles: str | None, file: Path | None, grasp: str | None
 ) -> FloatArray | JointHistory | None:
-    """Return the joint angles for a recording: of --joint-file, of --joint-angles, or measured; None: none of them.
+    """Return the joint angles for a recording: constant, f64[j], radians, or measured over time; None: not known.
 
-    Raises TaxelError for two sources of angles, and the errors of the file and the recording.
+    source: file of the recording. hand: its hand; None: that of the recording. angles, file: values of the options
+    --joint-angles and --joint-file; without them the measured angles of the recording are used. grasp: id of the grasp
+    in a dataset. Raises TaxelError for both options together, and the errors of the file and the recording.
     """
-    _refuse_two("--joint-angles", angles, "--joint-file", file)
+    _require_at_most_one("--joint-angles", angles, "--joint-file", file)
     if angles is not None:
         return parse_joint_angles(angles)
     link, description = open_recording(source, hand, grasp)
@@ -43,7 +45,11 @@ def choose_joints(
 
 
 def choose_url_joints(url: str, skin: Skin, angles: str | None, file: Path | None) -> FloatArray | JointHistory | None:
-    """Return the joint angles for the skin of a URL, as `choose_joints`; a port has no measured angles of its own."""
+    """Return the joint angles for the skin of a URL, constant or measured over time; None: not known.
+
+    For a recording (file:...) as `choose_joints`; a port has no measured angles, only those of --joint-angles. Raises
+    TaxelError for a joint file with a port.
+    """
     path = get_recorded_path(url)
     if path is not None:
         return choose_joints(str(path), skin.hand, angles, file, None)
@@ -58,12 +64,13 @@ def choose_url_joints(url: str, skin: Skin, angles: str | None, file: Path | Non
 def open_live_joints(
     hand: str | None, angles: FloatArray | None, topic: str | None, can_url: str | None
 ) -> Iterator[FloatArray | JointHistory | None]:
-    """Open the live source of joint angles of a recording, and wait for its first angles.
+    """Context manager: the joint angles of a live recording, measured over time, or constant without a live source.
 
-    angles: constant angles, and with a live source the angles of the joints that it does not measure. Raises TaxelError
-    for two live sources or a source without angles.
+    angles: constant angles, radians, and with a live source the angles of the joints that it does not measure. topic:
+    ROS topic. can_url: CAN channel of the hand. The block starts when the first angles have arrived. Raises TaxelError
+    for two live sources, and for a source without angles within `FIRST_SAMPLE_S`.
     """
-    _refuse_two("--joint-topic", topic, "--hand-can", can_url)
+    _require_at_most_one("--joint-topic", topic, "--hand-can", can_url)
     if topic is None and can_url is None:
         yield angles
         return
@@ -90,7 +97,10 @@ def open_live_joints(
 
 
 def _open_topic(stack: ExitStack, topic: str, names: tuple[str, ...], base: FloatArray) -> JointHistory:
-    """Subscribe to a topic of joint states until the stack is closed."""
+    """Subscribe to a ROS topic of joint states until the stack is closed; return the angles over time.
+
+    names: names of the robot's joints. base: angles of the joints that the topic does not contain, radians.
+    """
     from taxel.ros.node import JointListener, SpinningNode, open_node  # needs ROS
 
     node = stack.enter_context(SpinningNode(open_node(None)))
@@ -98,7 +108,10 @@ def _open_topic(stack: ExitStack, topic: str, names: tuple[str, ...], base: Floa
 
 
 def _open_can(stack: ExitStack, url: str | None, names: tuple[str, ...], base: FloatArray) -> JointHistory:
-    """Listen to the hand on a CAN channel until the stack is closed."""
+    """Listen to the hand on a CAN channel until the stack is closed; return the angles over time.
+
+    names: names of the robot's joints. base: angles of the joints that the hand does not measure, radians.
+    """
     from taxel.hand.allegro import open_bus
     from taxel.hand.allegro.listener import AllegroListener
 
@@ -109,7 +122,7 @@ def _open_can(stack: ExitStack, url: str | None, names: tuple[str, ...], base: F
     return listener.history
 
 
-def _refuse_two(first: str, first_value: object, second: str, second_value: object) -> None:
-    """Raise TaxelError if two options with the same purpose are given."""
+def _require_at_most_one(first: str, first_value: object, second: str, second_value: object) -> None:
+    """Raise TaxelError if both options are given. first, second: their names; an option with None is not given."""
     if first_value is not None and second_value is not None:
         raise TaxelError(f"{first} and {second}: expected at most one source of joint angles; remove one")

@@ -25,8 +25,8 @@ _TARGETS: Final = {name: entry.target for name, entry in COMMANDS.items() if ent
 def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
     """Build the command-line program `taxel` as a typer application.
 
-    name: the command that will run. Only this command is imported; the others are listed with their summaries. With any
-    other name no command is imported, which is enough for the help page. loads_all: import all commands.
+    name: the command that will run; only this command is imported, and the others are listed with their summaries. With
+    "" or an unknown name no command is imported, which is sufficient for the help page. loads_all: import all commands.
     """
     app = typer.Typer(
         name="taxel",
@@ -35,7 +35,7 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(_options)
+    app.callback()(_declare_options)
     available = list_plugin_names(COMMANDS_GROUP, _TARGETS)
     in_order = [command for command in COMMANDS if command in available]
     for command in [*in_order, *(command for command in available if command not in COMMANDS)]:
@@ -67,7 +67,7 @@ def _print_version(is_requested: bool) -> None:
         raise typer.Exit
 
 
-def _options(
+def _declare_options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
     ] = False,
@@ -81,8 +81,12 @@ def _not_loaded() -> NoReturn:
 
 
 def main() -> None:
-    """Run the command of `sys.argv`; the exit status is 0 only on success, and 2 for a wrong command line."""
-    name = _requested_command()
+    """Run the command of `sys.argv` and exit.
+
+    The exit status is 0 for success, 1 for an error, which is printed as one line, 2 for a wrong command line, and 130
+    after Ctrl-C or SIGTERM. A command may exit with a status of its own.
+    """
+    name = _get_requested_command()
     try:
         with interrupted_by_sigterm():
             refuse_renamed(sys.argv[1:])
@@ -126,8 +130,11 @@ def _fail_usage(error: Any) -> NoReturn:
     sys.exit(2)
 
 
-def _requested_command() -> str:
-    """Return the first argument after `taxel`: the command to run, or the command that the shell completes."""
+def _get_requested_command() -> str:
+    """Return the first argument after `taxel`: the command to run, or the command that the shell completes.
+
+    "" if there is no argument.
+    """
     if COMPLETION_VARIABLE in os.environ:
         arguments = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
     else:

@@ -76,23 +76,23 @@ def monitor(
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:
-                _in_browser(skin, model, title, port, control, seconds)
+                _show_in_browser(skin, model, title, port, control, seconds)
             elif once:
                 _print_once(skin, model, console, title, as_json, seconds)
             elif as_json or not console.is_terminal:
                 watch(skin, model, LineView(lambda text: print(text, flush=True), as_json), seconds, LINES_HZ)
             else:
-                _on_terminal(skin, model, console, title, seconds)
+                _show_on_terminal(skin, model, console, title, seconds)
         except KeyboardInterrupt:
             return  # Ctrl-C is the usual end
 
 
 def _opening_status(console: Console, url: str) -> AbstractContextManager[object]:
-    """Return a context that shows on a terminal that the command waits for the hub at `url`."""
+    """Return a context manager that shows a message on a terminal while the hub at `url` is opened."""
     return console.status(f"opening {url}: waiting for the hub") if console.is_terminal else nullcontext()
 
 
-def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, seconds: float | None) -> None:
+def _show_on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, seconds: float | None) -> None:
     """Show the live skin in the terminal until its end or for `seconds`; then print one line with the last reading."""
     view = TerminalView(console, model, title)
     try:
@@ -124,13 +124,13 @@ def _print_once(
         raise NoFrameError(f"{skin.link.name}: no frame arrived; {reading.advice}")
 
 
-def _in_browser(
+def _show_in_browser(
     skin: Skin, model: SkinMonitor, title: str, port: int, has_control: bool, seconds: float | None
 ) -> None:
-    """Serve a page that shows the live skin in a browser, until the end of the data or Ctrl-C.
+    """Serve a page that shows the live skin in a browser, until Ctrl-C or for `seconds`; None: no time limit.
 
-    port: of the page on 127.0.0.1. has_control: the page can take the baseline again. seconds: time limit; None: no
-    limit.
+    After the end of a recording the page stays available if there is no time limit. port: port of the page on
+    127.0.0.1. has_control: the page can take the baseline again.
     """
     from taxel.monitor.web import WebView
 

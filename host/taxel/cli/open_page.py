@@ -1,4 +1,4 @@
-"""Offer to open a page in the browser of the user."""
+"""Opening of a page in the user's browser, on request."""
 
 import os
 import sys
@@ -12,9 +12,10 @@ TEXT_BROWSERS = ("www-browser", "links", "elinks", "lynx", "w3m")
 
 
 def offer_page(page: Path, is_wanted: bool | None) -> None:
-    """Open a page in a graphical browser.
+    """Open a page in a browser, or print a line to standard error if there is no browser.
 
-    is_wanted: True: open it; False: do nothing; None: ask, if this is a terminal and a browser is available.
+    is_wanted: True: open the page; False: do nothing; None: ask, if the command runs on a terminal and a graphical
+    browser is available, else do nothing.
     """
     if is_wanted is None:
         if not (sys.stdin.isatty() and sys.stdout.isatty() and _has_browser()):
@@ -25,7 +26,7 @@ def offer_page(page: Path, is_wanted: bool | None) -> None:
 
 
 def _has_browser() -> bool:
-    """Whether a graphical browser can be opened: a display of Linux, or another operating system."""
+    """Whether a graphical browser can be opened; on Linux this needs a display."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return False
     try:

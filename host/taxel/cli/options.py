@@ -47,7 +47,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 
 def parse_joint_angles(text: str | None) -> FloatArray | None:
-    """Parse the angles f64[j] in radians of the option `--joint-angles`; None if the option is missing.
+    """Parse the option `--joint-angles`, such as "0.1,0.2", to f64[j], radians; None without the option.
 
     Raises `TaxelError` for a text that is not a list of finite numbers.
     """
@@ -65,9 +65,10 @@ def parse_joint_angles(text: str | None) -> FloatArray | None:
 
 
 def parse_seeds(text: str, option: str) -> list[int]:
-    """Parse seeds, such as `101-110` or `101,104`: numbers and ranges separated by commas, each seed once.
+    """Parse numbers and ranges separated by commas, such as `101-110` or `101,104`; return each seed once, in order.
 
-    option: for messages. Raises `TaxelError` for another text.
+    option: name of the option for error messages. Raises `TaxelError` for another text, and for a range of more than
+    `MAX_SEEDS` seeds.
     """
     seeds: dict[int, None] = {}
     for part in text.split(","):

@@ -14,9 +14,10 @@ from taxel.plugins import IMPORTERS, PluginError, list_plugin_names, load_plugin
 def load_command(group: str, name: str, built_in: Mapping[str, str], extra: str | None = None) -> Any:
     """Load a command of the program: a typer function or a `typer.Typer` group.
 
-    group, name: of the entry point. built_in: commands of the project by name. extra: the extra that installs all
-    optional libraries of the command; None: the extra of the missing library. Raises `MissingPackageError` if an
-    optional library is not installed, `PluginError` for an object that is not a command.
+    group, name: group and name of the entry point. built_in: "module:attribute" of the project's commands by name.
+    extra: name of the extra that installs all optional libraries of the command; None: an error message names the extra
+    of the missing library. Raises `MissingPackageError` if an optional library is not installed, `PluginError` for an
+    object that is not a command.
     """
     try:
         target = load_plugin(group, name, built_in)
@@ -39,7 +40,11 @@ class ImporterGroup(TyperGroup):
         return [*list_plugin_names(IMPORTERS, dict.fromkeys(self.commands, ""))]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return the command of one importer, imported now if another package adds it; None for an unknown name."""
+        """Return the command of one importer; None for an unknown name.
+
+        The importer of another package is imported now. If that fails, the returned command raises the error when it is
+        called, so that the help page can still be printed.
+        """
         if cmd_name in self.commands or cmd_name not in self.list_commands(ctx):
             return super().get_command(ctx, cmd_name)
         try:
@@ -62,7 +67,7 @@ class _UnusableCommand(TyperCommand):
 
 
 def _check_command(group: str, name: str, target: Any) -> None:
-    """Raise `PluginError` if the object of an entry point cannot become a command. group, name: of the entry point."""
+    """Raise `PluginError` if an object cannot become a command. group, name: group and name of its entry point."""
     try:
         if not (isinstance(target, typer.Typer) or callable(target)):
             raise TypeError(f"expected a function or a typer.Typer, found an object of type {type(target).__name__}")

@@ -52,7 +52,7 @@ def stage_bars(console: Console | None = None, *, hidden: bool = False) -> Itera
 def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
     """Show one bar with the number of completed items, the elapsed and the remaining time. Yields the callback.
 
-    unit: plural of the items.
+    unit: name of the items in the plural, such as "grasps".
     """
     columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}", markup=False),
@@ -69,9 +69,9 @@ def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
 
 @contextmanager
 def time_bar(title: str, seconds: float) -> Iterator[Callable[[float, str], None]]:
-    """Show one bar on standard error for work that lasts `seconds`, erased at the end.
+    """Show one bar on standard error for work that lasts `seconds`; the bar is erased at the end.
 
-    Yields the callback: elapsed seconds, and the text before the bar.
+    Yields the callback, whose arguments are the elapsed seconds and the text before the bar.
     """
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -86,7 +86,10 @@ def time_bar(title: str, seconds: float) -> Iterator[Callable[[float, str], None
 
 @contextmanager
 def spinner(title: str) -> Iterator[Callable[[str], None]]:
-    """Show a spinner on standard error for work of unknown length, erased at the end. Yields a setter of its title."""
+    """Show a spinner on standard error for work of unknown length; the spinner is erased at the end.
+
+    Yields a function that sets its title.
+    """
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=_stderr_console(), transient=True) as progress:
         task = progress.add_task(title)

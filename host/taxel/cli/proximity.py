@@ -99,14 +99,20 @@ def calibrate_command(
 
 
 def _parse_boards(skin: Skin, text: str) -> list[str]:
-    """Parse the option --boards; the first board of each kind without it. Raises UnknownBoardError."""
+    """Return the names of the boards in the option --boards; "": the first board of each kind of the hand.
+
+    Raises UnknownBoardError for a board that the hand does not have.
+    """
     if text:
         return [skin.hand.find_board(name.strip()).name for name in text.split(",")]
     return list({board.kind.name: board.name for board in reversed(skin.hand.boards)}.values())[::-1]
 
 
 def _parse_distances(text: str) -> list[float]:
-    """Parse the option --distances-mm to metres. Raises `ProximityError`."""
+    """Parse the option --distances-mm, millimetres separated by commas; return metres.
+
+    Raises `ProximityError` for another text, and for a distance of 0 or above `MAX_DISTANCE_M`.
+    """
     try:
         values = [1e-3 * float(part) for part in text.split(",")]
     except ValueError:
@@ -122,7 +128,12 @@ def _parse_distances(text: str) -> list[float]:
 def _take_holds(
     skin: Skin, boards: Sequence[str], target: str, distances: Sequence[float], seconds: float
 ) -> list[HoldCounts]:
-    """Ask for each hold on the terminal and take its frames. Raises `ProximityError` for a recording."""
+    """Request each hold of the target on the terminal, and return the counts of each hold.
+
+    A hold is an interval in which the target is held at one distance from a board. Each board has a hold without target
+    before and after those at the `distances`, metres; it lasts at least 6 s. target: name of the target. seconds:
+    duration of a hold. Raises `ProximityError` for a recording and a wrong name.
+    """
     if skin.link.is_recorded:
         raise ProximityError(f"{skin.link.name}: a recording needs --holds, the intervals at which the target was held")
     if not TARGET_NAME.fullmatch(target):
@@ -130,8 +141,8 @@ def _take_holds(
     counts = []
     for name in boards:
         board = (skin.hand.find_board(name).address, name)
-        steps: list[float | None] = [None, *distances, None]
-        for distance in steps:
+        held_distances: list[float | None] = [None, *distances, None]  # None: without target
+        for distance in held_distances:
             place = "Remove everything near" if distance is None else f"Hold the target {1e3 * distance:g} mm from"
             typer.prompt(f"{place} board {name}, then press Enter", default="", show_default=False)
             counts.append(
@@ -141,7 +152,10 @@ def _take_holds(
 
 
 def _print_calibration(calibration: ProximityCalibration, path: Path, as_json: bool) -> None:
-    """Print the result of a calibration."""
+    """Print a table with the fitted response of each board kind to each target, or its values as JSON.
+
+    path: calibration file that was written.
+    """
     rows = [
         {
             "kind": name,
@@ -197,13 +211,17 @@ def watch_command(
     """
     try:
         with open_skin(url, hand) as skin:
-            _watch(skin, calibration, 1e-3 * horizon_ms, seconds, as_json)
+            _print_estimates(skin, calibration, 1e-3 * horizon_ms, seconds, as_json)
     except KeyboardInterrupt:
         return  # Ctrl-C is the usual end
 
 
-def _watch(skin: Skin, calibration: Path, horizon_s: float, seconds: float | None, as_json: bool) -> None:
-    """Print the estimates of a skin until its end, or for `seconds` of the stream's clock."""
+def _print_estimates(skin: Skin, calibration: Path, horizon_s: float, seconds: float | None, as_json: bool) -> None:
+    """Print the estimates with a target or contact until the end of the skin, or for `seconds` of the stream's clock.
+
+    calibration: calibration file. horizon_s: time within which a contact is predicted, seconds. Raises TaxelError if no
+    board completed its baseline.
+    """
     estimators = open_watch(calibration, skin.hand, horizon_s)
     is_live = skin.link.is_real_time and has_arrivals(skin.link)
     first_s: float | None = None
@@ -225,7 +243,10 @@ def _watch(skin: Skin, calibration: Path, horizon_s: float, seconds: float | Non
 
 
 def _print_estimate(estimate: ProximityEstimate, printed: dict[int, tuple[float, bool]], as_json: bool) -> None:
-    """Print an estimate as JSON, or as text if the last line of its board is old or a contact is newly predicted."""
+    """Print an estimate as JSON, or as text if its board's last line is 0.1 s old or a contact is newly predicted.
+
+    printed: (time in seconds, whether a contact was predicted) of the last line by board address; updated.
+    """
     if as_json:
         print(json.dumps(estimate.as_dict()), flush=True)
         return
@@ -237,7 +258,11 @@ def _print_estimate(estimate: ProximityEstimate, printed: dict[int, tuple[float,
 
 
 def format_estimate(estimate: ProximityEstimate) -> str:
-    """Format an estimate as one line of text."""
+    """Format an estimate as one line: time, board, distance, speed, time to contact and target.
+
+    Distance and speed are a median with an interval. Without distance or speed, the line states only a contact or the
+    probability of a target.
+    """
     head = f"{estimate.time_s:9.3f} s  {estimate.board:22s}"
     distance, speed, remaining = estimate.distance_m, estimate.speed_m_s, estimate.time_to_contact_s
     if distance is None or speed is None:

@@ -79,10 +79,13 @@ def record(
 
 
 def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, seconds: float | None) -> None:
-    """Record the frames of a skin for `seconds` from its first frame; None: until the end of the stream."""
+    """Record the frames of a skin for `seconds` from its first frame; None: until the end of the stream.
+
+    summary: counts the frames. url: URL of the skin for the progress display.
+    """
     skin.end_s = None if seconds is None else time.monotonic() + seconds + LATEST_S
     notices = GapNotices(skin.link.name, skin.reconnection)
-    with _progress(f"recording {url}", seconds) as show:
+    with _open_progress(f"recording {url}", seconds) as show:
 
         def show_progress() -> None:
             """Show the number of frames, and whether the port is missing."""
@@ -96,8 +99,11 @@ def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, second
 
 
 @contextmanager
-def _progress(title: str, seconds: float | None) -> Iterator[Callable[[float, str], None]]:
-    """Show a bar for a recording of known length, else a spinner with the elapsed time of the stream."""
+def _open_progress(title: str, seconds: float | None) -> Iterator[Callable[[float, str], None]]:
+    """Show a bar for a recording of known length, else a spinner. Yields the callback.
+
+    The arguments of the callback are the elapsed seconds of the stream and the text beside the bar or spinner.
+    """
     if seconds is not None:
         with time_bar(title, seconds) as show:
             yield show

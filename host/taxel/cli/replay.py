@@ -59,10 +59,10 @@ def replay(
         result = convert(recording, to, hand=hand, overwrite=overwrite, joint_position=angles, grasp=grasp)
         print_conversion(result, to, as_json)
     else:
-        _summarise(recording, hand, grasp, speed_factor, as_json)
+        _print_summary(recording, hand, grasp, speed_factor, as_json)
 
 
-def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
+def _print_summary(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
     """Play a recording and print its numbers of frames, losses and bytes.
 
     grasp: id of a grasp in a dataset. speed: times real time; None: as fast as possible.
@@ -98,7 +98,9 @@ def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: 
 
 
 def _parse_speed(text: str | None, default: float | None) -> float | None:
-    """Parse the factor of the option `--speed`; None: as fast as possible. default: without the option.
+    """Parse the option `--speed`, a multiple of real time; None for "max", as fast as possible.
+
+    text: value of the option; None: not given, then the result is `default`.
 
     Raises `TaxelError` for a text that is neither `max` nor a permitted number.
     """

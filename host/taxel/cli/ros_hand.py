@@ -75,12 +75,15 @@ def ros_hand(
 
 
 def report_line(text: str) -> None:
-    """Print a line on stderr."""
+    """Print a line to standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def read_limits(hand: str | None) -> "JointLimits":
-    """Return the limits of the hand's joints from its robot description."""
+    """Return the joint limits of the Allegro hand, from the robot description of a hand; None: the original hand.
+
+    Raises TaxelError for a robot that lacks a joint of the Allegro hand.
+    """
     from taxel.ros.joint_command import JointLimits
 
     robot = build_kinematics(load_hand(hand or "original")).robot
@@ -93,7 +96,10 @@ def read_limits(hand: str | None) -> "JointLimits":
 
 
 def run_control(control: "HandControl", node: Node, prefix: str, seconds: float | None) -> None:
-    """Run the control with the usual period until Ctrl-C, `seconds`, or the end of ROS."""
+    """Follow joint commands and publish the measured angles until Ctrl-C, for `seconds`, or until ROS ends.
+
+    prefix: prefix of the topics. At the end, the numbers of followed and rejected commands are printed.
+    """
     node.listen(
         f"{prefix}/joint_cmd",
         "sensor_msgs/JointState",
@@ -117,7 +123,10 @@ def run_control(control: "HandControl", node: Node, prefix: str, seconds: float 
 
 @contextmanager
 def open_hand(url: str) -> Iterator["AllegroHand"]:
-    """Open the hand on the CAN channel of a URL, or a virtual hand; its motors are on in the context."""
+    """Context manager: the driver of the hand on a CAN channel, or of a virtual hand for the URL `VIRTUAL_HAND`.
+
+    The motors of the hand are switched on inside the block.
+    """
     from taxel.hand.allegro import AllegroHand, open_bus
     from taxel.hand.allegro.emulated_bus import EmulatedBus
 

@@ -60,7 +60,10 @@ def show(
 
 
 def _show_general(paths: list[Path], out: Path, check: bool, console: Console) -> int:
-    """Draw maps of datasets of version 2, and state what they contain; return the exit status."""
+    """Print the sizes of version 2 datasets and draw their maps to the folder `out`; return the exit status 0.
+
+    check: whether --check is given; then a line states that there is nothing to check, and nothing is drawn.
+    """
     for path in paths:
         with GeneralDataset(path) as data:
             sessions = len({contact.session for contact in data})
@@ -79,9 +82,10 @@ def _show_general(paths: list[Path], out: Path, check: bool, console: Console) -
 
 
 def _check_physics(paths: list[Path], console: Console) -> int:
-    """Print the violated invariants of datasets and a summary for each; return the exit status.
+    """Print the violated physical invariants of simulated datasets, and a summary line for each.
 
-    A dataset without contact forces, such as a recording of a hand, has nothing to check.
+    Returns the exit status: 1 if an invariant is violated, else 0. A measured dataset has no contact forces and gives
+    only a line that states this.
     """
     status = 0
     for path in paths:
@@ -101,9 +105,10 @@ def _check_physics(paths: list[Path], console: Console) -> int:
 
 
 def _choose_grasps(paths: list[Path]) -> list[str]:
-    """The ids of one grasp of each dataset, of the same object and approach, and with the same id if there is one.
+    """Choose one grasp of each dataset, such that the grasps are comparable; return their ids in the order of `paths`.
 
-    paths: grasp datasets. Raises `TaxelError` if no condition is in all of them.
+    The grasps have the same id if all datasets have a common id, else the same object and approach. Raises `TaxelError`
+    if no combination of object and approach is in all datasets.
     """
     ids: list[list[str]] = []
     conditions: list[dict[tuple[str, str], str]] = []

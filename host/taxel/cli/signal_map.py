@@ -9,7 +9,7 @@ from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Baseline
 from taxel.stream import TaxelFrame
 
 MOST_COLUMNS = 100
-"""Widest map, characters: both sides of the original hand."""
+"""Largest width of the map, characters, at which both sides of the original hand fit beside each other."""
 
 
 class LargestSignals:
@@ -33,7 +33,7 @@ class LargestSignals:
             baseline.update(frame.raw_counts)
 
     def print(self, console: Console) -> None:
-        """Print the map, if a baseline is complete."""
+        """Print the map of the largest signals; without a complete baseline, print a line with the reason instead."""
         signal = np.full(self._hand.n_taxels, np.nan)
         for address, baseline in self._baselines.items():
             if baseline.is_ready:

@@ -1,4 +1,4 @@
-"""Counts of a stream's frames, losses and bytes, as a table or as JSON."""
+"""Numbers of a stream's frames, losses and bytes, as a table or as JSON."""
 
 from collections import Counter
 from typing import Any

@@ -1,4 +1,4 @@
-"""The end of a command by the signal SIGTERM: in order if possible, and in any case within seconds."""
+"""End of a command by the signal SIGTERM: with cleanup if possible, and in any case within seconds."""
 
 import contextlib
 import ctypes
@@ -41,7 +41,7 @@ def interrupted_by_sigterm(grace_s: float = GRACE_S) -> Iterator[None]:
     with _watch(grace_s) as is_handled:
 
         def interrupt(number: int, frame: FrameType | None) -> None:
-            """Note that the signal has reached Python, and raise KeyboardInterrupt; a second one ends the process."""
+            """Stop the timers that would end the process, and raise KeyboardInterrupt; a second signal ends it."""
             if is_handled.is_set():
                 os._exit(STATUS)
             is_handled.set()
@@ -93,7 +93,7 @@ def _start_timer_by_sigterm() -> Iterator[None]:
 
 
 def _forget_pipe() -> None:
-    """Stop writing signals to the pipe of the parent process."""
+    """Stop writing the signals of a forked process to the pipe of its parent process."""
     with contextlib.suppress(ValueError):
         signal.set_wakeup_fd(-1)
 

@@ -61,9 +61,13 @@ def thesis(
 
 
 def _print_summary(console: Console, summary: Summary, gap: GapSummary | None) -> None:
-    """Print findings, skills, identified shapes and the diagnosis."""
+    """Print the findings of the thesis with their reproduction, the skill of the tables, and the identified shapes.
+
+    gap: also print the headline of the gap diagnosis; None: no diagnosis.
+    """
 
     def show(text: str) -> None:
+        """Print a line without formatting."""
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     show(describe_seeds(summary))

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Protocol
 
@@ -25,8 +25,8 @@ Reference = Annotated[
 ]
 
 
-class Sink(Protocol):
-    """Receiver of messages: an MCAP file or a ROS node."""
+class MessageSink(Protocol):
+    """Receiver of ROS messages: an MCAP file or a ROS node."""
 
     def publish(self, message: "TopicMessage") -> None:
         """Write or send a message."""
@@ -85,19 +85,20 @@ def twin(
     known = read_reference(reference)
     with _open_source(url, hand, speed, contacts, reference) as (source, schedule):
         naming = CauseNaming(ReferenceFile.read(reference), source.is_live) if name_causes else None
-        with console.status("learning the reference") if console.is_terminal else _nothing():
+        with console.status("learning the reference") if console.is_terminal else nullcontext():
             watched = Twin(known, schedule, false_alarm_hours)
         session = TwinSession(watched, source, naming, repair)
         try:
             with ExitStack() as stack:
                 sinks = _open_sinks(stack, record, ros, overwrite, f"{url}, reference {reference}")
-                updates = _publish(_limit(session.updates(), seconds), session, sinks, source.is_live)
-                _show(updates, session, console, url, web, port, as_json)
+                limited = _limit_duration(session.updates(), seconds)
+                updates = _publish_updates(limited, session, sinks, source.is_live)
+                _show_updates(updates, session, console, url, web, port, as_json)
         except KeyboardInterrupt:
             return  # Ctrl-C is the usual end
 
 
-def _show(
+def _show_updates(
     updates: Iterator["Update"],
     session: "TwinSession",
     console: Console,
@@ -106,7 +107,11 @@ def _show(
     port: int,
     as_json: bool,
 ) -> None:
-    """Show the updates in a browser, as lines, or on the terminal."""
+    """Show the updates of the twin until their end.
+
+    In a browser with `web`; as printed lines with `as_json` or if standard error is no terminal; else as a live view on
+    the terminal. port: port of the page.
+    """
     if web:
         _show_in_browser(updates, session, port, as_json)
     elif as_json or not console.is_terminal:
@@ -117,9 +122,13 @@ def _show(
         show_on_terminal(updates, session, console, url)
 
 
-def _open_sinks(stack: ExitStack, record: Path | None, ros: bool, overwrite: bool, title: str) -> list["Sink"]:
-    """Open the MCAP file and the ROS node; the stack closes them. title: for the header of the file."""
-    sinks: list[Sink] = []
+def _open_sinks(stack: ExitStack, record: Path | None, ros: bool, overwrite: bool, title: str) -> list[MessageSink]:
+    """Open the requested receivers of messages, which the stack closes.
+
+    record: MCAP file; None: no file. ros: whether to open a ROS node. title: source of the messages in the header of
+    the file.
+    """
+    sinks: list[MessageSink] = []
     if record is not None:
         from taxel.ros.mcap_file import McapFile
 
@@ -135,10 +144,13 @@ def _open_sinks(stack: ExitStack, record: Path | None, ros: bool, overwrite: boo
     return sinks
 
 
-def _publish(
-    updates: Iterator["Update"], session: "TwinSession", sinks: list["Sink"], is_live: bool
+def _publish_updates(
+    updates: Iterator["Update"], session: "TwinSession", sinks: list[MessageSink], is_live: bool
 ) -> Iterator["Update"]:
-    """Yield the updates after their messages have been sent. is_live: times become Unix times."""
+    """Yield the updates, each after its messages have been passed to all receivers.
+
+    is_live: the times of the messages are Unix times; otherwise those of the recording.
+    """
     if not sinks:
         yield from updates
         return
@@ -159,7 +171,11 @@ def _publish(
 def _open_source(
     url: str, hand: str | None, speed: float | None, contacts: Path | None, reference: Path
 ) -> Iterator[tuple["Source", "ContactSchedule"]]:
-    """Open a skin or a grasp dataset, and read the announced contacts."""
+    """Context manager: (source of frames, schedule of announced contacts) for a skin or a grasp dataset.
+
+    contacts: file of the announced contacts; None: those of the dataset, or none for a skin. reference: dataset of the
+    healthy skin, to which a skin must fit. Raises TaxelError.
+    """
     from taxel.monitor import open_paced
     from taxel.monitor.paced_link import SPEED_MAX
     from taxel.twin import ContactSchedule, read_reference, read_schedule
@@ -178,13 +194,7 @@ def _open_source(
         yield source, schedule
 
 
-@contextmanager
-def _nothing() -> Iterator[None]:
-    """Show nothing."""
-    yield
-
-
-def _limit(updates: Iterator["Update"], seconds: float | None) -> Iterator["Update"]:
+def _limit_duration(updates: Iterator["Update"], seconds: float | None) -> Iterator["Update"]:
     """Yield updates for `seconds` of real time; None: all."""
     started = time.monotonic()
     for update in updates:
@@ -194,7 +204,7 @@ def _limit(updates: Iterator["Update"], seconds: float | None) -> Iterator["Upda
 
 
 def _print_events(updates: Iterator["Update"], as_json: bool) -> None:
-    """Print each event on a line."""
+    """Print each event on a line, and at the end the numbers of compared steps and alarms unless `as_json`."""
     steps = alarms = 0
     for update in updates:
         steps += len(update.results)
@@ -207,7 +217,7 @@ def _print_events(updates: Iterator["Update"], as_json: bool) -> None:
 
 
 def _show_in_browser(updates: Iterator["Update"], session: "TwinSession", port: int, as_json: bool) -> None:
-    """Serve the page of the twin, and print each event."""
+    """Serve the page of the twin until Ctrl-C, and print each event."""
     from taxel.twin.web import TwinPage
 
     with TwinPage(session, port) as page:

@@ -17,7 +17,11 @@ from taxel.types import BoolArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class _GraspContacts:
-    """Contacts of one grasp. positions: f64[n, 3], m. signal_counts: f64[n]. active, inactive: bool[n]."""
+    """State of all n taxels in one grasp.
+
+    positions: f64[n, 3], taxel centres in the frame of the object, metres. signal_counts: f64[n]. active, inactive:
+    bool[n]; both are False for a taxel without a valid measurement.
+    """
 
     grasp: Grasp
     positions: FloatArray
@@ -40,15 +44,16 @@ def accumulate(
     The cloud has one point for each grasp and taxel whose signal (mean over hold) exceeds `threshold` counts. A taxel
     without a valid hold frame is neither an active nor an inactive point. A grasp without a baseline is left out.
 
-    propagation: contact propagation to apply, as in the thesis for simulated clouds; None: none. taxels: taxels that
-    count, bool[n]; None: those of the thesis (section 5.2). progress: called with grasps read and their total number.
-    Raises CloudError for an object that the dataset does not have, DatasetError for a damaged dataset.
+    propagation: contact propagation to apply, as in the thesis for simulated clouds; None: no propagation. taxels:
+    taxels that are used, bool[n]; None: those of the thesis (section 5.2). progress: called with the number of grasps
+    read and their total number. Raises CloudError for an object that the dataset does not contain, DatasetError for a
+    damaged dataset.
     """
     if object_name not in data.objects:
         names = ", ".join(data.objects) or "none"
         raise CloudError(str(data.path), "object", f"one of {names}", object_name, "correct the name")
-    counted = select_used_taxels(data) if taxels is None else taxels
-    contacts = list(_contacts_by_grasp(data, object_name, threshold, propagation, counted, progress))
+    used = select_used_taxels(data) if taxels is None else taxels
+    contacts = list(_contacts_by_grasp(data, object_name, threshold, propagation, used, progress))
     approaches = tuple(sorted({item.grasp.approach for item in contacts}))
     active_rows = [np.full(int(item.active.sum()), row) for row, item in enumerate(contacts)]
     inactive_rows = [np.full(int(item.inactive.sum()), row) for row, item in enumerate(contacts)]
@@ -71,19 +76,20 @@ def _contacts_by_grasp(
     object_name: str,
     threshold: float,
     propagation: Propagation | None,
-    counted: BoolArray,
+    used: BoolArray,
     progress: Callable[[int, int], None],
 ) -> Iterator[_GraspContacts]:
     """Yield the active and inactive taxels of each grasp of an object that has a baseline, in dataset order.
 
-    threshold: signal in counts above which a taxel is active. counted: taxels that count, bool[n].
+    threshold: signal in counts above which a taxel is active. used: bool[n]; the other taxels are neither active nor
+    inactive.
     """
     neighbours = propagation.find_neighbours(data.taxels) if propagation else None
     grasps = [grasp for grasp in data if grasp.object == object_name]
     for done, grasp in enumerate(grasps, 1):
         if frames := count_baseline_frames(grasp):
             signal = grasp.mean_hold_signal(frames)
-            measured = counted & ~np.isnan(signal)
+            measured = used & ~np.isnan(signal)
             active: BoolArray = measured & (np.where(measured, signal, 0.0) > threshold)
             if propagation is not None and neighbours is not None:
                 reached, signal = propagation.apply(active, signal, neighbours)

@@ -28,15 +28,15 @@ class ContactCloud:
     """N contact points, metres, of G grasps in A approaches.
 
     Attributes:
-        name: name for messages, such as a file.
-        points: f64[N, 3]. Of a dataset: taxel centres in the nominal frame of the object.
+        name: name in messages, for example a file name.
+        points: f64[N, 3]; in a cloud of a dataset, taxel centres in the nominal frame of the object.
         counts: f64[N], signal (baseline minus raw count), mean over hold; NaN where unknown.
         grasp: i64[N], row in `grasps`.
         taxel: i64[N], row in the taxel table of the dataset; -1 where unknown.
         grasps: ids of the grasps.
         grasp_approach: i64[G], row in `approaches`.
         approaches: names of the approaches.
-        inactive_points: f64[M, 3], taxels that were read and were not active. Empty where unknown.
+        inactive_points: f64[M, 3], positions of taxels that were read and were not active; empty if unknown.
         inactive_grasp: i64[M], row in `grasps` of each inactive point.
 
     Raises CloudError for arrays of inconsistent shapes and for points that are not finite.
@@ -87,7 +87,7 @@ class ContactCloud:
     def from_points(
         cls, points: npt.ArrayLike, counts: npt.ArrayLike | None = None, name: str = "cloud"
     ) -> ContactCloud:
-        """Create a contact cloud of points without known grasps: it has one unnamed grasp and one unnamed approach.
+        """Create a contact cloud from points without known grasps: all belong to one unnamed grasp and approach.
 
         points: f64[N, 3], metres. counts: signal of each point f64[N]; None: unknown.
         """
@@ -141,7 +141,7 @@ def has_usable_coordinates(points: FloatArray) -> BoolArray:
 def check_points(points: FloatArray, name: str, field_name: str = "points") -> None:
     """Raise CloudError unless an array is f64[N, 3] with finite coordinates up to MAX_COORDINATE_M.
 
-    name, field_name: name of the cloud and of the array, for the message.
+    name, field_name: names of the cloud and of the array in the message.
     """
     if points.ndim != 2 or points.shape[1] != 3:
         raise CloudError(name, field_name, "shape [N, 3]", str(list(points.shape)), "correct it")
@@ -163,7 +163,8 @@ def describe_unusable(points: FloatArray) -> str:
 def require_points(points: FloatArray, name: str, minimum: int = 1, reason: str = "") -> None:
     """Raise CloudError for a cloud with fewer than `minimum` points.
 
-    name: of the cloud. reason: text that follows the number in the message, such as ``, N of the filter``.
+    name: name of the cloud in the message. reason: text that follows the minimum in the message, for example
+    ``, the N of the outlier filter``.
     """
     if len(points) < minimum:
         found = f"{len(points)}" if len(points) else "none: the cloud is empty"

@@ -16,7 +16,10 @@ BACK_KIND = "back"
 
 
 def select_used_taxels(data: GraspDataset) -> npt.NDArray[np.bool_]:
-    """Select the taxels that the experiments of the thesis used, bool[n]: not those of some boards and of the back."""
+    """Select the taxels that the experiments of the thesis used, bool[n].
+
+    The boards of `UNUSED_BOARDS` and the boards on the back of the hand are left out.
+    """
     is_board_used = [
         BACK_KIND not in kind and name not in UNUSED_BOARDS
         for name, kind in zip(data.sensors.name, data.sensors.kind, strict=True)
@@ -25,7 +28,10 @@ def select_used_taxels(data: GraspDataset) -> npt.NDArray[np.bool_]:
 
 
 def count_baseline_frames(grasp: Grasp) -> int:
-    """Return the number of frames for the baseline of a grasp: BASELINE_FRAMES, or fewer valid ones of a board."""
+    """Return how many valid baseline frames can be averaged for every board of a grasp: BASELINE_FRAMES at most.
+
+    Boards without a valid frame in the hold phase are not considered. The result is 0 if a board has no baseline frame.
+    """
     has_hold = (grasp.valid & (grasp.phase == Phase.HOLD)[:, None]).any(axis=0)
     valid_frames = (grasp.valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
     return int(min([BASELINE_FRAMES, *valid_frames[has_hold].tolist()]))

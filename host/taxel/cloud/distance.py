@@ -52,8 +52,8 @@ def compute_distances_to_cloud(
 ) -> FloatArray:
     """Compute the distance of each point f64[N, 3] to the nearest point of a target f64[K, 3], f64[N], metres.
 
-    name, target_name: of both clouds, for messages. Raises CloudError for points that are not finite and for an empty
-    cloud.
+    name, target_name: names of the two clouds in messages. Raises CloudError for points that are not finite and for an
+    empty cloud.
     """
     _check(points, name)
     _check(target, target_name)

@@ -13,33 +13,34 @@ from taxel.types import ByteArray, Float32Array, FloatArray
 
 MIN_DISTANCE_M: Final = -0.010
 MAX_DISTANCE_M: Final = 0.014
-"""Range of the bins; smaller and larger distances are counted in the first and the last bin."""
+"""Range of the bins, metres; smaller and larger distances are counted in the first and in the last bin."""
 
 BIN_WIDTH_M: Final = 0.00025
 BIN_COUNT: Final = round((MAX_DISTANCE_M - MIN_DISTANCE_M) / BIN_WIDTH_M)
 
 CELL_WIDTH_M: Final = 0.0005
-"""Edge of a grid cell. A cell has one bin, that of its centre: the error of a distance is 0.14 mm (standard
-deviation)."""
+"""Edge length of a grid cell. All points in a cell have the distance bin of the cell's centre, which causes an error of
+the distance of 0.14 mm (standard deviation)."""
 
 SAMPLE_SPACING_M: Final = 0.002
-"""Spacing of the points at which the distance to the mesh is computed. Interpolation between them smooths edges that
-are rounded by 2.5 mm by about 0.1 mm."""
+"""Spacing of the points at which the distance to the mesh is computed. Interpolation between these points shifts edges
+with a radius of 2.5 mm by about 0.1 mm."""
 
 MAX_SAMPLES: Final = 1_000_000
 MAX_CELLS: Final = 2**24
-"""Both spacings grow for an object that would need more samples or cells. f32 represents integers up to MAX_CELLS
-exactly."""
+"""Largest numbers of samples and of cells; the spacings are larger for an object that would need more. f32 represents
+integers up to MAX_CELLS exactly."""
 
 BATCH_POINTS: Final = 30_000
-"""Points that are looked up together, few enough for the processor's caches."""
+"""Number of points that are looked up together, small enough for the processor's caches."""
 
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
     """Grid of cells that contain the binned signed distance to a shape.
 
-    bins: u8[x, y, z]. origin: f64[3], metres, corner of the first cell. cell_m: cell edge.
+    bins: u8[x, y, z], number of the distance bin of each cell. origin: f64[3], corner of the first cell, metres.
+    cell_m: edge length of a cell, metres.
     """
 
     bins: ByteArray
@@ -105,7 +106,7 @@ class DistanceGrid:
 
 
 def _linear_weights(cells: int, step: float, nodes: int) -> Float32Array:
-    """Compute the weights of linear interpolation from nodes at 0, 1, 2 ... to the centres of cells: f32[cells, nodes].
+    """Compute the weights of linear interpolation from nodes at 0, 1, 2 ... to the centres of cells, f32[cells, nodes].
 
     step: width of a cell, in node spacings.
     """

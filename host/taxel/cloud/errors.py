@@ -4,7 +4,10 @@ from taxel.errors import FieldError
 
 
 class CloudError(FieldError):
-    """A cloud that cannot be used for the requested operation. file: name of the cloud; field: such as ``points``."""
+    """A cloud that cannot be used for the requested operation.
+
+    file: name of the cloud. field: the unsuitable part of the cloud, for example ``points``.
+    """
 
 
 class MeshError(CloudError):

@@ -6,15 +6,16 @@ at the signed distance d from the shape is active with the probability
     p(d) = STRAY + (1 - 2 STRAY) / (1 + exp((d - reach) / blur)).
 
 reach is the distance up to which contact activates a taxel (thickness of the layer plus contact propagation), and blur
-is the width of the transition. Neither is known for a skin, and the pose of the object in a grasp is known to a few
-millimetres only, so that the likelihood is averaged over all of them. The evidence of a shape is the marginal
-likelihood (MacKay 2003, chapter 28)
+is the width of the transition. Neither is known for a skin, and the pose of the object in a grasp is known only within
+a few millimetres. The likelihood is therefore averaged over reach, blur and pose. The evidence of a shape is the
+marginal likelihood (MacKay 2003, chapter 28)
 
     ln mean over (reach, blur) of product over grasps of mean over poses of product over taxels of p or 1 - p,
 
-with poses around the pose that the dataset states (`pose_average`). A small model loses if it explains the contacts
-only with a long reach, and a large model loses if it explains them only with a displaced object in every grasp. Taxels
-are treated as independent, which they are not: the sign of a difference of evidence is more reliable than its size.
+with poses around the pose that the dataset states (`pose_average`). A model that is too small has a low evidence
+because it explains the contacts only with a long reach; a model that is too large, because it explains them only with a
+displaced object in every grasp. Taxels are treated as independent, although they are not: the sign of a difference of
+evidence is more reliable than its size.
 """
 
 from functools import cache, partial
@@ -32,11 +33,11 @@ from taxel.cloud.pose_average import POSE_STD_M, TURN_ARM_M, average_over_poses,
 from taxel.types import Float32Array, FloatArray
 
 REACH_M: Final = tuple(0.001 + 0.00075 * step for step in range(9))
-"""Values of reach that are averaged, 1 to 7 mm: from a thin layer in light contact to a thick layer in which contact
-propagates."""
+"""Values of reach (the distance from the shape up to which taxels are active) over which the likelihood is averaged, 1
+to 7 mm: from a thin layer in light contact to a thick layer in which contact propagates."""
 
 BLUR_M: Final = (0.0003, 0.0006, 0.001, 0.0016)
-"""Values of blur that are averaged."""
+"""Values of blur (the width of the transition at this distance) over which the likelihood is averaged."""
 
 STRAY: Final = 0.01
 """Probability that a taxel is active far from the shape or inactive on the shape: noise, broken lines, coupling."""
@@ -50,7 +51,7 @@ class ShapeLikelihood:
     """Likelihood of the active and inactive taxels of grasps for one shape, averaged over object poses."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        """Create the likelihood of contact points for one shape: a grid of its distances and its bounds."""
+        """Create the likelihood of contact points for one shape; computes a grid of distances to its surface."""
         self._grid = DistanceGrid.from_mesh(mesh)
         self._bounds = mesh.bounds
         self._centre = mesh.bounds.mean(axis=0)
@@ -58,8 +59,8 @@ class ShapeLikelihood:
     def compute_by_grasp(self, cloud: ContactCloud) -> FloatArray:
         """Compute the log likelihood of the contacts of each grasp for the shape, averaged over poses, f64[G, K].
 
-        K is the number of pairs of the model parameters reach and blur. A grasp without an active taxel has the value
-        0. The cloud is in the frame of the shape, up to the uncertainty of the object pose.
+        G: grasps. K: pairs of the parameters reach and blur (see the top of this file). The row of a grasp without an
+        active taxel is 0. The cloud is in the frame of the shape, up to the uncertainty of the object pose.
         """
         result = np.zeros((len(cloud.grasps), len(REACH_M) * len(BLUR_M)))
         margin = MAX_DISTANCE_M + 3.0 * max(POSE_STD_M)  # taxels farther away are inactive in every pose

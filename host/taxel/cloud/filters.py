@@ -21,10 +21,11 @@ MAX_TREE_NEIGHBOURS: Final = 256
 """With more neighbours than this, a partition of all distances is faster than a k-d tree."""
 
 BLOCK_DISTANCES: Final = 4_000_000
-"""Distances in memory at a time."""
+"""Largest number of distances in memory at a time."""
 
 RELATIVE_TOLERANCE: Final = 1e-12
-"""Mean distances that differ by less count as equal, so that a regular grid has no outlier."""
+"""Relative rounding error that is tolerated in the comparison of mean distances, so that a regular grid has no
+outlier."""
 
 
 def filter_by_force(cloud: ContactCloud, threshold: float) -> ContactCloud:
@@ -39,9 +40,10 @@ def filter_by_force(cloud: ContactCloud, threshold: float) -> ContactCloud:
 
 
 def remove_outliers(cloud: ContactCloud, k: int, n_sigma: float) -> ContactCloud:
-    """Return the contact cloud without its statistical outliers. Raises CloudError for k below 2 or above N points.
+    """Return the contact cloud without its statistical outliers.
 
-    k: number of points in a neighbourhood. n_sigma: permitted distance in standard deviations.
+    k: number of points in a neighbourhood, the point itself included. n_sigma: permitted mean distance to the
+    neighbours, in standard deviations above the average. Raises CloudError for k below 2 or above the number of points.
     """
     return cloud.select(find_inliers(cloud.points, k, n_sigma, cloud.name))
 
@@ -82,10 +84,10 @@ def compute_mean_neighbour_distances(points: FloatArray, ks: Sequence[int], name
 
 
 def _average_nearest(distances: FloatArray, ks: Sequence[int]) -> FloatArray:
-    """Average the k smallest distances of each row, without the smallest, for several k: f64[len(ks), rows].
+    """Average the 2nd to k-th smallest distance of each row for several k, f64[len(ks), rows].
 
-    distances: f64[rows, n], from a point (row) to points of the cloud; the smallest is the distance 0 to the point
-    itself.
+    distances: f64[rows, n], from a point (row) to points of the cloud. The smallest one is left out, because it is the
+    distance 0 from the point to itself.
     """
     order = sorted(set(ks))
     nearest = np.partition(distances, [k - 1 for k in order], axis=1)[:, : order[-1]]

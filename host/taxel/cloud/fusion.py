@@ -1,8 +1,8 @@
 """Fusion of repeats: one averaged point for each contact that the repeats of a grasp have in common.
 
 Proposed in the thesis (5.6.2, after Figure 5.13): "instead of a simple points accumulation, the 3D coordinates of the
-detected contact points can be averaged across the different attempts of the same grasp". Here two points are the same
-contact if they are of the same taxel and of the same approach.
+detected contact points can be averaged across the different attempts of the same grasp". Two points are treated as the
+same contact if they have the same taxel and the same approach.
 """
 
 import numpy as np
@@ -11,11 +11,11 @@ from taxel.cloud.contact_cloud import ContactCloud
 
 
 def fuse_repeats(cloud: ContactCloud, min_share: float = 0.0) -> ContactCloud:
-    """Average the repeats of an approach: one point for each taxel and approach, with mean position and mean counts.
+    """Average the repeats of each approach: one point for each taxel and approach, with mean position and mean counts.
 
-    Only repeats in which the taxel was active contribute. min_share: points that are active in a smaller share of the
-    repeats are left out; 0: none is left out. The inactive points are not changed. A fused point belongs to the first
-    repeat in which it was active.
+    The means are taken over the repeats in which the taxel was active. min_share: taxels that are active in a smaller
+    share of the repeats are left out; 0: none is left out. The inactive points are not changed. A fused point is
+    assigned to the first repeat in which its taxel was active.
     """
     key = cloud.approach * (int(cloud.taxel.max(initial=0)) + 2) + cloud.taxel
     _, first, group, times = np.unique(key, return_index=True, return_inverse=True, return_counts=True)

@@ -23,11 +23,13 @@ from taxel.types import FloatArray
 
 COARSE_POINTS: Final = 400
 COARSE_ITERATIONS: Final = 12
+"""Approximate number of points and largest number of iterations with which the guesses are compared."""
+
 REFINED_GUESSES: Final = 4
-"""Guesses that are refined with all points until convergence."""
+"""Number of best guesses that are refined with all points until convergence."""
 
 MESH_SAMPLES: Final = 2000
-"""Points on a mesh from which its centre and axes are computed."""
+"""Number of random points on a mesh from which its centre and axes are computed."""
 
 
 def compute_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:

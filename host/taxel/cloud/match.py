@@ -1,4 +1,4 @@
-"""Identification of the model that a contact cloud is of.
+"""Identification of the shape model from which a contact cloud was recorded.
 
 The cloud is aligned to each model (`registration`), as in Tables I-13 to I-18 of the thesis, and the distances of its
 points to each model are measured. For a cloud with inactive points the best model is the one with the largest evidence
@@ -32,8 +32,9 @@ BOOTSTRAP_SAMPLES: Final = 200
 class Fit:
     """A cloud aligned to one model.
 
-    distances: of the contact points after alignment. alignment: transform of the cloud to the model. evidence: natural
-    logarithm of the marginal likelihood of the active and inactive points; None for a cloud without inactive points.
+    model: name of the model. distances: statistics of the distances of the contact points after alignment. alignment:
+    transform of the cloud to the model. evidence: natural logarithm of the marginal likelihood of the active and
+    inactive points; None for a cloud without inactive points.
     """
 
     model: str
@@ -75,17 +76,21 @@ class Match:
 
     @property
     def margin(self) -> float:
-        """Smallest mean distance to another model, divided by that to the best model.
+        """Smallest mean distance of the contact points to another model, divided by their mean distance to the best
+        model.
 
-        1 is a tie; below 1 the contact points alone select another model. NaN with one model. Tables I-13 to I-18 of
-        the thesis contain this ratio.
+        The ratio is 1 for a tie; below 1, another model is nearer to the contact points than the best model, which is
+        ranked by evidence. NaN with one model. Tables I-13 to I-18 of the thesis contain this ratio.
         """
         other_means = [fit.distances.mean_m for fit in self.fits[1:]]
         return _ratio(min(other_means), self.fits[0].distances.mean_m) if other_means else float("nan")
 
     @property
     def lead(self) -> float:
-        """Log evidence of the best model minus that of the next model. NaN with one model or without evidence."""
+        """Natural log evidence of the best model minus that of the second best model.
+
+        NaN with one model, and for a cloud without inactive points, which has no evidence.
+        """
         first, second = (*(fit.evidence for fit in self.fits[:2]), None)[:2]
         return float("nan") if first is None or second is None else first - second
 
@@ -112,13 +117,13 @@ def match(
     seed: int = 0,
     progress: Progress = lambda done, total: None,
 ) -> Match:
-    """Compare a contact cloud with shape models and rank the models by evidence.
+    """Compare a contact cloud with shape models; rank them by evidence, or by mean distance without inactive points.
 
-    models: by name. in_model_frame: cloud and models are in the same frame, up to the uncertainty of the object pose;
-    False: the pose of the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud, or for the
-    cloud from which it was selected; None: they are computed here. bootstrap_samples, seed: of the bootstrap over whole
-    grasps. A bootstrap sample uses the alignment of the whole cloud, which is correct to first order at a minimum.
-    Raises RegistrationError for a cloud that cannot be aligned.
+    models: meshes by name. in_model_frame: whether cloud and models are in the same frame, up to the uncertainty of the
+    object pose; False: the pose of the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud,
+    or for the cloud from which it was selected; None: they are computed here. bootstrap_samples, seed: number of
+    samples and seed of the bootstrap over whole grasps. Every bootstrap sample uses the alignment of the whole cloud,
+    which is correct to first order at a minimum. Raises RegistrationError for a cloud that cannot be aligned.
     """
     fits: list[Fit] = []
     by_grasp: list[FloatArray] = []
@@ -151,8 +156,8 @@ def compute_likelihoods(
 ) -> dict[str, FloatArray]:
     """Compute the log likelihood of each grasp of a cloud for each shape model, f64[G, K], by name of the model.
 
-    G: grasps; K: pairs of the likelihood's parameters reach and blur. The result serves the matches of parts of the
-    cloud.
+    G: grasps; K: pairs of the likelihood's parameters reach and blur. The result can be passed to `match` for the cloud
+    and for every part of it.
     """
     result = {}
     for done, (name, mesh) in enumerate(models.items()):
@@ -173,9 +178,9 @@ def _bootstrap(by_grasp: list[FloatArray], samples: int, seed: int) -> FloatArra
     return np.bincount(best, minlength=len(by_grasp)) / samples
 
 
-def _ratio(second: float, first: float) -> float:
-    """Divide two distances; infinity for a `first` of 0."""
-    return second / first if first > 0.0 else float("inf")
+def _ratio(numerator: float, denominator: float) -> float:
+    """Divide two distances; the ratio is infinite if the denominator is 0."""
+    return numerator / denominator if denominator > 0.0 else float("inf")
 
 
 def _finite_or_none(value: float) -> float | None:

@@ -17,11 +17,11 @@ from taxel.cloud.errors import MeshError
 from taxel.types import FloatArray, IntArray
 
 ON_SURFACE: Final = 1e-9
-"""Distance, as a share of the diagonal of the mesh, below which a point counts as a point of the surface. Its normal is
-the normal of its face."""
+"""Distance, relative to the diagonal of the mesh, up to which a point is treated as a point of the surface. The normal
+of such a point is the normal of its face."""
 
 ON_EDGE: Final = 1e-6
-"""Barycentric coordinate below which a point of a face counts as a point of its edge."""
+"""Barycentric coordinate below which a point of a face is treated as a point of the edge."""
 
 
 _MESHES_WITH_TREE: WeakSet[TriangleMesh] = WeakSet()
@@ -55,8 +55,8 @@ class ClosestPoints:
 class TriangleMesh:
     """A closed surface of triangles.
 
-    name: for messages. vertices: f64[v, 3], metres. faces: i64[f, 3], oriented outward; a mesh whose faces are all
-    oriented inward is reversed.
+    name: name in messages. vertices: f64[v, 3], metres. faces: i64[f, 3], vertex indices, oriented outward; a mesh
+    whose faces are all oriented inward is reversed.
 
     Raises MeshError for vertices that are not finite, for vertex indices out of range, for an edge that is not shared
     by exactly two faces of consistent orientation, and for a mesh without volume.
@@ -183,9 +183,9 @@ def _compute_barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
-    """Raise MeshError for mesh arrays of wrong shape, infinite coordinates, or faces with vertices that do not exist.
+    """Raise MeshError for arrays of the wrong shape, unusable coordinates, no face, or vertices that do not exist.
 
-    name: of the mesh.
+    name: name of the mesh in the message.
     """
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         found = f"{list(vertices.shape)} and {list(faces.shape)}"
@@ -201,9 +201,9 @@ def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
 
 
 def _check_closed(name: str, faces: IntArray) -> None:
-    """Raise MeshError unless every edge of the mesh belongs to two faces with opposite directions.
+    """Raise MeshError unless every edge belongs to exactly two faces, which traverse it in opposite directions.
 
-    name: of the mesh. faces: vertex indices i64[f, 3].
+    name: name of the mesh in the message. faces: vertex indices i64[f, 3].
     """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     directed = directed[directed[:, 0] != directed[:, 1]]  # a face with a repeated corner has no area and no boundary

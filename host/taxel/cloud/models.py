@@ -21,13 +21,14 @@ SPHERE_RADIUS_M: Final = 0.035
 HEXAGON_SIDE_M: Final = 0.030
 CONE_RADIUS_M: Final = 0.035
 HEIGHT_M: Final = 0.130
-"""Sizes of things that the hand can grasp, chosen so that no shape is nearly equal to an object of the thesis."""
+"""Sizes of objects that the hand can grasp, chosen so that no shape is nearly equal to an object of the thesis,
+metres."""
 
 EDGE_RADIUS_M: Final = 0.001
-"""Radius of the rounded edges of the hexagonal prism, metres; as those of the triangular prism of the thesis."""
+"""Radius of the rounded edges of the hexagonal prism, metres: the same as of the triangular prism of the thesis."""
 
 CIRCLE_CORNERS: Final = 64
-"""Corners of a circle, as for the cylinder of the datasets."""
+"""Number of corners of the polygon that approximates a circle, as for the cylinder of the datasets."""
 
 
 @cache

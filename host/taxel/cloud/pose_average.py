@@ -20,22 +20,23 @@ from taxel.types import FloatArray
 
 POSE_STD_M: Final = (0.001, 0.0035)
 """Standard deviations of the six numbers of a pose in the two equally likely parts of the prior: an object placed by a
-machine and one placed by hand. The rotations are 0.8 and 2.7 degrees. A prior with heavy tails would let a model
-explain the contacts of another shape from a distant pose."""
+machine and an object placed by hand. For rotations they correspond to 0.8 and 2.7 degrees. A prior with heavy tails
+would permit a model to explain the contacts of another shape with a distant pose."""
 
 TURN_ARM_M: Final = 0.075
-"""Distance from the centre at which a rotation moves a point as far as a shift of the same number; that of the ends of
-objects that a hand grasps."""
+"""Lever arm by which a rotation vector in radians is multiplied to become a length: the distance from the centre to the
+ends of objects that a hand grasps, metres."""
 
 PRIOR_SAMPLES: Final = 128
-"""Samples from each part of the prior; a power of 2, as Sobol points require."""
+"""Number of samples from each part of the prior; a power of 2, as Sobol points require."""
 
 ITERATIONS: Final = 12
 ITERATION_SAMPLES: Final = 64
+"""Number of further sampling distributions, and number of samples from each of them."""
 
 MIN_EFFECTIVE_SAMPLES: Final = 25.0
-"""Effective sample size (Kish 1965) that a normal distribution is fitted to. Below it, the likelihood is raised to a
-power below 1 for the fit."""
+"""Smallest effective sample size (Kish 1965) to which a normal distribution is fitted. If it is smaller, the likelihood
+is raised to a power below 1 for the fit."""
 
 COVARIANCE_FACTOR: Final = 1.3
 MIN_STD_M: Final = 0.0002
@@ -50,8 +51,8 @@ def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
     """Compute the log of a likelihood's mean over the prior of object poses, f64[K], by importance sampling.
 
     The first samples follow the prior; each iteration adds samples of a normal distribution that is fitted to the
-    weighted samples so far. log_likelihood: function of poses f64[n, 6] with result f64[n, K]. seed: of the samples.
-    Different seeds for the grasps of a cloud keep their sampling errors from adding up.
+    weighted samples so far. log_likelihood: function of poses f64[n, 6] with result f64[n, K]. seed: seed of the
+    samples. With a different seed for each grasp of a cloud, the sampling errors of the grasps are independent.
     """
     distributions = list(_PRIOR)
     counts = np.array([PRIOR_SAMPLES] * len(distributions) + [ITERATION_SAMPLES] * ITERATIONS)
@@ -75,7 +76,7 @@ def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
 def log_sum_exp(logs: FloatArray, axis: int) -> FloatArray:
     """Compute the logarithm of the sum of exp(logs) over an axis without overflow; all values must be finite.
 
-    SciPy's function takes six times as long.
+    `scipy.special.logsumexp` takes six times as long.
     """
     largest = logs.max(axis=axis, keepdims=True)
     return np.asarray(np.log(np.exp(logs - largest).sum(axis=axis)) + largest.squeeze(axis))
@@ -123,8 +124,9 @@ def _log_prior_ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
 def _fit_proposal(poses: FloatArray, log_ratio: FloatArray, log_likelihood: FloatArray) -> _Normal:
     """Fit a normal distribution to weighted samples of poses; it is the next sampling distribution.
 
-    poses: f64[n, 6]. log_ratio: prior divided by sampling density, f64[n]. log_likelihood: f64[n]. The likelihood is
-    raised to the largest power at which the effective sample size is MIN_EFFECTIVE_SAMPLES.
+    poses: f64[n, 6]. log_ratio: logarithm of prior density divided by sampling density, f64[n]. log_likelihood: f64[n].
+    The likelihood is raised to the largest power up to 1 at which the effective sample size is at least
+    MIN_EFFECTIVE_SAMPLES; this power is found by bisection.
     """
     power, step = 1.0, 0.5
     weights = _normalise(log_ratio + log_likelihood)

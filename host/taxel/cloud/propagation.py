@@ -15,9 +15,9 @@ from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import BoolArray, FloatArray, IndexArray
 
 MAX_SPACING_RATIO: Final = 2.0
-"""Largest distance of two neighbours, divided by the distance of either one to its nearest taxel. Wider pairs lie on
-two sides of a gap between groups of taxels. The pitches of one board of the original hand differ by a factor of 1.7.
-"""
+"""Largest distance between two adjacent taxels, relative to the distance of each of them to its nearest taxel. Pairs
+with a larger distance lie on two sides of a gap between parts of the board. The pitches of rows and columns differ by a
+factor of up to 1.7 on the boards of the original hand."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,12 @@ class Propagation:
 
 
 def _find_adjacent(position: FloatArray) -> IndexArray:
-    """Pairs of adjacent points, [m, 2], of points f64[n, 3]: the relative neighbourhood graph (Toussaint 1980).
+    """Find the pairs of adjacent points in the relative neighbourhood graph (Toussaint 1980).
 
-    Two points are adjacent if no third point is nearer to both than they are to each other. On a grid these are the
-    four neighbours, also if the pitches of rows and columns differ; diagonal points are not adjacent. Pairs across a
-    gap (`MAX_SPACING_RATIO`) are left out.
+    position: f64[n, 3]. Returns the indices of each pair once, i64[m, 2]. Two points are adjacent if no third point is
+    nearer to both than they are to each other. On a grid, a point is adjacent to its four neighbours even if the
+    pitches of rows and columns differ, but not to diagonal points. Pairs across a gap (`MAX_SPACING_RATIO`) are left
+    out.
     """
     distance = np.linalg.norm(position[:, None] - position, axis=2)
     np.fill_diagonal(distance, np.inf)

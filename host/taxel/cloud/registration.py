@@ -1,10 +1,10 @@
 """Rigid alignment of a cloud to a mesh or to another cloud: iterative closest points (Besl and McKay 1992).
 
-All points take part (100 % overlap, no sampling), as in the thesis (5.6). The result is a local minimum of the sum of
+All points are used (100 % overlap, no sampling), as in the thesis (5.6). The result is a local minimum of the sum of
 the squared distances to the nearest points of the target, reached from a first guess by steps that decrease this sum.
 
 The target of an alignment to a mesh is the surface itself (`surface_alignment`). An alignment to a cloud, or to points
-on a mesh, is small_gicp's point-to-point ICP. Both use one thread: the same input gives the same result to the last
+on a mesh, uses small_gicp's point-to-point ICP. Both use one thread: the same input gives the same result to the last
 bit.
 """
 
@@ -23,10 +23,10 @@ from taxel.cloud.surface_alignment import SurfaceAlignment
 from taxel.types import FloatArray
 
 MAX_ITERATIONS: Final = 1000
-"""As in the thesis (5.6)."""
+"""Largest number of steps of an alignment, as in the thesis (5.6)."""
 
 MESH_SAMPLES: Final = 20_000
-"""Points on a mesh that is sampled."""
+"""Number of random points on a mesh that replace its surface as a target."""
 
 COST_TOLERANCE: Final = 1e-5
 """Relative decrease of the sum of squares below which an alignment to a surface ends. With 1e-8 the RMS of the clouds
@@ -34,13 +34,14 @@ of the thesis decreases by 0.04 % more at most, for a cylinder of 64 facets that
 
 ROTATION_TOLERANCE_RAD: Final = 1e-6
 TRANSLATION_TOLERANCE_M: Final = 1e-7
-"""An alignment between clouds ends with a step below both; far below the resolution of taxels of 3 mm."""
+"""An alignment between clouds ends after a step that is smaller than both tolerances. They are far below the resolution
+of taxels of 3 mm."""
 
 MAX_PAIR_DISTANCE_M: Final = 1e3
 """Largest distance between a point and its nearest target point; larger than any object that a hand grasps."""
 
 LINE_TOLERANCE: Final = 1e-6
-"""A cloud counts as a line if its second extent is below this share of its largest extent."""
+"""A cloud is treated as a line if its second largest extent is at most this share of its largest extent."""
 
 QUICK_CHECK_POINTS: Final = 100
 """Number of points of the subset that is checked first."""
@@ -130,8 +131,8 @@ def align_to_points(
         rotation_epsilon=ROTATION_TOLERANCE_RAD,
         translation_epsilon=TRANSLATION_TOLERANCE_M,
     )
-    # small_gicp reports half the sum of squares over the points that have a partner. Unless the alignment diverged,
-    # every point has one.
+    # small_gicp reports half the sum of squares over the points with a target point in reach. Unless the alignment
+    # diverged, these are all points.
     pairs = int(result.num_inliers)
     rms = float(np.sqrt(2.0 * result.error / pairs)) if pairs == len(points) else float("nan")
     return _check_result(np.array(result.T_target_source), rms, int(result.iterations), bool(result.converged), name)
@@ -161,7 +162,7 @@ def _copy_or_identity(start: FloatArray | None) -> FloatArray:
 
 
 def _check_result(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
-    """Return an alignment whose rotation is made exact. Raises RegistrationError for numbers that are not finite.
+    """Return the result as an `Alignment` with an exact rotation. Raises RegistrationError for NaN and infinity.
 
     transform: f64[4, 4]. rms: root mean square of the distances, metres. name: of the cloud, for messages.
     """

@@ -3,10 +3,11 @@
 Besl and McKay (1992) keep the nearest point of each point fixed and solve for the motion. This is a step of Newton's
 method in which the second derivative of half the squared distance is the identity, its largest possible value (that of
 a corner). For a triangle mesh the exact second derivative is known: n n^T if the nearest point lies inside a face of
-normal n, I - e e^T if it lies on an edge of direction e, I if it is a corner. A step here uses damping * (fixed points)
-+ (1 - damping) * (exact). With a damping of 1 every step decreases the sum of squares. The damping falls after each
-step that decreases the sum and rises after each step that does not. The result is usually the minimum that fixed points
-reach, after some 6 steps instead of 100 to 300.
+normal n, I - e e^T if it lies on an edge of direction e, I if it is a corner. A step of `SurfaceAlignment` uses the
+mean damping * (second derivative for fixed points) + (1 - damping) * (exact second derivative). With a damping of 1,
+every step decreases the sum of squares. The damping is lowered after each step that decreases the sum, and raised after
+each step that does not. The method usually converges to the same minimum as that of Besl and McKay, in some 6 steps
+instead of 100 to 300.
 """
 
 from __future__ import annotations
@@ -21,24 +22,28 @@ from taxel.hand.transforms import apply, cross, from_rotation_vector
 from taxel.types import FloatArray
 
 MIN_DAMPING: Final = 1e-4
+"""Smallest damping."""
+
 DAMPING_DECREASE, DAMPING_INCREASE = 0.25, 5.0
-"""Factors on the damping after a step that decreases the sum of squares, and after a step that does not."""
+"""Factors by which the damping is multiplied after a step that decreases the sum of squares, and after one that does
+not."""
 
 SLOW_PROGRESS: Final = 1.4
-"""Ratio of the achieved decrease to the predicted one above which the next step is twice as long: such a step is too
-short for the slope."""
+"""Ratio of achieved to predicted decrease of the sum of squares above which the next step is twice as long: the last
+step was too short for the slope."""
 
 SMALL_DECREASE: Final = 1e-3
-"""Relative decrease of the sum of squares below which a step counts as small."""
+"""Relative decrease of the sum of squares below which a step is treated as small."""
 
 
 @dataclass
 class SurfaceAlignment:
     """State of the alignment of a cloud to a surface.
 
-    transform: f64[4, 4], from the original to the current pose. points: f64[N, 3] in the current pose. closest: nearest
-    points of the surface. cost: sum of squared distances, m^2. tolerance: relative decrease of the cost below which the
-    alignment ends. step_factor: factor on the length of the next step. last_decrease: of the cost.
+    transform: f64[4, 4], from the original to the current pose. points: f64[N, 3], points in the current pose. closest:
+    nearest points of the surface. cost: sum of squared distances, m^2. tolerance: relative decrease of the cost below
+    which the alignment ends. damping: weight of the second derivative for fixed nearest points, 0 to 1. step_factor:
+    factor on the length of the next step. last_decrease: decrease of the cost in the last step, m^2.
     """
 
     mesh: TriangleMesh
@@ -65,7 +70,10 @@ class SurfaceAlignment:
         return alignment
 
     def step(self) -> None:
-        """Compute one damped Newton step of the alignment; accept it if it decreases the sum of squared distances."""
+        """Compute one damped Newton step of the alignment; accept it if it decreases the sum of squared distances.
+
+        A step that does not is discarded and the damping is raised; at a damping of 1, the alignment is finished.
+        """
         hessian = self.damping * self._fixed_hessian + (1.0 - self.damping) * self._exact_hessian
         # A small multiple of the identity (scaled to the size of the cloud) keeps the pose in directions in which the
         # surface does not determine it.

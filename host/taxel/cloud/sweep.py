@@ -22,18 +22,18 @@ Progress = Callable[[int, int], None]
 """Called with the number of finished rows and the number of all rows."""
 
 FORCE_THRESHOLDS: Final = (150.0, 160.0, 170.0, 180.0, 190.0, 200.0, 210.0, 230.0, 260.0, 290.0, 320.0)
-"""Counts, from Tables I-1 to I-3."""
+"""Thresholds of the force filter in Tables I-1 to I-3, counts."""
 
 FIXED_NEIGHBOURS: Final = 20
-"""The value of N in Tables I-4 to I-6 that is a number of points."""
+"""The only number of neighbours N in Tables I-4 to I-6 that does not depend on the size of the cloud."""
 
 ALL_BUT_ONE, HALF, QUARTER = "all but one", "half", "quarter"
-"""The other values of N are shares of the cloud. For the cylinder they are 2759, 1380 and 690 of 2760 points, and
-correspondingly for the triangular prism. For the rectangular prism they are shares of 2806 points (its cloud has 3069),
-and Table I-6 prints 143 for 1433."""
+"""The other numbers of neighbours N in Tables I-4 to I-6, as shares of the cloud. For the cylinder they are 2759, 1380
+and 690 of 2760 points, and correspondingly for the triangular prism. For the rectangular prism they are shares of 2806
+points although its cloud has 3069, and Table I-6 prints 143 instead of 1433."""
 
 Rule = tuple[int | str, float]
-"""N (a number of points or a share of the cloud) and nSigma of the outlier filter."""
+"""Settings of the outlier filter: N (a number of points or a share of the cloud) and nSigma."""
 
 SOR_RULES: Final[dict[str, tuple[Rule, ...]]] = {
     "rectang": (
@@ -55,9 +55,9 @@ SOR_RULES: Final[dict[str, tuple[Rule, ...]]] = {
         *((HALF, sigma) for sigma in (1.0, 2.0, 3.0)),
     ),
 }
-"""Rules in the order of Tables I-4 to I-6, by the first letters of the name of an object.
+"""Rules in the order of Tables I-4 to I-6, by the first letters of the object's name.
 
-Other objects use the first.
+Other objects use the rules of the first entry.
 """
 
 
@@ -148,7 +148,10 @@ def sweep_outlier_filter(
 
 
 def get_sor_rules(object_name: str) -> tuple[Rule, ...]:
-    """Return the settings of the statistical outlier removal (SOR) that the thesis lists for an object."""
+    """Return the settings of statistical outlier removal (SOR) that the thesis lists for an object.
+
+    An object that is not in the thesis gets those of the rectangular prism.
+    """
     first = next(iter(SOR_RULES.values()))
     return next((rules for start, rules in SOR_RULES.items() if object_name.lower().startswith(start)), first)
 

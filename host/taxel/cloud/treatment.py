@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import Final
 
 FORCE_FILTER_COUNTS: Final = 190.0
-"""Threshold of the force filter of the thesis for all its shapes (section 5.6.2), in counts: a threshold of 150 on the
-same scale removes no point."""
+"""Threshold of the thesis's force filter for all its shapes (section 5.6.2), counts. The threshold is compared with the
+signal: 150 counts, the threshold of an active taxel, would remove no point."""
 
 
 @dataclass(frozen=True)
 class OutlierFilter:
     """Settings of statistical outlier removal.
 
-    neighbours: number of points in the mean distance, the point itself included, as in CloudCompare; None: a quarter of
-    the cloud. deviations: number of standard deviations above the mean.
+    neighbours: number of points in a neighbourhood, the point itself included, as in CloudCompare; None: a quarter of
+    the cloud. deviations: permitted mean distance to the neighbours, in standard deviations above the average.
     """
 
     neighbours: float | None
@@ -25,7 +25,7 @@ class OutlierFilter:
 
     @property
     def description(self) -> str:
-        """The settings of the outlier filter as text for reports: number of neighbours / standard deviations."""
+        """The settings of the outlier filter in reports: number of neighbours / number of standard deviations."""
         return f"{'a quarter' if self.neighbours is None else f'{self.neighbours:g}'} / {self.deviations:g}"
 
     def count_neighbours(self, points: int) -> int:
@@ -34,16 +34,16 @@ class OutlierFilter:
 
 
 DEFAULT_OUTLIER_FILTER: Final = OutlierFilter(20.0, 2.0)
-"""For shapes that are not in the thesis: the settings of its cylinder, which lower the RMS of all three shapes (Tables
-I-4 to I-6)."""
+"""Settings for shapes that are not in the thesis: those of its cylinder, which lower the RMS of all three shapes of the
+thesis (Tables I-4 to I-6)."""
 
 OUTLIER_FILTERS: Final = {
     "rectang": OutlierFilter(20.0, 1.0),
     "cylind": OutlierFilter(20.0, 2.0),
     "triang": OutlierFilter(None, 2.0),
 }
-"""By the first letters of the name of an object, Table 5.4. The 716 of the triangular prism are a quarter of its 2866
-points."""
+"""Settings of Table 5.4 by the first letters of the object's name. The 716 neighbours of the triangular prism are a
+quarter of its 2866 points."""
 
 
 def get_outlier_filter(name: str) -> OutlierFilter:

@@ -21,7 +21,7 @@ HOLD_S: Final = 2.0
 REST_S: Final = 6.0
 MOVE_S: Final = 0.5
 LEAD_IN_S: Final = 4.0
-"""Time from power-up until the hub has found every board and has read its clock twice."""
+"""Time from power-up to the first hold; by then the hub has found every board and has read each clock twice."""
 
 PLATE_M: Final = (0.14, 0.14, 0.02)
 """Sides of the plate: it covers the largest board."""
@@ -36,7 +36,11 @@ EFFECTS: Final = MappingProxyType(
 
 
 def plan_calibration(hand: Hand, boards: Sequence[str], target: str) -> tuple[list[TargetMotion], list[Hold]]:
-    """Plan the holds of the plate in front of each board, from far to near, with a rest before and after them."""
+    """Plan a calibration session: the plate is held in front of each board at `DISTANCES_MM`, from far to near.
+
+    Before and after each board there is a rest without the plate. target: material of the plate, a key of `EFFECTS`.
+    Returns the motions of the plate, and all holds and rests with their times and distances.
+    """
     motions, holds, now = [], [], LEAD_IN_S
     for name in boards:
         holds.append(Hold(now, now + REST_S, name, REST, None))
@@ -59,9 +63,10 @@ def plan_calibration(hand: Hand, boards: Sequence[str], target: str) -> tuple[li
 def record_calibration(
     capture: str | os.PathLike[str], hand: Hand, boards: Sequence[str], target: str, settings: WorldSettings
 ) -> list[Hold]:
-    """Record an emulated calibration session and return its holds.
+    """Record an emulated calibration session and return its holds and rests.
 
-    capture: file to write. settings: world, whose effects contain the response to the target. Raises `LinkError`.
+    capture: file to write. target: material of the plate, a key of `EFFECTS`. settings: settings of the world file,
+    whose effects contain the response to this material. Raises `LinkError`.
     """
     motions, holds = plan_calibration(hand, boards, target)
     shapes = {"plate": ConvexPolytope.box(*PLATE_M)}
@@ -70,7 +75,7 @@ def record_calibration(
 
 
 def find_middle_taxel(hand: Hand, board: str) -> int:
-    """Return the taxel near the middle of a board whose normal is nearest to the mean normal.
+    """Return the index on its board of a taxel near the middle of the board with nearly the mean normal.
 
     Raises HandGeometryError if the hand has no taxel positions.
     """
@@ -82,7 +87,10 @@ def find_middle_taxel(hand: Hand, board: str) -> int:
 
 
 def align_to_board(hand: Hand, board: str, taxel: int) -> FloatArray:
-    """Return the rotation f64[4, 4], in the frame of the stage above a taxel, to the mean normal of the board."""
+    """Compute the rotation f64[4, 4] from the normal of a taxel to the mean normal of its board.
+
+    It is in the frame of the stage above the taxel (`make_stage_frame`). taxel: index on the board.
+    """
     surface = hand.find_board(board).kind.surface
     if surface is None:
         raise HandGeometryError(hand.name)

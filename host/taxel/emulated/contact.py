@@ -23,12 +23,12 @@ class ContactLibraryError(TaxelError):
 
 
 class ContactLoad(NamedTuple):
-    """Load of the contact on each board, in the board's true bracket frame, about the origin of that frame.
+    """Load of the contact on each of s boards, in the board's true bracket frame, about the origin of that frame.
 
     wrench: f64[s, 6], force (N) and moment (N m) on the board. stiffness: f64[s, 6, 6], negative derivative of the
-    wrench by a small motion (translation in m, rotation in rad) of the board against the object; symmetric, positive
-    semidefinite. clearance_m: f64[s], lower bound of the distance between skin and object. touched_board_count: number
-    of boards in contact.
+    wrench with respect to a small motion (translation in m, rotation in rad) of the board relative to the object;
+    symmetric, positive semidefinite. clearance_m: f64[s], lower bound of the distance between skin and object.
+    touched_board_count: number of boards in contact.
     """
 
     wrench: FloatArray
@@ -58,14 +58,14 @@ def load_contact_library() -> ctypes.CDLL:
 class SkinContact:
     """Contact of the skin of a world with the objects of that world.
 
-    Object and bracket poses of the methods are nominal; the library applies the offsets of the world file. Use the
-    object as a context manager.
+    The methods take nominal poses of objects and brackets; the library applies the offsets of the world file. Use an
+    instance as a context manager.
 
     Args:
         world: text of a world file, as `taxel.emulated.scene.format_scene` returns it.
 
     Raises:
-        ContactLibraryError: the library is missing, or it rejects the world; the text is the emulator's message.
+        ContactLibraryError: the library is missing, or it rejects the world with the emulator's message.
     """
 
     def __init__(self, world: str) -> None:
@@ -105,7 +105,7 @@ class SkinContact:
         return offset
 
     def set_friction(self, coefficient: float) -> None:
-        """Let the skin stick to objects and slide with a friction coefficient, and forget earlier contacts.
+        """Set the friction coefficient between skin and objects, and clear the points where the skin sticks to them.
 
         coefficient: 0: no friction, as after opening. Raises MemoryError.
         """
@@ -114,10 +114,10 @@ class SkinContact:
             raise MemoryError
 
     def get_handle(self, index: int) -> int:
-        """Return the address of the contact for functions of the C library that evaluate the contact themselves.
+        """Return the address of the contact in memory, for C functions that evaluate the contact themselves.
 
-        index: of the object in the world file; -1: no object. Raises ValueError for another index, and for a closed
-        contact.
+        index: number of the object that these functions will use; -1: no object. It is only checked: raises ValueError
+        for another index, and for a closed contact.
         """
         self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")
         return self._handle
@@ -125,11 +125,11 @@ class SkinContact:
     def compute_load(
         self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, advance: bool = False
     ) -> ContactLoad:
-        """Compute the contact load of an object on all boards: forces, torques and stiffness.
+        """Compute the contact load of an object on all boards: forces, moments and stiffness.
 
-        index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
-        advance: let the points where the skin sticks to the object follow; call it once per time step. Raises
-        ValueError for an index out of range or an array of another shape.
+        index: number of the object in the world file; -1: no object. object_pose: f64[4, 4], bracket_poses: f64[s, 4,
+        4], nominal. advance: move the points where the skin sticks to the object, which must be done once per time
+        step. Raises ValueError for an index out of range or an array of another shape.
         """
         touched = self._evaluate(index, object_pose, bracket_poses, None, advance)
         stiffness = self._load[:, 6:42].reshape(-1, 6, 6).copy()
@@ -138,7 +138,8 @@ class SkinContact:
     def compute_forces(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> FloatArray:
         """Compute the normal force on each taxel in newtons, f64[n], before any effect of the skin.
 
-        index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
+        index: number of the object in the world file; -1: no object. object_pose: f64[4, 4], bracket_poses: f64[s, 4,
+        4], nominal.
         """
         self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data, advance=False)
         return self._force.copy()
@@ -146,10 +147,10 @@ class SkinContact:
     def _evaluate(
         self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None, advance: bool
     ) -> int:
-        """Compute the contact load of all boards in the library; return the number of boards in contact.
+        """Compute the contact load of all boards into `self._load`; return the number of boards in contact.
 
-        index: of the object; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4]. force: address for the
-        taxel forces; None: not computed. advance: let the points where the skin sticks follow.
+        index: number of the object; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4]. force: memory
+        address for the taxel forces; None: not computed. advance: move the points where the skin sticks to the object.
         """
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
@@ -168,7 +169,7 @@ class SkinContact:
     def _check(self, is_valid: bool, expected: str) -> None:
         """Raise ValueError unless an argument is valid and the contact is open; the C library checks no argument.
 
-        expected: description of a valid argument.
+        expected: what is expected and what is found, for the message.
         """
         if not (is_valid and self._handle):
             raise ValueError(f"expected {expected}" if self._handle else "expected an open contact, found a closed one")

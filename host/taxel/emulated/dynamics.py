@@ -1,6 +1,6 @@
 """Structures and functions of the emulator's C dynamics of a hand and a free object (firmware/emulator/dynamics).
 
-The structures contain addresses of arrays: whoever fills them in keeps the arrays alive.
+The structures contain memory addresses of arrays: the code that fills them in must keep the arrays alive.
 """
 
 import ctypes

@@ -27,13 +27,13 @@ ORIGINAL_OPTIONS: Final = frozenset(
 
 
 def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) -> OriginalFirmware:
-    """The settings that the options of a URL state.
+    """Parse the options of a URL that set the firmware of the original hub and boards.
 
-    Options: `generation=thesis` (default) or `first`, which set all others; `variant`, `message` and `known_faults`
-    (names separated by commas), see `taxel.hand.original_firmware`; `delay_ms`; `pacing` (0 or 1); `ring` (bytes);
-    `copy_us`; `skip`: addresses of boards that the hub does not poll, separated by commas, such as 0x0B,0x17;
-    `accelerations`: addresses of boards that send three more words after their counts. Raises `LinkError` for any other
-    value.
+    `generation=thesis` (default) or `first` sets the default of all other options. `variant`, `message` and
+    `known_faults` (names separated by commas): see `taxel.hand.original_firmware`, as for `delay_ms`, `pacing` (0 or
+    1), `ring` (bytes) and `copy_us`. `skip`: addresses of boards that the hub does not poll, separated by commas, such
+    as 0x0B,0x17. `accelerations`: addresses of boards that send three more words after their counts. Raises `LinkError`
+    for any other value.
     """
     firmware = GENERATIONS[_parse_choice(url, "generation", options.get("generation", "thesis"), tuple(GENERATIONS))]
     changes: dict[str, Any] = {}
@@ -59,14 +59,17 @@ def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) ->
 
 
 def _parse_choice(url: str, name: str, text: str, choices: tuple[str, ...]) -> str:
-    """The text of an option. Raises `LinkError` unless it is one of `choices`."""
+    """Return the value `text` of the option `name`. Raises `LinkError` unless it is one of `choices`."""
     if text not in choices:
         raise LinkError(url, f"option '{name}' must be one of {', '.join(choices)}, found '{text}'")
     return text
 
 
 def _parse_boards(url: str, name: str, text: str, hand: Hand) -> list[int]:
-    """Addresses of boards of the hand. Raises `LinkError` for other text, or for `skip` if the hub would poll none."""
+    """Parse the value of the option `name`: addresses of boards of the hand, separated by commas.
+
+    Raises `LinkError` for another value, and for the option `skip` if the hub would poll no board.
+    """
     try:
         addresses = [int(word, 0) for word in text.split(",")]
         if name == "skip":
@@ -79,8 +82,9 @@ def _parse_boards(url: str, name: str, text: str, hand: Hand) -> list[int]:
 
 
 def _parse_number(url: str, name: str, text: str, is_whole: bool = False) -> float:
-    """The number of an option. Raises `LinkError` for other text, a value out of range or, with `is_whole`, a
-    fraction.
+    """Parse the value of the option `name` as a number. is_whole: the number must be an integer.
+
+    Raises `LinkError` for another value, and for a number out of range.
     """
     low, high = _NUMBERS[name]
     try:

@@ -15,9 +15,9 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class EmulatedScene:
-    """Objects of a world, and the true poses of brackets and objects.
+    """Objects of a world, and how far the true poses of brackets and objects are from their nominal poses.
 
-    objects: shapes by name; a scene stimulus refers to an object by its position in this mapping. bracket_offsets:
+    objects: shapes by name; a stimulus file refers to an object by its position in this mapping. bracket_offsets:
     f64[4, 4] by board name, true pose of the bracket in its nominal frame. object_offsets: f64[4, 4] by object name,
     true pose of the object in its nominal frame.
     """
@@ -30,8 +30,8 @@ class EmulatedScene:
 def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | None = None) -> str:
     """Format the emulator's world file of a hand and a scene with objects.
 
-    settings: None: default settings. Raises HandGeometryError if the hand has no taxel positions, TypeError for a shape
-    that the emulator does not support.
+    settings: None: default settings. Raises HandGeometryError if the hand has no taxel positions or no layer thickness,
+    and TypeError for a shape that the emulator does not support.
     """
     if hand.layer_m is None:
         raise HandGeometryError(hand.name)
@@ -47,7 +47,7 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
 
 
 def _format_object(name: str, shape: Shape) -> list[str]:
-    """Format the world file's lines of an object: bounding sphere and shape.
+    """Format the world-file lines of an object: name and bounding sphere, then the shape.
 
     Raises TypeError for an unsupported shape.
     """
@@ -63,7 +63,7 @@ def _format_object(name: str, shape: Shape) -> list[str]:
 
 
 def _format_offset(offset: FloatArray) -> str:
-    """Format a displacement f64[4, 4] as text: translation in metres, then rotation vector in radians."""
+    """Format a displacement f64[4, 4] as six numbers: translation in metres, then rotation vector in radians."""
     return f"{_format_numbers(offset[:3, 3])} {_format_numbers(to_rotation_vector(offset))}"
 
 

@@ -1,7 +1,7 @@
-"""A target that moves in front of the boards of an emulated skin: the scene of approaches, and their true distances.
+"""A target that moves in front of the boards of an emulated skin without contact, and its true distances.
 
-The brackets stand apart, so that a target faces one board only. The truth stays in this module: it is the data of a
-calibration, or the hidden answer of a check.
+The brackets stand far apart, so that a target faces one board only. The true distances are returned to the caller, not
+written to the recording: they are the data of a calibration, or the hidden answer of a check.
 """
 
 import os
@@ -27,7 +27,7 @@ BRACKET_SPACING_M = 0.5
 """Distance between brackets: a target in front of one board is far beyond the range of the others."""
 
 AWAY_M = 0.2
-"""Distance of a target that is not used at present: beyond the range of every effect (50 mm)."""
+"""Distance of a target that is not in use: beyond the range of every effect (50 mm)."""
 
 SKIN_POINTS = 5
 """Points per side of a taxel's square at which the true distance is computed."""
@@ -35,17 +35,17 @@ SKIN_POINTS = 5
 STEP_S = 0.005
 STEP_M = 0.00025
 """Interval between two poses of a moving target, by time or by travel, whichever gives fewer poses. The emulator
-interpolates gaps linearly between poses."""
+interpolates the distances between skin and target linearly between two poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class TargetMotion:
-    """Motion of one target in front of one board.
+    """Motion of one target in front of one board, with k poses between which it moves linearly.
 
-    board: name. target: name of the shape. orientation: f64[4, 4], pose of the target in the frame of the stage, whose
-    z axis is the outward normal of the taxel; its height is arbitrary. taxel: the taxel above which the target moves.
-    time_s: f64[k]. distance_m: f64[k], smallest distance between skin and target; negative: the target presses the
-    skin. lateral_m: f64[k, 2], displacement along the surface.
+    board: name of the board. target: name of the shape. orientation: f64[4, 4], pose of the target in the frame of the
+    stage (`make_stage_frame`); its height is arbitrary. taxel: index on the board of the taxel above which the target
+    moves. time_s: f64[k], seconds since power-up. distance_m: f64[k], smallest distance between skin and target;
+    negative: the target presses the skin. lateral_m: f64[k, 2], displacement along the surface.
     """
 
     board: str
@@ -59,10 +59,11 @@ class TargetMotion:
 
 @dataclass(frozen=True, eq=False)
 class TrueDistance:
-    """True distance between the unloaded skin of a board and a target over time.
+    """True distance between the unloaded skin of a board and a target at k times.
 
-    time_s, distance_m: f64[k]. The distance is the travel along the normal of the stage after which the target touches
-    the skin: 0 or less for a target that presses the skin, infinite for a target beside the board.
+    board: name of the board. time_s: f64[k], seconds since power-up. distance_m: f64[k], travel along the normal of the
+    stage after which the target touches the skin: 0 or less for a target that presses the skin, infinite for a target
+    beside the board.
     """
 
     board: str
@@ -71,10 +72,10 @@ class TrueDistance:
 
 
 def compute_skin_points(hand: Hand, board: str) -> tuple[FloatArray, FloatArray]:
-    """Compute points of the unloaded skin over the taxels of a board, and the normals of the taxels.
+    """Compute 25 points of the unloaded skin over each of a board's n taxels, and the normals of the taxels.
 
     Returns f64[n, 25, 3] and f64[n, 3], metres, bracket frame. Raises HandGeometryError if the hand has no taxel
-    positions.
+    positions or no layer thickness.
     """
     address, surface = hand.find_board(board).address, hand.find_board(board).kind.surface
     if surface is None or hand.layer_m is None:
@@ -86,7 +87,11 @@ def compute_skin_points(hand: Hand, board: str) -> tuple[FloatArray, FloatArray]
 
 
 def make_stage_frame(hand: Hand, board: str, taxel: int) -> FloatArray:
-    """Make the frame of the stage above a taxel: origin on the skin, z along the outward normal, f64[4, 4]."""
+    """Make the frame f64[4, 4] of the stage above a taxel, in the bracket frame of its board.
+
+    Its origin is on the skin above the taxel, its z axis is the outward normal, and its x axis is the taxel's distal
+    direction. taxel: index on the board.
+    """
     points, normals = compute_skin_points(hand, board)
     surface = hand.find_board(board).kind.surface
     assert surface is not None  # checked by compute_skin_points
@@ -122,7 +127,10 @@ def compute_target_poses(hand: Hand, shape: Shape, motion: TargetMotion) -> tupl
 
 
 def tilt(angle_rad: float, azimuth_rad: float) -> FloatArray:
-    """Return the rotation f64[4, 4] of a target that is tilted by an angle about an axis in the plane of the skin."""
+    """Make the rotation f64[4, 4] of a target that is tilted about an axis in the plane of the skin.
+
+    azimuth_rad: direction of this axis, from the x axis of the stage.
+    """
     return from_rotation_vector(angle_rad * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0]))
 
 
@@ -136,8 +144,9 @@ def record_target_motions(
 ) -> list[TrueDistance]:
     """Record an emulated skin in front of which targets move, one after the other, and return their true distances.
 
-    capture: file to write, as `taxel record` does. motions: in order of time, without overlap. duration_s: virtual
-    time. Raises `LinkError` with the message of the emulator.
+    capture: file to write, in the format of `taxel record`. shapes: shapes of the targets by name. motions: in order of
+    time, without overlap. duration_s: duration of the recording in virtual time. Raises `LinkError` with the message of
+    the emulator.
     """
     world = format_scene(hand, EmulatedScene(shapes), settings)
     index_of = {board.name: index for index, board in enumerate(hand.boards)}
@@ -165,7 +174,7 @@ def record_target_motions(
 
 
 def _resample(motion: TargetMotion) -> TargetMotion:
-    """Return the motion with poses at most `STEP_S` apart where the target moves."""
+    """Return the motion with more poses where the target moves, at intervals of about `STEP_S` or `STEP_M`."""
     times = [motion.time_s[:1]]
     moving = np.abs(np.diff(motion.distance_m)) + np.abs(np.diff(motion.lateral_m, axis=0)).sum(axis=1)
     for begin, end, travel in zip(motion.time_s[:-1], motion.time_s[1:], moving, strict=True):

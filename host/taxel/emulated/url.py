@@ -39,15 +39,16 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
 
     Options of the URL:
 
-    - `speed=real` (default) or `speed=max`: real time, or virtual time as fast as the reader reads.
+    - `speed=real` (default) or `speed=max`: real time, or virtual time that passes as fast as the reader reads.
     - `stimulus=FILE`: forces, counts or a scene (see `taxel.link.write_stimulus`).
     - `live=1`: forces are set while the emulator runs (see `EmulatorLink.apply`); not together with `stimulus`.
     - `duration_s`: the emulator ends after this time.
     - `effect=LINE`: an effect line of the world file without the keyword `effect`; may be repeated.
     - `fault=LINE`: a fault line of the world file without the keyword `fault`; may be repeated. A fault of a branch may
       name the branch: `fault=5 branch_open index 0`.
-    - `wiring=passive` or `wiring=buffered`, `branch=NAME key=value ...`: star of branches in place of that of the hand;
-      `branch` may be repeated, with the keys `pullup_ohm`, `capacitance_pf`, `series_ohm`.
+    - `wiring=passive` or `wiring=buffered`, `branch=NAME key=value ...`: changes of the hand's star wiring, in which
+      each branch is a cable from the hub to some boards; `branch` may be repeated, with the keys `pullup_ohm`,
+      `capacitance_pf`, `series_ohm`.
     - `threads`: 1 to 16; more threads help with `speed=max` on a machine with free cores.
     - The numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm.
     - `protocol=original`: the original hub and boards, see `open_original_emulator`.
@@ -58,11 +59,11 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
 
 
 def open_original_emulator(url: str, hand: Hand) -> EmulatorLink:
-    """Start an emulated original hand and return the link to the bytes of the original hub, without translation.
+    """Start an emulated original hand and return a link that carries the original hub's bytes, without translation.
 
     url: `emulator:?protocol=original` with the options of `open_emulator` and those of `parse_original_firmware`. The
-    clock rates have the values of the original hardware unless the URL states others. The hub sends from power-up on
-    and ignores the bytes that are written to the link. Raises `LinkError` as `open_emulator`, and for a URL without
+    clock rates are those of the original hardware unless the URL states others. The hub sends from power-up on and
+    ignores the bytes that are written to the link. Raises `LinkError` as `open_emulator` does, and for a URL without
     `protocol=original`.
     """
     query = parse_qs(split_url(url).query, keep_blank_values=True)
@@ -108,7 +109,7 @@ def _start_emulator(url: str, hand: Hand) -> EmulatorLink:
 
 
 def _check_choices(url: str, options: dict[str, str]) -> None:
-    """Raise `LinkError` for an unknown option of an emulator URL, or a wrong value of `stimulus`, `speed` or `live`."""
+    """Raise `LinkError` for an unknown option, or an invalid value of `protocol`, `stimulus`, `speed` or `live`."""
     protocol = options.get("protocol", "taxel")
     if protocol not in {"taxel", "original"}:
         raise LinkError(url, f"option 'protocol' must be taxel or original, found '{protocol}'")
@@ -127,9 +128,9 @@ def _check_choices(url: str, options: dict[str, str]) -> None:
 
 
 def _parse_lines(url: str, name: str, query: str) -> list[str]:
-    """Return the values of a repeatable option of an emulator URL that become lines of the world file.
+    """Return the values of the repeatable option `name`, each of which becomes a line of the world file.
 
-    query: part after "?". Raises `LinkError` for text of several lines.
+    query: part of the URL after "?". Raises `LinkError` for a value with several lines, control characters or "#".
     """
     lines = parse_qs(query).get(name, [])
     for line in lines:
@@ -139,7 +140,7 @@ def _parse_lines(url: str, name: str, query: str) -> list[str]:
 
 
 def _get_fault_time(line: str) -> float:
-    """Return the time of a fault line, seconds, by which the world file sorts faults; infinity if it is no number."""
+    """Return the time of a fault line, seconds, by which faults are sorted; infinity if the line begins otherwise."""
     try:
         return float(line.split()[0])
     except (ValueError, IndexError):

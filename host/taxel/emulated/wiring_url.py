@@ -1,4 +1,4 @@
-"""Options of the `emulator:` URL for the star of branches between hub and boards."""
+"""Options of the `emulator:` URL for the star wiring, in which each branch is a cable from the hub to some boards."""
 
 import math
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ _KEYS: Final = {"pullup_ohm": (0.0, 1e6), "capacitance_pf": (0.1, 1e5), "series_
 
 
 def parse_wiring(url: str, kind: str | None, branches: Sequence[str], hand: Hand) -> Wiring | None:
-    """Return the wiring of a hand with the changes of a URL; None if the URL changes nothing.
+    """Return the wiring of a hand with the changes that a URL states; None if the URL changes nothing.
 
-    kind: value of the option `wiring`. branches: values of the option `branch`, "NAME key=value ...". Raises
-    `LinkError` for a hand without branches, an unknown branch or key, or a value out of range.
+    kind: value of the option `wiring`; None if it is missing. branches: values of the option `branch`, "NAME key=value
+    ...". Raises `LinkError` for a hand without branches, an unknown branch or key, or a value out of range.
     """
     if kind is None and not branches:
         return None
@@ -39,7 +39,7 @@ def parse_wiring(url: str, kind: str | None, branches: Sequence[str], hand: Hand
 
 
 def _change_branch(url: str, branch: Branch, setting: str) -> Branch:
-    """Return the branch with one changed value, "key=value"."""
+    """Return the branch with one value changed. setting: "key=value". Raises `LinkError` for an invalid setting."""
     key, _, text = setting.partition("=")
     if key not in _KEYS:
         raise LinkError(url, f"option 'branch': expected key=value with {', '.join(_KEYS)}, found '{setting}'")

@@ -1,1 +1,1 @@
-"""Synthetic grasps at scale: sampled from a recipe, simulated by many processes, written as shards with an index."""
+"""Synthetic grasps at scale: sampled from a recipe, simulated in many processes, written to dataset files (shards)."""

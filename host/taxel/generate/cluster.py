@@ -16,7 +16,7 @@ from taxel.generate.workers import SHARDS_PER_WORKER
 from taxel.optional import optional_import
 
 CONNECT_TIMEOUT_S: Final = 30.0
-"""Time within which the scheduler must answer and a worker must be available, seconds."""
+"""Time within which the scheduler must respond and a worker must be available, seconds."""
 
 
 class Cluster:
@@ -29,14 +29,15 @@ class Cluster:
     def __init__(self, scheduler: str, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
         """Create a cluster that generates shards.
 
-        scheduler: address of its Dask scheduler. timeout_s: for the connection.
+        scheduler: address of its Dask scheduler. timeout_s: limit for the connection and for the first worker.
         """
         self._scheduler, self._timeout_s = scheduler, timeout_s
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield number and bytes of each shard, in the order of completion, computed on a Dask cluster.
+        """Compute shards on the cluster; yield the number and the file content of each one in order of completion.
 
-        Implements the protocol `taxel.generate.workers.Workers`. Raises ClusterError if the cluster cannot be used.
+        Implements the protocol `taxel.generate.workers.Workers`. shards: numbers of the shards. Raises ClusterError if
+        the cluster cannot be used.
         """
         distributed = _import_distributed()
         try:
@@ -48,7 +49,7 @@ class Cluster:
             pending = SHARDS_PER_WORKER * self._count_workers(client)
             remote_recipe = client.scatter(recipe, broadcast=True, hash=False)
             try:
-                yield from _as_completed(distributed, client, remote_recipe, iter(shards), pending)
+                yield from _submit_and_collect(distributed, client, remote_recipe, iter(shards), pending)
             except (distributed.KilledWorker, distributed.client.FutureCancelledError, OSError) as error:
                 found = f"the connection was lost ({type(error).__name__})"
                 remedy = "completed shards are kept; run the same command again to continue"
@@ -75,9 +76,10 @@ class Cluster:
 
 
 def check_releases(where: str, local: Mapping[str, str], worker_versions: Mapping[str, Mapping[str, str]]) -> None:
-    """Raise ClusterError if a worker has other package releases than this computer, since its bytes might differ.
+    """Raise ClusterError if a worker has other package releases than this computer: its shards might differ.
 
-    where: the scheduler, for the message. local, worker_versions: releases by package, and by worker and package.
+    where: the scheduler, for the message. local: releases of this computer by package. worker_versions: releases by
+    worker and package.
     """
     for worker, versions in worker_versions.items():
         differing = [name for name, release in local.items() if versions.get(name) != release]
@@ -86,18 +88,18 @@ def check_releases(where: str, local: Mapping[str, str], worker_versions: Mappin
             raise ClusterError(where, f"worker {worker} has {', '.join(texts)}", "install the same on every worker")
 
 
-def _as_completed(
+def _submit_and_collect(
     distributed: Any, client: Any, recipe: Any, shards: Iterator[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
-    """Yield number and bytes of each shard in the order of completion, with at most `pending` shards on the cluster.
+    """Submit shards to the cluster; yield the number and the file content of each one in order of completion.
 
-    distributed: the Dask package of this name. client: connection to the scheduler. recipe: already sent to the
-    workers.
+    distributed: the Dask package of this name. client: connection to the scheduler. recipe: handle of the recipe, which
+    the workers already have. shards: numbers of the shards. pending: largest number of shards on the cluster.
     """
 
     def submit(shard: int) -> Any:
         """Start the generation of one shard on the cluster."""
-        return client.submit(_numbered_shard, recipe, shard, pure=False)
+        return client.submit(_generate_numbered_shard, recipe, shard, pure=False)
 
     first = [submit(shard) for shard in islice(shards, pending)]
     with client.as_current():
@@ -109,8 +111,8 @@ def _as_completed(
             running.add(submit(shard))
 
 
-def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
-    """Generate a shard on a worker; return its number and bytes."""
+def _generate_numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    """Generate a shard on a worker of the cluster; return its number and its file content."""
     return shard, generate_shard(recipe, shard)
 
 

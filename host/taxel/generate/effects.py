@@ -1,4 +1,8 @@
-"""Sampled effects: those of a gap report within their intervals, and those that a recipe names with ranges."""
+"""Sampled effects: those of a gap report within their intervals, and those that a recipe names with ranges.
+
+The scope of an effect states what has its own parameter values: the hand, each board or each taxel. Such a part of the
+skin is called a block.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,16 +23,17 @@ NORMAL_95: Final = 1.959964
 """Half width of a 95 % interval of a normal distribution, in standard deviations."""
 
 COMMON: Final = "common_counts"
-"""Label of the interval that a report gives for all noise that taxels share."""
+"""Key of the interval that a report gives for all noise components that several taxels share."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedEffect:
-    """An effect and the distribution of its values over the grasps.
+    """An effect and the distribution of its P parameters in G blocks over the generated grasps.
 
-    nominal: variant, blocks and the mean values f64[P, G]. share: share of grasps with the effect. std: f64[P, G],
-    standard deviations of a normal distribution; 0: a fixed value. ranges: uniform distributions of parameters, which
-    replace the normal ones. low, high: bounds f64[P]. source: origin of the values, as a text.
+    nominal: the effect with its blocks and with the mean values f64[P, G]. share: share of grasps with the effect. std:
+    f64[P, G], standard deviations of a normal distribution; 0: a fixed value. low, high: f64[P], bounds to which all
+    values are clipped. ranges: by parameter, uniform distributions that replace the normal ones. source: origin of the
+    values, "recipe" or "report" with its digest.
     """
 
     nominal: ReportedEffect
@@ -45,10 +50,11 @@ class PlannedEffect:
         return self.nominal.name
 
     def sample(self, rng: np.random.Generator) -> tuple[ReportedEffect | None, dict[str, float]]:
-        """Sample the effect for one generated grasp; returns the effect (None if absent) and the sampled values.
+        """Sample the effect for one generated grasp; return it (None if absent) and the sampled values by label.
 
-        The values are labelled "effect.parameter". Values of single taxels are not in the result, because there are
-        about a thousand of each parameter.
+        The labels are "effect.parameter", and "effect.there" for the presence (1.0 or 0.0). Values are sampled and
+        returned even if the effect is absent. Values of single taxels are not returned, because there are about a
+        thousand of each parameter.
         """
         nominal = self.nominal
         is_present = float(rng.random()) < self.share
@@ -61,11 +67,11 @@ class PlannedEffect:
         if nominal.effect.scope != TAXEL:
             for row, name in enumerate(nominal.parameters):
                 for column, block in enumerate(nominal.blocks):
-                    sampled[f"{self.name}.{_label(nominal, name, block)}"] = float(values[row, column])
+                    sampled[f"{self.name}.{_make_label(nominal, name, block)}"] = float(values[row, column])
         return (replace(nominal, values=values) if is_present else None), sampled
 
     def to_json(self) -> dict[str, Any]:
-        """Return the planned effect with its distributions as JSON values, for the digest of a recipe."""
+        """Return the planned effect with its distributions as JSON values, from which a recipe's digest is computed."""
         nominal = self.nominal
         return {
             "name": nominal.name,
@@ -84,21 +90,21 @@ class PlannedEffect:
         }
 
 
-def _label(effect: ReportedEffect, parameter: str, block: int | str) -> str:
-    """Make the label of a parameter: its name, with "@" and the board or taxel unless the whole hand has one value."""
+def _make_label(effect: ReportedEffect, parameter: str, block: int | str) -> str:
+    """Make the label of a parameter: its name, followed by "@" and the block unless the whole hand has one value."""
     return parameter if effect.effect.scope == HAND else f"{parameter}@{block}"
 
 
 def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: float) -> tuple[PlannedEffect, ...]:
-    """Plan the effects of a gap report's verdict for generated grasps.
+    """Plan the effects that a gap report found, for generated grasps.
 
-    widen: factor on the intervals of the parameters; 0: every grasp has the reported values. share: share of grasps
-    with each effect. A value without an interval (fewer than three sessions, or a value of a single taxel) is fixed.
-    Raises RecipeError for a report of another hand.
+    widen: factor on the widths of the parameters' intervals; 0: every grasp has the reported values. share: share of
+    grasps with each effect. A value without an interval (fewer than three sessions, or a value of a single taxel) is
+    fixed. Raises RecipeError for a report of another hand.
     """
     is_same_hand = len(report.sensor) == hand.n_taxels and all(
-        np.array_equal(reported, own)
-        for reported, own in ((report.sensor, hand.sensor), (report.tx, hand.tx), (report.rx, hand.rx))
+        np.array_equal(reported, expected)
+        for reported, expected in ((report.sensor, hand.sensor), (report.tx, hand.tx), (report.rx, hand.rx))
     )
     if not is_same_hand:
         found = f"{len(report.sensor)} taxels of another hand"
@@ -110,28 +116,29 @@ def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: fl
 
 
 def _plan_reported(reported: ReportedEffect, widen: float, share: float, source: str) -> PlannedEffect:
-    """Plan an effect of a report with parameters that vary within their intervals.
+    """Plan an effect of a report with normally distributed parameters, whose widths are those of their intervals.
 
-    widen: factor on the standard deviations. share: share of grasps with the effect. source: for the recipe's digest.
+    widen: factor on the standard deviations. share: share of grasps with the effect. source: name of the report for the
+    recipe's digest.
     """
     std = np.zeros(reported.values.shape)
     for row, name in enumerate(reported.parameters):
         for column, block in enumerate(reported.blocks if reported.effect.scope != TAXEL else ()):
-            std[row, column] = widen * _standard_deviation(
-                reported, name, _label(reported, name, block), float(reported.values[row, column])
+            std[row, column] = widen * _compute_standard_deviation(
+                reported, name, _make_label(reported, name, block), float(reported.values[row, column])
             )
-    low, high = _parameter_bounds(reported)
+    low, high = _list_parameter_bounds(reported)
     return PlannedEffect(reported, share, std, low, high, source=source)
 
 
-def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: float) -> float:
+def _compute_standard_deviation(reported: ReportedEffect, name: str, label: str, value: float) -> float:
     """Compute the standard deviation of a parameter from its 95 % interval in the report; 0 without an interval.
 
-    name, value: of the parameter. label: key of the interval. All kinds of noise that taxels share have a common
-    interval; its relative width is used for each of them.
+    name, value: name and reported value of the parameter. label: key of its interval. The noise components that several
+    taxels share have one common interval; its relative width is used for each of them.
     """
     if reported.name == "noise" and name != NOISE_COMPONENTS[0]:
-        # The report gives one interval for all noise that taxels share.
+        # The report gives one interval for the sum of all noise that taxels share.
         bounds = reported.intervals.get(label.replace(name, COMMON))
         if bounds is None or sum(bounds) <= 0.0:
             return 0.0
@@ -140,23 +147,20 @@ def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: 
     return 0.0 if bounds is None else (bounds[1] - bounds[0]) / (2.0 * NORMAL_95)
 
 
-def _parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
-    """Return lower and upper bounds of the P parameters of an effect, f64[P] each."""
-    by_name = {parameter.name: parameter for parameter in _parameters(reported)}
-    rows = [by_name[name] for name in reported.parameters]
-    return np.array([row.low for row in rows], np.float64), np.array([row.high for row in rows], np.float64)
+def _list_parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and the upper bounds of the P parameters of an effect, f64[P] each."""
+    available = list_sampled_parameters(reported.name, reported.effect.own_parameters())
+    by_name = {parameter.name: parameter for parameter in available}
+    parameters = [by_name[name] for name in reported.parameters]
+    low, high = [parameter.low for parameter in parameters], [parameter.high for parameter in parameters]
+    return np.array(low, np.float64), np.array(high, np.float64)
 
 
-def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
-    """List the sampled parameters of an effect that a gap report names."""
-    return list_sampled_parameters(reported.name, reported.effect.own_parameters())
-
-
-def list_sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
-    """List the parameters of an effect that are sampled; for noise, its independent parts. own: all parameters."""
+def list_sampled_parameters(name: str, parameters: Sequence[Parameter]) -> Sequence[Parameter]:
+    """List the parameters of the effect `name` that are sampled: for noise its components, otherwise `parameters`."""
     if name == "noise":
         return [Parameter(part, "counts", 0.0, MAX_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_COMPONENTS]
-    return own
+    return parameters
 
 
 def plan_effect(
@@ -169,12 +173,12 @@ def plan_effect(
     hand: Hand,
     moving_s: float,
 ) -> PlannedEffect:
-    """Plan an effect of the catalogue whose parameters are sampled from ranges. Raises RecipeError.
+    """Plan an effect of the catalogue whose parameters are sampled from ranges.
 
-    where: location in the recipe, for errors. name, variant, scope: as in the catalogue; "" as variant or scope stands
-    for the first one. share: share of grasps with the effect. ranges: by name of the parameter; a parameter without a
-    range keeps its neutral value. moving_s: seconds from closing to the end of a grasp, over which a drift reaches its
-    counts.
+    where: location in the recipe, for errors. name, variant, scope: as in the catalogue; an empty variant or scope
+    selects the first one. share: share of grasps with the effect. ranges: by name of the parameter; a parameter without
+    a range keeps its neutral value. moving_s: seconds from closing to the end of a grasp, in which a drift reaches its
+    final value. Raises RecipeError for an effect, a parameter or a range that the catalogue does not permit.
     """
     catalogue = all_effects()
     variants = [
@@ -196,16 +200,16 @@ def plan_effect(
         if not parameter.low <= bounds.low <= bounds.high <= parameter.high:
             expected = f"a range within {parameter.low:g} to {parameter.high:g} {parameter.unit}"
             raise RecipeError(where, key, expected, f"{bounds.low:g} to {bounds.high:g}", "correct it")
-    blocks = _blocks_of_scope(effect.scope, hand)
+    blocks = _list_blocks(effect.scope, hand)
     values = np.repeat([[each.neutral] for each in parameters], len(blocks), axis=1)
     parameter_names = tuple(each.name for each in parameters)
     nominal = ReportedEffect(name, effect, effect.order, moving_s, 0.0, blocks, parameter_names, values, {})
-    low, high = _parameter_bounds(nominal)
+    low, high = _list_parameter_bounds(nominal)
     return PlannedEffect(nominal, share, np.zeros(values.shape), low, high, dict(ranges), "recipe")
 
 
-def _blocks_of_scope(scope: str, hand: Hand) -> tuple[int | str, ...]:
-    """List the blocks that have own parameter values: the hand, addresses of the boards, or indices of the taxels."""
+def _list_blocks(scope: str, hand: Hand) -> tuple[int | str, ...]:
+    """List the blocks of a scope: `HAND` alone, the addresses of the boards, or the indices of the taxels."""
     if scope == HAND:
         return (HAND,)
     return tuple(board.address for board in hand.boards) if scope == BOARD else tuple(range(hand.n_taxels))

@@ -25,10 +25,10 @@ class ClusterError(TaxelError):
 
 
 class SamplingError(TaxelError):
-    """A grasp of which no sample could be simulated. Attributes: number, label, reason."""
+    """A generated grasp for which no sample could be simulated. Attributes: number, label, reason."""
 
     def __init__(self, number: int, label: str, reason: str) -> None:
-        """Create the error of a grasp without a valid sample. number: of the grasp. label: kind of object."""
+        """Create the error. number: number of the grasp. label: kind of object. reason: why the last sample failed."""
         super().__init__(number, label, reason)
         self.number, self.label, self.reason = number, label, reason
 

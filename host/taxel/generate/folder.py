@@ -24,6 +24,7 @@ OTHER_RECIPE: Final = "choose another --out, or give the recipe with which this 
 def open_folder(out: Path, recipe: Recipe) -> list[int]:
     """Create the folder of generated shards, or check an existing one; return the numbers of the missing shards.
 
+    A new folder gets a record of the recipe and the package releases; incomplete files of a killed run are deleted.
     Raises FolderError for a folder with other content, with another recipe, or started with other releases; OSError.
     """
     expected = _make_record(recipe)
@@ -36,14 +37,14 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
         _check_same_recipe(record, _read_record(record), expected)
     else:
         _check_empty(out)
-        write_whole(record, _to_text(expected))
+        write_whole(record, _format_record(expected))
     for part in out.glob(".*.part"):
         part.unlink(missing_ok=True)  # incomplete files of a killed run
     return [shard for shard in range(recipe.shards) if not _has_shard(out, recipe, shard)]
 
 
 def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
-    """Whether the folder contains a shard of the recipe. Raises FolderError for a shard of another recipe."""
+    """Return whether the folder contains a shard of the recipe. Raises FolderError for another file of this name."""
     path = out / format_shard_name(shard, recipe.shards)
     if not path.exists():
         return False
@@ -68,8 +69,8 @@ def _make_record(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def _to_text(content: dict[str, Any]) -> bytes:
-    """Convert a record to the bytes of a JSON file with sorted keys."""
+def _format_record(content: dict[str, Any]) -> bytes:
+    """Format a record as the bytes of a JSON file with sorted keys."""
     return (json.dumps(content, indent=1, sort_keys=True) + "\n").encode()
 
 
@@ -85,9 +86,9 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, Any]) -> None:
-    """Raise FolderError if the record in the folder has another recipe or other releases than requested.
+    """Raise FolderError if the record in the folder has another recipe or other releases than the requested run.
 
-    content, expected: records in the folder and of the requested run.
+    path: file of the record. content: record in the folder. expected: record of the requested run.
     """
     difference = find_first_difference(content, expected)
     if difference is not None:
@@ -99,9 +100,10 @@ def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, 
 
 
 def find_first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | None:
-    """Find the first difference of two JSON values: its path and both values; None for equal values.
+    """Find the first difference between two JSON values: its path and both values; None for equal values.
 
-    Digests (keys that end with "sha256") are compared last. path: of the values in their document.
+    Digests (keys that end with "sha256") are compared last, because they differ with every other difference. path:
+    path of `a` and `b` in their documents.
     """
     if isinstance(a, dict) and isinstance(b, dict):
         keys = sorted({*a, *b}, key=lambda key: (key.endswith("sha256"), key))
@@ -127,5 +129,5 @@ def _check_empty(out: Path) -> None:
 
 
 def _fail(path: Path, expected: str, found: str, remedy: str) -> NoReturn:
-    """Raise FolderError for a file or folder of a generation run."""
+    """Raise FolderError for a file or folder of a generation run, with its expected and found content."""
     raise FolderError(format_path(path), "/", expected, found, remedy)

@@ -39,11 +39,15 @@ which would double the size of a file.
 """
 
 TOUCHED_N: Final = 0.05
-"""Mean force during hold above which a taxel counts as touched, newtons."""
+"""Mean force during hold above which a taxel is treated as touched, newtons."""
 
 
 class GeneratedGrasp(NamedTuple):
-    """A grasp and its row in the index. values: sampled values and results, by name."""
+    """A generated grasp and its line in the index.
+
+    record: dataset record. mesh: triangle mesh of its object. label: kind of object. values: sampled values and results
+    of the simulation, by name.
+    """
 
     record: GraspRecord
     mesh: ObjectMesh
@@ -53,14 +57,18 @@ class GeneratedGrasp(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _NumberedGrasp(GraspRecord):
-    """A grasp that is not in a file yet, with its id for error messages."""
+    """A grasp record that is not in a file yet, with its id for error messages."""
 
     id: str = ""
 
 
 @dataclass(eq=False)
 class ShardGenerator:
-    """Generates the grasps of a shard. objects: meshes of the current grasp, by name."""
+    """Generates the grasps of a shard.
+
+    recipe: what is generated. shard: number of the shard. setup: hand and objects. path: file name in error messages.
+    objects: mesh of the current grasp's object, by name.
+    """
 
     recipe: Recipe
     shard: int
@@ -96,18 +104,21 @@ class ShardGenerator:
 
     @cached_property
     def _states(self) -> FrameStates:
-        """Converter from dataset grasps to the input of the effect models; it reads the tables of this generator."""
+        """Converter of grasps to the input of the effect models; it uses this generator in place of a dataset."""
         return FrameStates(self)
 
     def generate(self, number: int) -> GeneratedGrasp:
-        """Generate one grasp of the shard by its number: sample, simulate, and add effects. Raises SamplingError."""
+        """Sample and simulate the grasp `number` of the recipe, and add its effects.
+
+        The grasp is sampled again if the simulation diverges. Raises SamplingError if no sample can be simulated.
+        """
         sample = sample_grasp(self.recipe, number)
         while (motion := self._simulate(sample)) is None:
             try:
                 sample = sample_grasp(self.recipe, number, sample.attempt + 1)
             except SamplingError:
                 raise SamplingError(number, sample.kind.name, f"forces above {MAX_FORCE_N:g} N") from None
-        record, force = self._record(sample, motion)
+        record, force = self._make_record(sample, motion)
         vertices, faces = sample.item.shape.mesh()
         mesh = ObjectMesh(vertices, faces.astype(np.int32))
         record, effect_values = self._add_effects(sample, record, mesh)
@@ -138,7 +149,11 @@ class ShardGenerator:
         return motion if np.isfinite(force).all() and np.abs(force).max() < MAX_FORCE_N else None
 
     def _make_approach(self, sample: SampledGrasp) -> Approach:
-        """Make the approach of a sampled grasp: a recorded one of the original experiment, or one by its placement."""
+        """Make the approach of a sampled grasp.
+
+        It is the shifted grasp of the original experiment if hand and approach are those of this experiment; otherwise
+        it follows from the sampled placement of the palm.
+        """
         if not (self.setup.is_original and sample.kind.approaches == "thesis"):
             return make_approach(sample.item, sample.approach, sample.placement, self.setup.hand, withdraw_m=WITHDRAW_M)
         name, iteration = sample.kind.name, sample.number % ITERATIONS[sample.kind.name, sample.approach]
@@ -147,7 +162,7 @@ class ShardGenerator:
         recorded = replace(self.setup.approach(planned), object=sample.item.name)
         return shift_recorded_approach(recorded, sample.item.shape, nominal, sample.values)
 
-    def _record(self, sample: SampledGrasp, motion: GraspMotion) -> tuple[GraspRecord, FloatArray]:
+    def _make_record(self, sample: SampledGrasp, motion: GraspMotion) -> tuple[GraspRecord, FloatArray]:
         """Make the dataset record of a simulated grasp without effects.
 
         Also returns the mean force on each taxel in the hold phase, f64[n], newtons.

@@ -1,4 +1,4 @@
-"""Hold signals and labels of a generated folder, shard after shard, for a learner."""
+"""Hold signals and labels of a generated folder, shard after shard, for a machine-learning program."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Holds:
-    """Signals of g grasps in the hold phase.
+    """Signals of n taxels in the hold phase of g grasps.
 
-    signal_counts: f64[g, n], mean over hold, 0 for a taxel without a valid hold frame. label: str[g], kind of the
-    object.
+    signal_counts: f64[g, n], mean over the hold, 0 for a taxel without a valid hold frame. label: str[g], kind of
+    object for generated grasps, name of the object for other datasets.
     """
 
     signal_counts: FloatArray
@@ -54,7 +54,7 @@ def list_shards(folder: Path) -> list[Path]:
 def read_generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
     """Yield every grasp of a folder of generated grasps with its label, the kind of object.
 
-    A grasp is readable until the next one is requested.
+    A grasp is readable only until the next one is requested. Raises FolderError for an incomplete folder.
     """
     for path in list_shards(folder):
         labels = read_table(path).label

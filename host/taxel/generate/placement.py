@@ -1,6 +1,7 @@
 """Sampled placement of the hand at an object: the thesis's approaches, or any approach from the side or from above.
 
-An approach of the thesis is a recorded grasp for the hand of the original experiment, and a `PalmPlacement` for others.
+For the hand of the original experiment, an approach of the thesis is a grasp recorded in this experiment. For other
+hands it is a `PalmPlacement`: the pose of the palm relative to the object.
 """
 
 from dataclasses import replace
@@ -21,17 +22,17 @@ TOP_EDGE_M: Final = -0.030
 
 RECORDED_PRESS_M: Final = 0.0015
 """Motion of the palm after its first contact in a recorded grasp, metres (assumed: the middle of the default range of
-`press_mm`). A larger value moves the palm away from the object.
+`press_mm`). The larger this value is, the farther the shifted palm is from the object.
 """
 
 
 def sample_placement(
     kind: ObjectKind, shape: Shape, top_share: float, rng: np.random.Generator
 ) -> tuple[str, PalmPlacement]:
-    """Sample an approach of the palm to an object: name and placement, before the variation of `shift_placement`.
+    """Sample the name of an approach and the placement of the palm at an object, before `shift_placement` varies it.
 
     top_share: probability of an approach from above, for objects that may be approached from any side. Every call
-    consumes three random numbers.
+    consumes three random numbers, so that later samples do not depend on the kind of object.
     """
     choice, top, azimuth = rng.random(3).tolist()
     if kind.approaches == "thesis":
@@ -48,7 +49,10 @@ def sample_placement(
 
 
 def shift_placement(placement: PalmPlacement, sampled: dict[str, float]) -> PalmPlacement:
-    """Shift a placement of the palm by sampled values: turn_deg, reach_mm, along_mm, press_mm and thumb_deg."""
+    """Return a placement of the palm that is shifted by the sampled values turn_deg, reach_mm, along_mm and thumb_deg.
+
+    `press_mm` replaces the depth of the palm's indentation. The values are those of `GraspRanges`.
+    """
     thumb = np.radians(sampled["thumb_deg"])
     return replace(
         placement,
@@ -61,9 +65,10 @@ def shift_placement(placement: PalmPlacement, sampled: dict[str, float]) -> Palm
 
 
 def shift_recorded_approach(approach: Approach, shape: Shape, nominal: Shape, sampled: dict[str, float]) -> Approach:
-    """Shift a recorded grasp to an object of other sizes and by sampled values, as `shift_placement` does.
+    """Return a recorded grasp that is adapted to an object of another size and shifted as `shift_placement` does.
 
-    shape: of the sampled object. nominal: of the recorded object. The palm keeps its distance from the surface.
+    shape: shape of the sampled object. nominal: shape of the object in the recorded grasp. Without a shift, the palm
+    keeps its distance from the surface.
     """
     x, y, z = approach.palm_pose[:3, :3].T
     wider_m = _compute_extent(shape, -x) - _compute_extent(nominal, -x)

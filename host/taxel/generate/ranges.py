@@ -30,5 +30,5 @@ class Range:
 
 
 def fixed(value: float) -> Range:
-    """Make a range for a fixed number, with equal bounds."""
+    """Make the range of a fixed number: both bounds are equal."""
     return Range(value, value)

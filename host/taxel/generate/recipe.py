@@ -21,14 +21,14 @@ DEFAULT_HAND: Final = "original"
 """Packaged hand of a recipe that names none."""
 
 GRASPS_PER_SHARD: Final = 200
-"""Default number of grasps of a shard: as many as the first page of a dataset has space for (see
+"""Default number of grasps in a shard: as many as the first page of a dataset has space for (see
 `taxel.recording.grasp_storage`).
 """
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Time steps and simulated duration of a generated grasp.
+    """How finely and how long a grasp is simulated.
 
     timeline: phases of the grasp. rate_hz: stored frames per second. soft_step_s: time step of the elastic layer.
     settle_s: simulated time before the grasp.
@@ -44,20 +44,20 @@ FIDELITIES: Final[Mapping[str, Fidelity]] = {
     "quick": Fidelity(Timeline(2.0, 2.0, 1.5, 0.0, 0.0), 5.0, 2.0 * SOFT_STEP_S, 0.0),
     "full": Fidelity(Timeline(), RATE_HZ, SOFT_STEP_S, SETTLE_S),
 }
-"""quick: closing and hold with time steps twice as long, 28 frames, without release and recovery. The frames contain no
-hysteresis, no creep, and no order of contacts within 0.2 s. full: as `taxel grasp --source sim`.
+"""quick: baseline, closing and hold with doubled time steps, 28 frames, without release and recovery. The frames show
+no hysteresis, no creep, and not in which order contacts arise within 0.2 s. full: as `taxel grasp --source sim`.
 """
 
 
 @dataclass(frozen=True)
 class GraspRanges:
-    """Variation of a grasp.
+    """Sampled quantities of a grasp.
 
-    turn_deg: rotation of the approach about the object's axis. reach_mm: shift towards the fingertips. along_mm: shift
-    along the object's axis. press_mm: motion of the palm after its first contact. thumb_deg: of both holding joints of
-    the thumb. grip: factor on the joint torques. top_share: share of grasps from above, for objects with any approach.
-    object_mm, object_deg: standard deviations of the object's true position and rotation, each axis; the dataset
-    contains the nominal pose.
+    turn_deg: rotation of the approach about the object's axis. reach_mm: shift of the object towards the fingertips.
+    along_mm: shift along the object's axis. press_mm: motion of the palm after its first contact. thumb_deg: rotation
+    of both holding joints of the thumb. grip: factor on the joint torques. top_share: share of grasps from above, for
+    objects that may be approached from any side. object_mm, object_deg: standard deviations of the object's true
+    position and rotation about its nominal pose, per axis; the dataset contains the nominal pose.
     """
 
     turn_deg: Range = Range(-6.0, 6.0)
@@ -73,10 +73,10 @@ class GraspRanges:
 
 @dataclass(frozen=True)
 class SimulatorRanges:
-    """Variation of the simulator.
+    """Sampled quantities of the simulator.
 
     layer_stiffness: factor on the stiffness of the elastic layer. friction: coefficient between hand and object, only
-    for sensing "rigid": the layer transmits forces along its normals only.
+    for the sensing level "rigid", because the elastic layer transmits only forces along its normals.
     """
 
     layer_stiffness: Range = Range(0.85, 1.15)
@@ -85,7 +85,10 @@ class SimulatorRanges:
 
 @dataclass(frozen=True)
 class SensorRanges:
-    """Variation of the sensor model, which is sampled once for each shard, because a dataset has one sensor model."""
+    """Sampled parameters of the sensor model.
+
+    They are sampled once for each shard, because a dataset has a single sensor model.
+    """
 
     baseline_counts: Range = fixed(REST_COUNTS)
     full_scale_drop_counts: Range = fixed(FULL_SCALE_SIGNAL_COUNTS)
@@ -98,8 +101,10 @@ class SensorRanges:
 class Recipe:
     """All quantities that determine the bytes of a generated dataset.
 
-    grasps: number of grasps. grasps_per_shard: number of grasps in one file. fidelity: a key of `FIDELITIES`. hand:
-    name of a packaged hand. objects: empty: the three test objects for this hand.
+    grasps: number of grasps. grasps_per_shard: number of grasps in one file (shard). fidelity: a key of `FIDELITIES`.
+    sensing: level of the simulated sensing. hand: name of a packaged hand. objects: kinds of objects; empty: the three
+    test objects in the sizes for this hand. grasp, simulator, sensor: ranges of the sampled quantities. effects:
+    effects that are added to the simulated counts.
     """
 
     grasps: int = 1000
@@ -130,8 +135,8 @@ class Recipe:
         return range(first, min(first + self.grasps_per_shard, self.grasps))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the recipe of a generated dataset as JSON values; files are identified by their content."""
-        groups = {name: _group_to_json(getattr(self, name)) for name in ("grasp", "simulator", "sensor")}
+        """Return the recipe as JSON values; meshes and reports are identified by the SHA-256 of their content."""
+        ranges = {name: _ranges_to_json(getattr(self, name)) for name in ("grasp", "simulator", "sensor")}
         return {
             "hand": self.hand,
             "grasps": self.grasps,
@@ -140,7 +145,7 @@ class Recipe:
             "fidelity": self.fidelity,
             "sensing": self.sensing,
             "objects": [kind.to_json() for kind in self.objects],
-            **groups,
+            **ranges,
             "effects": [effect.to_json() for effect in self.effects],
         }
 
@@ -155,6 +160,6 @@ def get_sizes(hand: str) -> ObjectSizes:
     return select_object_sizes(load_hand(hand).robot)
 
 
-def _group_to_json(group: Any) -> dict[str, Any]:
-    """Return a group of ranges of a recipe as JSON values."""
-    return {name: value.to_json() if isinstance(value, Range) else value for name, value in vars(group).items()}
+def _ranges_to_json(ranges: Any) -> dict[str, Any]:
+    """Return the fields of a `GraspRanges`, `SimulatorRanges` or `SensorRanges` as JSON values."""
+    return {name: value.to_json() if isinstance(value, Range) else value for name, value in vars(ranges).items()}

@@ -42,7 +42,7 @@ from taxel.recording.grasp_tables import check_name
 from taxel.sim.sensing import LEVELS
 from taxel.sim.sensor_model import SensorModelError, SimSensor
 
-Group = TypeVar("Group", GraspRanges, SimulatorRanges, SensorRanges)
+Ranges = TypeVar("Ranges", GraspRanges, SimulatorRanges, SensorRanges)
 
 MAX_FILE_BYTES: Final = 1 << 20
 MAX_GRASPS: Final = 10**9
@@ -58,20 +58,20 @@ CORRECT: Final = "correct it"
 
 @dataclass(frozen=True)
 class Key:
-    """A value of a recipe file and its location, for messages."""
+    """A value of a recipe file with its location (file and path of keys) for messages."""
 
     file: str
     path: str
     value: Any
 
     def fail(self, expected: str, remedy: str = CORRECT, found: str | None = None) -> NoReturn:
-        """Raise RecipeError for this value of the recipe file. found: text for the value; None: the value itself."""
+        """Raise RecipeError for this value of the recipe file. found: what is found; None: the value itself."""
         raise RecipeError(
             self.file, self.path or "file", expected, format_value(self.value) if found is None else found, remedy
         )
 
     def keys(self, allowed: Sequence[str]) -> dict[str, Key]:
-        """Return the values of a table by key. Raises RecipeError for a key that is not in `allowed`."""
+        """Return the values of a table by key. Raises RecipeError for another type or a key not in `allowed`."""
         if not isinstance(self.value, dict):
             self.fail("a table")
         for name in self.value:
@@ -90,27 +90,27 @@ class Key:
         return [Key(self.file, f"{self.path}[{k}]", value) for k, value in enumerate(self.value)]
 
     def text(self, choices: Sequence[str] = ()) -> str:
-        """Return the value as text; it must be one of `choices` if there are any. Raises RecipeError."""
+        """Return the value, a non-empty string, and one of `choices` if there are any. Raises RecipeError otherwise."""
         if not isinstance(self.value, str) or not self.value or (choices and self.value not in choices):
             self.fail(f"one of {', '.join(choices)}" if choices else "a text")
         return self.value
 
     def integer(self, low: int, high: int) -> int:
-        """Return the value as an integer from `low` to `high`. Raises RecipeError."""
+        """Return the value, an integer from `low` to `high`. Raises RecipeError for another value."""
         if isinstance(self.value, bool) or not isinstance(self.value, int) or not low <= self.value <= high:
             self.fail(f"an integer from {low} to {high}")
         return self.value
 
     def number(self, low: float, high: float = np.inf) -> float:
-        """Return the value as a finite number from `low` to `high`. Raises RecipeError."""
+        """Return the value, a finite number from `low` to `high`. Raises RecipeError for another value."""
         if not _is_number(self.value) or not low <= self.value <= high:
             self.fail(f"a number from {low:g} to {high:g}")
         return float(self.value)
 
     def range(self, low: float = -np.inf, high: float = np.inf) -> Range:
-        """Return the value, a number or a list [lowest, highest], as a range within `low` to `high`.
+        """Return the value, a number or a list [lowest, highest], as a range.
 
-        Raises RecipeError.
+        Raises RecipeError for another value, and for a range that is not within `low` to `high`.
         """
         ends = self.value if isinstance(self.value, list) else [self.value, self.value]
         if len(ends) != 2 or not all(map(_is_number, ends)) or not low <= ends[0] <= ends[1] <= high:
@@ -120,8 +120,8 @@ class Key:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value of the recipe file is a finite number; True and False are not numbers."""
-    # The conversion of an integer of hundreds of digits to a float fails, so integers are compared before.
+    """Return whether a value of the recipe file is a number below 1e300; True and False are not numbers."""
+    # An integer with hundreds of digits cannot be converted to a float, so integers are compared before.
     return not isinstance(value, bool) and isinstance(value, int | float) and abs(value) < 1e300
 
 
@@ -136,8 +136,8 @@ def read_recipe(path: Path) -> Recipe:
     except TextError as error:
         raise RecipeError(name, error.position, error.expected, error.found, "correct the line") from None
     simple_keys = ("grasps", "seed", "shard", "fidelity", "sensing", "hand")
-    groups = {"grasp": GraspRanges, "simulator": SimulatorRanges, "sensor": SensorRanges}
-    keys = Key(name, "", content).keys((*simple_keys, "object", *groups, "report", "effect"))
+    range_types = {"grasp": GraspRanges, "simulator": SimulatorRanges, "sensor": SensorRanges}
+    keys = Key(name, "", content).keys((*simple_keys, "object", *range_types, "report", "effect"))
     values: dict[str, Any] = {}
     for key, low, high in (("grasps", 1, MAX_GRASPS), ("seed", 0, 2**63 - 1), ("shard", 1, MAX_GRASPS_PER_SHARD)):
         if key in keys:
@@ -145,9 +145,9 @@ def read_recipe(path: Path) -> Recipe:
     for key, choices in (("fidelity", tuple(FIDELITIES)), ("sensing", LEVELS), ("hand", HANDS)):
         if key in keys:
             values[key] = keys[key].text(choices)
-    for key, group in groups.items():
+    for key, range_type in range_types.items():
         if key in keys:
-            values[key] = _read_group(group(), keys[key])
+            values[key] = _read_ranges(range_type(), keys[key])
     if "object" in keys:
         sizes = get_sizes(values.get("hand", DEFAULT_HAND))
         values["objects"] = _read_objects(keys["object"], path.parent, sizes)
@@ -164,67 +164,69 @@ def read_recipe(path: Path) -> Recipe:
 def check_recipe(recipe: Recipe, file: str) -> Recipe:
     """Return the recipe unchanged. Raises RecipeError if its parts contradict each other.
 
-    file: name of the file, for messages.
+    These are friction with a sensing level other than "rigid", and objects or effects with equal names. file: name of
+    the file, for messages.
     """
     if recipe.simulator.friction != fixed(0.0) and recipe.sensing != "rigid":
         expected, remedy = '0 unless sensing is "rigid"', 'set sensing = "rigid", or leave friction out'
         raise RecipeError(file, "simulator.friction", expected, "another value", remedy)
-    repeated = _first_repeated([kind.name for kind in recipe.objects])
+    repeated = _find_first_repeated([kind.name for kind in recipe.objects])
     if repeated is not None:
         raise RecipeError(file, "object", "each name once", format_value(repeated), "rename one")
-    repeated = _first_repeated([effect.name for effect in recipe.effects])
+    repeated = _find_first_repeated([effect.name for effect in recipe.effects])
     if repeated is not None:
         remedy = "take the effect either from the report or by name"
         raise RecipeError(file, "effect", "each effect once", f"{repeated} twice", remedy)
     return recipe
 
 
-def _first_repeated(names: Sequence[str]) -> str | None:
+def _find_first_repeated(names: Sequence[str]) -> str | None:
     """Return the first name that occurs more than once; None if all names are different."""
     return next((name for name in names if names.count(name) > 1), None)
 
 
 def add_report(recipe: Recipe, path: Path, widen: float = 1.0, share: float = 1.0) -> Recipe:
-    """Return the recipe with the effects of a gap report added. Raises GapInputError, RecipeError, OSError.
+    """Return the recipe with the effects of the gap report `path` added. Raises GapInputError, RecipeError, OSError.
 
-    widen: factor on the intervals of the effects. share: share of grasps with each effect.
+    widen: factor on the widths of the parameters' intervals. share: share of grasps with each effect.
     """
     effects = plan_report_effects(read_report(path), load_hand(recipe.hand), widen, share)
     return replace(recipe, effects=recipe.effects + effects)
 
 
 def add_mesh(recipe: Recipe, path: Path, unit: str) -> Recipe:
-    """Return the recipe with the mesh of a file added as a kind of object, scaled by random factors of 0.9 to 1.1.
+    """Return the recipe with the mesh file `path` added as a kind of object, scaled by random factors of 0.9 to 1.1.
 
-    unit: length unit of the file, a key of `UNITS`. Raises the errors of `read_mesh_kind`.
+    unit: length unit of the file, a key of `UNITS`. Raises the errors of `read_mesh_kind`, and RecipeError if the file
+    name cannot be the name of an object.
     """
     kind = read_mesh_kind(path, check_object_name(path.stem, str(path)), Range(0.9, 1.1), UNITS[unit])
     return replace(recipe, objects=(*recipe.objects, kind))
 
 
 def check_object_name(text: str, file: str) -> str:
-    """Return the text if a dataset may use it as the name of an object. Raises RecipeError otherwise."""
+    """Return `text` if a dataset may use it as the name of an object. Raises RecipeError otherwise."""
     try:
         return check_name(text, Location(file))
     except DatasetError as error:
         raise RecipeError(file, "name", error.expected, error.found, error.remedy) from None
 
 
-def _read_group(group: Group, table: Key) -> Group:
-    """Return a group of ranges of the recipe with the values of a table of the file. Raises RecipeError.
+def _read_ranges(defaults: Ranges, table: Key) -> Ranges:
+    """Replace default ranges by those in a table of the recipe file. Raises RecipeError for unsuitable values.
 
-    group: default ranges of the grasp, of the simulator or of the sensor.
+    defaults: default ranges of the grasp, the simulator or the sensor. Returns an object of the same type.
     """
-    defaults = {field.name: getattr(group, field.name) for field in fields(group)}
+    by_name = {field.name: getattr(defaults, field.name) for field in fields(defaults)}
     values: dict[str, Any] = {}
-    for name, key in table.keys(tuple(defaults)).items():
-        if isinstance(defaults[name], Range):
-            values[name] = key.range(*_bounds(name))
+    for name, key in table.keys(tuple(by_name)).items():
+        if isinstance(by_name[name], Range):
+            values[name] = key.range(*_get_bounds(name))
         else:
             values[name] = key.number(0.0, 1.0 if name.endswith("share") else 90.0)
-    result = replace(group, **values)
+    result = replace(defaults, **values)
     if isinstance(result, SensorRanges):
-        for name, key in table.keys(tuple(defaults)).items():
+        for name, key in table.keys(tuple(by_name)).items():
             for value in (getattr(result, name).low, getattr(result, name).high):
                 try:
                     SimSensor(**{name: value})
@@ -233,16 +235,18 @@ def _read_group(group: Group, table: Key) -> Group:
     return result
 
 
-def _bounds(name: str) -> tuple[float, float]:
-    """Return the lowest and highest value of a recipe's quantity that can be simulated."""
+def _get_bounds(name: str) -> tuple[float, float]:
+    """Return the lowest and the highest permitted value of the sampled quantity `name`, infinite without a bound."""
     bounds = {"turn_deg": (-360.0, 360.0), "grip": (0.0, 3.0), "friction": (0.0, 5.0), "layer_stiffness": (0.05, 20.0)}
     bounds |= {"thumb_deg": (-30.0, 30.0), "press_mm": (-20.0, 5.0)}
     return bounds.get(name, (-50.0, 50.0) if name.endswith("_mm") else (-np.inf, np.inf))
 
 
 def _read_objects(table: Key, folder: Path, test_sizes: ObjectSizes) -> tuple[ObjectKind, ...]:
-    """Read the kinds of objects of a recipe file. folder: for relative paths of meshes. test_sizes: give the radius of
-    the edges. Raises RecipeError.
+    """Read the kinds of objects of a recipe file. Raises RecipeError.
+
+    folder: folder to which the paths of meshes are relative. test_sizes: sizes of the test objects, whose edge radius
+    boxes and prisms have.
     """
     items = table.items()
     if not 1 <= len(items) <= MAX_OBJECTS:
@@ -253,7 +257,8 @@ def _read_objects(table: Key, folder: Path, test_sizes: ObjectSizes) -> tuple[Ob
 def _read_object(table: Key, folder: Path, test_sizes: ObjectSizes) -> ObjectKind:
     """Read one kind of object of a recipe file. Raises RecipeError for missing, unknown or unsuitable keys.
 
-    folder: for relative paths of meshes. test_sizes: give the radius of the edges of a box or a prism.
+    folder: folder to which the path of a mesh is relative. test_sizes: sizes of the test objects, whose edge radius a
+    box or a prism has.
     """
     all_sizes = sorted({size for sizes in SIZES.values() for size in sizes})
     keys = table.keys(("name", "shape", "share", "approaches", "file", "unit", *all_sizes))
@@ -293,9 +298,9 @@ def _read_object(table: Key, folder: Path, test_sizes: ObjectSizes) -> ObjectKin
 
 
 def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
-    """Return the recipe with the effects of the gap report that a table of the file names. Raises RecipeError.
+    """Return the recipe with the effects of the gap report that the table "report" names. Raises RecipeError.
 
-    folder: for a relative path of the report.
+    folder: folder to which the path of the report is relative.
     """
     keys = table.keys(("file", "widen", "share"))
     if "file" not in keys:
@@ -306,9 +311,9 @@ def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
 
 
 def _read_effect(table: Key, fidelity: Fidelity, hand: Hand) -> PlannedEffect:
-    """Read an effect with the ranges of its parameters from a table of the recipe file. Raises RecipeError.
+    """Read an effect with the ranges of its parameters from a table "effect" of the recipe file. Raises RecipeError.
 
-    fidelity: gives the duration of a grasp. hand: its boards and taxels are the blocks of the effect.
+    fidelity: determines the duration of a grasp. hand: hand whose boards or taxels have the effect.
     """
     if not isinstance(table.value, dict):
         table.fail("a table")

@@ -29,14 +29,15 @@ class GenerationResult:
 
 
 def show_nothing(stage: str, done: int, total: int) -> None:
-    """Ignore the progress of a generation run; a `StageProgress` callback without output."""
+    """Do nothing: the default `StageProgress` callback."""
 
 
 def generate(recipe: Recipe, out: Path, workers: Workers, progress: StageProgress = show_nothing) -> GenerationResult:
     """Generate all grasps of a recipe in the folder `out`, or continue an interrupted run in that folder.
 
-    workers: processes or cluster that compute the shards. The bytes depend neither on interruptions nor on the
-    distribution of the shards to workers. Raises TaxelError, OSError; completed shards are kept.
+    workers: processes or cluster that compute the shards. progress: called with the stage "grasps" or "index", the
+    completed number and the total. The bytes of the files depend neither on interruptions nor on the distribution of
+    the shards to workers. Raises TaxelError, OSError; completed shards are kept.
     """
     missing = open_folder(out, recipe)
     generated = 0

@@ -19,7 +19,7 @@ from taxel.sim.sensor_model import SimSensor
 from taxel.types import FloatArray
 
 ATTEMPTS: Final = 20
-"""Largest number of samples of one grasp: sampled sizes may not bound a solid."""
+"""Largest number of samples of one grasp; a sample is repeated if its sizes bound no solid or its simulation fails."""
 
 _GRASP, _SENSOR = 0, 1
 _MOTION, _NOISE, _EFFECTS = 0, 1, 2
@@ -30,9 +30,11 @@ _MOTION, _NOISE, _EFFECTS = 0, 1, 2
 class SampledGrasp:
     """One grasp before its simulation.
 
-    kind: of the object. item: the object. approach, placement: how the hand approaches the object. grip: factor on the
-    joint torques. offset: f64[4, 4], true pose of the object in its nominal frame. stops_seed: seed of the angles at
-    which held joints stop. values: all sampled values, by name.
+    number: number of the grasp in the recipe. attempt: number of earlier samples that were unsuitable. kind: kind of
+    object. item: the object. approach, placement: name of the approach and placement of the palm at the object. grip:
+    factor on the joint torques. offset: f64[4, 4], true pose of the object in its nominal frame. stops_seed: seed of
+    the angles at which held joints stop. layer_stiffness: factor on the layer's stiffness. friction: coefficient
+    between hand and object. values: all sampled values, by name.
     """
 
     number: int
@@ -52,7 +54,7 @@ class SampledGrasp:
 def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> SampledGrasp:
     """Sample the random quantities of grasp `number` of a recipe, starting with attempt `first_attempt`.
 
-    Raises SamplingError if the sizes of no attempt bound a solid.
+    Raises SamplingError if no attempt is left, or if the sizes of no attempt bound a solid.
     """
     reason, label = "no attempt is left", "any object"
     for attempt in range(first_attempt, ATTEMPTS):
@@ -72,9 +74,9 @@ def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Ge
     digits = len(str(recipe.grasps - 1))
     item = kind.solid(values, f"{kind.name}_{number:0{digits}d}" if kind.is_varied else kind.name)
     approach, placement = sample_placement(kind, item.shape, recipe.grasp.top_share, rng)
-    for group in (recipe.grasp, recipe.simulator):
-        values |= {name: value.sample(rng) for name, value in vars(group).items() if isinstance(value, Range)}
-    offset = make_small_motion(rng.standard_normal(3), rng.standard_normal(3), *_object_std(recipe))
+    for ranges in (recipe.grasp, recipe.simulator):
+        values |= {name: value.sample(rng) for name, value in vars(ranges).items() if isinstance(value, Range)}
+    offset = make_small_motion(rng.standard_normal(3), rng.standard_normal(3), *_get_object_std(recipe))
     values |= {f"offset_{axis}_mm": 1e3 * float(offset[row, 3]) for row, axis in enumerate("xyz")}
     return SampledGrasp(
         number=number,
@@ -92,13 +94,16 @@ def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Ge
     )
 
 
-def _object_std(recipe: Recipe) -> tuple[float, float]:
-    """Return the standard deviations of the object's position (metres) and rotation (radians) along each axis."""
+def _get_object_std(recipe: Recipe) -> tuple[float, float]:
+    """Return the standard deviations per axis of the object's position (metres) and rotation (radians)."""
     return 1e-3 * recipe.grasp.object_mm, float(np.radians(recipe.grasp.object_deg))
 
 
 def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], dict[str, float]]:
-    """Sample the effects of a grasp, in the order in which they act, and return the sampled values by name."""
+    """Sample the effects of grasp `number`; return those that are present, and the sampled values by label.
+
+    The effects are in the order in which they act.
+    """
     effects: list[ReportedEffect] = []
     values: dict[str, float] = {}
     for index, planned in enumerate(recipe.effects):
@@ -110,8 +115,8 @@ def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], d
 
 
 def sample_sensor(recipe: Recipe, shard: int) -> SimSensor:
-    """Sample the sensor model of a shard."""
-    rng = _generator(recipe, _SENSOR, shard)
+    """Sample the sensor model of shard `shard`."""
+    rng = _make_generator(recipe, _SENSOR, shard)
     return SimSensor(**{name: value.sample(rng) for name, value in vars(recipe.sensor).items()})
 
 
@@ -122,9 +127,9 @@ def make_noise_generator(recipe: Recipe, number: int) -> np.random.Generator:
 
 def make_random_stream(recipe: Recipe, number: int, *purpose: int) -> np.random.Generator:
     """Make one of the independent random streams of grasp `number`. purpose: numbers that identify the stream."""
-    return _generator(recipe, _GRASP, number, *purpose)
+    return _make_generator(recipe, _GRASP, number, *purpose)
 
 
-def _generator(recipe: Recipe, *key: int) -> np.random.Generator:
+def _make_generator(recipe: Recipe, *key: int) -> np.random.Generator:
     """Make a random generator from the seed of the recipe and the numbers `key`."""
     return np.random.default_rng(np.random.SeedSequence(recipe.seed, spawn_key=key))

@@ -35,10 +35,11 @@ EPOCH: Final = "1970-01-01T00:00:00+00:00"
 
 @dataclass(frozen=True, eq=False)
 class ShardTable:
-    """Table of the sampled values of a shard, with one row for each grasp.
+    """Table of the sampled values of a shard with g grasps.
 
-    number: i64[g]. label, object, approach: str[g]. values: f64[g, p], sampled values of `names`, NaN where a grasp has
-    no such value.
+    number: i64[g], numbers of the grasps in the recipe. label: kind of object of each grasp. object, approach: names of
+    object and approach of each grasp. names: names of p sampled values. values: f64[g, p], these values, NaN where a
+    grasp has no such value.
     """
 
     number: IntArray
@@ -63,7 +64,10 @@ def grasp_id(number: int) -> str:
 
 
 def generate_shard(recipe: Recipe, shard: int) -> bytes:
-    """Generate the grasps of a shard and return the bytes of its file, which depend only on recipe and shard number."""
+    """Generate the grasps of a shard and return the content of its file.
+
+    It depends only on the recipe, the number of the shard and the releases of the packages.
+    """
     with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / format_shard_name(shard, recipe.shards)
         _write_shard(recipe, shard, path)
@@ -71,14 +75,14 @@ def generate_shard(recipe: Recipe, shard: int) -> bytes:
 
 
 @lru_cache(maxsize=1)
-def _setup(hand: str) -> Setup:
-    """Load the hand of a recipe for a shard; cached."""
+def _load_setup(hand: str) -> Setup:
+    """Load the setup of a campaign with a packaged hand; the latest result is cached."""
     return Setup(load_hand(hand))
 
 
 def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
     """Generate the grasps of a shard and write them to the file `path`; an error may leave the file unfinished."""
-    generator = ShardGenerator(recipe, shard, _setup(recipe.hand))
+    generator = ShardGenerator(recipe, shard, _load_setup(recipe.hand))
     rows: list[tuple[str, str, str, dict[str, float]]] = []
     header = DatasetHeader(
         source=SIM,
@@ -103,7 +107,10 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
 
 
 def get_creation_time() -> str:
-    """Return the creation time that shards state, as ISO text: `SOURCE_DATE_EPOCH`, or else the start of 1970."""
+    """Return the creation time that shards state, in ISO format.
+
+    It is that of the environment variable `SOURCE_DATE_EPOCH`, or else the start of 1970.
+    """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH
 
@@ -113,7 +120,7 @@ def _add_sample_table(
 ) -> None:
     """Add the table of sampled values to the file of a shard.
 
-    rows: label, name of the object, name of the approach and sampled values of each grasp.
+    rows: for each grasp its label, the names of object and approach, and its sampled values by name.
     """
     *texts, sampled = zip(*rows, strict=True)
     names = tuple(sorted({name for values in sampled for name in values}))
@@ -141,6 +148,6 @@ def read_table(path: Path) -> ShardTable:
 
 
 def read_recipe_digest(path: Path) -> str:
-    """Read the SHA-256 of the recipe of a shard; "" for a file without it."""
+    """Read the SHA-256 of the recipe of a shard; an empty string for a file that is not a generated shard."""
     with open_hdf5(path, "r") as file:
         return str(file[GROUP].attrs["recipe_sha256"]) if GROUP in file else ""

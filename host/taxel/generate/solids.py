@@ -31,22 +31,23 @@ SIZES: Final[Mapping[str, tuple[str, ...]]] = {
 """Sampled sizes of each solid. prism: upright, with three equal sides."""
 
 MAX_CORNERS: Final = 80
-"""Largest number of corners of a hull; of more corners those farthest apart are kept. The simulation time grows with
-the number of faces; fewer corners remove more of the object (see `ObjectKind.outside_m`).
+"""Largest number of corners of a convex hull; if there are more, those farthest apart are kept. The simulation time
+grows with the number of faces, but fewer corners remove more of the object (see `ObjectKind.outside_m`).
 """
 
 SMALLEST_M, LARGEST_M = 0.005, 0.5
-"""Permitted extents of a mesh, metres. A mesh outside them probably has another unit."""
+"""Smallest and largest permitted extent of a mesh, metres. A mesh outside this range probably has another unit."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectKind:
-    """A kind of object.
+    """A kind of object: a shape with ranges from which its sizes are sampled.
 
-    name: label of its grasps. sizes: by the names of `SIZES`. share: frequency relative to the other kinds. approaches:
-    "thesis": those of the thesis's object with this name; or "any". file, hull: file and corners f64[v, 3] of a mesh,
-    metres, upright on the origin. outside_m: largest distance of a removed corner from the hull, metres. edge_m: radius
-    of the rounded edges of a box or a prism, metres; 0: sharp.
+    name: label of its grasps. shape: type of the solid. sizes: ranges by the names in `SIZES`. share: frequency
+    relative to the other kinds. approaches: "thesis" (those of the thesis to its object with this name) or "any". file,
+    hull: file of a mesh, and corners f64[v, 3] of its convex hull, metres, upright on the origin. outside_m: largest
+    distance of a removed corner from the hull, metres. edge_m: radius of the rounded edges of a box or a prism, metres;
+    0: sharp.
     """
 
     name: str
@@ -74,11 +75,11 @@ class ObjectKind:
         return {name: size.sample(rng) for name, size in self.sizes.items()}
 
     def solid(self, sizes: Mapping[str, float], name: str) -> GraspObject:
-        """Make the object of this kind with the given sizes. Raises ShapeError if the sizes bound no solid."""
-        return GraspObject(name, self._shape(sizes), f"{self.shape}, sampled")
+        """Make an object of this kind with the given sizes and name. Raises ShapeError if the sizes bound no solid."""
+        return GraspObject(name, self._make_shape(sizes), f"{self.shape}, sampled")
 
-    def _shape(self, sizes: Mapping[str, float]) -> Shape:
-        """Make the shape of the object. sizes: in millimetres by name; for a mesh only the factor "scale"."""
+    def _make_shape(self, sizes: Mapping[str, float]) -> Shape:
+        """Make the shape of an object. sizes: millimetres by name; for a mesh only the factor "scale"."""
         if self.shape == "mesh":
             return ConvexPolytope(self._unscaled.normals, sizes["scale"] * self._unscaled.offsets)
         metres = [1e-3 * sizes[name] for name in SIZES[self.shape]]
@@ -103,7 +104,7 @@ class ObjectKind:
 
 
 def get_edge_m(shape: Solid, sizes: ObjectSizes) -> float:
-    """Return the radius of the rounded edges of a solid, as the test object of this shape has it, metres."""
+    """Return the edge radius of the test object with this shape, metres; 0 if it has no rounded edges."""
     return {"box": sizes.box_edge_m, "prism": sizes.prism_edge_m}.get(shape, 0.0)
 
 
@@ -125,16 +126,16 @@ def make_default_kinds(sizes: ObjectSizes = ORIGINAL_SIZES) -> tuple[ObjectKind,
 
 
 def has_thesis_approaches(name: str) -> bool:
-    """Whether the thesis has an object of this name, and thus approaches for it."""
+    """Return whether the thesis has an object of this name, and thus approaches to it."""
     return any(item == name for item, _ in PALM_PLACEMENTS)
 
 
 def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float = 1.0) -> ObjectKind:
-    """Read a mesh file (STL, OBJ or PLY) as a kind of object: its convex hull.
+    """Read a mesh file (STL, OBJ or PLY) as a kind of object, whose shape is the convex hull of the mesh.
 
-    The hull is moved so that the centre of its bottom is the origin, with z upwards. The mesh may have holes, because
-    only its corners are used. scale: range of factors on the size. unit_m: length of its unit in metres. share:
-    relative frequency among the kinds. Raises RecipeError; CloudFileError and OSError from reading.
+    The hull is shifted so that it stands on the origin with the centre of its bottom; z points upwards. The mesh may
+    have holes, because only its corners are used. scale: range of factors on the size. unit_m: length unit of the file,
+    metres. share: frequency relative to the other kinds. Raises RecipeError; CloudFileError and OSError from reading.
     """
     if path.suffix.lower() not in MESH_READERS:
         endings = ", ".join(MESH_READERS)
@@ -163,9 +164,10 @@ def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: fl
 
 
 def _select_corners(corners: FloatArray) -> tuple[FloatArray, float]:
-    """Reduce a convex hull to at most `MAX_CORNERS` corners, each the farthest one from those selected before.
+    """Reduce the corners of a convex hull to at most `MAX_CORNERS`; also return how far a removed one is outside.
 
-    Also returns the largest distance of the other corners from the reduced hull, metres.
+    The outermost corners along the axes are selected first, then always the corner farthest from those selected so far.
+    The second value is the largest distance of a removed corner from the reduced hull, metres.
     """
     if len(corners) <= MAX_CORNERS:
         return corners, 0.0

@@ -15,7 +15,7 @@ from taxel.generate.recipe import Recipe
 from taxel.generate.shard import generate_shard
 
 SHARDS_PER_WORKER: Final = 2
-"""Number of submitted shards for each worker. With 1 a worker waits for its next shard; a larger number uses more
+"""Number of submitted shards per worker. With 1 a worker would wait for its next shard; a larger number uses more
 memory.
 """
 
@@ -36,27 +36,28 @@ class WorkerLostError(TaxelError):
 
 
 class Workers(Protocol):
-    """Protocol of what generates shards: local processes or a cluster."""
+    """Something that generates shards: local processes or a cluster."""
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield number and bytes of each shard of the recipe, in the order of completion."""
+        """Generate shards; yield the number and the file content of each one in order of completion.
+
+        shards: numbers of the shards.
+        """
         ...
 
 
 class Processes:
-    """Worker processes on this computer. count 1: this process generates the shards.
-
-    Raises the errors of `generate_shard`, and WorkerLostError.
-    """
+    """Worker processes on this computer."""
 
     def __init__(self, count: int) -> None:
-        """Create workers in local processes. count: number of processes."""
+        """Create workers in local processes. count: number of processes; 1: the calling process only."""
         self._count = count
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield number and bytes of each shard, in the order of completion, computed in local processes.
+        """Compute shards in local processes; yield the number and the file content of each one in order of completion.
 
-        Implements the protocol `Workers`. Raises WorkerLostError if a process is ended from outside.
+        Implements the protocol `Workers`. shards: numbers of the shards. Raises the errors of `generate_shard`, and
+        WorkerLostError if a process is ended from outside.
         """
         numbers = list(shards)
         count = min(self._count, len(numbers))
@@ -65,22 +66,22 @@ class Processes:
             return
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
         try:
-            yield from _run_in_pool(pool, partial(_numbered_shard, recipe), numbers, SHARDS_PER_WORKER * count)
+            yield from _run_in_pool(pool, partial(_generate_numbered_shard, recipe), numbers, SHARDS_PER_WORKER * count)
         except BrokenProcessPool:
             raise WorkerLostError from None
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
-    """Generate a shard in a worker process; return its number and bytes."""
+def _generate_numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    """Generate a shard in a worker process, which ends with its parent; return its number and its file content."""
     _exit_with_parent()
     return shard, generate_shard(recipe, shard)
 
 
 @cache
 def _exit_with_parent() -> None:
-    """End this worker process when its parent process ends.
+    """Start a thread, once per process, that ends this worker process when its parent process ends.
 
     A killed parent cannot end its workers, which would wait without limit.
     """
@@ -98,9 +99,9 @@ def _exit_with_parent() -> None:
 def _run_in_pool(
     pool: ProcessPoolExecutor, task: partial[tuple[int, bytes]], shards: list[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
-    """Yield number and bytes of each shard in the order of completion, with at most `pending` running tasks.
+    """Submit shards to a process pool; yield the number and the file content of each one in order of completion.
 
-    pool: processes. task: function that generates a shard.
+    task: generates a shard. shards: numbers of the shards. pending: largest number of submitted, unfinished shards.
     """
     remaining = iter(shards)
     running: set[Future[tuple[int, bytes]]] = {pool.submit(task, shard) for shard in islice(remaining, pending)}

@@ -28,8 +28,8 @@ class GraspController:
     Held joints follow their targets in all phases. The other joints hold their open angles with a low stiffness in the
     baseline, close at a constant speed until an obstacle requires a part of the planned torque, then tighten to the
     planned torque, and return to the open angles. At standstill in the hold phase their torque equals the planned
-    torque times `torque_scale`. All torques are limited to `TORQUE_LIMIT_NM`. Raises ValueError for a scale
-    below 0 or not finite.
+    torque times `torque_scale`. All torques are limited to `TORQUE_LIMIT_NM`. Raises ValueError for a scale below 0 or
+    not finite.
     """
 
     def __init__(self, approach: Approach, timeline: Timeline, torque_scale: float = 1.0) -> None:

@@ -107,7 +107,10 @@ class Cylinder:
         return np.where(is_miss, np.inf, enter), np.where(is_miss, -np.inf, leave)
 
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """View wall, bottom and top: depths f64[m, 3] and normals f64[m, 3, 3]; see `Shape.view_faces`."""
+        """Compute depths f64[m, 3] and normals f64[m, 3, 3] of m columns below wall, bottom and top of the cylinder.
+
+        Implements `Shape.view_faces`.
+        """
         radius = np.hypot(tops[:, 0], tops[:, 1])
         outward = np.divide(
             tops[:, :2], radius[:, None], out=np.tile([1.0, 0.0], (len(tops), 1)), where=radius[:, None] > 0

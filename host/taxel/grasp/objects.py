@@ -41,7 +41,7 @@ ASSUMED_ROBOT: Final = "ur5e_allegro"
 """Robot of the assumed hand."""
 
 ORIGINAL_ROBOT: Final = "ur5e_original"
-"""Robot of the original workstation, whose objects and grasps are recorded; other robots use the assumed ones."""
+"""Robot of the original workstation, whose objects and grasps are recorded."""
 
 OBJECT_DENSITY_KG_PER_M3: Final = 224.0
 """Mean density of the printed objects, from the masses in the original simulation: the box weighs 101 g."""
@@ -123,7 +123,7 @@ def make_thesis_objects(sizes: ObjectSizes = ORIGINAL_SIZES) -> dict[str, GraspO
 
 @cache
 def _make_objects(sizes: ObjectSizes) -> tuple[GraspObject, ...]:
-    """Make the test objects once for each `sizes`: the faces of a rounded solid take several milliseconds."""
+    """Make the test objects of given sizes; cached, because a rounded solid takes several milliseconds."""
     box = ConvexPolytope.box(sizes.box_width_m, sizes.box_depth_m, sizes.height_m)
     prism = ConvexPolytope.prism(sizes.prism_side_m, sizes.height_m)
     return (

@@ -14,8 +14,8 @@ from taxel.hand.transforms import make_pose
 from taxel.types import FloatArray
 
 Setting = Literal["hardware", "simulation"]
-"""Whose tool poses: those of the arm, or those of the original simulation, which were moved by hand (1.2 to 6.6 mm)
-until the simulated palm touched the object.
+"""Source of recorded values. For tool poses: the arm, or the original simulation, whose poses were moved by hand (by
+1.2 to 6.6 mm) until the simulated palm touched the object.
 """
 
 HARDWARE_TORQUE_NM: Final = (0.52, 0.375, 0.24)
@@ -55,21 +55,22 @@ class OriginalGrasp:
 
 @lru_cache(maxsize=1)
 def _read_document() -> dict[str, Any]:
-    """The packaged file of the original grasps."""
+    """Read the packaged file of the original grasps; cached."""
     return tomllib.loads(resources.files("taxel.grasp").joinpath("original_grasps.toml").read_text())
 
 
 def get_original_object_pose() -> FloatArray:
-    """Pose of the object in the frame of the arm's base, f64[4, 4]."""
+    """Return the pose of the object in the frame of the arm's base, f64[4, 4], in the original experiment."""
     table = _read_document()["object"]
     return make_pose(table["position_m"], table["quaternion_wxyz"])
 
 
 @lru_cache(maxsize=1)
 def load_original_grasps() -> dict[tuple[str, str], OriginalGrasp]:
-    """The recorded grasps by object and approach; sides 2 and 3 of the triangular prism follow from side 1.
+    """Load the recorded grasps by (object, approach), in the order of the thesis's grasp plan.
 
-    They are in no file: the palm is placed as on side 1, turned by 120 degrees about the axis of the prism.
+    Sides 2 and 3 of the triangular prism are in no file: they are derived from side 1 by rotations of the palm by 120
+    and 240 degrees about the axis of the prism.
     """
     grasps = {}
     for name, approaches in _read_document()["grasps"].items():
@@ -95,8 +96,8 @@ def make_original_approaches(
 ) -> dict[tuple[str, str], Approach]:
     """Make the fifteen approaches by object and approach, with the mean of the measured finger bases.
 
-    setting: whose tool poses; the hardware's pose where no other was recorded. torques: whose torques of the fingers.
-    withdraw_m: distance of the withdrawn palm.
+    setting: source of the tool poses; the hardware's pose where no other was recorded. torques: source of the finger
+    torques. withdraw_m: distance of the palm from the object before and after the grasp.
     """
     return {key: _make_approach(grasp, withdraw_m, setting, torques) for key, grasp in load_original_grasps().items()}
 
@@ -104,7 +105,8 @@ def make_original_approaches(
 def set_finger_bases(approach: Approach, iteration: int) -> Approach:
     """Return an original approach with the finger bases that were measured in one of its iterations, from 0.
 
-    The measured iterations repeat after their number; without measured angles the approach is returned unchanged.
+    Iterations beyond the number of measured ones start again from the first. Without measured angles, the approach is
+    returned unchanged.
     """
     measured = load_original_grasps()[approach.object, approach.name].finger_bases
     if not len(measured):
@@ -115,10 +117,15 @@ def set_finger_bases(approach: Approach, iteration: int) -> Approach:
 
 
 def _make_approach(grasp: OriginalGrasp, withdraw_m: float, setting: Setting, torques: Setting) -> Approach:
-    """Make the approach of one recorded grasp."""
+    """Make the approach of one recorded grasp; arguments as for `make_original_approaches`.
+
+    A grasp without measured finger bases gets the mean of those of all grasps.
+    """
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))
-    every = np.concatenate([one.finger_bases for one in load_original_grasps().values() if len(one.finger_bases)])
-    base[:FINGERS, 0] = (grasp.finger_bases if len(grasp.finger_bases) else every).mean(axis=0)
+    measured_bases = grasp.finger_bases
+    if not len(measured_bases):
+        measured_bases = np.concatenate([recorded.finger_bases for recorded in load_original_grasps().values()])
+    base[:FINGERS, 0] = measured_bases.mean(axis=0)
     base[FINGERS, :2] = THUMB_RAD
     torque[FINGERS, 2:] = THUMB_TORQUE_NM
     if grasp.approach != "top":

@@ -43,7 +43,7 @@ class PalmPlacement:
         azimuth_rad: direction from the object's axis to the palm, about z from x; on top: direction of the fingers.
         edge_z_m: largest coordinate of the object along the palm's z axis, towards the fingertips.
         thumb_rad: angles of th_j0 and th_j1, which are held.
-        axis_y_m: coordinate of the object's axis along the palm's y axis.
+        axis_y_m: coordinate of the object's vertical axis along the palm's y axis.
         spread_rad: angle between index or little finger and the middle finger, held.
         indentation_m: displacement of the palm past first contact with the nominal object (object and skin yield).
         top: whether the palm faces down on the top face.
@@ -193,8 +193,9 @@ def make_approach(
 ) -> Approach:
     """Make the approach of the Allegro hand (palm pose, joint angles, torques) for a placement of the palm.
 
-    item: object. gap_m: from the palm surface to the object during the grasp. withdraw_m: distance of the withdrawn
-    palm.
+    item: object. name: of the approach. gap_m: distance from the palm surface to the object during the grasp, in
+    addition to the placement's indentation. withdraw_m: distance of the palm from this position before and after the
+    grasp.
     """
     spread, (th_j0, th_j1) = placement.spread_rad, placement.thumb_rad
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))
@@ -256,6 +257,6 @@ def make_thesis_plan(seed: int, sessions: int = SESSIONS) -> tuple[PlannedGrasp,
 
 
 def _make_planned_grasp(key: tuple[str, str], iteration: int, session: int, position: int) -> PlannedGrasp:
-    """Make a planned grasp with its id. key: object and approach. position: place in the session."""
+    """Make a planned grasp with its id. key: (object, approach). position: place in the session's order, from 0."""
     name = f"s{session}_{position:02d}_{key[0]}_{key[1]}_{iteration}"
     return PlannedGrasp(name, key[0], key[1], iteration, session)

@@ -50,7 +50,7 @@ class ConvexPolytope:
     def box(cls, width: float, depth: float, height: float) -> ConvexPolytope:
         """Make an upright box with sizes in metres: `width` along x, `depth` along y, bottom at z = 0.
 
-        Raises ShapeError.
+        Raises ShapeError for a size that is not above 0.
         """
         check_sizes("box", width=width, depth=depth, height=height)
         normals = np.concatenate([np.eye(3), -np.eye(3)])
@@ -71,7 +71,7 @@ class ConvexPolytope:
     def rounded(self, radius: float, step_rad: float = np.radians(30.0)) -> ConvexPolytope:
         """Return the solid with rounded edges, approximated by tangential strips of at most `step_rad` radians each.
 
-        radius: of the rounding, metres. Raises ShapeError if a face would vanish.
+        radius: radius of the edges, metres; 0: the same solid. Raises ShapeError if a face would vanish.
         """
         if not (np.isfinite(radius) and radius >= 0):
             raise ShapeError("polytope", "a radius of at least 0 m", str(radius))
@@ -213,7 +213,10 @@ class ConvexPolytope:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf), face
 
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """View the faces from columns: depths f64[m, k] and normals f64[m, k, 3]; see `Shape.view_faces`."""
+        """Compute depths f64[m, k] and normals f64[m, k, 3] of m columns below the k faces of the polytope.
+
+        Implements `Shape.view_faces`.
+        """
         depths = (self.offsets - tops @ self.normals.T) / np.maximum(-axes @ self.normals.T, min_slope)
         return depths, np.broadcast_to(self.normals, (len(tops), *self.normals.shape))
 
@@ -239,7 +242,7 @@ class ConvexPolytope:
     def _compute_outside_distance(self, points: FloatArray, height: FloatArray) -> FloatArray:
         """Compute the distance of points f64[m, 3] outside the polytope to its surface, f64[m].
 
-        height: f64[m, faces], above the plane of each face.
+        height: f64[m, faces], heights of the points above the plane of each face.
         """
         distance = np.full(len(points), np.inf)
         tolerance = _MERGE * np.ptp(self.vertices, axis=0).max()

@@ -26,7 +26,11 @@ CLEARANCE_M: Final = 0.02  # smallest height of the moving joints above the tabl
 
 
 class UnreachableError(TaxelError, ValueError):
-    """The arm cannot reach the palm pose. Attributes: robot, link_name, position (m), miss_m (m)."""
+    """The arm cannot reach the palm pose.
+
+    robot: name of the robot. link_name: link that was to be placed. position: requested position, metres. miss_m:
+    remaining error of the best try, metres.
+    """
 
     def __init__(self, robot: str, link_name: str, position: tuple[float, float, float], miss_m: float) -> None:
         """Create the error of a pose that an arm cannot reach.
@@ -50,7 +54,11 @@ class UnreachableError(TaxelError, ValueError):
 
 @dataclass(frozen=True)
 class _Chain:
-    """Revolute joints between the root and a link, and the columns of their angles."""
+    """The a revolute joints between the root and a link.
+
+    joints: their indices in `robot.joints`. axes: their unit axes f64[3], in the frames of their child links. columns:
+    i64[a], their positions in an array of all joint angles.
+    """
 
     joints: tuple[int, ...]
     axes: tuple[FloatArray, ...]
@@ -83,8 +91,8 @@ class ArmReach:
     def solve(self, palm_pose: FloatArray, near: FloatArray | None = None, iterations: int = ITERATIONS) -> FloatArray:
         """Solve for the joint angles f64[a], radians, that place the arm's link at `palm_pose` f64[4, 4], to 1e-9 m.
 
-        near: f64[a]; start angles of the search (for a path); None: the best-conditioned solution. iterations: number
-        of steps; a few suffice near the solution. Raises UnreachableError.
+        near: f64[a], only start angles of the search, so that the solution is near them; None: the best solution from
+        many start angles. iterations: number of steps; a few suffice near the solution. Raises UnreachableError.
         """
         angles = self._make_start_angles() if near is None else np.clip(near, self._lower, self._upper)[None]
         solutions = self._search(angles, palm_pose, near is None, iterations)
@@ -93,7 +101,8 @@ class ArmReach:
     def solve_all(self, palm_pose: FloatArray) -> FloatArray:
         """Solve for all joint angles f64[k, a], radians, that place the link at `palm_pose` f64[4, 4], best first.
 
-        Solutions that differ by full turns count once. The first is the result of `solve`. Raises UnreachableError.
+        Of solutions that differ only by full turns, one is returned. The first solution is the result of `solve`.
+        Raises UnreachableError.
         """
         solutions = self._search(self._make_start_angles(), palm_pose, True)
         distinct: list[FloatArray] = []
@@ -184,9 +193,10 @@ class ArmReach:
         return np.stack(columns, axis=-1)
 
     def _compute_score(self, angles: FloatArray) -> FloatArray:
-        """Rate joint angles f64[..., a] by the smallest singular value of the Jacobian, f64[...].
+        """Compute a score of joint angles f64[..., a], f64[...]: the smallest singular value of the Jacobian.
 
-        The value is below 0 if a joint is near the table.
+        A higher score is better: the posture is farther from a singularity. The score is reduced by 1 if a joint is
+        nearer to the table than `CLEARANCE_M`.
         """
         frames = [index + 1 for index in self._chain.joints[1:]]  # the first joint is mounted on the table
         lowest = self._compute_poses(angles)[..., frames, 2, 3].min(axis=-1, initial=np.inf)
@@ -208,7 +218,7 @@ def _find_chain(robot: Robot, link_name: str) -> _Chain:
 
 
 def _is_converged(error: FloatArray) -> npt.NDArray[np.bool_]:
-    """Test which residuals f64[k, 6] of the inverse kinematics are within the tolerances, bool[k].
+    """Return which residuals f64[k, 6] of the inverse kinematics are within the tolerances, bool[k].
 
     A residual is a position error and a weighted rotation vector, metres.
     """

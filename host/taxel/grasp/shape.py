@@ -67,13 +67,14 @@ class Shape(Protocol):
         ...
 
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """View the k faces of the solid from m columns: depths f64[m, k], metres, and outward normals f64[m, k, 3].
+        """Compute how deep m columns are below the k faces: depths f64[m, k], metres, and outward normals f64[m, k, 3].
 
-        tops: upper ends of the columns f64[m, 3]. axes: their outward unit directions f64[m, 3]. The depth is the
-        distance from the top to the plane of the face, measured against the axis; below 0 if the top is outside. The
-        least depth is the indentation. A face whose inward normal has a smaller cosine with the axis than `min_slope`
-        counts as if it had this cosine, so that a column that enters the solid sideways is loaded gradually. A curved
-        surface is viewed as its tangent plane where the axis meets it.
+        The columns are those of a soft layer. tops: upper ends of the columns f64[m, 3]. axes: their outward unit
+        directions f64[m, 3]. The depth is the distance from the top to the plane of the face, measured against the
+        axis; below 0 if the top is outside. The smallest depth is the indentation. A face whose inward normal has a
+        smaller cosine with the axis than `min_slope` is treated as if it had this cosine, so that a column that enters
+        the solid sideways is loaded gradually. A curved surface is replaced by its tangent plane where the axis meets
+        it.
         """
         ...
 

@@ -10,9 +10,10 @@ import numpy.typing as npt
 PHASE_TOLERANCE_S = 1e-9
 """Tolerance of phase boundaries: a sample at k / rate belongs to the phase that starts at this time."""
 
-# Assumed fractions of the closing phase: end of the palm motion, when the fingers start to close; end of the transition
-# from the open angles to the closing motion; end of the motion without an object; time from which the full torque is
-# permitted. Assumed fractions of the release phase: end of the torque decrease and start of the palm withdrawal.
+# Assumed fractions of the closing phase: ADVANCE_END, end of the palm motion, when the fingers start to close;
+# GRIP_START_END, end of the transition from the open angles to the closing motion; CLOSING_END, end of the motion
+# without an object; TIGHTENING_END, time from which the full torque is permitted. Assumed fractions of the release
+# phase: RELEASE_END, end of the torque decrease; WITHDRAW_START, start of the palm withdrawal.
 ADVANCE_END = 0.2
 GRIP_START_END = 0.3
 CLOSING_END = 0.5
@@ -108,7 +109,7 @@ class Timeline:
         return min(elapsed_s / duration_s, 1.0) if duration_s > 0 else 1.0
 
     def get_grip_fraction(self, t: float) -> float:
-        """Return how far the hand has left its open state at time t, 0..1; 0 before the closing and after the release.
+        """Return the share of the closing motion and torque at time t: 0 for the open hand, 1 in the hold.
 
         t: seconds after the start of the grasp.
         """
@@ -127,7 +128,7 @@ class Timeline:
         return CONTACT_TORQUE + (1.0 - CONTACT_TORQUE) * tightening
 
     def get_closing_fraction(self, t: float) -> float:
-        """Return how far fingers without an obstacle have closed at time t, 0..1.
+        """Return how far fingers without an obstacle have closed at time t: 0 (open) to 1 (closed).
 
         t: seconds after the start of the grasp.
         """

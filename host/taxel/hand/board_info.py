@@ -11,7 +11,10 @@ from taxel_protocol.registers import Identity
 
 
 def make_board_info(board: Board) -> dict[str, Any]:
-    """Return the fields of the BOARD_INFO frame by which a hub would report this board."""
+    """Make the fields, by name, of the BOARD_INFO frame in which a hub would report this board.
+
+    The identity of the board (kind, address, lines, crossing map) has a valid CRC; all other fields are 0.
+    """
     kind = board.kind
     fields: dict[str, Any] = {field.name: field.constant or 0 for field in list_fields(Identity)}
     fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}

@@ -37,7 +37,7 @@ class BoardKind:
     layout: NDArray[np.int16] | None = None
 
     def __post_init__(self) -> None:
-        """Check the numbers of lines, taxels and surface rows of the board kind; make `crossings` read-only."""
+        """Raise ValueError unless lines, taxels, surface and layout of the kind agree; make `crossings` read-only."""
         crossings = np.array(self.crossings, dtype=np.bool_)
         if crossings.ndim != 2 or not all(1 <= n <= DESCRIBED_LINES_MAX for n in crossings.shape):
             raise ValueError(
@@ -54,7 +54,7 @@ class BoardKind:
         object.__setattr__(self, "crossings", make_read_only(crossings))
 
     def __eq__(self, other: object) -> bool:
-        """Whether `other` is a board kind with the same name, code, surface and crossings."""
+        """Return whether `other` is a board kind with the same name, code, surface, crossings and layout."""
         if not isinstance(other, BoardKind):
             return NotImplemented
         is_equal = (self.name, self.code, self.surface) == (other.name, other.code, other.surface)
@@ -62,7 +62,7 @@ class BoardKind:
         return (
             is_equal
             and np.array_equal(self.crossings, other.crossings)
-            and all(np.array_equal(own, others) for own, others in places)
+            and all(np.array_equal(mine, theirs) for mine, theirs in places)
         )
 
     def __hash__(self) -> int:
@@ -113,8 +113,8 @@ class BoardKind:
     def crossing_bitmap(self) -> bytes:
         """Return the crossing map in the format of the board's register, 32 bytes.
 
-        Bit ``tx * rx_count + rx``, least significant bit of the first byte first; unused bits are zero. Raises
-        ValueError for more lines than the register describes.
+        Bit number ``tx * rx_count + rx``, counted from the least significant bit of the first byte, is set for a taxel.
+        Raises ValueError for more lines than the project's firmware supports.
         """
         if max(self.crossings.shape) > LINES_MAX:
             raise ValueError(
@@ -157,11 +157,11 @@ class Board:
     branch: str | None = None
 
     def __eq__(self, other: object) -> bool:
-        """Whether `other` is a board with the same name, kind, address, link, branch and pose."""
+        """Return whether `other` is a board with the same name, kind, address, link, branch and pose."""
         if not isinstance(other, Board):
             return NotImplemented
-        own = (self.name, self.kind, self.address, self.link_name, self.branch)
-        return own == (other.name, other.kind, other.address, other.link_name, other.branch) and np.array_equal(
+        fields = (self.name, self.kind, self.address, self.link_name, self.branch)
+        return fields == (other.name, other.kind, other.address, other.link_name, other.branch) and np.array_equal(
             _get_array(self.pose), _get_array(other.pose)
         )
 

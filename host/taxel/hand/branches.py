@@ -10,8 +10,8 @@ from taxel.hand.errors import format_address
 TOGETHER_S: Final = 0.5
 """Largest difference between the last frames of the boards of a faulty branch, seconds.
 
-A poll cycle of the default hand lasts 50 ms, and the hub retries a failed board. A larger value counts boards that were
-unplugged one after the other as one fault; a smaller one misses a fault of a slowly polled hand.
+A poll cycle of the default hand lasts 50 ms, and the hub retries a failed board. A larger value reports boards that
+were unplugged one after the other as one fault; a smaller value misses a branch fault of a slowly polled hand.
 """
 
 MAX_NAMED: Final = 3
@@ -19,7 +19,7 @@ MAX_NAMED: Final = 3
 
 
 class SilentBoards(NamedTuple):
-    """Silent boards of a hand, divided into faulty branches and single boards."""
+    """Silent boards of a hand: names of faulty branches, whose boards are all silent, and the other silent boards."""
 
     branches: tuple[str, ...]
     boards: tuple[Board, ...]
@@ -33,8 +33,8 @@ def find_silent_branches(
     A branch with a single board is not reported, because a fault of the branch and of the board look equal.
 
     silent: I2C addresses of the boards from which no frames arrive. last_s: time of the last frame by address, seconds;
-    boards of a branch whose last frames differ by more than `TOGETHER_S` did not stop together and count as single
-    boards. Boards without a frame are not in `last_s`.
+    boards of a branch whose last frames differ by more than `TOGETHER_S` did not stop together and are reported as
+    single boards. Boards from which no frame has arrived are not in `last_s`.
     """
     branches = []
     for name in hand.branches:
@@ -77,6 +77,6 @@ def _describe_branch(hand: Hand, name: str) -> str:
 
 
 def _join(names: list[str]) -> str:
-    """Join at most `MAX_NAMED` names, and state the number of further ones."""
+    """Join the first `MAX_NAMED` names with commas, and append the number of further names, such as " and 2 more"."""
     more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
     return ", ".join(names[:MAX_NAMED]) + more

@@ -26,7 +26,10 @@ _TYPES: Mapping[type, str] = {
 
 
 def check_table(table: Any, keys: Mapping[str, type], field: Field, optional: Mapping[str, type] | None = None) -> None:
-    """Check that a table has exactly these keys with values of these types; keys in `optional` may be absent."""
+    """Raise HandDescriptionError unless a table has exactly these keys with values of these types.
+
+    keys, optional: type by key; keys in `optional` may be absent. field: position of the table, for errors.
+    """
     optional = optional or {}
     known = {**keys, **optional}
     check_type(table, dict, field)
@@ -49,7 +52,7 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
 
 
 def check_type(value: Any, kind: type, field: Field) -> None:
-    """Check the type of a value; an integer is also a number, a boolean is neither."""
+    """Raise HandDescriptionError unless a value has a type; an integer is also a number, a boolean is neither."""
     allowed: tuple[type, ...] = (int, float) if kind is float else (kind,)
     if isinstance(value, bool) or not isinstance(value, allowed):
         remedy = "put [[boards]] before each board" if kind is list else "change its type"
@@ -61,25 +64,25 @@ def check_type(value: Any, kind: type, field: Field) -> None:
 
 
 def check_identifier(name: str, field: Field) -> None:
-    """Check that a name is safe in file names, topics and HDF5 paths."""
+    """Raise HandDescriptionError unless a name is safe in file names, topics and HDF5 paths."""
     if not _IDENTIFIER.fullmatch(name):
         field.fail("a letter, then letters, digits and _ (64 at most)", format_value(name), "rename it")
 
 
 def check_description(text: str, field: Field) -> None:
-    """Check that a text is one printable line of limited length."""
+    """Raise HandDescriptionError unless a string is one printable line of at most `MAX_DESCRIPTION` characters."""
     if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # the text is printed on terminals
         field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", format_value(text), "shorten it")
 
 
 def check_range(value: int, low: int, high: int, label: str, field: Field) -> None:
-    """Check that low <= value <= high; label: name of the quantity in the error message."""
+    """Raise HandDescriptionError unless low <= value <= high; label: name of the quantity in the error message."""
     if not low <= value <= high:
         field.fail(f"{label} from {low} to {high}", format_value(value), "correct it")
 
 
 def check_numbers(values: Any, count: int, field: Field, label: str) -> None:
-    """Check that `values` is a list of `count` finite numbers; `label` names them in the error message."""
+    """Raise HandDescriptionError unless `values` is a list of `count` finite numbers; label: their names for errors."""
     check_type(values, list, field)
     if len(values) != count:
         field.fail(f"{count} numbers ({label})", f"{len(values)}", "write all numbers")
@@ -90,7 +93,7 @@ def check_numbers(values: Any, count: int, field: Field, label: str) -> None:
 
 
 def check_unit(values: list[float], field: Field, label: str) -> None:
-    """Check that `values` is a vector of length 1 within `UNIT_TOLERANCE`; label: its name in the error message."""
+    """Raise HandDescriptionError unless `values` is a vector of length 1 within `UNIT_TOLERANCE`; label: its name."""
     length = math.hypot(*values)  # a sum of squares of integers may exceed the range of float
     if abs(length - 1.0) > UNIT_TOLERANCE:
         field.fail(f"{label} of length 1", f"length {length:.4g}", "normalise it")

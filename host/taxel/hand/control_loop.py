@@ -97,9 +97,10 @@ class ControlLoop:
         return period
 
     def _record(self, lateness_s: float, missed: int) -> None:
-        """Add one period of the control loop to the statistics.
+        """Add one tick to the lateness statistics.
 
-        lateness_s: delay of the start of the period, seconds. missed: number of periods skipped before this period.
+        lateness_s: time from the deadline for which the loop waited to the start of the tick, seconds. missed: number
+        of periods skipped before this tick.
         """
         self._lateness[self._periods % LATENESS_HISTORY] = lateness_s
         self._periods += 1
@@ -107,7 +108,10 @@ class ControlLoop:
         self._max_s = lateness_s if math.isnan(self._max_s) else max(self._max_s, lateness_s)
 
     def run(self, tick: Callable[[int], object], periods: int) -> LoopStatistics:
-        """Call `tick` with the index of each period until `periods` periods, including missed ones, have elapsed."""
+        """Call `tick` with the index of each period until `periods` periods, including missed ones, have elapsed.
+
+        Returns the lateness statistics of all ticks so far.
+        """
         while self._next < periods:
             tick(self.wait())
         return self.compute_statistics()

@@ -1,4 +1,4 @@
-"""Crossing map: ASCII picture of the TX x RX matrix of a board. Layout: places of its taxels on the sheet."""
+"""Crossing map: ASCII picture of a board's TX x RX matrix. Layout: table of its taxels on the unrolled sheet."""
 
 from itertools import pairwise
 
@@ -61,7 +61,7 @@ def _split_rows(text: str) -> list[str]:
 
 
 def _check_characters(rows: list[str], field: Field) -> None:
-    """Raise an error for a character other than '#' and '.' in the crossing map."""
+    """Raise HandDescriptionError for a character other than '#' and '.' in the rows of a crossing map."""
     for tx, row in enumerate(rows):
         for rx, character in enumerate(row):
             if character not in (TAXEL, UNUSED):
@@ -73,7 +73,7 @@ def _check_characters(rows: list[str], field: Field) -> None:
 
 
 def _check_size(rows: list[str], tx: int, rx: int, field: Field) -> None:
-    """Raise an error unless the crossing map has `tx` rows of `rx` characters."""
+    """Raise HandDescriptionError unless the crossing map has `tx` rows of `rx` characters."""
     for line, row in enumerate(rows):
         if len(row) != len(rows[0]):
             field.fail(
@@ -133,7 +133,10 @@ def check_layout(text: str, taxels: int, field: Field) -> None:
 
 
 def _describe_indices(indices: list[int], taxels: int) -> str:
-    """The first index of a layout that is repeated, missing or too large."""
+    """Return text for the first wrong index of a layout: "index 3 more than once", "no index 3" or "index 30".
+
+    indices: all indices of the layout, ascending. taxels: number of taxels, which is above all permitted indices.
+    """
     repeated = [a for a, b in pairwise(indices) if a == b]
     missing = sorted(set(range(taxels)) - set(indices))
     if repeated:
@@ -142,4 +145,5 @@ def _describe_indices(indices: list[int], taxels: int) -> str:
 
 
 def _split_words(text: str) -> list[list[str]]:
+    """Divide a layout into rows of words, without the empty lines around it."""
     return [line.split() for line in text.strip(" \t\r\n").split("\n")]

@@ -45,7 +45,10 @@ class Hand:
     _slices: dict[int, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Sort the boards by address, check that addresses and names are unique; compute each board's taxel slice."""
+        """Sort the boards by address, and compute each board's taxel slice.
+
+        Raises ValueError if there is no board, or if two boards have the same address or name.
+        """
         boards = tuple(sorted(self.boards, key=lambda board: board.address))
         for key in ("address", "name"):
             if not boards or len({getattr(board, key) for board in boards}) != len(boards):
@@ -140,7 +143,7 @@ class Hand:
         raise UnknownBoardError(self.name, repr(name), [board.name for board in self.boards])
 
     def find_branch(self, name: str) -> tuple[Board, ...]:
-        """Return the boards of a branch of the wiring, by address. Raises UnknownBranchError if there is none."""
+        """Return the boards of a branch of the wiring, sorted by address. Raises UnknownBranchError without any."""
         boards = tuple(board for board in self.boards if board.branch == name)
         if not boards:
             raise UnknownBranchError(self.name, name, self.branches)

@@ -57,6 +57,7 @@ class UnknownBranchError(TaxelError, LookupError):
         self.expected_branches = tuple(expected_branches)
 
     def __str__(self) -> str:
+        """Format the error as one line with the names of the hand's branches, or with how to add branches."""
         remedy = f"expected one of {', '.join(self.expected_branches)}"
         if not self.expected_branches:
             remedy = 'add branch = "..." to the boards of the hand description'
@@ -121,7 +122,7 @@ class Field:
 
 
 def format_value(value: object) -> str:
-    """Format a value of an untrusted file as a short printable text."""
+    """Format a value of an untrusted file as a short printable string."""
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):

@@ -10,11 +10,12 @@ PARALLEL = 1e-6
 
 
 def compute_flat_positions(kind: BoardKind, pitch_m: float) -> NDArray[np.float64] | None:
-    """Compute the taxel centres of a flat board, f64[taxel_count, 2], metres: along its rows and along its columns.
+    """Compute the taxel centres of a flat board, f64[taxel_count, 2], metres; None for a bent board with a layout.
 
-    A board without a described layout has the same pitch everywhere; its origin is row 0, column 0. The pitch of a
-    board with a layout varies: its positions are the centres of its taxels, and its origin is its first taxel. None if
-    such a board is bent, because the description does not contain its shape when it is unrolled.
+    The first coordinate increases with the row of a taxel, the second one with its column. Without a described layout,
+    the pitch is the same everywhere, and the origin is row 0, column 0. With a layout, the pitch varies: the positions
+    are those of the described surface, and the origin is the first taxel. The description does not contain the
+    positions on a bent board after unrolling.
     """
     if kind.layout is None or kind.surface is None:
         return pitch_m * np.stack([kind.row, kind.column], axis=1).astype(np.float64)

@@ -43,7 +43,10 @@ class Surface:
     margin: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        """Check the three arrays [count, 3], normalise `normal` and `distal`, and store read-only copies."""
+        """Check the shapes of the arrays, normalise `normal` and `distal`, and store read-only copies.
+
+        Raises ValueError for shapes that do not agree, and for a normal or distal vector of length 0.
+        """
         if not len(self.size):
             side = np.sqrt(REFERENCE_AREA_M2)
             object.__setattr__(self, "size", np.full((len(self.position), 2), side))
@@ -57,7 +60,7 @@ class Surface:
             object.__setattr__(self, name, array)
 
     def __eq__(self, other: object) -> bool:
-        """Whether `other` is a surface with the same taxel positions, normals and distal directions."""
+        """Return whether `other` is a surface with the same positions, normals, distal directions, sizes and margin."""
         if not isinstance(other, Surface):
             return NotImplemented
         names = ("position", "normal", "distal", "size")
@@ -91,7 +94,11 @@ def build_surface(
 def _compute_distal(
     position: NDArray[np.float64], normal: NDArray[np.float64], row: NDArray[np.int_], column: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Compute the tangential direction of decreasing row from the neighbours, else from the x or y axis."""
+    """Compute the distal direction of each taxel: the tangent along which the row number decreases, f64[count, 3].
+
+    It follows from the neighbours of a taxel in its column; a taxel without neighbours gets the projection of the x
+    axis, or of the y axis if the normal is along x.
+    """
     index_of = {place: index for index, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
     direction = np.zeros_like(position)
     for (r, c), index in index_of.items():
@@ -106,13 +113,14 @@ def _compute_distal(
 
 
 def _get_rows(margin: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return the margin, or an empty array for None, so that two optional margins can be compared."""
     return np.empty(0) if margin is None else margin
 
 
 def _normalise(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Divide vectors f64[n, 3] by their lengths.
 
-    Raises ValueError for a zero vector; name: the array in the message.
+    Raises ValueError for a zero vector; name: name of the array in the message.
     """
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not np.all(length > _DEGENERATE):

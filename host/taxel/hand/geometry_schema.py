@@ -62,7 +62,7 @@ def check_geometry(document: Mapping[str, Any], top: Field) -> None:
 
 
 def _check_absent(document: Mapping[str, Any], top: Field) -> None:
-    """Raise an error for geometry or poses in a description without a robot."""
+    """Raise HandDescriptionError if a description without a robot contains geometry or the pose of a board."""
     if "geometry" in document:
         top.key("robot").fail("the name of a robot", "nothing", "add robot, or remove [geometry]")
     for index, board in enumerate(document["boards"]):
@@ -75,7 +75,10 @@ def _check_absent(document: Mapping[str, Any], top: Field) -> None:
 
 
 def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
-    """Check the rows of taxel positions and normals of one kind of board."""
+    """Check the table of taxels of one kind of board: `count` rows of 6 numbers, or of 11 (see `_check_square`).
+
+    Raises HandDescriptionError for the first error; field: position of the table in the file.
+    """
     if len(rows) != count:
         field.fail(f"{count} rows, one per taxel in the order of the map", f"{len(rows)}", "write one row per taxel")
     has_squares = bool(rows) and isinstance(rows[0], list) and len(rows[0]) == SQUARE_NUMBERS
@@ -90,7 +93,10 @@ def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
 
 
 def _check_square(row: Any, field: Field) -> None:
-    """Check the 11 numbers of a square: position, normal, distal direction and two sides."""
+    """Check the 11 numbers of a square: position, normal, distal direction and two sides.
+
+    Raises HandDescriptionError for the first error.
+    """
     check_numbers(row, SQUARE_NUMBERS, field, "x, y, z, nx, ny, nz, dx, dy, dz, two sides")
     _check_reach(row[:3], field)
     check_unit(row[3:6], field, "a normal")
@@ -102,7 +108,7 @@ def _check_square(row: Any, field: Field) -> None:
 
 
 def _check_reach(position: list[float], field: Field) -> None:
-    """Raise an error if a coordinate of a position is above `MAX_REACH_M` metres, for example in millimetres."""
+    """Raise HandDescriptionError if a coordinate is beyond `MAX_REACH_M` metres, for example given in millimetres."""
     if any(abs(value) > MAX_REACH_M for value in position):
         field.fail(
             f"metres, at most {MAX_REACH_M:g} from the origin",
@@ -112,7 +118,10 @@ def _check_reach(position: list[float], field: Field) -> None:
 
 
 def _check_pose(board: Mapping[str, Any], field: Field) -> None:
-    """Check link, position and quaternion of a board in a hand description; field: the board in the file."""
+    """Check link, position and quaternion of a board in a hand description; raise HandDescriptionError.
+
+    field: position of the board in the file.
+    """
     for key in _POSE_KEYS:
         if key not in board:
             field.key(key).fail("the pose of the bracket on its link", "nothing", f"add {key}")

@@ -15,7 +15,7 @@ TAXEL_SIDE = 0.86
 """Side of a drawn taxel, in pitches."""
 
 SIGNAL_COLOURS = ("#e6eaf0", "#73a2e7", "#0453b4", "#00265a")
-"""From no signal to the largest: pale, so that a contact on a large skin stands out."""
+"""Colours from no signal to the largest signal; the first is pale, so that a contact on a large skin stands out."""
 
 
 def save_heat_map(
@@ -57,7 +57,8 @@ def save_heat_map(
 def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: NDArray[np.bool_], limit: float) -> Any:
     """Draw the taxels of a board on an axis of matplotlib.
 
-    values: f64[n], counts; active: bool[n], drawn with a border; limit: end of the colour scale, counts.
+    values: f64[n], counts. active: bool[n], taxels drawn with a border. limit: end of the colour scale, counts. Returns
+    the collection of the squares, from which the colour bar is made.
     """
     from matplotlib.collections import PatchCollection
     from matplotlib.colors import LinearSegmentedColormap, Normalize

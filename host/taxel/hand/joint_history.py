@@ -24,7 +24,7 @@ older than the latest sample.
 """
 
 SILENT_S: Final = 0.5
-"""Time without a sample after which a live source counts as silent, seconds."""
+"""Time without a sample after which a live source is reported as silent, seconds."""
 
 EDGE_S: Final = 0.1
 """Time before the first frame of a recording at which the first sample is taken, seconds: one poll cycle or more."""
@@ -68,7 +68,10 @@ class JointHistory:
         return len(self._times)
 
     def add(self, time_s: float, angles: FloatArray) -> None:
-        """Add a sample; a sample that is not later than the last one replaces it. Non-finite samples are ignored."""
+        """Add the angles f64[j], radians, at a time, seconds; samples that are not earlier are removed first.
+
+        A sample with a number that is not finite is ignored. The oldest samples are removed above `max_samples`.
+        """
         if not (math.isfinite(time_s) and np.isfinite(angles).all()):
             return
         with self._lock:
@@ -98,7 +101,10 @@ class JointHistory:
             return self._times[-1] if self._times else -math.inf
 
     def select_time(self, time_s: float) -> None:
-        """Choose the time of the angles that the next calls return, seconds; infinity: the latest sample."""
+        """Choose the time of the angles that the next calls return, seconds; infinity: the latest sample.
+
+        Calls `on_silence` if a live source has become silent.
+        """
         self._selected_s = time_s if self.uses_stream_time else math.inf
         if self.is_live and self.on_silence is not None and time.monotonic() - self.last_s > SILENT_S:
             self.on_silence(
@@ -111,7 +117,10 @@ class JointHistory:
         return self.interpolate(self._selected_s)
 
     def interpolate(self, time_s: float) -> FloatArray:
-        """Return the angles at a time, f64[j], radians. Raises NoJointAnglesError without any sample."""
+        """Return the angles at a time, f64[j], radians: interpolated linearly, or the first or last sample outside.
+
+        Raises NoJointAnglesError without any sample.
+        """
         with self._lock:
             if not self._times:
                 raise NoJointAnglesError(f"{self.name}: no joint angles have arrived; check that the source is running")
@@ -160,8 +169,8 @@ class JointFileWriter:
     def write_frame(self, history: JointHistory, cycle: int, time_s: float) -> None:
         """Append the angles at the time of the first frame of each poll cycle; call it for every frame.
 
-        The first frame of a recording also gives a sample `EDGE_S` before its time, because the scans of other boards
-        of the same cycle may have started earlier.
+        cycle: number of the frame's poll cycle. time_s: time of the frame. The first frame of a recording also gives a
+        sample `EDGE_S` before its time, because the scans of other boards of the same cycle may have started earlier.
         """
         self._newest_s = max(self._newest_s, time_s)
         if cycle == self._cycle or time_s <= self._last_s:
@@ -174,7 +183,7 @@ class JointFileWriter:
         self._write_at(history, time_s)
 
     def _write_at(self, history: JointHistory, time_s: float) -> None:
-        """Append the angles at a time."""
+        """Append the angles of the history at a time, seconds, which the history also selects."""
         self._last_s = time_s
         history.select_time(time_s)
         self.write(time_s, history())
@@ -223,7 +232,7 @@ def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> Joint
 
 
 def _find_columns(heading: list[str], names: Sequence[str], file: str) -> list[int]:
-    """Return the positions of time and joints in a line. Raises JointFileError for a missing or another column."""
+    """Return the column positions of the time and then of each joint. Raises JointFileError for other columns."""
     expected = [TIME_COLUMN, *names]
     for column in expected:
         if column not in heading:
@@ -235,7 +244,11 @@ def _find_columns(heading: list[str], names: Sequence[str], file: str) -> list[i
 
 
 def _add_line(history: JointHistory, file: str, number: int, line: list[str], order: list[int]) -> None:
-    """Add a line of a file of joint angles to the history. order: positions of time and joints in the line."""
+    """Add a line of a file of joint angles to the history.
+
+    number: of the line, for errors. order: column positions of time and joints. Raises JointFileError for a line with
+    missing or invalid numbers, and for a time that does not increase.
+    """
     field = f"line {number}"
     if len(line) != len(order):
         raise JointFileError(file, field, f"{len(order)} columns", str(len(line)), "check that the file is complete")

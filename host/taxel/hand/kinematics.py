@@ -101,7 +101,7 @@ class Kinematics:
 
     @cached_property
     def _levels(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Return for each depth of the kinematic tree (indices of its links, indices of their parent links).
+        """For each depth of the kinematic tree: indices of the links at this depth, and indices of their parent links.
 
         The poses of links of the same depth are independent and can be computed together.
         """

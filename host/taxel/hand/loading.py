@@ -50,7 +50,7 @@ def load_hand(name_or_path: str | os.PathLike[str]) -> Hand:
 
 
 def parse_hand_description(data: bytes, file: str) -> Hand:
-    """Build the hand of the bytes of a description file. `file`: file name in error messages.
+    """Build a hand from the bytes of its description file. file: file name in error messages.
 
     Raises HandDescriptionError for an error in the description.
     """
@@ -74,7 +74,10 @@ def read_hand_text(hand: Hand | str | os.PathLike[str]) -> str | None:
 
 @lru_cache(maxsize=CACHED_HANDS)
 def _parse_hand(data: bytes, file: str) -> Hand:
-    """Build the hand of a description file; a `Hand` cannot be changed, so that equal bytes give the same object."""
+    """Build a hand from the bytes of its description file; equal bytes give the same object, which is immutable.
+
+    file: file name in error messages. Raises HandDescriptionError.
+    """
     return _build_hand(parse_hand(data, file))
 
 

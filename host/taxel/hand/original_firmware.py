@@ -16,11 +16,12 @@ KNOWN_FAULTS: Final = ("truncated_taxel", "wrong_buffer", "receive_buffer", "wai
 class OriginalFirmware:
     """Behaviour of the original hub and boards; firmware/emulator/README.md describes each option.
 
-    The default values are those of the public firmware of the first generation. `variant`: of `VARIANTS`, treatment of
-    a board that does not answer. `message`: of `MESSAGES`. `delay_ms`: after each poll cycle. `is_paced`: the UART
-    driver sends at most 8 bytes per tick of 0.5 ms. `ring_size`: bytes of the transmit ring. `copy_us`: time in which a
-    board copies one count. `known_faults`: of `KNOWN_FAULTS`. `skipped_addresses`: boards of the hand that the hub does
-    not poll. `accelerated_addresses`: boards that send three more words after the counts.
+    The default values are those of the public firmware of the first generation. `variant`: treatment of a board that
+    does not answer, one of `VARIANTS`. `message`: message format, one of `MESSAGES`. `delay_ms`: delay after each poll
+    cycle. `is_paced`: the UART driver sends at most 8 bytes per 0.5 ms tick. `ring_size`: bytes of the transmit ring
+    buffer. `copy_us`: time in which a board copies one count. `known_faults`: names in `KNOWN_FAULTS`, faults of the
+    public firmware that are emulated. `skipped_addresses`: boards of the hand that the hub does not poll.
+    `accelerated_addresses`: boards that send three more words, accelerations, after the counts.
     """
 
     variant: str = "main"
@@ -48,8 +49,10 @@ reach the same rate, for example a bus at 400 kbit/s. `tools/original/rate.py` m
 
 
 def list_polled_addresses(hand: Hand, skipped_addresses: Sequence[int] = ()) -> list[int]:
-    """Addresses in the read order of the original hub: 0x17 to 0x1D, then 0x08 to 0x16; of other addresses, in order of
-    the hand description. Raises ValueError for a skipped address that the hand does not have, or if none is left.
+    """List the addresses of the polled boards in the read order of the original hub: 0x17 to 0x1D, then 0x08 to 0x16.
+
+    A hand with other addresses is read in the order of its description. Raises ValueError for a skipped address that
+    the hand does not have, or if no address is left.
     """
     addresses = [board.address for board in hand.boards]
     unknown = sorted(set(skipped_addresses) - set(addresses))
@@ -64,8 +67,9 @@ def list_polled_addresses(hand: Hand, skipped_addresses: Sequence[int] = ()) -> 
 
 
 def format_original(hand: Hand, firmware: OriginalFirmware) -> str:
-    """Format the world-file line that selects the original hub and boards. Raises ValueError as
-    `list_polled_addresses`.
+    """Format the world-file line that selects the original hub and boards.
+
+    Raises ValueError as `list_polled_addresses` does.
     """
     polled = list_polled_addresses(hand, firmware.skipped_addresses)
     words = [

@@ -71,7 +71,10 @@ def parse_robot(data: bytes, file: str) -> dict[str, Any]:
 
 
 def _check_joints(document: Mapping[str, Any], field: Field) -> None:
-    """Check the joints of a robot description: unique names, one parent for each link, and a tree below the root."""
+    """Check the joints of a robot description: unique names, one parent for each link, and a tree below the root.
+
+    Raises HandDescriptionError for the first error; field: position of the list in the file.
+    """
     parents: dict[str, str] = {}
     names: set[str] = set()
     for index, joint in enumerate(document["joints"]):
@@ -95,7 +98,7 @@ def _check_joints(document: Mapping[str, Any], field: Field) -> None:
 
 
 def _check_joint(joint: Any, item_field: Field) -> None:
-    """Check the keys, types and numbers of one joint."""
+    """Check the keys, types and numbers of one joint; raise HandDescriptionError for the first error."""
     check_type(joint, dict, item_field)
     kind = joint.get("type")
     if kind not in ("fixed", "revolute"):
@@ -116,7 +119,7 @@ def _check_joint(joint: Any, item_field: Field) -> None:
 
 
 def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field: Field) -> None:
-    """Raise an error if the chain of parents of a link does not end at the root link.
+    """Raise HandDescriptionError if the chain of parents of a link does not end at the root link.
 
     parents: parent link by child link. field: position in the file, for the error.
     """
@@ -133,7 +136,7 @@ def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field
 
 
 def _check_origin(table: Mapping[str, Any], field: Field) -> None:
-    """Check the optional position and quaternion of a joint or shape."""
+    """Check the optional position and quaternion of a joint or shape; raise HandDescriptionError."""
     if "position_m" in table:
         item_field = field.key("position_m")
         check_numbers(table["position_m"], 3, item_field, "x, y, z")
@@ -147,7 +150,10 @@ def _check_origin(table: Mapping[str, Any], field: Field) -> None:
 
 
 def _check_shape(shape: Any, document: Mapping[str, Any], item_field: Field) -> None:
-    """Check the keys, types and sizes of one collision shape."""
+    """Check the keys, types and sizes of one collision shape; raise HandDescriptionError.
+
+    document: the whole description, which contains the links.
+    """
     check_type(shape, dict, item_field)
     kind = shape.get("type")
     if not isinstance(kind, str) or kind not in _SHAPES:

@@ -80,7 +80,8 @@ class GeometryTable(TypedDict):
     """``[geometry.<kind>]``, bracket frame, metres.
 
     taxels: a row per taxel: x, y, z, nx, ny, nz, and optionally the distal direction and the two sides of its square.
-    margin: rows of the same 11 numbers, rectangles of bare sheet. layout: places of the taxels on the unrolled sheet.
+    margin: rows of the same 11 numbers, rectangles of sheet without an electrode. layout: row and column of each taxel
+    on the unrolled sheet.
     """
 
     taxels: list[list[float]]
@@ -143,7 +144,7 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
 
 
 def _check_header(document: dict[str, Any], top: Field) -> None:
-    """Check the keys format and version of a hand description."""
+    """Check the keys format and version of a hand description; raise HandDescriptionError."""
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
             top.key(key).fail(
@@ -159,12 +160,12 @@ def _check_header(document: dict[str, Any], top: Field) -> None:
 
 
 def _format_toml(value: str | int) -> str:
-    """Format a text or an integer as a value in TOML."""
+    """Format a string or an integer as a value in TOML."""
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def _check_taxel(taxel: Any, field: Field) -> None:
-    """Check the lengths (metres) in the table [taxel] of a hand description."""
+    """Check the lengths (metres) in the table [taxel] of a hand description; raise HandDescriptionError."""
     check_table(taxel, _TAXEL, field, _TAXEL_OPTIONAL)
     for key in taxel:
         if not 0 < taxel[key] < MAX_LENGTH_M:  # also false for nan and inf
@@ -182,7 +183,7 @@ def _check_taxel(taxel: Any, field: Field) -> None:
 
 
 def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
-    """Check the tables [kinds.<name>]: names, unique codes, line counts and crossings."""
+    """Check the tables [kinds.<name>]: names, unique codes, line counts and crossings; raise HandDescriptionError."""
     names_by_code: dict[int, str] = {}
     for name, kind in kinds.items():
         item_field = field.key(name)
@@ -204,7 +205,7 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
 
 
 def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> None:
-    """Check the tables [[boards]]: kinds, and unique names and addresses."""
+    """Check the tables [[boards]]: kinds, and unique names and addresses; raise HandDescriptionError."""
     if not boards:
         field.fail("at least one board", "none", "add a [[boards]] table")
     owners: dict[str, dict[Any, str]] = {"name": {}, "address": {}}

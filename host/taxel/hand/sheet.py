@@ -99,8 +99,9 @@ def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
 
 
 def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> FloatArray:
-    """Divide each rectangle f64[m, 11] (centre, normal, distal direction, sides) into parts x parts pieces that follow
-    the curvature. curvatures: f64[m, 2], 1/m. Returns f64[m parts^2, 11].
+    """Divide m rectangles into parts x parts pieces that follow their curvature; return the pieces, f64[m parts^2, 11].
+
+    table: f64[m, 11], centre, normal, distal direction and sides of each rectangle. curvatures: f64[m, 2], 1/m.
     """
     if parts == 1:
         return table
@@ -124,11 +125,11 @@ def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> Fl
 
 
 def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
-    """Build the margin: a square at every place without a taxel that has a taxel as neighbour.
+    """Build the margin of m squares: f64[m, 11], centre (metres), normal, distal direction, sides; bracket frame.
 
-    Places just outside the layout are included. Each square is extrapolated from its neighbours along the curvature of
-    the sheet. A described margin (`Surface.margin`) is returned as it is. Returns f64[m, 11]: centre (metres), normal,
-    distal direction and sides (metres), in the bracket frame.
+    A square is at each place (row and column) without a taxel beside a taxel, also just outside the layout. Each square
+    is extrapolated from its neighbours along the curvature of the sheet. A described margin (`Surface.margin`) is
+    returned unchanged.
     """
     if surface.margin is not None:
         return surface.margin

@@ -57,7 +57,7 @@ def read_description(name_or_path: str | os.PathLike[str], kind: str, packaged: 
 
 
 def _check_size(data: bytes, file: str) -> None:
-    """Raise an error for a file or a line that is too long for a hand description."""
+    """Raise HandDescriptionError for a file above `MAX_FILE_BYTES` or a line above `MAX_LINE_BYTES`."""
     if len(data) > MAX_FILE_BYTES:
         Field(file).fail(
             f"at most {MAX_FILE_BYTES} bytes", f"more than {MAX_FILE_BYTES} bytes", "use a hand description"

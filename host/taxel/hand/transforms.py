@@ -98,7 +98,7 @@ def from_rotation_vector(vector: npt.ArrayLike) -> FloatArray:
 
 
 def to_rotation_vector(transform: npt.ArrayLike) -> FloatArray:
-    """Convert rotations to rotation vectors, f64[..., 3], of length 0 to pi."""
+    """Convert the rotations of f64[..., 4, 4] to rotation vectors f64[..., 3] (axis times angle) of length 0 to pi."""
     quaternion = to_quaternion(transform)
     w, xyz = quaternion[..., :1], quaternion[..., 1:]
     sine = np.linalg.norm(xyz, axis=-1, keepdims=True)  # sine of half the angle

@@ -57,7 +57,10 @@ def format_urdf(robot: Robot, hand: Hand | None = None) -> str:
 
 
 def _add_brackets(root: ET.Element, robot: Robot, hand: Hand) -> None:
-    """Add a link and a fixed joint for the bracket of each board."""
+    """Add a link and a fixed joint for the bracket of each board to the URDF element `root`.
+
+    Raises HandGeometryError and UnknownLinkError as `format_urdf`.
+    """
     links, joints = set(robot.link_names), {joint.name for joint in robot.joints}
     for board in hand.boards:
         parent_link, origin = _get_mounting(hand, board)
@@ -70,7 +73,10 @@ def _add_brackets(root: ET.Element, robot: Robot, hand: Hand) -> None:
 
 
 def _get_mounting(hand: Hand, board: Board) -> tuple[str, NDArray[np.float64]]:
-    """Link to which a board is attached, and the pose of its bracket on that link. Raises HandGeometryError."""
+    """Return the link to which a board is attached, and the pose f64[4, 4] of its bracket on that link.
+
+    Raises HandGeometryError if the description does not contain them.
+    """
     if board.link_name is None or board.pose is None:
         raise HandGeometryError(hand.name)
     return board.link_name, board.pose
@@ -96,9 +102,9 @@ def _add_joint(root: ET.Element, joint: Joint) -> None:
 
 
 def _add_link(root: ET.Element, name: str, shapes: list[Shape], *, is_moving: bool) -> None:
-    """Add a link with inertia, visual and collision shapes.
+    """Add a link with inertia, visual and collision shapes to the URDF element `root`.
 
-    A moving link without shapes has the inertia of a small sphere.
+    A moving link without shapes has the inertia of a small sphere, a fixed link without shapes has none.
     """
     element = ET.SubElement(root, "link", name=name)
     if shapes:
@@ -156,7 +162,7 @@ def _add_inertial(element: ET.Element, body: _Body) -> None:
 
 
 def _build_body(shape: Shape) -> _Body:
-    """Compute mass (kg), centre (metres) and inertia tensor (kg m^2) of a shape of uniform density."""
+    """Compute mass (kg), centre (metres) and inertia tensor (kg m^2) of a uniform shape, in the frame of its link."""
     mass, inertia = _compute_box(*shape.size) if shape.type == "box" else _compute_capsule(*shape.size)
     rotation = shape.origin[:3, :3]
     return mass, shape.origin[:3, 3], rotation @ inertia @ rotation.T
@@ -167,9 +173,9 @@ def _combine_bodies(bodies: list[_Body]) -> _Body:
     total = sum(mass for mass, _, _ in bodies)
     centre = np.sum([mass * position for mass, position, _ in bodies], axis=0) / total
     inertia = np.zeros((3, 3))
-    for mass, position, own_inertia in bodies:
+    for mass, position, inertia_about_centre in bodies:
         arm = position - centre
-        inertia += own_inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        inertia += inertia_about_centre + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return total, centre, inertia
 
 

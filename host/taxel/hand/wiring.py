@@ -46,8 +46,8 @@ class Branch:
     Attributes:
         name: such as "index".
         pullup_ohm: pull-up resistor at the boards; 0: none.
-        capacitance_pf: cable and boards.
-        series_ohm: between hub and boards.
+        capacitance_pf: capacitance of cable and boards.
+        series_ohm: resistance between hub and boards.
     """
 
     name: str
@@ -113,20 +113,22 @@ def build_wiring(document: Mapping[str, Any]) -> Wiring | None:
 def add_buffers(wiring: Wiring) -> Wiring:
     """Return the wiring with a bus buffer before each branch.
 
-    A buffer does not pull up its far side: a branch without its own pull-up gets one with the value of the hub's.
+    A buffer does not pull up its far side: a branch without a pull-up resistor gets one with the value of the hub's.
     """
-    branches = tuple(replace(one, pullup_ohm=one.pullup_ohm or wiring.hub_pullup_ohm) for one in wiring.branches)
+    branches = tuple(
+        replace(branch, pullup_ohm=branch.pullup_ohm or wiring.hub_pullup_ohm) for branch in wiring.branches
+    )
     return replace(wiring, branches=branches, is_buffered=True)
 
 
 def _build_branch(name: str, board_count: int, table: Mapping[str, Any]) -> Branch:
-    """Build a branch from its table in the hand description; missing values are assumed."""
+    """Build a branch with `board_count` boards from its table in the hand description; missing values are assumed."""
     capacitance_pf = table.get("capacitance_pf", board_count * BOARD_CAPACITANCE_PF + CABLE_CAPACITANCE_PF)
     return Branch(name, float(table.get("pullup_ohm", 0.0)), float(capacitance_pf), float(table.get("series_ohm", 0.0)))
 
 
 def compute_rise_times(wiring: Wiring) -> list[RiseTime]:
-    """Compute the rise time at the hub, and at the boards of each branch, with the highest clock rate of each."""
+    """Compute rise time and highest clock rate: first at the hub, then at the boards of each branch, in their order."""
     if wiring.is_buffered:
         rises = [_solve_rise(wiring, ())[0], *(_solve_rise(None, (branch,))[1] for branch in wiring.branches)]
     else:
@@ -141,10 +143,12 @@ def find_highest_rate(rise_s: float) -> float:
 
 
 def _solve_rise(hub: Wiring | None, branches: tuple[Branch, ...]) -> list[float]:
-    """Return the rise times at the hub and at each branch of one network, seconds.
+    """Compute the rise times in one electrical network, seconds: first at the hub, then at each branch.
 
-    hub: None for the hub's side of a bus buffer. The network C dV/dt = i - G V is solved by the eigenvectors of
-    C^-1/2 G C^-1/2; the levels rise monotonically from 0, so that each crossing is unique.
+    hub: wiring whose hub belongs to the network; None for a branch behind a bus buffer, whose output has no pull-up
+    resistor and almost no capacitance. Infinity for a network without a pull-up resistor. The equations
+    C dV/dt = i - G V are solved with the eigenvectors of C^-1/2 G C^-1/2; the levels rise monotonically from 0, so each
+    crossing of a level is unique.
     """
     size = 1 + len(branches)
     pullups = np.array([hub.hub_pullup_ohm if hub else 0.0, *(branch.pullup_ohm for branch in branches)])
@@ -164,7 +168,7 @@ def _solve_rise(hub: Wiring | None, branches: tuple[Branch, ...]) -> list[float]
 
 
 def _find_crossing(mode: FloatArray, rates: FloatArray, level: float) -> float:
-    """Return the time at which 1 + sum(mode exp(-rates t)) reaches the level, seconds."""
+    """Return the time t, seconds, at which the rising level 1 + sum(mode exp(-rates t)) reaches `level` (bisection)."""
     low, high = 0.0, 1.0 / float(rates[0])
     while 1.0 + mode @ np.exp(-rates * high) < level:
         high *= 2.0

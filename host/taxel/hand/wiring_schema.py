@@ -41,7 +41,10 @@ class WiringTable(TypedDict):
 
 
 def check_wiring(document: Mapping[str, Any], top: Field) -> None:
-    """Check the table [wiring] of a hand description, and the number of branches that the boards name."""
+    """Check the table [wiring] of a hand description, and the number of branches that the boards name.
+
+    Raises HandDescriptionError for the first error.
+    """
     used = sorted({board["branch"] for board in document["boards"] if "branch" in board})
     if len(used) > MAX_BRANCHES:
         top.key("boards").fail(f"at most {MAX_BRANCHES} branches", str(len(used)), "give more boards the same branch")
@@ -64,7 +67,7 @@ def check_wiring(document: Mapping[str, Any], top: Field) -> None:
 
 
 def _check_numbers(table: Mapping[str, Any], field: Field) -> None:
-    """Check the ranges of the electrical values of a table."""
+    """Raise HandDescriptionError for an electrical value of a table that is outside its range in `_RANGES`."""
     for key, (low, high) in _RANGES.items():
         value = table.get(key, high)
         is_tiny_pullup = key.endswith("pullup_ohm") and 0 < value < _MIN_PULLUP_OHM

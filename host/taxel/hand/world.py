@@ -33,9 +33,9 @@ class WorldSettings:
 
     `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: largest rate error of a
     board's oscillator (PSoC 4200: up to 2 %). `parts_seed`: seed of the properties that persist over power cycles
-    (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: from power-on to the first acknowledge.
-    `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x1C".
-    `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
+    (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: time from power-on to the first
+    acknowledge. `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug
+    0x1C". `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
     firmware/emulator/README.md). `wiring`: branches with other values than those of the hand; None: those of the hand.
     A fault of a branch may name the branch instead of an address: "2 branch_open index 0". `original`: the original
     hub and boards in place of the project's own firmware; `make_original_settings` sets the other fields to the values
@@ -75,7 +75,7 @@ With the capacitance of the emulated taxels the IDAC code gives 38 % of full sca
 
 
 def make_original_settings(firmware: OriginalFirmware = THESIS, **settings: Any) -> WorldSettings:
-    """World settings with the original hub and boards, 100 kbit/s I2C, 115,200 baud and the original scan.
+    """Make world settings with the original hub and boards, 100 kbit/s I2C, 115,200 baud and the original scan.
 
     settings: further fields of `WorldSettings`, which take precedence.
     """
@@ -125,7 +125,7 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
 
 
 def _format_wiring(hand: Hand, wiring: Wiring | None) -> list[str]:
-    """World lines of the star of branches; none for a hand without branches."""
+    """Format the world-file lines of the star of branches; no lines for a hand without branches."""
     if wiring is None:
         return []
     kind = "buffered" if wiring.is_buffered else "passive"
@@ -147,7 +147,7 @@ def _resolve_branch(hand: Hand, fault: str) -> str:
 
 
 def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:
-    """TX lines, RX lines, taxels and crossing map of a kind.
+    """Format the words of a board line for its kind: TX lines, RX lines, taxels and crossing map.
 
     For the original firmware, the taxels of a kind with more than 16 lines (one TX line and up to 25 RX lines in the
     first generation) become consecutive crossings of 16 RX lines; their order, the order of the counts, is unchanged.
@@ -160,12 +160,12 @@ def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:
 
 
 def has_layout(hand: Hand) -> bool:
-    """Whether a kind of board states the places of its taxels, so that every world of the hand contains its surface."""
+    """Return whether the layout of a kind of board is described; a world file then contains the hand's surface."""
     return any(board.kind.layout is not None for board in hand.boards)
 
 
 def format_surface(hand: Hand) -> list[str]:
-    """Format the world lines of taxels and bare sheet: pose, sides of the square (metres) and place of each taxel.
+    """Format the world-file lines of taxels and margin: pose, sides of the square (metres); row and column of taxels.
 
     Raises HandGeometryError if the description contains no positions.
     """
@@ -183,4 +183,5 @@ def format_surface(hand: Hand) -> list[str]:
 
 
 def _format_numbers(values: FloatArray) -> str:
+    """Format numbers with 12 digits, separated by spaces."""
     return " ".join(f"{value:.12g}" for value in values.tolist())

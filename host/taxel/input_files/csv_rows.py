@@ -10,11 +10,13 @@ from taxel.input_files.regular_file import open_regular_file
 from taxel.input_files.text_error import TextError, format_reason
 
 LINE_MAX: Final = 1 << 16
-"""Largest number of characters that are read at once; a longer line is divided, and its parts have too few columns."""
+"""Largest number of characters of a line that are read at once. A longer line is divided into rows, which have too few
+columns and are therefore refused later.
+"""
 
 
 def read_csv_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield (number of the line, entries) of each row of a file with commas.
+    """Yield (line number from 1, entries) for each row of a file of comma-separated values.
 
     A byte that is not UTF-8 becomes the character U+FFFD, which is no part of a number. Raises TextError for an entry
     of more than 128 KiB, InputFileError for a pipe or a device, and OSError.
@@ -32,14 +34,14 @@ def read_csv_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]
 
 
 def parse_float(text: str) -> float:
-    """Return the number of an entry. Raises ValueError for another text, also for digits with "_"."""
+    """Convert an entry to a number. Raises ValueError for another text, also for digits with "_"."""
     if "_" in text or not text.isascii():
         raise ValueError(f"could not convert to a number: {format_reason(ascii(text))}")
     return float(text)
 
 
 def parse_integer(text: str) -> int:
-    """Return the integer of an entry. Raises ValueError as `parse_float`."""
+    """Convert an entry to an integer. Raises ValueError for another text, also for digits with "_"."""
     if "_" in text or not text.isascii():
         raise ValueError(f"could not convert to an integer: {format_reason(ascii(text))}")
     return int(text)

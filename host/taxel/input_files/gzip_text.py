@@ -1,4 +1,4 @@
-"""Expansion of data that are compressed by gzip, up to a size."""
+"""Expansion of gzip-compressed data, up to a given size."""
 
 import zlib
 from typing import Final
@@ -10,9 +10,9 @@ _GZIP: Final = 16 + zlib.MAX_WBITS
 
 
 def expand_gzip(data: bytes, size_max: int) -> bytes:
-    """Return the data of one gzip stream, at most `size_max` bytes, with a correct CRC-32.
+    """Expand one gzip stream to at most `size_max` bytes.
 
-    Raises TextError for other data, a truncated stream, bytes behind the stream, and a larger result.
+    Raises TextError for other data, a wrong CRC-32, a truncated stream, bytes behind the stream, and a larger result.
     """
     expander = zlib.decompressobj(_GZIP)
     try:

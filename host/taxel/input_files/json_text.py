@@ -72,7 +72,7 @@ def parse_json(
 
 
 def _check_surrogates(document: Any) -> None:
-    """Raise TextError for a text with half of a character."""
+    """Raise TextError for a string with half of a character (a lone surrogate), which UTF-8 cannot represent."""
     try:
         json.dumps(document, ensure_ascii=False).encode("utf-8")
     except UnicodeEncodeError:
@@ -80,14 +80,14 @@ def _check_surrogates(document: Any) -> None:
 
 
 def _compute_depth(data: bytes) -> int:
-    """Return the largest number of brackets and braces that are open at one place; those in strings count too."""
+    """Return the largest number of nested brackets and braces; those inside strings are counted as well."""
     codes = np.frombuffer(data, np.uint8)
     steps = np.isin(codes, _OPENING).astype(np.int8) - np.isin(codes, _CLOSING).astype(np.int8)
     return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
 
 
 def _refuse(constant: str) -> NoReturn:
-    """Refuse a constant such as NaN, which Python reads although JSON does not have it."""
+    """Raise TextError for a constant such as NaN, which Python accepts although it is not part of JSON."""
     raise TextError("file", "JSON", f"{constant}, which JSON does not have")
 
 
@@ -107,7 +107,7 @@ def _parse_integer(text: str) -> int:
 
 
 def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make the dict of a JSON object. Raises TextError for a repeated key, of which Python keeps only one value."""
+    """Return the members of a JSON object as a dict. Raises TextError for a key that occurs twice."""
     result = dict(pairs)
     if len(result) != len(pairs):
         name = Counter(key for key, _ in pairs).most_common(1)[0][0]

@@ -19,20 +19,20 @@ MEMBERS_MAX: Final = 100_000
 EXPANDED_BYTES_MAX: Final = 1 << 28
 EXPANSION_MAX: Final = 200
 """An array above `EXPANDED_BYTES_MAX` bytes is read only if it has at most `EXPANSION_MAX` times the size of its
-compressed data. Otherwise a file of a megabyte, which expands to a gigabyte of zeros, would exhaust the memory.
+compressed data. Otherwise a one-megabyte file that expands to a gigabyte of zeros would exhaust the memory.
 """
 
 _SUFFIX: Final = ".npy"
 HEADER_BYTES: Final = 1 << 16
-"""Number of bytes that contain the header of an array; numpy writes one of 128 bytes for plain numbers."""
+"""Number of bytes that are read to parse the header of an array; for plain numbers NumPy writes a 128-byte header."""
 
 
 class ArchiveError(ValueError):
-    """An archive or one of its arrays cannot be read. The text is the reason, without the names of file and array."""
+    """An archive or one of its arrays cannot be read. The message is the reason, without names of file and array."""
 
 
 class ArrayHeader(NamedTuple):
-    """Header of an array. offset: bytes before the elements. is_column_major: order of the elements."""
+    """Header of an array. offset: bytes before the elements. is_column_major: elements are in Fortran order."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -41,7 +41,7 @@ class ArrayHeader(NamedTuple):
 
 
 class NumpyArchive:
-    """An open archive. names: of the arrays, without the suffix .npy.
+    """An open archive. names: names of its arrays, without the suffix .npy.
 
     No array is unpickled, and no memory is allocated before the size in the header agrees with the stored bytes. Raises
     ArchiveError for a file that is no archive, and OSError for a file that cannot be opened.
@@ -80,7 +80,10 @@ class NumpyArchive:
         self._file.close()
 
     def read_header(self, name: str) -> ArrayHeader:
-        """Return the header of an array. Raises ArchiveError, also for Python objects, and KeyError for a name."""
+        """Return the header of an array.
+
+        Raises ArchiveError for a damaged array, an unknown name, and an array of Python objects.
+        """
         try:
             with self._zip.open(self._members[name]) as file:
                 return parse_array_header(file.read(HEADER_BYTES), self._zip.getinfo(self._members[name]).file_size)
@@ -90,7 +93,7 @@ class NumpyArchive:
             raise ArchiveError(format_reason(error)) from None
 
     def read(self, name: str, size_max: int) -> NDArray[Any]:
-        """Return an array of at most `size_max` bytes. Raises ArchiveError, and KeyError for an unknown name."""
+        """Return an array of at most `size_max` bytes. Raises ArchiveError, also for an unknown name."""
         header = self.read_header(name)
         try:
             member = self._zip.getinfo(self._members[name])
@@ -106,15 +109,18 @@ class NumpyArchive:
 
 
 def check_expansion(size: int, stored_size: int) -> None:
-    """Raise ArchiveError for a large array whose stored bytes are far fewer than its bytes in memory."""
+    """Raise ArchiveError for a large array that expands by more than a factor of `EXPANSION_MAX`.
+
+    size: bytes in memory. stored_size: bytes in the file.
+    """
     if size > EXPANDED_BYTES_MAX and size > EXPANSION_MAX * stored_size:
         raise ArchiveError(f"{stored_size} stored bytes expand to {size}")
 
 
 def parse_array_header(data: bytes, size: int) -> ArrayHeader:
-    """Parse the header of an array in the format of NumPy. data: start of its bytes. size: number of all its bytes.
+    """Parse the header of a .npy file. data: first bytes of the file. size: number of bytes of the whole file.
 
-    Raises ArchiveError for a damaged header, for Python objects, records, and a size that differs from the header.
+    Raises ArchiveError for a damaged header, Python objects, records, and a size that differs from that in the header.
     """
     stream = io.BytesIO(data)
     try:
@@ -135,7 +141,7 @@ def parse_array_header(data: bytes, size: int) -> ArrayHeader:
 
 
 def parse_array(data: bytes, header: ArrayHeader) -> NDArray[Any]:
-    """Return the array of the bytes of a .npy file; a copy, which can be changed. Raises ArchiveError."""
+    """Convert the bytes of a .npy file to an array, which is a writeable copy. Raises ArchiveError."""
     try:
         flat = np.frombuffer(data, header.dtype, offset=header.offset) if header.dtype.itemsize else np.zeros(0)
         array = flat.reshape(header.shape, order="F" if header.is_column_major else "C").copy()
@@ -147,7 +153,7 @@ def parse_array(data: bytes, header: ArrayHeader) -> NDArray[Any]:
 
 
 def _check_characters(texts: NDArray[Any]) -> None:
-    """Raise ArchiveError for texts with a code that is no character, which Python cannot convert to a str."""
+    """Raise ArchiveError for strings with a code above U+10FFFF, which Python cannot convert to a character."""
     codes = np.frombuffer(texts.tobytes(), np.dtype(np.uint32).newbyteorder(texts.dtype.byteorder))
     if len(codes) and codes.max() > 0x10FFFF:
         raise ArchiveError("a text contains a code that is no character")

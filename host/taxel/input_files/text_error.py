@@ -24,7 +24,7 @@ class TextError(ValueError):
 
 
 def decode_utf8(data: bytes) -> str:
-    """Return the text of UTF-8 bytes. Raises TextError, which names the line."""
+    """Decode UTF-8 bytes. Raises TextError, which names the line, for other bytes."""
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:

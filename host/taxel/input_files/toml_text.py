@@ -52,17 +52,22 @@ def parse_toml(data: bytes, size_max: int = TOML_BYTES_MAX) -> dict[str, Any]:
 
 
 def _check_values(document: dict[str, Any]) -> None:
-    """Raise TextError for integers of more than 64 bits, which TOML does not have, and for tables and lists that are
-    nested too deeply for functions that call themselves.
+    """Raise TextError for integers of more than 64 bits, and for tables and lists nested more than `DEPTH_MAX` deep.
+
+    TOML has no larger integers, and deeper nesting would exceed the recursion limit of later functions.
     """
-    level: list[Any] = [document]
+    containers: list[Any] = [document]
     for _ in range(DEPTH_MAX):
-        values = [value for each in level for value in (each.values() if isinstance(each, dict) else each)]
+        values = [
+            value
+            for container in containers
+            for value in (container.values() if isinstance(container, dict) else container)
+        ]
         if any(map(_is_large, values)):
-            position, size = _find_large(document, "") or ("file", 64)
+            position, size = _find_large_integer(document, "") or ("file", 64)
             raise TextError(position, "an integer of 64 bits", f"an integer of {size} bits")
-        level = [value for value in values if isinstance(value, dict | list)]
-        if not level:
+        containers = [value for value in values if isinstance(value, dict | list)]
+        if not containers:
             return
     raise TextError("file", f"at most {DEPTH_MAX} nested tables and lists", "more")
 
@@ -72,13 +77,16 @@ def _is_large(value: Any) -> bool:
     return type(value) is int and not -INTEGER_LIMIT <= value < INTEGER_LIMIT
 
 
-def _find_large(value: Any, path: str) -> tuple[str, int] | None:
-    """Return the path and the number of bits of the first integer of more than 64 bits. path: of the value."""
+def _find_large_integer(value: Any, path: str) -> tuple[str, int] | None:
+    """Find the first integer of more than 64 bits in a value; return (its path, number of bits), None without one.
+
+    path: path of `value` in the document, such as "boards[0].address".
+    """
     if isinstance(value, dict):
-        members = [(f"{path}.{key}" if path else str(key), each) for key, each in value.items()]
+        members = [(f"{path}.{key}" if path else str(key), member) for key, member in value.items()]
     elif isinstance(value, list):
-        members = [(f"{path}[{index}]", each) for index, each in enumerate(value)]
+        members = [(f"{path}[{index}]", member) for index, member in enumerate(value)]
     else:
         return (format_reason(path), value.bit_length()) if _is_large(value) else None
-    found = (_find_large(each, own) for own, each in members)
-    return next((each for each in found if each is not None), None)
+    found = (_find_large_integer(member, member_path) for member_path, member in members)
+    return next((result for result in found if result is not None), None)

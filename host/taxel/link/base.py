@@ -15,10 +15,10 @@ class Chunk(NamedTuple):
 class Link(Protocol):
     """A bidirectional byte stream.
 
-    name: for messages. is_real_time: the source does not wait for its reader, and arrival times are those of the
-    monotonic clock of this computer. is_recorded: the link does not respond to written bytes, and the end of the data
-    is not a failure. baud: bits per second on the wire. has_flow_control: the other end stops the writer before its
-    receive buffer is full (RTS/CTS), so that no written byte is lost.
+    name: name in error messages. is_real_time: whether the source does not wait for its reader, so that arrival times
+    are those of this computer's monotonic clock. is_recorded: whether the link plays a recording, which accepts no
+    commands and whose end is not a failure. baud: bits per second on the wire. has_flow_control: whether the other end
+    stops the writer before its receive buffer is full (RTS/CTS), so that no written byte is lost.
     """
 
     name: str
@@ -48,7 +48,7 @@ class SteppedLink(Link, Protocol):
     """A link whose time advances only while `read` is called; timeouts are measured with its clock."""
 
     def now_s(self) -> float:
-        """Present time of the link's clock, seconds."""
+        """Return the present time of the link's clock, seconds."""
         ...
 
 

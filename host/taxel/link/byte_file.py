@@ -8,7 +8,7 @@ from taxel.link.capture import MAGIC, CaptureLink
 from taxel.link.errors import CaptureError, LinkError
 
 READ_SIZE = 512
-"""Bytes of one read: 44 ms at 115,200 baud, so that a playback at the recorded speed is smooth."""
+"""Largest number of bytes of one read: 44 ms at 115,200 baud, so that a playback at the recorded speed is smooth."""
 
 
 class ByteFileLink:
@@ -34,9 +34,10 @@ class ByteFileLink:
             raise LinkError(self.name, f"cannot be read ({error.strerror})") from error
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
-        """Return the next bytes of the file, with the time of their end on a wire without pauses.
+        """Return the next bytes of the file.
 
-        `timeout_s` has no effect. Raises EOFError at the end.
+        Their arrival time is computed as if all bytes of the file were sent without a pause. `timeout_s` has no effect.
+        Raises EOFError at the end of the file.
         """
         try:
             data = self._file.read(READ_SIZE)

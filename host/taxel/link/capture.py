@@ -23,11 +23,9 @@ RECORD_HEAD = _RECORD.size
 
 
 class CaptureWriter:
-    """Writer of a capture file. Each record is passed to the operating system at once: no record is lost with the
-    process.
+    """Writer of a capture file.
 
-    header: any JSON object (hand, baud, note); "clock": "hub" states that the arrival times are not valid. Raises
-    `CaptureError` if the file exists and `overwrite` is False, if another program writes it, or if the system refuses.
+    Each record is passed to the operating system at once, so a killed process loses no record.
     """
 
     def __init__(
@@ -39,9 +37,10 @@ class CaptureWriter:
     ) -> None:
         """Create a capture file and write its header.
 
-        header: any JSON object, such as hand, baud and note; None: {}. output: open output that is written instead of
-        `path`; None: a new file, which replaces an existing one with its first record. Raises CaptureError if the file
-        exists and `overwrite` is False, if the header is too long, or if the file cannot be written.
+        header: any JSON object, such as hand, baud and note; None: {}. "clock": "hub" in the header states that the
+        arrival times are not real. output: open output that is written instead of `path`; None: a new file, which
+        replaces an existing one with its first record. Raises CaptureError if the file exists and `overwrite` is False,
+        if another program writes it, if the header is too long, or if the system refuses.
         """
         self.path = Path(path)
         self.records = 0
@@ -52,7 +51,10 @@ class CaptureWriter:
         self._file = LiveRecords(path, start, overwrite, output, "records")
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing)."""
+        """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing) as one record.
+
+        More than `RECORD_MAX` bytes are divided into several records of the file. Raises `CaptureError`.
+        """
         for start in range(0, max(len(data), 1), RECORD_MAX):
             piece = data[start : start + RECORD_MAX]
             self._file.append(_RECORD.pack(time_ns, len(piece)) + piece)
@@ -118,8 +120,8 @@ class CaptureLink:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         """Open a capture file for reading and read its header; raise CaptureError if the file is not a capture.
 
-        `has_arrivals` is False if the header states that the arrival times are not valid. `baud` is the baud rate in
-        the header, or 1 Mbit/s if the header has no plausible rate.
+        `has_arrivals` is False if the header states that the arrival times are not real. `baud` is the baud rate in the
+        header, or 1 Mbit/s if the header has no plausible rate.
         """
         self.name = str(path)
         try:
@@ -183,7 +185,7 @@ class CaptureLink:
     def read_into(self, buffer: memoryview) -> int:
         """Fill `buffer` with the next bytes of the capture file, including the headers of records; return their number.
 
-        Returns 0 at the end. For a caller that parses the records; not to be combined with `read`. Raises
+        Returns 0 at the end. For callers that parse the records themselves; not to be combined with `read`. Raises
         `CaptureError`.
         """
         try:

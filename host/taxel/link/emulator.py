@@ -37,11 +37,7 @@ def find_emulator_program() -> Path:
 class EmulatorLink:
     """A link to an emulator process, which is started with the link and ended by `close()`.
 
-    world: text of a world file. stimulus: path of a stimulus file or None. fast: True for virtual time, as fast as the
-    link is read; False for real time. duration_s: end of the emulation; None: until `close()`. threads: number of
-    threads for the boards, 1 to 16; the bytes do not depend on this number. live_taxels: number of taxels of the skin
-    if forces are set by `apply()` instead of a file. Raises `LinkError` with the emulator's message if the emulator
-    rejects the world or the stimulus.
+    `read` raises `PortVanishedError` with the emulator's message if the emulator rejects the world or the stimulus.
     """
 
     is_recorded = False
@@ -59,9 +55,10 @@ class EmulatorLink:
     ) -> None:
         """Start an emulator process and connect to the UART of its hub.
 
-        world: text of a world file. stimulus: path of a stimulus file or None. fast: True for virtual time, False for
-        real time. duration_s: end of the emulation; None: until `close`. baud: bits per second of the UART.
-        live_taxels: number of taxels if `apply` sets the forces instead of a file. threads: 1 to 16, for the boards.
+        world: content of a world file. stimulus: path of a stimulus file; None: no forces. fast: True for virtual time,
+        as fast as the link is read; False for real time. duration_s: end of the emulation, seconds; None: until
+        `close`. baud: bits per second of the UART. live_taxels: number of taxels of the skin if `apply` sets the forces
+        instead of a file. threads: number of threads for the boards, 1 to 16; the bytes do not depend on this number.
         Raises LinkError if the process cannot be started.
         """
         _check_regular_files(stimulus)
@@ -130,7 +127,7 @@ class EmulatorLink:
         raise PortVanishedError(self.name, self._get_exit_message(status))
 
     def _get_exit_message(self, status: int) -> str:
-        """Return the last line that the emulator wrote to standard error, or a text with its exit status."""
+        """Return the last line that the emulator wrote to standard error, or a message with its exit status."""
         if self._last_message is None:
             self._last_message = _get_last_line(self._stderr_path.read_bytes(), self._world_path)
         return self._last_message or (
@@ -189,9 +186,9 @@ class EmulatorLink:
 
 
 def _get_last_line(stderr: bytes, world_path: Path) -> str:
-    """Return the last line of the text on standard error that is not empty; "" without text.
+    """Return the last line of the emulator's standard error; "" if it is empty.
 
-    A message on the temporary world file quotes the line of the file instead of the file's path.
+    A message about the temporary world file then quotes a line of the file instead of the file's path.
     """
     lines = stderr.decode(errors="replace").strip().splitlines()
     if lines and str(world_path) in lines[-1]:
@@ -200,7 +197,10 @@ def _get_last_line(stderr: bytes, world_path: Path) -> str:
 
 
 def _check_regular_files(*paths: str | os.PathLike[str] | None) -> None:
-    """Raise LinkError for an input that is a pipe or a device; the emulator reports a missing file itself."""
+    """Raise LinkError for an input file that is a pipe or a device; None and missing files are not checked.
+
+    The emulator itself reports a missing file.
+    """
     for path in paths:
         if path is None or not os.path.exists(path):
             continue

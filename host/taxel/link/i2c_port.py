@@ -1,4 +1,4 @@
-"""An I2C adapter of Linux, through smbus2."""
+"""Opening of an I2C adapter of this computer through smbus2."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def open_i2c(device: str) -> smbus2.SMBus:
     """Open the I2C adapter `/dev/i2c-N` for this program alone. The caller closes the adapter.
 
-    Raises `PortBusyError` if another program has locked the adapter, `PortMissingError` with one line that states what
-    to do, `MissingPackageError` without smbus2.
+    Raises `PortBusyError` if another program has locked the adapter, a one-line `PortMissingError` with a remedy if it
+    cannot be opened, and `MissingPackageError` without smbus2.
     """
     with optional_import("smbus2", f"the I2C adapter {device}"):
         import smbus2

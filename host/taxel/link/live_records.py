@@ -29,7 +29,7 @@ def open_live_output(path: str | os.PathLike[str], overwrite: bool) -> LiveOutpu
 class LiveRecords:
     """A file that begins with a header and continues with records, each of which is complete or absent.
 
-    Each record is passed to the operating system at once: no record is lost with the process.
+    Each record is passed to the operating system at once, so a killed process loses no record.
     """
 
     _has_failed = False
@@ -40,8 +40,8 @@ class LiveRecords:
         """Create a file and write its header.
 
         output: open output that is written instead of `path`; None: a new file, which replaces an existing one with its
-        first record. unit: name of the records in error messages, plural. Raises CaptureError if the file exists and
-        `overwrite` is False, or if it cannot be written.
+        first record. unit: name of the records in error messages, in the plural, such as "packets". Raises CaptureError
+        if the file exists and `overwrite` is False, or if it cannot be written.
         """
         self._path = os.fspath(path)
         self._unit = unit
@@ -85,7 +85,7 @@ class LiveRecords:
             self._fail(error)
 
     def _write_all(self, data: bytes) -> None:
-        """Write bytes to the file. A full disk accepts a part of them, and fails at the next attempt."""
+        """Write all bytes to the file. Raises OSError; a full disk accepts a part, and fails at the next attempt."""
         written = self._file.write(data) or 0
         while written < len(data):
             written += self._file.write(data[written:]) or 0
@@ -117,7 +117,8 @@ class LiveRecords:
     def close(self, has_records: bool) -> None:
         """Flush the file to the disk and close it. A second call has no effect.
 
-        has_records: False for a file that must not replace an existing one. Raises `CaptureError`.
+        has_records: whether the file contains records; a file without records does not replace an existing one. Raises
+        `CaptureError`.
         """
         try:
             if self._has_failed:

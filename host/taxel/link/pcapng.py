@@ -1,8 +1,9 @@
 """PCAPNG files with the bytes of a hub, for Wireshark and tshark: format and writer.
 
-Format: draft-ietf-opsawg-pcapng. One section, one interface of link type USER0, and one enhanced packet block for each
-frame of the stream; the bytes of all packets in their order are the bytes of the hub. The first comments of the section
-are the header of the recording, so that a file can be converted back.
+Format: draft-ietf-opsawg-pcapng. A file consists of one section header block, one interface description block of link
+type USER0, and one enhanced packet block for each frame of the stream. The bytes of all packets in their order are the
+bytes of the hub. The first comments in the section header block are the header of the recording, so that a file can be
+converted back.
 """
 
 import json
@@ -19,11 +20,13 @@ from taxel.output import LiveOutput
 
 SUFFIX = ".pcapng"
 SECTION, INTERFACE, PACKET = 0x0A0D0D0A, 1, 6
-"""Types of the blocks that this format uses."""
+"""Types of the blocks in a file: section header block, interface description block, enhanced packet block."""
 
 BYTE_ORDER = 0x1A2B3C4D
 LINK_TYPE = 147
-"""LINKTYPE_USER0 (tcpdump.org/linktypes.html): without a registered protocol. The dissector selects it."""
+"""LINKTYPE_USER0 (tcpdump.org/linktypes.html), reserved for private protocols; the project's dissector is registered
+for this type.
+"""
 
 PIECE_MAX = 1 << 15
 """Largest packet, bytes. A longer piece of the stream without a delimiter contains no frame, and is divided."""
@@ -33,29 +36,30 @@ APPLICATION = b"taxel"
 """Value of the application option in files of this project."""
 
 COMMENT_MAX = 60_000
-"""Size of each comment of a header but the last one, bytes; the length of an option has 16 bits."""
+"""Size of each comment of a recording's header except the last one, bytes; the length of an option has 16 bits."""
 
 _INBOUND = 1
 _FRAME = re.compile(rb"\0*[^\0]+\0")
-"""Delimiters, the bytes between two delimiters, and the delimiter behind them: the last byte completes a frame."""
+"""Bytes of a frame between two delimiters (zero bytes), with all delimiters before them and one behind them."""
 
 
 def make_option(code: int, value: bytes) -> bytes:
-    """Return an option of a block: code, length and value, padded to a multiple of 4 bytes."""
+    """Encode an option of a block: code, length and value, padded to a multiple of 4 bytes."""
     return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
 
 
 def make_block(kind: int, content: bytes) -> bytes:
-    """Return a block with this content, which has a multiple of 4 bytes."""
+    """Encode a block of a type, such as `PACKET`. content: a multiple of 4 bytes."""
     size = len(content) + 12
     return struct.pack("<II", kind, size) + content + struct.pack("<I", size)
 
 
 def _make_start(header: dict[str, object], name: str) -> bytes:
-    """Return the section and interface blocks of a file; header: of the recording, as one or several comments.
+    """Encode the section header block and the interface description block at the start of a file.
 
-    The last comment is shorter than the others, so that comments which Wireshark appends do not belong to the header.
-    name: of the file, for the `CaptureError` of a header that is too long.
+    header: header of the recording, which becomes one or several comments in the section header block. The last comment
+    is shorter than the others, so that comments which Wireshark appends are not read as a part of the header. name:
+    name of the file for the `CaptureError` of a header that is too long.
     """
     text = json.dumps(header).encode()
     if len(text) > HEADER_MAX:
@@ -74,9 +78,9 @@ def _make_start(header: dict[str, object], name: str) -> bytes:
 class PcapngWriter:
     """Writer of a PCAPNG file, with the interface of `CaptureWriter`. Each packet is a frame of the stream.
 
-    A packet has the arrival time of its last byte, as Unix time if the header states the offset (`epoch_offset_ns`).
-    Complete packets are passed to the operating system at once. Raises `CaptureError` if the file exists and
-    `overwrite` is False, if another program writes it, or if the system refuses.
+    A packet has the arrival time of its last byte. This time is Unix time if the header states the offset
+    `epoch_offset_ns` (Unix time minus the time of the recording's clock). Complete packets are passed to the operating
+    system at once.
     """
 
     def __init__(
@@ -88,37 +92,41 @@ class PcapngWriter:
     ) -> None:
         """Create a PCAPNG file and write its header.
 
-        header: of the recording, a JSON object; None: {}. output: open output that is written instead of `path`; None:
-        a new file, which replaces an existing one with its first packet.
+        header: header of the recording, a JSON object; None: {}. output: open output that is written instead of `path`;
+        None: a new file, which replaces an existing one with its first packet. Raises `CaptureError` if the file exists
+        and `overwrite` is False, if another program writes it, or if the system refuses.
         """
         self.path = Path(path)
         self.records = 0
-        self._rest = b""
+        self._incomplete = b""  # received bytes behind the last complete frame
         self._time_ns = 0
         offset = (header or {}).get("epoch_offset_ns", 0)
         self._offset_ns = offset if isinstance(offset, int) and offset > 0 else 0
         self._file = LiveRecords(path, _make_start(header or {}, os.fspath(path)), overwrite, output, "packets")
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes that arrived at `time_ns` (nanoseconds, not decreasing)."""
-        self._rest += data
+        """Append bytes that arrived at `time_ns` (nanoseconds, not decreasing). Raises `CaptureError`.
+
+        An incomplete frame at their end waits for the next call.
+        """
+        self._incomplete += data
         self._time_ns = time_ns
         self.records += 1
         end = 0
         blocks = []
-        last = self._rest.rfind(b"\0") + 1  # behind it, the pattern would search in vain, in quadratic time
-        for match in _FRAME.finditer(self._rest, 0, last):
+        last = self._incomplete.rfind(b"\0") + 1  # behind it, the pattern would search in vain, in quadratic time
+        for match in _FRAME.finditer(self._incomplete, 0, last):
             blocks += self._make_packets(match[0])
             end = match.end()
-        self._rest = self._rest[end:]
-        if len(self._rest) > PIECE_MAX:
-            blocks += self._make_packets(self._rest)
-            self._rest = b""
+        self._incomplete = self._incomplete[end:]
+        if len(self._incomplete) > PIECE_MAX:
+            blocks += self._make_packets(self._incomplete)
+            self._incomplete = b""
         if blocks:
             self._file.append(b"".join(blocks))
 
     def _make_packets(self, data: bytes) -> list[bytes]:
-        """Return the packet blocks with these bytes: one, or several for a piece longer than any frame."""
+        """Encode bytes as enhanced packet blocks with the latest arrival time: one, or several above `PIECE_MAX`."""
         time = self._time_ns + self._offset_ns
         blocks = []
         for start in range(0, len(data), PIECE_MAX):
@@ -136,10 +144,10 @@ class PcapngWriter:
 
         A file without bytes does not replace an existing one. Raises `CaptureError`.
         """
-        rest, self._rest = self._rest, b""
+        incomplete, self._incomplete = self._incomplete, b""
         try:
-            if rest and not self._file.is_closed:
-                self._file.append(b"".join(self._make_packets(rest)))
+            if incomplete and not self._file.is_closed:
+                self._file.append(b"".join(self._make_packets(incomplete)))
         finally:
             self._file.close(has_records=self.records > 0)
 

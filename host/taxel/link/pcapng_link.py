@@ -34,14 +34,14 @@ _SECTION_HEAD, _INTERFACE_HEAD, _PACKET_HEAD = 16, 8, 20
 
 
 class _Interface(NamedTuple):
-    """An interface of the file. seconds: numerator and denominator of the unit of its times, in seconds."""
+    """An interface of the file. unit: length of a time unit in nanoseconds, as (numerator, denominator)."""
 
     link_type: int
     unit: tuple[int, int]
 
 
 def is_pcapng(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins with a PCAPNG section; False for a file that cannot be read."""
+    """Whether a file begins with a PCAPNG section header block; False for a file that cannot be read."""
     try:
         with open_regular_file(path) as file:
             return file.read(len(_SIGNATURE)) == _SIGNATURE
@@ -61,7 +61,7 @@ class PcapngLink:
     has_flow_control = False
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        """Open a PCAPNG file, and read the header of the recording from its comments; {} for a file without one."""
+        """Open a PCAPNG file, and read the header of the recording from its comments to `header`; {} without one."""
         self.name = os.fspath(path)
         self.header: dict[str, Any] = {}
         self._order = "<"
@@ -83,7 +83,7 @@ class PcapngLink:
         self._offset_ns = offset if isinstance(offset, int) and offset > 0 else 0
 
     def _read_start(self) -> None:
-        """Read the first section block of the file."""
+        """Read the section header block at the start of the file, and the header of the recording in its comments."""
         if self._file.peek(len(_SIGNATURE))[: len(_SIGNATURE)] != _SIGNATURE:
             raise CaptureError(self.name, "is not a PCAPNG file (it does not begin with a section)")
         kind, content = self._read_block()
@@ -92,10 +92,11 @@ class PcapngLink:
         self.header = self._read_header(list(self._iterate_options(content[_SECTION_HEAD:])))
 
     def _read_header(self, options: list[tuple[int, bytes]]) -> dict[str, Any]:
-        """Return the header of the recording in the first comments of a section; {} in a file of another program.
+        """Return the header of the recording from the options of the section header block; {} without a header.
 
-        Other programs write comments too. A header is required if the application is `taxel`; Wireshark replaces the
-        application when it saves a file, so that a comment that begins like a JSON object is a header as well.
+        options: (code, value). The first comments are the header if the application option is `taxel`, or if they begin
+        like a JSON object: Wireshark replaces the application when it saves a file, and other programs write comments,
+        too. Raises CaptureError for a damaged header.
         """
         text = b""
         for comment in (value for code, value in options if code == OPTION_COMMENT):
@@ -110,7 +111,7 @@ class PcapngLink:
             raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def _make_damage_error(self, offset: int, is_truncated: bool = False) -> CaptureError:
-        """Return the error for the block at byte `offset`."""
+        """Create the error for the block at byte `offset`. is_truncated: the file ends within the block."""
         problem = "is cut short in a block" if is_truncated else "is damaged"
         return CaptureError(self.name, f"{problem} at byte {offset}; everything before it was read")
 
@@ -135,7 +136,10 @@ class PcapngLink:
         return kind, content[:-4]
 
     def _find_order(self, offset: int) -> str:
-        """Return the byte order of the section whose head was just read, as a prefix for `struct`."""
+        """Return the byte order, "<" or ">" as for `struct`, of the section whose first 8 bytes were just read.
+
+        offset: start of the block in the file. Raises CaptureError for a damaged byte-order magic.
+        """
         magic = self._file.peek(4)[:4]
         for order in "<>":
             if magic == struct.pack(f"{order}I", BYTE_ORDER):
@@ -143,7 +147,7 @@ class PcapngLink:
         raise self._make_damage_error(offset)
 
     def _begin_section(self, content: bytes) -> None:
-        """Check a section block; its interfaces replace those of the section before."""
+        """Check a section header block, and forget the interfaces of the section before. Raises CaptureError."""
         if len(content) < _SECTION_HEAD:
             raise self._make_damage_error(self._block_offset)
         major = struct.unpack_from(f"{self._order}H", content, 4)[0]
@@ -152,7 +156,7 @@ class PcapngLink:
         self._interfaces = []
 
     def _iterate_options(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield code and value of each option."""
+        """Yield (code, value) of each option in the option list of a block."""
         position = 0
         while position + 4 <= len(data):
             code, size = struct.unpack_from(f"{self._order}HH", data, position)
@@ -162,7 +166,7 @@ class PcapngLink:
             position += 4 + size + -size % 4
 
     def _add_interface(self, content: bytes) -> None:
-        """Store link type and unit of the times of an interface."""
+        """Store the link type and the time unit of an interface description block. Raises CaptureError."""
         if len(content) < _INTERFACE_HEAD:
             raise self._make_damage_error(self._block_offset)
         options = dict(self._iterate_options(content[_INTERFACE_HEAD:]))

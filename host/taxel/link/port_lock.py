@@ -11,7 +11,7 @@ from typing import Final
 from taxel.link.errors import PortBusyError
 
 BUSY: Final = frozenset({errno.EAGAIN, errno.EBUSY, errno.EACCES})
-"""Error numbers of a lock or an opening that another program prevents."""
+"""Error numbers (errno) of a lock or an opening that another program prevents."""
 
 
 def lock_device(descriptor: int, name: str) -> None:
@@ -48,23 +48,22 @@ def make_busy_error(name: str) -> PortBusyError:
 
 
 def find_holder(name: str) -> tuple[int, str] | None:
-    """Return the process that has locked or opened the device `name`: its id and its command; None if unknown.
+    """Return the other process that has locked or opened the device `name`, as (process id, command); None if unknown.
 
-    The kernel lists locks for every user, but open files only for the same user or root.
+    name: path of the device. The kernel lists locks for every user, but open files only for the same user or root.
     """
     try:
         status = os.stat(name)
     except OSError:
         return None
-    own = os.getpid()
     process = _find_lock(status)
     if process is None:
-        process = next((found for found in _list_openings(status) if found != own), None)
+        process = next((other for other in _list_openings(status) if other != os.getpid()), None)
     return None if process is None else (process, _read_command(process))
 
 
 def _find_lock(status: os.stat_result) -> int | None:
-    """Return the process that has locked a file; None if it is not in the kernel's list of locks."""
+    """Return the id of the process that has locked a file; None if the file is not in the kernel's list of locks."""
     file = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/locks").read_text().splitlines():
@@ -75,7 +74,7 @@ def _find_lock(status: os.stat_result) -> int | None:
 
 
 def _list_openings(status: os.stat_result) -> list[int]:
-    """Return the processes that have opened a file, as far as this user may read them."""
+    """Return the ids of the processes that have opened a file, as far as this user may read them."""
     processes = []
     for folder in Path("/proc").glob("[0-9]*/fd"):
         with contextlib.suppress(OSError):

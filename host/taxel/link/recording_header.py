@@ -48,6 +48,6 @@ def _is_number(value: Any) -> bool:
 
 
 def _describe(value: Any) -> str:
-    """Return the start of a value as text for an error message."""
+    """Format a JSON value for an error message: at most 40 characters, or "a list" or "a dict"."""
     text = ascii(value) if not isinstance(value, list | dict) else f"a {type(value).__name__}"
     return text if len(text) <= 40 else text[:40] + "..."

@@ -10,18 +10,21 @@ from taxel.link.base import Chunk, Link
 from taxel.link.errors import LinkError, PortVanishedError
 
 RETRY_S: Final = 0.5
-"""Time between two attempts to open the port, seconds: a replugged adapter is used within a second."""
+"""Time between two attempts to open the port, seconds, so that a replugged adapter is used within a second."""
 
 
 @dataclass
 class Gap:
-    """Time without data; start_s: the port vanished, end_s: the first bytes after it, None before; Unix seconds."""
+    """A time without data, in Unix seconds.
+
+    start_s: time at which the port vanished. end_s: time of the first bytes afterwards; None: no bytes yet.
+    """
 
     start_s: float
     end_s: float | None = None
 
     def get_seconds(self, now_s: float) -> float:
-        """Duration of the gap up to now, seconds; now_s: Unix seconds."""
+        """Return the duration of the gap, seconds; that up to `now_s` (Unix seconds) for a gap that has not ended."""
         return (now_s if self.end_s is None else self.end_s) - self.start_s
 
 
@@ -29,7 +32,8 @@ class Gap:
 class Reconnection:
     """State of a link that is opened again.
 
-    openings: how often the port was opened. is_open: whether the port is open. problem: why it is missing.
+    openings: how often the port was opened. is_open: whether the port is open. problem: message of the latest failure.
+    gaps: times without data. is_enabled: whether a vanished port is opened again.
     """
 
     openings: int = 1
@@ -48,7 +52,7 @@ class ReopeningLink:
     """
 
     def __init__(self, link: Link, reopen: Callable[[], Link]) -> None:
-        """Wrap the open link `link`; reopen: opens the port again, raises `LinkError` while that is not possible."""
+        """Wrap an open link. reopen: opens the port again and returns its link; raises `LinkError` while it cannot."""
         self._link: Link | None = link
         self._reopen = reopen
         self.reconnection = Reconnection()
@@ -73,15 +77,15 @@ class ReopeningLink:
         except PortVanishedError as error:
             if not self.reconnection.is_enabled:
                 raise
-            self._note_loss(error)
+            self._close_lost_port(error)
             return None
         gaps = self.reconnection.gaps
         if chunk is not None and gaps and gaps[-1].end_s is None:
             gaps[-1].end_s = time.time()
         return chunk
 
-    def _note_loss(self, error: PortVanishedError) -> None:
-        """Close the vanished port, and begin a gap; a gap without data since then continues."""
+    def _close_lost_port(self, error: PortVanishedError) -> None:
+        """Close the vanished port, and start a gap unless the last gap has not ended yet. error: reason of the loss."""
         link, self._link = self._link, None
         if link is not None:
             link.close()
@@ -92,7 +96,7 @@ class ReopeningLink:
             self.reconnection.gaps.append(Gap(time.time()))
 
     def _try_to_open(self, timeout_s: float) -> None:
-        """Wait until the next attempt is due, but at most `timeout_s` seconds, and then open the port if possible."""
+        """Try to open the port if `RETRY_S` has passed since the last attempt; otherwise wait at most `timeout_s`."""
         wait_s = self._tried_s + RETRY_S - time.monotonic()
         if wait_s > 0.0:
             self._closing.wait(min(wait_s, timeout_s))

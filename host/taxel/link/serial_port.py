@@ -16,24 +16,22 @@ WRITE_TIMEOUT_S = 2.0
 
 
 class SerialLink:
-    """A serial port, 8N1, as a link.
+    """A serial port with 8 data bits, no parity and one stop bit, as a link.
 
-    port: a device (`/dev/ttyUSB0`) or a pyserial URL. baud: bits per second. low_latency: set the driver's 1 ms mode,
-    if the driver has this mode. rtscts: hardware flow control. True: both lines are wired to the hub, so that the hub
-    can stop the host (`has_flow_control`); a port without these lines is rejected. None: used if the port has the
-    lines. False: not used. Raises `PortMissingError` if the port cannot be opened with these settings, `PortBusyError`
-    if another program uses it: a device is locked, because two readers would each receive a part of the bytes.
+    A device is locked for this program, because two readers would each receive a part of the bytes.
     """
 
     is_real_time = True
     is_recorded = False
 
     def __init__(self, port: str, baud: float = 1e6, rtscts: bool | None = None, low_latency: bool = True) -> None:
-        """Open a serial port with 8 data bits, no parity and one stop bit.
+        """Open and lock a serial port.
 
-        port: device or pyserial URL. baud: bits per second. rtscts: hardware flow control; True: both lines are wired
-        to the hub; None: used if the port has the lines; False: not used. low_latency: set the 1 ms mode of the driver
-        if available. Raises PortMissingError if the port cannot be opened with these settings.
+        port: device (`/dev/ttyUSB0`) or pyserial URL. baud: bits per second. rtscts: hardware flow control. True: both
+        lines are wired to the hub, so that the hub can stop the host (`has_flow_control`); a port without these lines
+        is rejected. None: used if the port has the lines. False: not used. low_latency: set the 1 ms mode of the driver
+        if available. Raises PortMissingError if the port cannot be opened with these settings, and PortBusyError if
+        another program uses the port.
         """
         self.name = port
         self.baud = baud
@@ -65,7 +63,10 @@ class SerialLink:
         self._prepare(rtscts, low_latency)
 
     def _prepare(self, rtscts: bool | None, low_latency: bool) -> None:
-        """Set flow control and low latency of the open serial port; see `SerialLink` for the arguments."""
+        """Set flow control and low latency of the open serial port; arguments as for the constructor.
+
+        Raises PortMissingError, and closes the port, if flow control is required and not available.
+        """
         # A pseudo-terminal has no modem lines, and many drivers have no low-latency mode: both settings may fail.
         unsupported = (serial.SerialException, OSError, ValueError, NotImplementedError)
         try:
@@ -124,7 +125,8 @@ class SerialLink:
     def write(self, data: bytes) -> None:
         """Send all bytes to the serial port.
 
-        Raises `LinkError` if the hub accepts none, or if the port has been removed.
+        Raises `LinkError` if the hub accepts no bytes for `WRITE_TIMEOUT_S`, `PortVanishedError` if the port has been
+        removed.
         """
         try:
             self._port.write(data)
@@ -142,6 +144,6 @@ class SerialLink:
 
 
 def _describe(error: BaseException) -> str:
-    """Return one line of text for an exception: the operating system's text for its error number, or its own text."""
+    """Describe an exception in one line: the operating system's text for its error number, else its message or type."""
     text = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
     return text.splitlines()[0] if text else type(error).__name__

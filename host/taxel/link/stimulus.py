@@ -1,4 +1,4 @@
-"""The emulator's stimulus over time: force or raw count of each taxel, or a scene.
+"""The emulator's stimulus over time: force or raw count of each taxel, or a scene (poses of an object and the hand).
 
 Format of the stream: firmware/emulator/skin/stimulus.h.
 """
@@ -16,12 +16,12 @@ Kind = Literal["force", "counts"]
 _KINDS: dict[str, int] = {"force": 0, "counts": 1}
 _SCENE = 2
 POSE_VALUES = 12
-"""Numbers of a pose in a scene: the upper three rows of its 4 x 4 matrix."""
+"""Number of values of a pose in a scene: the upper three rows of its 4 x 4 matrix."""
 HEADER = struct.Struct("<8sIIII")
 
 
 def make_stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
-    """Return the header of a stimulus stream, 24 bytes, for a skin of `taxels` taxels."""
+    """Encode the 24-byte header of a stimulus stream for a skin of `taxels` taxels. kind: meaning of the values."""
     return HEADER.pack(b"TAXELSTM", 1, _KINDS[kind], taxels, 0)
 
 
@@ -41,10 +41,11 @@ def make_stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
 
 
 def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: ArrayLike, kind: Kind = "force") -> None:
-    """Write a stimulus file: `values` [T, n] at `times_s` [T], n in the order of the hand's taxels.
+    """Write a stimulus file: `values` [T, n] of the hand's n taxels, in their order, at `times_s` [T], seconds.
 
-    Forces (newtons) are interpolated linearly between records; counts are constant until the next record. Raises
-    ValueError for shapes that do not fit, for values that are negative or not finite, and for times that decrease.
+    kind: "force", newtons, which the emulator interpolates linearly between records, or "counts", raw counts, which are
+    constant until the next record. Raises ValueError for shapes that do not fit, for values that are negative or not
+    finite, and for times that decrease.
     """
     times = np.asarray(times_s, dtype=float)
     with np.errstate(over="ignore"):
@@ -70,10 +71,11 @@ def write_scene(
 ) -> None:
     """Write a stimulus file of a scene: an object that moves relative to the brackets of a skin of `taxels` taxels.
 
-    times_s: [T]. objects: [T], number of the object in the world file, -1 for no object. object_poses: [T, 4, 4] and
-    bracket_poses: [T, boards, 4, 4], in the world, in the order of the world file's boards. The emulator interpolates
-    the compression of the layer linearly between records. Raises ValueError for shapes that do not fit, for numbers
-    that are not finite, and for times that decrease.
+    times_s: [T], seconds. objects: [T], number of the object in the world file, -1 for no object. object_poses:
+    [T, 4, 4], pose of the object in the world. bracket_poses: [T, b, 4, 4], pose of the bracket of each of the b boards
+    in the world, in the order of the world file. The emulator interpolates the compression of the layer linearly
+    between records. Raises ValueError for shapes that do not fit, for numbers that are not finite, and for times that
+    decrease.
     """
     times, number = np.asarray(times_s, dtype=float), np.asarray(objects)
     poses = np.concatenate([np.asarray(object_poses)[:, None], np.asarray(bracket_poses)], axis=1)

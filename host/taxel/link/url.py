@@ -1,4 +1,4 @@
-"""URLs of links: schemes, options, and the table of openers."""
+"""URLs of links: their schemes and options, and the table of functions that open them."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,8 +15,8 @@ LOWEST_BAUD, HIGHEST_BAUD = 1e3, 1e8
 OWN_SCHEMES: Final[Mapping[str, str]] = MappingProxyType(
     {"i2c": "taxel.link.linux_hub.url:open_linux_hub", "serial": "taxel.link.url:open_serial"}
 )
-"""Openers of this package. All other schemes, also `file` and `emulator` of packages above this one, are entry points
-of the group `taxel.links`.
+"""Function that opens the URLs of each scheme of this package, as "module:attribute". All other schemes, also `file`
+and `emulator` of packages that depend on this one, are entry points of the group `taxel.links`.
 """
 
 
@@ -24,10 +24,10 @@ def open_link(url: str, hand: Any = None) -> Link:
     """Open the link that a URL names.
 
     url: `serial:///dev/ttyUSB0?baud=1000000` or `/dev/ttyUSB0`, a serial port; `i2c:///dev/i2c-1` or `/dev/i2c-1`, an
-    I2C adapter on the bus of boards without a hub; `file:capture.bin`, a recording;
-    `emulator:`, an emulated skin; a scheme of a plug-in; every other scheme is passed to pyserial (`socket://`,
-    `rfc2217://`, `loop://`). hand: `taxel.hand.Hand` at the other end, for openers that need it. Raises `LinkError`
-    with one line that states what to do.
+    I2C adapter on the bus of boards without a hub; `file:capture.bin`, a recording; `emulator:`, an emulated skin; a
+    scheme of a plug-in; every other scheme is passed to pyserial (`socket://`, `rfc2217://`, `loop://`). hand:
+    `taxel.hand.Hand` at the other end of the link, which some schemes need. Raises a one-line `LinkError` with a
+    remedy.
     """
     scheme, colon, _ = url.partition(":")
     if colon and scheme in list_plugin_names(LINKS, OWN_SCHEMES):
@@ -72,7 +72,7 @@ def get_recorded_path(url: str) -> str | None:
 
 
 def split_url(url: str) -> SplitResult:
-    """Split a URL into its parts. Raises `LinkError` for a text that cannot be split."""
+    """Split a URL into its parts. Raises `LinkError` for a string that is no URL."""
     try:
         return urlsplit(url)
     except ValueError as error:
@@ -89,10 +89,7 @@ def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
 
 
 def _parse_baud(url: str, text: str) -> float:
-    """Convert the text of the URL's option 'baud' to bit/s.
-
-    Raises `LinkError` for other text or a value out of range.
-    """
+    """Convert the URL's option 'baud' to bit/s. Raises `LinkError` for another text or a value out of range."""
     try:
         value = float(text)
     except ValueError:
@@ -103,7 +100,7 @@ def _parse_baud(url: str, text: str) -> float:
 
 
 def _parse_flag(url: str, name: str, text: str) -> bool:
-    """Convert the text of the URL's option `name`, 0 or 1, to a bool. Raises `LinkError` for other text."""
+    """Convert the URL's option `name`, 0 or 1, to a bool. Raises `LinkError` for another text."""
     if text not in {"0", "1"}:
         raise LinkError(url, f"option '{name}' must be 0 or 1, found '{text}'")
     return text == "1"

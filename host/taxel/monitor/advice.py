@@ -5,13 +5,15 @@ from taxel.monitor.reading import SkinReading
 from taxel.skin import Skin
 
 GRACE_S = 1.5
-"""Time after the start in which missing frames give no advice, seconds. Boards need about 1 s to start."""
+"""Time after the start during which missing frames cause no advice, seconds. Boards need about 1 s to start."""
 
 HUB_SILENT_S = 2.5
-"""Time without a message after which the hub counts as silent, seconds: two of its status reports."""
+"""Time without a message after which the hub is treated as silent, seconds: longer than two intervals of its status
+messages."""
 
 LAG_BYTES = 1 << 18
-"""Number of waiting bytes above which the reader does not keep up: about two seconds of the default hand."""
+"""Number of unprocessed bytes above which the advice reports that this computer is too slow: about two seconds of data
+of the default hand."""
 
 
 def make_advice(reading: SkinReading, skin: Skin) -> str | None:
@@ -35,7 +37,7 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
         remedy = "this computer is too slow or busy; reduce the scan rate (--rate-hz)"
         return f"{reading.bytes_waiting} bytes wait: {remedy}"
     if not reading.is_measuring:
-        return f"baseline {100 * reading.baseline:.0f} % complete: do not touch the skin"
+        return f"baseline {100 * reading.baseline_progress:.0f} % complete: do not touch the skin"
     if reading.disturbed:
         return f"{reading.disturbed} taxels were touched during the baseline: release the skin and repeat the baseline"
     if reading.suspect:
@@ -56,7 +58,7 @@ def is_hub_alive(skin: Skin) -> bool:
 
 
 def _advise_without_frames(reading: SkinReading, skin: Skin) -> str:
-    """Return the advice for a hub that responds to the handshake while no taxel frame arrives."""
+    """Return the advice for a hub that responds to the handshake but from which no taxel frame arrives."""
     if skin.hub.boards:
         count = len(skin.hub.boards)
         return f"the hub reports {count} boards, but no frame arrives: does another program read {skin.link.name}?"

@@ -1,4 +1,4 @@
-"""Fault records of boards that have restarted while the monitor runs."""
+"""Fault records of boards that have restarted while the monitor runs. A board stores a record before it restarts."""
 
 from contextlib import suppress
 from typing import Any
@@ -9,30 +9,33 @@ from taxel_protocol.names import BoardFault
 
 
 class BoardFaults:
-    """Reads the fault record of each board that the hub reports as restarted, and describes the latest fault."""
+    """Reader of the fault record of each board that the hub reports as restarted.
+
+    The attribute `latest` describes the latest fault in one line; None without a fault.
+    """
 
     def __init__(self, skin: Skin) -> None:
-        """Create the state of a monitor of an open skin, without a fault."""
+        """Create a reader for the boards of an open skin."""
         self._skin = skin
         self._last: dict[str, Any] | None = None
         self.latest: str | None = None
 
     def update(self) -> str | None:
-        """Read the records of boards that have restarted since the last call; returns the latest fault in one line.
+        """Read the records of the boards that have restarted since the last call, and return the latest fault.
 
-        None without a fault. A recording has no fault records, as nothing can be read from its boards.
+        Returns the fault in one line; None without a fault, and for a recording, whose boards cannot be read.
         """
         if self._skin.link.is_recorded:
             return None
         for address in self._take_restarted():
-            with suppress(HubError):  # the board does not answer yet, or has no power: a later restart is read again
+            with suppress(HubError):  # the board does not answer; its record is read after its next restart
                 record = self._skin.hub.read_board_fault(address)
                 if record is not None:
                     self.latest = f"board 0x{address:02X} has restarted: {record.describe()}"
         return self.latest
 
     def _take_restarted(self) -> list[int]:
-        """Addresses of the boards that were reported as restarted since the last call."""
+        """Return the addresses of the boards that the hub has reported as restarted since the last call, sorted."""
         messages = []
         for message in reversed(self._skin.hub.faults):
             if message is self._last:

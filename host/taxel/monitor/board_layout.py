@@ -58,14 +58,17 @@ class BoardLayout:
 
 
 def _compute_block_height(board: Board, scale: int) -> int:
-    """Height of the block of a board, characters."""
+    """Compute the height of the picture of a board in characters, rounded up: two pixels fill one character.
+
+    scale: width and height of a taxel in pixels.
+    """
     return -(-board.kind.layout_shape[0] * scale // 2)
 
 
 def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
-    """Place both sides of the default hand next to each other, each as seen from its own side; None for another hand.
+    """Place the palm side and the back of the default hand next to each other, each as seen from outside.
 
-    scale: width of a taxel in characters; a taxel is half as high.
+    scale: width of a taxel in characters; a taxel is half as high. Returns None for a hand with other boards.
     """
     by_name = {board.name: board for board in hand.boards}
     rows = [(*palm, *back) for palm, back in zip(PALM_SIDE, (("", "", ""), *BACK), strict=True)]
@@ -151,7 +154,11 @@ def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
 
 
 def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
-    """Group boards of similar height; the default hand has tips and plates, proximal boards, and medial boards."""
+    """Group boards of similar height, so that a row of boards has little empty space.
+
+    The boards of the default hand form three groups: fingertips with palm and back of the hand, proximal boards, and
+    medial boards. All boards of other hands form one group.
+    """
     prefixes = tuple(prefix for prefix, _ in _SHORT_PREFIXES)
     groups: dict[str, list[Board]] = {}
     for board in boards:
@@ -174,5 +181,5 @@ def _shorten_name(name: str) -> str:
 
 
 def _compute_centre_offset(text: str, width: int) -> int:
-    """Return the number of characters before a text that is centred in `width` characters."""
+    """Compute the number of characters before a string that is centred in `width` characters."""
     return max(0, (width - len(text)) // 2)

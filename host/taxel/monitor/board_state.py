@@ -13,8 +13,8 @@ from taxel.types import CountArray
 from taxel_protocol import BoardState as HubBoardState
 
 SILENT_S = 1.0
-"""Time without a frame after which a board counts as silent and its last signals are no longer shown, seconds. The
-default hand sends a frame of each board every 50 ms; a larger value shows outdated signals for longer.
+"""Time without a frame after which a board is treated as silent and its last signals are no longer displayed, seconds.
+The default hand sends a frame of each board every 50 ms. With a larger value, outdated signals are displayed longer.
 """
 
 _BUS_FAULTS = ("nacks", "timeouts", "crc_errors", "bus_errors")
@@ -24,9 +24,12 @@ _STATE_NAMES = {HubBoardState.ABSENT: "absent", HubBoardState.INCOMPATIBLE: "inc
 class BoardState:
     """Counts, baseline and activation of a board.
 
-    taxels: position of the board on the hand's taxel axis. raw, lowest: u16 views of the hand's arrays with the newest
-    count of each taxel and the lowest count since the last reading. The attribute `last_s` is the time of arrival of
-    the last frame on the monitor's clock, and `time_s` the time of that frame; both are NaN before the first frame.
+    Attributes:
+        taxels: position of the board's taxels on the hand's taxel axis.
+        frames: number of processed frames.
+        last_s, time_s: arrival time of the last frame on the monitor's clock, and time of this frame on the stream's
+            clock, seconds; NaN before the first frame.
+        disturbed: number of taxels that were touched during the baseline.
     """
 
     def __init__(
@@ -35,8 +38,8 @@ class BoardState:
         """Create the state of one board before its first frame.
 
         taxels: position of the board's taxels on the hand's taxel axis. raw, lowest: writable u16 views of the hand's
-        arrays, with the newest and the lowest count of each taxel of the board. samples: number of frames of a
-        baseline. is_tracked: the baseline follows drift afterwards.
+        arrays, for the newest count of each taxel of the board and the lowest count since the last reading. samples:
+        number of frames of a baseline. is_tracked: the baseline follows drift afterwards.
         """
         self.board = board
         self.taxels = taxels
@@ -58,9 +61,9 @@ class BoardState:
         self.disturbed = 0
 
     def take(self, frame: TaxelFrame, now_s: float, threshold: float) -> None:
-        """Process a taxel frame of the board that arrived at `now_s` seconds.
+        """Process a taxel frame of the board: store its counts and update the baseline.
 
-        threshold: activation threshold, counts.
+        now_s: arrival time on the monitor's clock, seconds. threshold: activation threshold, counts.
         """
         self._raw[:] = frame.raw_counts
         if self._has_new_frame:
@@ -81,7 +84,7 @@ class BoardState:
 
     @property
     def progress(self) -> float:
-        """Progress of the baseline, 0 to 1."""
+        """Share of the baseline's frames that have arrived, 0 to 1."""
         return 1.0 if self._activation is not None else self._baseline.progress
 
     def is_sending(self, now_s: float) -> bool:
@@ -89,7 +92,10 @@ class BoardState:
         return now_s - self.last_s < SILENT_S  # False before the first frame
 
     def take_activation(self, now_s: float) -> ActivationFrame | None:
-        """Compare the lowest counts since the last call with the baseline; None without baseline or frames."""
+        """Compare the lowest counts since the last call with the baseline; then begin to collect new lowest counts.
+
+        Returns None without a complete baseline, or if the board sends no frames.
+        """
         self._has_new_frame = False
         if self._activation is None or not self.is_sending(now_s):
             return None
@@ -121,14 +127,15 @@ class BoardState:
             silent_s=max(0.0, now_s - self.last_s) if self.frames else None,
             active=int(activation.active.sum()) if activation else 0,
             largest_signal=float(activation.signal_counts.max()) if activation else float("nan"),
-            baseline=self.progress,
+            baseline_progress=self.progress,
             state="streaming" if is_sending else self._get_state_name(status, is_expected),
         )
 
     def _get_state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
-        """Return the state of the board in words for the user, such as "silent".
+        """Return the state of a board that sends no frames: "absent", "incompatible", "silent" or "no frame yet".
 
-        status: fields of its latest BOARD_STATUS message. is_expected: the hub has found the board.
+        status: fields of its latest BOARD_STATUS message; None before the first. is_expected: the hub has found the
+        board, or the source is a recording.
         """
         name = _STATE_NAMES.get(status["state"]) if status is not None else None
         if name is not None:

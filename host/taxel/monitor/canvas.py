@@ -14,7 +14,7 @@ from taxel.monitor.colours import TABLE, UNKNOWN
 from taxel.types import BoolArray, IndexArray
 
 NOTHING = -1
-"""Value in a picture where there is no taxel."""
+"""Value of a pixel without a taxel."""
 
 _STEP_VALUES = UNKNOWN + 2
 _FIRST_PAIR = 1 << 16  # smaller style numbers are indices of text styles

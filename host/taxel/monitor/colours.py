@@ -61,7 +61,7 @@ class ColourScale:
     """
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
-        """Create a colour scale for signals.
+        """Create a colour scale whose end is the smallest one.
 
         threshold: activation threshold in counts; the smallest end of the scale is `SMALLEST_TOP` times the threshold.
         hold_s: seconds for which the end of the scale stays after the last large signal.

@@ -21,7 +21,7 @@ from taxel.types import FloatArray
 DEMO_URL: Final = "demo:"
 
 DEMO_BASELINE_FRAMES: Final = 20
-"""Frames of the baseline: one second, so that the first contact follows at once."""
+"""Number of frames of each board's baseline: one second, so that the first contact follows soon after the start."""
 
 SCANS_HZ: Final = 19.0
 """Scans per second of the packaged hand at 400 kHz, from which the end of the baseline follows."""
@@ -46,7 +46,7 @@ class MovingContacts:
     """
 
     def __init__(self, hand: Hand) -> None:
-        """Plan the tours of the contacts over the boards of a hand."""
+        """Plan the sequence of boards over which each contact moves."""
         self._hand = hand
         names = {board.name for board in hand.boards}
         _, grid, _ = SIDES[0]
@@ -73,7 +73,7 @@ class MovingContacts:
 
 
 class DemoLink(EmulatorLink):
-    """An emulated skin in real time whose forces are those of moving contacts. Only the forces run in a thread."""
+    """An emulated skin in real time on which contacts move. A thread applies the forces of the contacts."""
 
     def __init__(self, hand: Hand, baseline_frames: int = DEMO_BASELINE_FRAMES) -> None:
         """Start the emulator. baseline_frames: frames of each board without contact, before the first contact."""

@@ -7,7 +7,10 @@ from taxel.types import Float32Array, FloatArray, IndexArray
 
 
 class History:
-    """Ring buffer of the signals of all n taxels in the last `length` readings, f32[length, n]."""
+    """Ring buffer of the signals of all n taxels in the last `length` readings.
+
+    A reading whose time is before that of the last reading empties the buffer.
+    """
 
     def __init__(self, n_taxels: int, length: int = 300) -> None:
         """Create an empty ring buffer for the signals of `n_taxels` taxels in the last `length` readings."""
@@ -37,12 +40,12 @@ class History:
 
     @property
     def times_s(self) -> FloatArray:
-        """Times of the stored readings, f64[t], seconds relative to the newest reading, which is the last."""
+        """Times of the t stored readings relative to the newest, f64[t], seconds, at most 0; the newest is the last."""
         times = self._times[self._rows()]
         return times - times[-1] if times.size else times
 
     def taxels(self, index: IndexArray) -> Float32Array:
-        """Return the stored signals of the taxels `index` [k], counts, f32[t, k], oldest first; NaN if unknown."""
+        """Return the stored signals of k taxels, f32[t, k], counts, oldest reading first; NaN if unknown."""
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
     def find_most_active(self, count: int) -> IndexArray:

@@ -8,10 +8,10 @@ from taxel.monitor.summary_text import format_line
 
 
 class LineView:
-    """View of the monitor that passes one line for each reading to `out`, as text or JSON."""
+    """View of the monitor that outputs one line for each reading, as text or JSON."""
 
     def __init__(self, out: Callable[[str], None], as_json: bool = False) -> None:
-        """Create a view that passes one line per reading to `out`, as text or as JSON."""
+        """Create a view. out: called with each line. as_json: the lines are JSON objects instead of text."""
         self._out = out
         self._as_json = as_json
 
@@ -25,19 +25,20 @@ class LineView:
 
 
 class OnceView:
-    """View of the monitor that shows nothing and ends at the first complete reading.
+    """View of the monitor that displays nothing and ends the loop at the first complete reading.
 
-    It also ends after `timeout_s` seconds without a streaming board.
+    A reading is complete if the baseline is complete and the rates are known. The view also ends the loop if no board
+    is streaming `timeout_s` seconds after the start.
     """
 
     def __init__(self, timeout_s: float = 10.0) -> None:
-        """Create a view that ends at the first complete reading, or after `timeout_s` seconds without a frame."""
+        """Create a view. timeout_s: time limit for the first streaming board, seconds."""
         self._timeout_s = timeout_s
 
     def draw(self, reading: SkinReading) -> None:
         """Show nothing."""
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Whether the view can end: signals and rates are known, or no frame has arrived within the time limit."""
+        """Return whether baseline and rates are known, or no board is streaming after the time limit."""
         is_timed_out = reading.watched_s > self._timeout_s and not reading.boards_streaming
         return is_timed_out or (reading.is_measuring and reading.scans_hz > 0.0)

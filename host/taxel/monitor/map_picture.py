@@ -17,10 +17,10 @@ ACTIVE_LABEL: Final = "bold green"
 
 
 def draw_signal_map(hand: Hand, signal_counts: FloatArray, threshold: float, width: int, has_colour: bool) -> Canvas:
-    """Draw the signals f64[n] of a hand, counts, NaN where unknown, with the names of the boards.
+    """Draw the signals of a hand as a map of its taxels, with the names of the boards.
 
-    threshold: signal above which a taxel is active, counts. width: columns of the screen. A board with an active taxel
-    has a bright name.
+    signal_counts: f64[n], counts, NaN where unknown. threshold: signal above which a taxel is active, counts. width:
+    number of columns of the screen. The name of a board with an active taxel is bright.
     """
     layouts = list_layouts(hand, width)
     layout = next((one for one in layouts if one.width <= width), layouts[-1])

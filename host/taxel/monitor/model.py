@@ -1,4 +1,4 @@
-"""State of a skin, updated with every frame and read some times in a second. Independent of the views."""
+"""State of a skin for display: updated with every frame, read several times per second. Independent of the views."""
 
 import time
 from collections import deque
@@ -24,24 +24,26 @@ STORED_AGES = 64
 
 
 NO_DATA_S = 2.0
-"""Time without any frame after which all figures are out of date, seconds: more than the start of the boards (1 s) and
-the longest delay of a loaded computer (0.2 s, docs/how-to-monitor.md). A larger value shows outdated figures longer.
+"""Time without any frame after which all rates and signals are treated as out of date, seconds: longer than the start
+of the boards (1 s) and the longest delay of a loaded computer (0.2 s, docs/how-to-monitor.md). With a larger value,
+outdated figures are displayed longer.
 """
 
 MISSED_PERIODS = 3
-"""Number of poll cycles without a frame after which figures are out of date, for scan rates below 1.5 Hz."""
+"""Number of poll cycles without a frame after which rates and signals are treated as out of date, if the scan rate is
+below 1.5 Hz and these cycles therefore take longer than `NO_DATA_S`."""
 
 
 class SkinMonitor:
-    """State of a skin for display: `take` processes taxel frames, `read` returns a reading.
+    """State of a skin for display: `take` processes taxel frames, `read` returns the state at one moment (a reading).
 
     The baseline of each board is the mean of its own first `samples` frames, also for a board that is connected later.
     A taxel is active when its signal exceeds `threshold` counts. A reading contains the largest signal of each taxel
     since the last reading, so that a touch between two readings is visible.
 
-    The clock is `time.monotonic` for a stream in real time, otherwise the clock of the stream: a capture that is played
-    faster shows the rates at which it was recorded. Raises ValueError for a number of samples or a threshold that
-    `taxel.signal` rejects.
+    The clock is `time.monotonic` for a stream in real time, otherwise the clock of the stream: for a capture that is
+    played faster, the displayed rates are those at which it was recorded. Raises ValueError for a number of samples or
+    a threshold that `taxel.signal` rejects.
     """
 
     def __init__(
@@ -54,7 +56,7 @@ class SkinMonitor:
     ) -> None:
         """Create a monitor of the frames of an open skin.
 
-        samples: number of frames of each board's baseline. threshold: counts of signal above which a taxel is active.
+        samples: number of frames of each board's baseline. threshold: signal above which a taxel is active, counts.
         proximity: estimators of targets before contact; None: not estimated. is_tracked: the baselines follow drift
         (`taxel.signal.TrackedBaseline`). Raises ValueError for a number of samples or a threshold that `taxel.signal`
         rejects.
@@ -84,7 +86,10 @@ class SkinMonitor:
         self._faults = BoardFaults(skin)
 
     def take(self, frames: Sequence[TaxelFrame], now_s: float) -> None:
-        """Update the state of all boards with taxel frames in the order of their arrival. now_s: `time.monotonic`."""
+        """Update the state of all boards with taxel frames in the order of their arrival.
+
+        now_s: `time.monotonic`. Also begins the new baselines that `restart_baseline` has requested.
+        """
         if self._is_baseline_requested:
             self._is_baseline_requested = False
             for state in self._boards.values():
@@ -103,13 +108,17 @@ class SkinMonitor:
                 self._ages_s.append(now_s - self._newest_s)
 
     def restart_baseline(self) -> None:
-        """Take the baseline of every board again from the next frames. Other threads may call this method."""
+        """Request that the baseline of every board is measured again; the next call of `take` begins the measurement.
+
+        Other threads may call this method.
+        """
         self._is_baseline_requested = True
 
     def read(self, now_s: float, is_ended: bool = False) -> SkinReading:
         """Return the current reading of the skin: signals, activity, rates and losses.
 
-        now_s: `time.monotonic`. is_ended: the stream has ended.
+        now_s: `time.monotonic`. is_ended: the stream has ended. The next reading contains only the signals after this
+        call. Fault records of boards that have restarted are read from the hub.
         """
         clock_s = now_s if self._is_real_time else self._newest_s
         states = list(self._boards.values())
@@ -125,14 +134,14 @@ class SkinMonitor:
             activation = state.take_activation(clock_s)
             if activation is not None:
                 signal[state.taxels], active[state.taxels] = activation.signal_counts, activation.active
-                # A conductor near the board raises its counts: its baseline is then no suspect.
+                # A conductor near the board raises its counts above the baseline, although the baseline is correct.
                 suspect += 0 if state.board.address in near else int(activation.suspect_baseline.sum())
             address = state.board.address
             status = self.skin.hub.board_status.get(address)
             is_expected = self.skin.link.is_recorded or address in self.skin.hub.boards
             boards.append(state.read(activation, clock_s, rate_hz, counts.get(address), status, is_expected))
-        # A board that stopped during its baseline never completes it; it counts only if no board is left.
-        progress = [board.baseline for board in boards if board.is_streaming]
+        # A board that stopped during its baseline never completes it, so it is included only if no board is streaming.
+        progress = [board.baseline_progress for board in boards if board.is_streaming]
         progress = progress or [state.progress for state in states if state.frames]
         reading = SkinReading(
             signal_counts=signal,
@@ -144,7 +153,7 @@ class SkinMonitor:
             age_s=self._compute_ages(),
             disturbed=sum(state.disturbed for state in states),
             suspect=suspect,
-            baseline=sum(progress) / len(progress) if progress else 0.0,
+            baseline_progress=sum(progress) / len(progress) if progress else 0.0,
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
@@ -156,7 +165,10 @@ class SkinMonitor:
         return replace(reading, advice=make_advice(reading, self.skin) or fault)
 
     def _list_targets(self) -> tuple[ProximityEstimate, ...] | None:
-        """List the estimates that are not out of date; None if targets are not estimated."""
+        """List the latest estimate of each board's target before contact, without estimates that are out of date.
+
+        Returns None if targets are not estimated.
+        """
         if self._proximity is None:
             return None
         latest = self._proximity.latest.values()
@@ -182,9 +194,9 @@ class SkinMonitor:
         }
 
     def _find_silence(self, now_s: float) -> float | None:
-        """Return the Unix time since which no frame has arrived; None while frames arrive.
+        """Return the Unix time since which no frame has arrived, seconds; None while frames arrive.
 
-        The time of a stream that is not in real time does not pass without frames.
+        Also None for a stream that is not in real time, whose clock stops without frames.
         """
         silent_s = now_s - self._arrived_s
         longest_s = NO_DATA_S if self._period_s is None else max(NO_DATA_S, MISSED_PERIODS * self._period_s)

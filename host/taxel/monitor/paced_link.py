@@ -16,7 +16,7 @@ class SpeedError(TaxelError, ValueError):
 
 
 class PacedLink:
-    """A recorded link whose chunks arrive at their recorded times, divided by `speed`."""
+    """A recorded link whose chunks of bytes are delivered at their recorded intervals, divided by `speed`."""
 
     def __init__(self, link: Link, speed: float = 1.0) -> None:
         """Create a link that plays the chunks of a recorded link at `speed` times the recorded speed."""
@@ -54,16 +54,16 @@ class PacedLink:
         return chunk
 
     def _compute_due_s(self, chunk: Chunk) -> float:
-        """Return the time of the monotonic clock, seconds, at which a recorded chunk is due.
+        """Compute the time of the monotonic clock, seconds, at which a recorded chunk is due.
 
-        The first one is due at once.
+        The first chunk is due immediately, and sets the start of the playback.
         """
         if self._first_ns is None:
             self._first_ns, self._started_s = chunk.arrival_ns, time.monotonic()
         return self._started_s + (chunk.arrival_ns - self._first_ns) * 1e-9 / self._speed
 
     def write(self, data: bytes) -> None:
-        """Raises the error of the recorded link, which takes no commands."""
+        """Raise the error of the recorded link, which takes no commands."""
         self._link.write(data)
 
     def close(self) -> None:
@@ -76,7 +76,7 @@ def open_paced(
 ) -> Skin:
     """Open a skin as `taxel.open` does; a recording, such as `file:`, is played at `speed` times its recorded speed.
 
-    A port that vanishes later is waited for (`Skin.reconnection`).
+    If a port disappears later, the skin waits until the port is back (`Skin.reconnection`).
 
     Raises the errors of `taxel.open`, and `SpeedError` for a speed of 0 or less, or for a speed other than 1 with a
     source that is not a recording.

@@ -9,7 +9,7 @@ from taxel.types import FloatArray
 
 
 class RecentRate:
-    """Rates of counters [k], per second, over about the last `window_s` seconds."""
+    """Measurement of the rates at which several counters rise, per second, over about the last `window_s` seconds."""
 
     def __init__(self, window_s: float = 2.0) -> None:
         """Create a measurement of the rates of counters over about the last `window_s` seconds."""
@@ -19,8 +19,8 @@ class RecentRate:
     def update(self, times_s: ArrayLike, counts: ArrayLike) -> FloatArray:
         """Add the values of k counters, and return their recent rates f64[k], counts per second.
 
-        times_s: f64[k], time of each value, NaN before the first count. counts: [k], values of the counters. The rate
-        is 0 where no time has elapsed.
+        times_s: f64[k], time of each value, NaN before the first count. counts: [k], values of the counters. A counter
+        without an elapsed time has the rate 0. A time before the last one discards all earlier values.
         """
         times, values = np.array(times_s, dtype=np.float64), np.array(counts, dtype=np.float64)
         if self._samples and np.any(times < self._samples[-1][0]):

@@ -1,4 +1,4 @@
-"""The state of the skin at one moment, as the views show it."""
+"""State of the skin at one moment (a reading), which the views display."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,14 +17,15 @@ class BoardReading:
 
     Attributes:
         frames: number of processed frames.
-        rate_hz: frames per second over the last seconds.
-        missing, damaged: missing frames, and frames with a wrong CRC of the board (see `taxel.stream.BoardCount`).
-        bus_faults: failed polls of the hub: NACKs, time-outs, CRC and bus errors; None before the hub has reported
-        them.
-        silent_s: seconds since the last frame; None before the first.
+        rate_hz: frames per second over about the last two seconds.
+        missing, damaged: numbers of missing frames, and of frames with a wrong CRC of the board (see
+            `taxel.stream.BoardCount`).
+        bus_faults: number of failed polls of the board by the hub (NACKs, time-outs, CRC and bus errors); None before
+            the hub has reported it.
+        silent_s: seconds since the last frame; None before the first frame.
         active: number of active taxels.
-        largest_signal: counts; NaN without a baseline or without frames.
-        baseline: share of the baseline's samples so far, 0 to 1.
+        largest_signal: largest signal of the board's taxels, counts; NaN without a baseline or without frames.
+        baseline_progress: share of the baseline's frames that have arrived, 0 to 1.
         state: "streaming", "silent", "absent", "incompatible" or "no frame yet".
     """
 
@@ -37,7 +38,7 @@ class BoardReading:
     silent_s: float | None
     active: int
     largest_signal: float
-    baseline: float
+    baseline_progress: float
     state: str
 
     @property
@@ -52,25 +53,27 @@ class SkinReading:
 
     Attributes:
         signal_counts: f64[n], largest signal since the last reading, counts; NaN where unknown.
-        active: bool[n], the signal exceeds the threshold.
-        raw_counts: u16[n], counts of the newest frame of each board; 0 before the first.
-        boards: one reading for each board of the hand, in its order.
-        time_s: time of the newest frame on the stream's clock; NaN before the first.
+        active: bool[n], whether the signal exceeds the threshold.
+        raw_counts: u16[n], counts of the newest frame of each board; 0 before the first frame.
+        boards: one reading for each board of the hand, in the hand's order.
+        time_s: time of the newest frame on the stream's clock; NaN before the first frame.
         watched_s: seconds since the start of the monitor.
-        scans_hz: scans of the whole skin per second: the largest rate of a board.
+        scans_hz: scans of the whole skin per second: the largest frame rate of a board.
         frames_hz: frames of all boards per second.
-        frames, lost_on_wire, damaged, missing, bytes_discarded, bytes_waiting, hub_restarts: totals since the start.
-        unknown: whole frames of a type or a length that this version does not define; a newer hub sends them.
-        hub_dropped: frames that the hub had no space for. bus_recoveries: recoveries of the bus by the hub. cycle_s:
-            duration of the last poll cycle. None before the hub has reported them.
-        age_s: time from the start of a scan to the processing of its frame, median and largest of the last second; None
-            for a stream that is not in real time.
+        frames, lost_on_wire, damaged, missing, bytes_discarded, hub_restarts: totals since the start. damaged: frames
+            with a wrong CRC of their board.
+        bytes_waiting: received bytes that are not processed yet.
+        unknown: intact frames of a type or a length that this version does not define; a newer hub sends them.
+        hub_dropped: frames that the hub discarded because its buffer was full. bus_recoveries: recoveries of the bus
+            by the hub. cycle_s: duration of the last poll cycle. None before the hub has reported them.
+        age_s: time from the start of a scan to the processing of its frame, median and largest value of about the last
+            second, seconds; None for a stream that is not in real time.
         disturbed: number of taxels that were touched during the baseline.
         suspect: number of taxels whose raw count is above the baseline by more than the threshold.
-        baseline: share of the baseline's samples so far, mean of the sending boards, 0 to 1.
+        baseline_progress: share of the baseline's frames that have arrived, mean of the sending boards, 0 to 1.
         cpu_share: share of one processor core that this process has used recently.
         is_ended: the stream has ended.
-        advice: what the user should do, in one line; None if there is no problem.
+        advice: the most serious problem and the action of the user, in one line; None if there is no problem.
         no_data_since_s: Unix time of the last frame, seconds, if none has arrived for longer than `NO_DATA_S`; else
             None. Rates and signals are then out of date.
         proximity: targets in front of the boards before contact; None if they are not estimated.
@@ -98,7 +101,7 @@ class SkinReading:
     age_s: tuple[float, float] | None
     disturbed: int
     suspect: int
-    baseline: float
+    baseline_progress: float
     cpu_share: float
     is_ended: bool
     advice: str | None
@@ -113,7 +116,7 @@ class SkinReading:
     @property
     def is_measuring(self) -> bool:
         """Whether the baseline of every sending board is complete."""
-        return self.baseline >= 1.0
+        return self.baseline_progress >= 1.0
 
     @property
     def largest_signal(self) -> float:
@@ -122,14 +125,14 @@ class SkinReading:
         return float(finite.max()) if finite.size else float("nan")
 
     def as_dict(self) -> dict[str, Any]:
-        """Convert the reading to JSON values; None for unknown values."""
+        """Convert the reading to the dictionary that `taxel monitor --json` prints; None for unknown values."""
         values = {
             "time_s": _round_finite(self.time_s, 6),
             "watched_s": round(self.watched_s, 3),
             "scans_hz": round(self.scans_hz, 3),
             "frames_hz": round(self.frames_hz, 1),
             "boards_streaming": self.boards_streaming,
-            "baseline": round(self.baseline, 3),
+            "baseline": round(self.baseline_progress, 3),
             "active": int(self.active.sum()),
             "largest_drop": _round_finite(self.largest_signal, 1),
             "frames": self.frames,

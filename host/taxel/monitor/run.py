@@ -1,4 +1,4 @@
-"""The loop of the monitor: processes every frame and draws some readings in a second."""
+"""Loop of the monitor: processes every frame and draws several readings per second."""
 
 import time
 from typing import Protocol
@@ -28,10 +28,10 @@ class View(Protocol):
 def watch(
     skin: Skin, monitor: SkinMonitor, view: View, seconds: float | None = None, draws_hz: float = DRAWS_HZ
 ) -> SkinReading:
-    """Process the frames of a skin and draw readings until the view is done or the stream ends; return the last.
+    """Process the frames of a skin and draw readings until the view is done or the stream ends.
 
-    seconds: largest duration; None: unlimited. draws_hz: readings drawn per second. Raises the errors of the skin after
-    a last drawing.
+    seconds: largest duration; None: unlimited. draws_hz: readings drawn per second. Returns the last reading. Errors of
+    the skin are raised again after a last reading is drawn.
     """
     started_s = time.monotonic()
     due_s = started_s + 1.0 / draws_hz

@@ -25,7 +25,7 @@ _COLUMNS: tuple[tuple[str, int, Callable[[BoardReading], str]], ...] = (
     ("board", -21, lambda b: b.board.name.replace("_", " ")),
     ("addr", 4, lambda b: f"0x{b.board.address:02X}"),
     ("Hz", 5, lambda b: f"{b.rate_hz:.1f}"),
-    ("active", 6, lambda b: str(b.active) if b.baseline >= 1.0 else f"{100 * b.baseline:.0f} %"),
+    ("active", 6, lambda b: str(b.active) if b.baseline_progress >= 1.0 else f"{100 * b.baseline_progress:.0f} %"),
     ("signal", 6, lambda b: "-" if math.isnan(b.largest_signal) else f"{b.largest_signal:.0f}"),
     ("missing", 7, lambda b: str(b.missing)),
     ("damaged", 7, lambda b: str(b.damaged)),
@@ -38,13 +38,13 @@ TABLE_WIDTH = sum(abs(width) for _, width, _ in _COLUMNS) + len(_COLUMNS) - 1
 
 
 class Screen:
-    """Drawing of the readings of one hand as text. title: text of the first line.
+    """Drawer of the readings of one hand as text: header, map of the taxels, table of the boards.
 
     The attribute `shows_table` selects the table instead of the map on a screen without space for both.
     """
 
     def __init__(self, hand: Hand, title: str, threshold: float) -> None:
-        """Create the text screen of one hand; title: text of the first line; threshold: of an activation, counts."""
+        """Create a drawer. title: text of the first line. threshold: activation threshold, counts."""
         self._hand = hand
         self._title = title
         self._scale = ColourScale(threshold)
@@ -107,7 +107,10 @@ class Screen:
         canvas.write(2, column + LEGEND_WIDTH - inactive_width, top_text, DIM)
 
     def _draw_map(self, canvas: Canvas, reading: SkinReading, layout: BoardLayout, top: float) -> None:
-        """Draw the taxels in their colours, with headings and labels of the boards. top: end of the scale, counts."""
+        """Draw the taxels in the colours of their signals, with headings and labels of the boards.
+
+        top: end of the colour scale, counts.
+        """
         steps = colour_steps(reading.signal_counts, self._scale.threshold, top)
         paint_taxels(canvas, self._hand, layout, HEADER_ROWS, steps, reading.active)
         by_address = {board.board.address: board for board in reading.boards}
@@ -130,10 +133,11 @@ class Screen:
 def _arrange(
     hand: Hand, width: int, height: int, table_height: int
 ) -> tuple[BoardLayout | None, tuple[int, int] | None]:
-    """Choose the largest layout of the boards that fits on the screen, and a position of the table.
+    """Select the largest layout of the boards that fits on the screen together with the table, and place the table.
 
-    width, height: size of the space, characters. table_height: rows of the table. Returns the layout, or None if none
-    fits, and the corner (row, column) of the table beside or below the layout, or None if the table does not fit.
+    width, height: size of the available space, characters. table_height: number of rows of the table. Returns the
+    layout and the upper left corner (row, column) of the table beside or below the layout. If no layout has space for
+    the table, the corner is None and the layout is the largest one that fits alone; None if none fits.
     """
     layouts = [layout for layout in list_layouts(hand, width) if layout.width <= width and layout.height <= height]
     for layout in layouts:
@@ -145,9 +149,9 @@ def _arrange(
 
 
 def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
-    """Write the parts of a status line, separated by dots, in a row of the canvas; return the column after the last.
+    """Write the parts of a status line in a row of the canvas, separated by dots, and return the column after the last.
 
-    parts: pairs of a text and whether it reports a problem.
+    parts: pairs of a text and a bool, whether the text reports a problem.
     """
     column = 0
     for number, (text, is_bad) in enumerate(parts):
@@ -165,5 +169,5 @@ def _write_row(canvas: Canvas, row: int, column: int, texts: Sequence[str], styl
 
 
 def _truncate(text: str, width: int) -> str:
-    """Shorten a text to `width` characters, with an ellipsis at its end if it was longer."""
+    """Shorten a string that is longer than `width` characters to this width, with an ellipsis at its end."""
     return text if len(text) <= width else text[: max(0, width - 1)] + "…"

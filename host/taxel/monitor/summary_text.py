@@ -8,17 +8,18 @@ from taxel.monitor.reading import SkinReading
 from taxel.proximity.watch import WARNING_PROBABILITY
 
 QUEUE_BYTES = 1 << 14
-"""Number of waiting bytes above which a stream in real time shows them. Between two polls fewer bytes wait; sources
-that are not in real time wait for the reader.
+"""Number of unprocessed bytes above which a view displays it, for a stream in real time. Fewer bytes arrive between two
+polls; a source that is not in real time waits for the reader, so its number of bytes means nothing.
 """
 
 Part = tuple[str, bool]
+"""Text of a status line, and whether it reports a problem."""
 
 
 def format_rates(reading: SkinReading) -> list[Part]:
-    """Return texts for the rates, the boards, and the active taxels or the progress of the baseline.
+    """Return the parts of the status line for the rates, the boards, and the active taxels or the baseline's progress.
 
-    Each text comes with a bool: whether it reports a problem.
+    While no frames arrive, the parts are the banner "no data since ..." and the number of streaming boards.
     """
     total = len(reading.boards)
     banner = format_banner(reading)
@@ -35,12 +36,15 @@ def format_rates(reading: SkinReading) -> list[Part]:
             (f"signal up to {_format_counts(reading.largest_signal)}", False),
         ]
     else:
-        parts.append((f"baseline {100 * reading.baseline:.0f} %", False))
+        parts.append((f"baseline {100 * reading.baseline_progress:.0f} %", False))
     return parts + _format_proximity(reading)
 
 
 def _format_proximity(reading: SkinReading) -> list[Part]:
-    """Return a text for the nearest target before contact; a predicted contact counts as a problem."""
+    """Return the part of the status line for the nearest target before contact; empty without a target.
+
+    A predicted contact is reported as a problem.
+    """
     near = [each for each in reading.proximity or () if each.distance_m is not None]
     if not near:
         return []
@@ -66,7 +70,10 @@ def format_clock(unix_s: float) -> str:
 
 
 def format_errors(reading: SkinReading) -> list[Part]:
-    """Return a text for each error counter above 0, or "no errors"; each with a bool: whether it reports a problem."""
+    """Return a part of the status line for each error counter above 0, or "no errors"; empty while no frames arrive.
+
+    Unknown frames are listed too, but are not a problem.
+    """
     counts = [
         ("lost on the wire", reading.lost_on_wire),
         ("damaged", reading.damaged),
@@ -83,9 +90,9 @@ def format_errors(reading: SkinReading) -> list[Part]:
 
 
 def format_load(reading: SkinReading) -> list[Part]:
-    """Return texts for the age of the frames, the waiting bytes, and the processor load of this program.
+    """Return the parts of the status line for the age of the frames, the unprocessed bytes, and the processor load.
 
-    Each text comes with a bool: whether it reports a problem.
+    The age and the bytes are omitted for a stream that is not in real time, and the bytes up to `QUEUE_BYTES`.
     """
     parts = []
     if reading.age_s is not None and reading.no_data_since_s is None:

@@ -52,8 +52,8 @@ class Keys:
 class TerminalView:
     """View of the monitor on the whole terminal, which is restored at the end.
 
-    A context manager and a `taxel.monitor.View`. Keys: q quits, b takes the baseline again, t shows the table instead
-    of the map on a screen without space for both.
+    A context manager and a `taxel.monitor.View`. Keys: q quits, b measures the baseline again, t shows the table
+    instead of the map on a screen without space for both.
     """
 
     def __init__(self, console: Console, monitor: SkinMonitor, title: str) -> None:
@@ -89,7 +89,7 @@ class TerminalView:
         self._console.print(canvas, end="", soft_wrap=True)
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Process the typed keys, and return whether the user has typed q (quit)."""
+        """Execute the commands of the typed keys, and return whether the user has typed q (quit) since the start."""
         for key in self._keys.read().lower():
             if key == "q":
                 self._is_quit = True

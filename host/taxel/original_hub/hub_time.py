@@ -1,8 +1,8 @@
 """Time of the original hub: its timestamps, checked against the position of each message in the stream.
 
 A damaged timestamp cannot be recognised by itself. The hub sends almost without pause, so that the position in the
-stream predicts the time of a message. A timestamp far from this prediction is replaced; the next message decides
-whether it was damaged, or whether the hub paused, restarted, or bytes were lost.
+stream predicts the time of a message. A timestamp far from this prediction is suspect, and the prediction replaces it;
+the next message decides whether the timestamp was damaged, or whether the hub paused or restarted, or bytes were lost.
 """
 
 from collections import deque
@@ -13,24 +13,25 @@ _WRAP: Final = 1 << 32
 _US_PER_MS: Final = 1000
 
 TOLERANCE_SHARE: Final = 0.6
-"""Largest deviation of a timestamp from its prediction that is not checked, as a share of a poll cycle. It must exceed
-the pause of the hub (a third of a cycle) and remain below one cycle, whose loss has to be noticed."""
+"""Largest deviation of a timestamp from its prediction that is accepted at once, as a share of a poll cycle. It must
+exceed the pause of the hub (a third of a cycle) and remain below one cycle, whose loss has to be noticed."""
 
 TOLERANCE_UNKNOWN_MS: Final = 1000.0
-"""The same before the duration of a cycle is known, ms (chosen)."""
+"""Largest accepted deviation before the duration of a cycle is known, ms (chosen)."""
 
 RESTART_MS: Final = 1000.0
-"""Smallest decrease of confirmed timestamps that is a restart of the hub, ms. The hub's own race between timer and
-interrupt produces decreases of at most one cycle."""
+"""Smallest decrease of confirmed timestamps that is treated as a restart of the hub, ms. A race condition in the hub's
+firmware produces decreases of at most one cycle."""
 
 CYCLES_KEPT: Final = 15
+"""Number of latest cycles whose median duration is used."""
 
 
 class Tick(NamedTuple):
     """Time of a message.
 
-    time_us: microseconds since the start of the hub. is_restart: the hub has restarted before this message.
-    lost_ms: time in which the stream was interrupted and its bytes were lost, else 0.
+    time_us: microseconds since the start of the hub. is_restart: the hub has restarted before this message. lost_ms:
+    duration of an interruption of the stream, in which bytes were lost; 0 without an interruption.
     """
 
     time_us: int
@@ -39,27 +40,28 @@ class Tick(NamedTuple):
 
 
 class HubTime:
-    """Times of successive messages. Formats without timestamps give the time of the bytes on the wire since the start.
+    """Computes the times of successive messages.
 
-    byte_ms: time of one byte on the wire, ms.
+    For a format without timestamps, the time is that which all bytes since the start of the stream take on the wire.
+    cycle_ms: median duration of a poll cycle; None before it is known.
     """
 
     def __init__(self, byte_ms: float) -> None:
-        """Create the clock of one stream; byte_ms: time of one byte on the wire, ms."""
+        """Create the clock of one stream. byte_ms: time of one byte on the wire, ms."""
         self.cycle_ms: float | None = None
         self._byte_ms = byte_ms
         self._mean_byte_ms = byte_ms
         self._now_ms = 0.0  # unwrapped
         self._position: int | None = None
-        self._suspect: tuple[int, int, bool] | None = None  # timestamp, position, bytes were discarded before it
+        self._suspect: tuple[int, int, bool] | None = None  # its timestamp, its position, bytes were discarded before
         self._cycle_times: deque[float] = deque(maxlen=CYCLES_KEPT)
         self._cycle_start: tuple[int, float] | None = None
 
     def take(self, timestamp_ms: int | None, position: int, has_discarded: bool) -> Tick:
-        """Return the time of the next message.
+        """Compute the time of the next message, and detect a restart of the hub or an interruption before it.
 
-        timestamp_ms: modulo 2^32; None for a format without timestamps. position: first byte in the stream.
-        has_discarded: bytes before the message belong to no message.
+        timestamp_ms: modulo 2^32; None for a format without timestamps. position: position of its first byte in the
+        stream. has_discarded: directly before the message there are bytes that belong to no message.
         """
         if timestamp_ms is None:
             self._now_ms = position * self._byte_ms
@@ -73,7 +75,7 @@ class HubTime:
             self._suspect = None
             self._set(expected_ms + deviation_ms, position)
             return Tick(round(self._now_ms * _US_PER_MS))
-        if self._suspect is None or not self._agrees(timestamp_ms, position):
+        if self._suspect is None or not self._agrees_with_suspect(timestamp_ms, position):
             was_discarded = has_discarded or (self._suspect is not None and self._suspect[2])
             self._suspect = (timestamp_ms, position, was_discarded)
             return Tick(round(expected_ms * _US_PER_MS))
@@ -87,9 +89,9 @@ class HubTime:
         return Tick(round(self._now_ms * _US_PER_MS), lost_ms=max(deviation_ms, 0.0) if was_discarded else 0.0)
 
     def begin_cycle(self, cycle: int, size: int) -> None:
-        """Note that the last message is the first one received of a poll cycle, to learn the duration of a cycle.
+        """Learn the duration of a poll cycle; call this after `take` for the first received message of each cycle.
 
-        cycle: its number. size: bytes of a cycle.
+        cycle: number of the cycle. size: bytes of a complete cycle.
         """
         if self._cycle_start is not None and cycle == self._cycle_start[0] + 1:
             self._cycle_times.append(self._now_ms - self._cycle_start[1])
@@ -103,12 +105,12 @@ class HubTime:
         """Largest deviation of a timestamp from its prediction that is accepted at once, ms."""
         return TOLERANCE_UNKNOWN_MS if self.cycle_ms is None else TOLERANCE_SHARE * self.cycle_ms
 
-    def _agrees(self, timestamp_ms: int, position: int) -> bool:
-        """Whether a timestamp follows that of the suspect message as their positions predict."""
+    def _agrees_with_suspect(self, timestamp_ms: int, position: int) -> bool:
+        """Return whether a timestamp follows the suspect timestamp as the positions of the two messages predict."""
         suspect_ms, suspect_position, _ = self._suspect or (0, 0, False)
         expected = suspect_ms + (position - suspect_position) * self._mean_byte_ms
         return abs((timestamp_ms - expected + _WRAP / 2) % _WRAP - _WRAP / 2) <= self._tolerance_ms
 
     def _set(self, now_ms: float, position: int) -> None:
-        """Set the time of the message at `position`, ms."""
+        """Store the time of the message at `position`, ms, as the basis of the next prediction."""
         self._now_ms, self._position = now_ms, position

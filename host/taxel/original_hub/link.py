@@ -23,10 +23,11 @@ STATUS_PERIOD_US: Final = 1_000_000
 """Period of HUB_STATUS and BOARD_STATUS frames, microseconds, as of a hub of the project."""
 
 HUB_START_MS: Final = 1000
-"""Time of a first message below which the stream begins with the start of the hub, ms (chosen)."""
+"""If the first message has a smaller timestamp, the stream is assumed to begin with the start of the hub, ms (chosen).
+"""
 
 LOOKAHEAD: Final = 2 * len(TAXELS)
-"""Largest number of later messages on which the location of a message depends: two cycles of all boards."""
+"""Largest number of later messages on which the poll cycle of a message depends: two cycles of all boards."""
 
 UNKNOWN_BOARD_MESSAGES: Final = 6
 UNKNOWN_BOARD_SHARE: Final = 0.2
@@ -41,20 +42,19 @@ _FILLER: Final = b"\xff"
 class OriginalLink:
     """A link to an original hub that behaves as a hub of the project.
 
-    Each message becomes a TAXELS frame. Its `cycle` and its board's `sequence` are the number of the poll cycle, so
-    that a board without a message in a cycle counts as missing. The frame's own sequence numbers skip the messages that
-    were damaged on the wire, as far as the discarded bytes show them; discarded bytes are passed on as bytes that
-    belong to no frame. All times of a frame are the hub's timestamp, at which the hub built the message; the counts
-    were scanned one cycle earlier.
+    Each message becomes a TAXELS frame. The frame's `cycle` and its board's `sequence` are the number of the poll
+    cycle, so that a board without a message in a cycle is counted as missing. The frame's sequence number skips the
+    messages that were damaged on the wire, as far as the discarded bytes show them; discarded bytes are passed on as
+    bytes that belong to no frame. All times of a frame are the hub's timestamp, at which the hub built the message; the
+    counts were scanned one cycle earlier.
 
-    `source`: the link with the bytes of the original hub. Raises LinkError if the stream regularly contains a board
-    that the hand does not have.
+    source: the link with the bytes of the original hub.
     """
 
     has_flow_control = False
 
     def __init__(self, source: Link, hand: Hand, message_format: OriginalFormat, baud: float | None = None) -> None:
-        """Wrap the link `source`; baud: bits per second on the wire, None: that of `source`."""
+        """Wrap the link `source`. baud: bits per second on the wire; None: the baud rate of `source`."""
         self.source = source
         self.name = source.name
         self.baud = source.baud if baud is None else baud
@@ -65,8 +65,8 @@ class OriginalLink:
         self.decoder = NativeOriginalDecoder(message_format)
         self._hand = hand
         self._lengths = message_format.lengths
-        self._own_addresses = {
-            address: own for address in self._lengths if (own := _find_own_address(address, hand)) is not None
+        self._hand_addresses = {  # by address in a message
+            address: found for address in self._lengths if (found := _find_hand_address(address, hand)) is not None
         }
         self._statistics = Statistics()
         self._replies = HubReplies(self.name, hand, self._statistics, self._send)
@@ -87,14 +87,15 @@ class OriginalLink:
 
     @property
     def read_sequence(self) -> tuple[int, ...]:
-        """Addresses of the boards in the order in which the hub reads them; () before this order is known."""
+        """Addresses of the boards in the order in which the hub reads them; empty before this order is known."""
         with self._lock:
             return self._reads.order
 
     def read(self, timeout_s: float) -> Chunk | None:
         """Return the frames of the next messages; None if there are none within `timeout_s` seconds.
 
-        Raises the errors of the source after all frames before them are returned.
+        Raises the errors of the source, but only after all frames before the error were returned. Raises LinkError if
+        the stream regularly contains a board that the hand does not have.
         """
         while True:
             with self._lock:
@@ -113,11 +114,14 @@ class OriginalLink:
 
     @property
     def _is_held(self) -> bool:
-        """Whether messages wait for START: the time of a source that waits for its reader must not pass before."""
+        """Whether messages are held back until START.
+
+        This applies to a source whose virtual time waits for its reader: no message may be lost before START.
+        """
         return not (self.is_real_time or self.is_recorded or self._replies.is_streaming)
 
     def _take_output(self) -> Chunk | None:
-        """Return the output bytes with the arrival time of the last bytes of the source; None without output."""
+        """Return and clear the collected output, with the arrival time of the last read bytes; None without output."""
         if not self._output:
             return None
         data = bytes(self._output)
@@ -145,11 +149,11 @@ class OriginalLink:
             self._take_messages(self.decoder.push(chunk.data))
 
     def _take_messages(self, messages: list[OriginalMessage]) -> None:
-        """Learn the read sequence from messages, and send their frames as soon as the sequence is known."""
+        """Learn the read sequence from decoded messages, and emit their frames as soon as the sequence is known."""
         for message in messages:
-            if message.address not in self._own_addresses:
+            if message.address not in self._hand_addresses:
                 self._count_unknown_board(message.address)
-                continue  # its bytes count as discarded before the next message
+                continue  # its bytes are treated as discarded before the next message
             discarded = message.position - self._message_end
             self._message_end = message.position + self._lengths[message.address]
             self._messages[message.address] += 1
@@ -160,7 +164,7 @@ class OriginalLink:
         self._replies.answer_handshake(bool(self._messages), bool(self._reads.order))
 
     def _count_unknown_board(self, address: int) -> None:
-        """Count a message of a board that the hand does not have. Raises LinkError if there are too many."""
+        """Count a message of a board that the hand does not have. Raises LinkError if there are too many of them."""
         self._unknown[address] += 1
         most = max(self._messages.values(), default=0)
         if self._unknown[address] >= max(UNKNOWN_BOARD_MESSAGES, UNKNOWN_BOARD_SHARE * most):
@@ -171,13 +175,16 @@ class OriginalLink:
             )
 
     def _flush(self) -> None:
-        """Send the frames of all pending messages, unless they wait for START or for the messages behind them."""
+        """Emit the frames of all pending messages up to the first one whose poll cycle depends on later messages.
+
+        Nothing is emitted while messages are held back until START.
+        """
         if self._is_held:
             return
         placed = [Placed(message.address, message.position) for message, _ in self._pending]
         done = 0
         for index, (message, discarded) in enumerate(self._pending):
-            if self._hub_starts_at(message):
+            if self._is_first_after_hub_start(message):
                 self._reads.assume_hub_start()
             location = self._reads.locate(
                 placed[index], placed[index + 1 : index + 1 + LOOKAHEAD], self._end is not None
@@ -188,17 +195,18 @@ class OriginalLink:
             done += 1
         del self._pending[:done]
 
-    def _hub_starts_at(self, message: OriginalMessage) -> bool:
-        """Whether the stream begins with this message, soon after the start of the hub."""
+    def _is_first_after_hub_start(self, message: OriginalMessage) -> bool:
+        """Return whether the stream begins with this message and the hub has started shortly before."""
         is_early = message.timestamp_ms is not None and 0 < message.timestamp_ms < HUB_START_MS
         return is_early and not self._statistics.messages
 
     def _translate(self, message: OriginalMessage, discarded: int, location: Location) -> None:
-        """Send the TAXELS frame of a message, with the losses before it.
+        """Emit the TAXELS frame of a message, and count the losses before it.
 
-        discarded: bytes between this message and the one before that belong to no message.
+        discarded: number of bytes between the previous message and this one that belong to no message. location: poll
+        cycle of the message, and number of lost messages before it. Without START the frame is only counted.
         """
-        tick = self._tick(message, discarded)
+        tick = self._compute_tick(message, discarded)
         if tick.is_restart:
             self._announce_restart(tick)
         cycle, lost = location
@@ -210,7 +218,7 @@ class OriginalLink:
         if cycle != statistics.cycle and self._reads.size:
             self._clock.begin_cycle(cycle, self._reads.size)
             statistics.cycle_us = round(1000.0 * (self._clock.cycle_ms or 0.0))
-        address = self._own_addresses[message.address]
+        address = self._hand_addresses[message.address]
         statistics.add(address, cycle, tick.time_us)
         if not (self._replies.is_streaming or self.is_recorded):
             return
@@ -222,16 +230,20 @@ class OriginalLink:
         frame = TaxelFrame(address, cycle % _SEQUENCES, cycle % _SEQUENCES, 0.0, tick.time_us % (1 << 32), 0, counts)
         self._append(encode_taxels(frame, self._sequence, tick.time_us))
 
-    def _tick(self, message: OriginalMessage, discarded: int) -> Tick:
-        """Return the time of a message: the hub's, or for a format without timestamps that of its arrival."""
+    def _compute_tick(self, message: OriginalMessage, discarded: int) -> Tick:
+        """Compute the time of a message.
+
+        It is the hub's time. For a format without timestamps it is the arrival time since the first bytes, or, for a
+        source without arrival times, the position in the stream times the duration of a byte.
+        """
         if message.timestamp_ms is None and self.has_arrivals and self._first_arrival_ns is not None:
             return Tick((self._arrival_ns - self._first_arrival_ns) // 1000)
         return self._clock.take(message.timestamp_ms, message.position, discarded > 0)
 
     def _announce_restart(self, tick: Tick) -> None:
-        """Report a restart of the hub to the host as a hub of the project does: a new sequence, and its first frame.
+        """Report a restart of the hub to the host as a hub of the project does: with a handshake in a new sequence.
 
-        The agreed version remains valid, because the link itself has not restarted.
+        The agreed protocol version remains valid, because the link itself has not restarted.
         """
         self._statistics.time_us = tick.time_us
         self._statistics.frames = 0
@@ -240,7 +252,7 @@ class OriginalLink:
         self._replies.send_handshake(0, PROTOCOL_VERSION)
 
     def _send_status_if_due(self, time_us: int) -> None:
-        """Send the status frames once per `STATUS_PERIOD_US` of the hub's clock."""
+        """Emit the status frames if `STATUS_PERIOD_US` has passed on the hub's clock since the last ones."""
         if self._status_us is None or not 0 <= time_us - self._status_us < STATUS_PERIOD_US:
             self._status_us = time_us
             self._replies.send_status()
@@ -265,7 +277,7 @@ class OriginalLink:
             self.source.write(data)  # raises the error of a recording
             return
         with self._lock:
-            boards = [self._own_addresses[address] for address in self._reads.order]
+            boards = [self._hand_addresses[address] for address in self._reads.order]
             if self.is_real_time:
                 self._arrival_ns = max(self._arrival_ns, time.monotonic_ns())
             for kind, _, payload in self._host_decoder.push(data):
@@ -278,10 +290,10 @@ class OriginalLink:
         self.source.close()
 
 
-def _find_own_address(address: int, hand: Hand) -> int | None:
-    """Address in the hand of the board that sends with `address`; None if the hand has no such board.
+def _find_hand_address(address: int, hand: Hand) -> int | None:
+    """Return the hand's address of the board that sends with `address`; None if the hand has no such board.
 
-    Seven boards of the first generation had other addresses in early firmware.
+    The two addresses can differ, because seven boards of the first generation had other addresses in early firmware.
     """
     known = {board.address for board in hand.boards}
     later = EARLY_ADDRESSES.get(address, address)

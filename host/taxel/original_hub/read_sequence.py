@@ -1,10 +1,10 @@
 """Read sequence of the original hub, learned from the stream, and the poll cycle of each message.
 
 The hub reads its boards in a fixed order and sends one message per board; the messages have no number. Two messages
-that are contiguous in the stream prove that one board follows the other. The majority of these pairs gives the order,
-and the order with the lengths of the messages gives the distance of two messages in bytes. Lost bytes leave this
-distance unchanged but for the few bytes that were dropped or inserted, so that the number of missing messages follows
-from the position in the stream, even if the boards are seldom received or their timestamps are damaged.
+that are contiguous in the stream show that one board follows the other. The majority of these pairs gives the order,
+and the order together with the lengths of the messages gives the distance between two messages in bytes. Damaged bytes
+change this distance only by the few bytes that were dropped or inserted. The number of missing messages therefore
+follows from the position in the stream, even if a board is seldom received or its timestamps are damaged.
 """
 
 from collections import Counter, defaultdict, deque
@@ -22,16 +22,16 @@ LEARNING_MESSAGES: Final = 3 * 22
 three cycles of 22 boards (chosen)."""
 
 ACTIVE_SHARE: Final = 0.25
-"""Smallest number of messages of a board in the window, as a share of the most frequent board, at which the board
-belongs to the order. A smaller share admits addresses that exist only in damaged messages."""
+"""Smallest number of messages of a board in the window, as a share of those of the most frequent board, at which the
+board belongs to the order. A smaller share admits addresses that exist only in damaged messages."""
 
 PAUSE_MIN_MS: Final = 10.0
-"""Smallest excess of the longest time between two boards over the second longest at which the longest is taken for
-the pause between two cycles, ms. The public firmware pauses for 50 ms; reading the palm takes 22 ms."""
+"""Smallest excess of the longest time between two boards over the second longest at which the longest is treated as the
+pause between two cycles, ms. The public firmware pauses for 50 ms; reading the palm takes 22 ms."""
 
 TOLERANCE: Final = 8
-"""Largest net number of bytes dropped or inserted between two messages that needs no explanation. A larger value
-confuses dropped bytes with a missing board: the shortest message has 20 bytes."""
+"""Largest net number of dropped or inserted bytes between two messages for which no missing board is assumed. A larger
+value confuses dropped bytes with a missing board: the shortest message has 20 bytes."""
 
 SUBSET_MAX: Final = 12
 """Largest number of absent boards for which the number of lost messages is computed exactly from the lost bytes."""
@@ -40,8 +40,8 @@ SUBSET_MAX: Final = 12
 class Location(NamedTuple):
     """Location of a message in the read sequence.
 
-    cycle: number of the poll cycle, from 0. lost: messages between the previous message and this one that the hub sent
-    and that were damaged, as far as the discarded bytes show it.
+    cycle: number of the poll cycle, from 0. lost: number of messages between the previous message and this one that the
+    hub sent but that were damaged, as far as the discarded bytes show.
     """
 
     cycle: int
@@ -49,16 +49,17 @@ class Location(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """A message: address of its board, and position of its first byte in the stream."""
+    """A message in the stream. address: address of its board. start: position of its first byte in the stream."""
 
     address: int
     start: int
 
 
 class _Pair(NamedTuple):
-    """A message in the window. previous: address of the message before it if contiguous, else None.
+    """A message in the window of latest messages, with the message directly before it.
 
-    gap_ms: time between the two messages, or None.
+    address: address of its board. previous: address of the board whose message ends where this one begins; None if
+    there is no such message. gap_ms: time between the two messages; None if it is unknown.
     """
 
     address: int
@@ -69,11 +70,12 @@ class _Pair(NamedTuple):
 class ReadSequence:
     """Order in which the hub reads its boards.
 
-    lengths: bytes of a message by address. `order`: addresses in the order of reading, () before it is known.
+    order: addresses in the order of reading; empty before it is known. size: bytes of a complete cycle. A board between
+    two received messages whose message is not in the stream is called absent.
     """
 
     def __init__(self, lengths: Mapping[int, int]) -> None:
-        """Create an empty read sequence; lengths: bytes of a message by address of its board."""
+        """Create an empty read sequence. lengths: number of bytes of a message, by address of its board."""
         self.order: tuple[int, ...] = ()
         self.size = 0
         self._lengths = lengths
@@ -85,9 +87,9 @@ class ReadSequence:
         self._address = -1
         self._time_ms: float | None = None
         self._cycle = 0
-        self._seen: set[int] = set()
-        self._skipped: set[int] = set()
-        self._last: Placed | None = None  # last message at its place in the order
+        self._seen: set[int] = set()  # boards that were received in the present cycle
+        self._skipped: set[int] = set()  # boards that the hub did not send at their place in the present cycle
+        self._last: Placed | None = None  # last message of a board in the order
         self._last_end = 0
 
     @property
@@ -98,9 +100,10 @@ class ReadSequence:
         return sorted(address for address, count in counts.items() if count >= enough)
 
     def learn(self, address: int, start: int, time_ms: float | None) -> None:
-        """Add a message to the window, and learn the order again if the message contradicts it.
+        """Add a message to the window of latest messages, and learn the order if it is unknown or contradicted.
 
-        start: position of its first byte in the stream. time_ms: its timestamp; None if unknown.
+        address: address of the message's board. start: position of its first byte in the stream. time_ms: its
+        timestamp; None if it is unknown.
         """
         is_contiguous = start == self._end
         has_gap = is_contiguous and time_ms is not None and self._time_ms is not None
@@ -109,16 +112,20 @@ class ReadSequence:
         self._window.append(_Pair(address, previous, gap_ms))
         self._end, self._address, self._time_ms = start + self._lengths[address], address, time_ms
         self._learned_messages += 1
-        if not self.order or (previous is not None and self._follower(previous) != address):
+        if not self.order or (previous is not None and self._get_follower(previous) != address):
             self._learn_order()
 
-    def _follower(self, address: int) -> int | None:
-        """Return the board that the hub reads after the board at `address`; None for an unknown board."""
+    def _get_follower(self, address: int) -> int | None:
+        """Return the address that the hub reads after `address`; None if `address` is not in the order."""
         rank = self._ranks.get(address)
         return None if rank is None else self.order[(rank + 1) % len(self.order)]
 
     def _learn_order(self) -> None:
-        """Set the order from the contiguous pairs in the window; the public firmware's order if they give none."""
+        """Set the order from the contiguous pairs in the window.
+
+        The pairs give an order if the most frequent followers form a ring of all active boards. Otherwise the order of
+        the public firmware is used after `LEARNING_MESSAGES` messages, unless an order is already known.
+        """
         active = self.active
         followers: dict[int, Counter[int]] = defaultdict(Counter)
         for pair in self._window:
@@ -134,18 +141,22 @@ class ReadSequence:
             self.use_public_order()
 
     def use_public_order(self) -> None:
-        """Use the order of the hub's public firmware for all received boards if no order is known."""
+        """If no order is known, use that of the hub's public firmware for all received boards."""
         addresses = {pair.address for pair in self._window}
         if not self.order and addresses:
-            self._set_order(sorted(addresses, key=_public_rank))
+            self._set_order(sorted(addresses, key=_get_public_rank))
 
     def _is_confirmed(self, ring: list[int], followers: Mapping[int, Counter[int]]) -> bool:
-        """Whether every pair of the ring was received twice: a pair that occurred once may be damaged."""
+        """Return whether each pair of the ring was received at least twice; a single occurrence may be damaged."""
         return all(followers[a][b] >= 2 for a, b in _list_pairs(ring))
 
     def _set_order(self, ring: list[int]) -> None:
-        """Set the order of reading; the cycle begins after the pause of the hub, if the times show one."""
-        if self.order and len(ring) == len(self.order) and all(a == self._follower(b) for b, a in _list_pairs(ring)):
+        """Set the order of reading from addresses in cyclic order; nothing changes if this cyclic order is known."""
+        if (
+            self.order
+            and len(ring) == len(self.order)
+            and all(a == self._get_follower(b) for b, a in _list_pairs(ring))
+        ):
             return  # the same order; the start is kept
         start = self._find_start(ring)
         self.order = tuple(ring[start:] + ring[:start])
@@ -156,7 +167,10 @@ class ReadSequence:
             self.size += self._lengths[address]
 
     def _find_start(self, ring: list[int]) -> int:
-        """Return the index in the ring of the first board of a cycle."""
+        """Return the index in the ring of the first board of a cycle.
+
+        It is the board after the pause of the hub if the times show a pause, otherwise that of the public firmware.
+        """
         gaps: dict[int, list[float]] = defaultdict(list)
         for pair in self._window:
             if pair.gap_ms is not None and pair.previous is not None:
@@ -165,13 +179,14 @@ class ReadSequence:
         shortest = sorted(((min(gaps[a]) if len(gaps[a]) > 1 else 0.0, i) for i, a in enumerate(ring)), reverse=True)
         if len(ring) > 1 and shortest[0][0] - shortest[1][0] >= PAUSE_MIN_MS:
             return shortest[0][1]
-        return min(range(len(ring)), key=lambda index: _public_rank(ring[index]))
+        return min(range(len(ring)), key=lambda index: _get_public_rank(ring[index]))
 
     def locate(self, message: Placed, following: Sequence[Placed] = (), is_final: bool = True) -> Location | None:
-        """Return the location of the next message in the read sequence; messages are given in stream order.
+        """Locate the next message in the read sequence; call this once per message, in the order of the stream.
 
-        following: the messages behind it that have arrived. is_final: no more of them will arrive. Returns None if the
-        location depends on messages that have not arrived. A board that is not in the order gets the present cycle.
+        following: later messages that have already arrived. is_final: no more messages will arrive. Returns None if the
+        location depends on messages that have not arrived; then call again later. A message of a board that is not in
+        the order belongs to the present cycle.
         """
         last, is_first = self._last, self._last is None or self._last.address not in self._ranks
         discarded = 0 if last is None else message.start - self._last_end
@@ -200,11 +215,11 @@ class ReadSequence:
         return Location(self._cycle, self._count_lost(absent, discarded))
 
     def assume_hub_start(self) -> None:
-        """Note that the next message is the first one after the start of the hub, when boards may not be ready yet."""
+        """Note that the hub has just started: boards that are not ready yet may be read again later in the cycle."""
         self._skipped = set(self.order)
 
     def _take_first(self, message: Placed) -> Location:
-        """Return the location of the first message of an order, or of a board that is not in the order."""
+        """Locate the first message in a new order, or a message of a board that is not in the order."""
         if message.address in self._ranks:
             if message.address in self._seen:
                 self.skip_cycles(1)
@@ -214,34 +229,35 @@ class ReadSequence:
         return Location(self._cycle, 0)
 
     def _get_end(self, message: Placed) -> int:
-        """Return the position behind the last byte of a message."""
+        """Compute the position behind the last byte of a message."""
         return message.start + self._lengths[message.address]
 
     def _compute_step(self, first: Placed, second: Placed) -> int:
-        """Bytes from the cycle of one message to that of a later one, as their positions show: a multiple of `size`
-        if no byte was dropped or inserted and the hub sent all boards.
+        """Compute the bytes from the start of one message's cycle to the start of a later message's cycle.
+
+        A multiple of `size` if no byte was dropped or inserted and the hub sent all boards.
         """
         return second.start - first.start - (self._offsets[second.address] - self._offsets[first.address])
 
     def _is_consistent(self, first: Placed, second: Placed) -> bool:
-        """Whether the positions of two messages are those of a stream with all boards, but for a few bytes."""
+        """Return whether the positions of two messages fit a stream with all boards, to within `TOLERANCE` bytes."""
         if second.address not in self._ranks:
             return False
         step = self._compute_step(first, second) + TOLERANCE
         return step >= 0 and step % self.size <= 2 * TOLERANCE
 
     def _count_cycles(self, last: Placed, message: Placed) -> int:
-        """Return the number of cycles that began after the message `last`, up to the next message."""
+        """Count the cycles that begin after the message `last`, up to the cycle of `message`."""
         cycles = max(0, round(self._compute_step(last, message) / self.size))
         is_forward = self._ranks[message.address] > self._ranks[last.address]
         is_new = message.address not in self._seen
         return cycles if is_forward and is_new else max(1, cycles)
 
     def _is_retry(self, last: Placed, message: Placed, following: Sequence[Placed], is_final: bool) -> bool | None:
-        """Whether the hub read a board again at the end of a cycle, because the board had not answered before.
+        """Return whether the hub read a board again at the end of a cycle because the board had not responded before.
 
-        Otherwise the message belongs to the next cycle, whose first board that was already received in the present
-        cycle follows in order. None: no such message has arrived.
+        Otherwise the message belongs to the next cycle. The next message of a board that was already received decides:
+        in the next cycle it is behind this message in the order. Returns None if no such message has arrived.
         """
         is_backward = self._ranks[message.address] < self._ranks[last.address]
         if not is_backward or message.address not in self._skipped or message.address in self._seen:
@@ -253,22 +269,23 @@ class ReadSequence:
         return False if is_final or len(following) > len(self.order) else None
 
     def skip_cycles(self, cycles: int) -> int:
-        """Advance by cycles whose messages were all lost, and return the number of these messages."""
+        """Advance by a number of cycles; return the number of messages that these cycles contain."""
         self._cycle += cycles
         self._seen.clear()
         self._skipped.clear()
         return cycles * len(self.order)
 
     def _list_absent(self, last: Placed, message: Placed, cycles: int) -> list[int]:
-        """Addresses between the message `last` and the next message, `cycles` cycles later."""
+        """List the addresses between the message `last` and the message `message`, which is `cycles` cycles later."""
         rank = self._ranks[last.address]
         count = self._ranks[message.address] - rank + cycles * len(self.order) - 1
         return [self.order[(rank + 1 + index) % len(self.order)] for index in range(max(count, 0))]
 
     def _count_lost(self, absent: list[int], discarded: int) -> int:
-        """Return how many of the absent boards' messages were sent: their bytes sum up to the discarded bytes best.
+        """Estimate how many of the absent boards' messages the hub sent, from the number of discarded bytes.
 
-        A board that the hub did not send leaves no bytes.
+        It is the number of messages whose total length is closest to `discarded`; a board that the hub did not send
+        leaves no bytes.
         """
         if not discarded or not absent:
             return 0
@@ -282,11 +299,11 @@ class ReadSequence:
 
 
 def _list_pairs(ring: list[int]) -> list[tuple[int, int]]:
-    """Pairs of successive addresses of a ring; the last pair leads back to the first address."""
+    """List the pairs of successive addresses in a ring; the last pair leads back to the first address."""
     return list(zip(ring, [*ring[1:], ring[0]], strict=True))
 
 
-def _public_rank(address: int) -> int:
-    """Place of a board in the read sequence of the hub's public firmware; other addresses follow."""
+def _get_public_rank(address: int) -> int:
+    """Return the place of a board in the read sequence of the hub's public firmware; unknown addresses come last."""
     later = EARLY_ADDRESSES.get(address, address)
     return READ_SEQUENCE.index(later) if later in READ_SEQUENCE else len(READ_SEQUENCE) + address

@@ -1,4 +1,4 @@
-"""Replies of an original hub to the frames of a host. The hub itself takes no commands."""
+"""Replies to the frames of a host on behalf of an original hub, which itself takes no commands."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -29,9 +29,10 @@ _REFUSED = {
 class Statistics:
     """Counters of an original hub, as far as its stream shows them.
 
-    messages: received messages by address. cycle: number of the present poll cycle. last_cycle: poll cycle of the last
-    message of each board, by address. time_us: hub time of the last message. cycle_us: duration of a poll cycle.
-    frames: frames that a lossless link would have delivered. size: their bytes.
+    messages: number of received messages by address. first_cycle, last_cycle: poll cycle of the first and of the last
+    message, by address. cycle: number of the present poll cycle. time_us: hub time of the last message. cycle_us:
+    duration of a poll cycle. frames: number of frames that a lossless link would have delivered. size: bytes of the
+    delivered frames. commands: number of commands of the host.
     """
 
     def __init__(self) -> None:
@@ -47,26 +48,29 @@ class Statistics:
         self.commands = 0
 
     def add(self, address: int, cycle: int, time_us: int) -> None:
-        """Count a message of the board at `address` in poll cycle `cycle`; time_us: hub time."""
+        """Count a message of the board at `address` in poll cycle `cycle`. time_us: hub time of the message."""
         self.messages[address] = self.messages.get(address, 0) + 1
         self.first_cycle.setdefault(address, cycle)
         self.last_cycle[address] = cycle
         self.cycle, self.time_us = cycle, time_us
 
     def is_present(self, address: int) -> bool:
-        """Whether a board has sent a message within the last `SILENT_CYCLES` poll cycles."""
+        """Return whether a board has sent a message within the last `SILENT_CYCLES` poll cycles."""
         return address in self.last_cycle and self.cycle - self.last_cycle[address] < SILENT_CYCLES
 
 
 class HubReplies:
-    """Frames by which a hub of the project would reply, made from the hand description.
+    """Sends the frames with which a hub of the project would reply, made from the hand description.
 
-    send: appends a frame to the link's output; arguments are its type and payload. statistics: shared with the link.
-    `is_streaming`: between START and STOP.
+    is_streaming: true between the commands START and STOP.
     """
 
     def __init__(self, name: str, hand: Hand, statistics: Statistics, send: Callable[[FrameType, bytes], None]) -> None:
-        """Create the replies of the hub on link `name`; see the class for the other arguments."""
+        """Create the replies of the hub on link `name`.
+
+        statistics: counters that the link updates. send: appends a frame to the link's output; its arguments are type
+        and payload.
+        """
         self.is_streaming = False
         self._name = name
         self._hand = hand
@@ -76,10 +80,10 @@ class HubReplies:
         self._attempts = 0
 
     def answer(self, kind: FrameType, payload: bytes, boards: Iterable[int]) -> None:
-        """Reply to a frame of the host.
+        """Reply to a frame of the host; the reply to a handshake waits for `answer_handshake`.
 
-        A handshake waits for `answer_handshake`. boards: addresses of the boards that have sent regularly. Raises
-        LinkError for a command that needs the project's own firmware.
+        boards: addresses of the boards that send regularly. Raises LinkError for a command that needs the project's own
+        firmware.
         """
         if kind is FrameType.HOST_HANDSHAKE:
             self._attempts = self._attempts + 1 if self._waiting_tag == payload[0] else 1
@@ -89,23 +93,23 @@ class HubReplies:
             self._answer_command(fields["tag"], fields["command"], arguments, tuple(boards))
 
     def answer_handshake(self, has_messages: bool, is_known: bool) -> None:
-        """Reply to a waiting handshake, if the stream shows that an original hub is connected.
+        """Reply to a waiting handshake, if there is one and the stream shows that an original hub is connected.
 
-        has_messages: a message has arrived. is_known: the boards and their order are known; a host that has repeated
-        its handshake `PATIENCE` times does not wait for them, because a test firmware takes 4.5 s per cycle.
+        has_messages: a message has arrived. is_known: the boards and their order are known. After `PATIENCE`
+        repetitions of the handshake the reply no longer waits for them, because a test firmware takes 4.5 s per cycle.
         """
         if self._waiting_tag is not None and has_messages and (is_known or self._attempts > PATIENCE):
             self.send_handshake(self._waiting_tag, PROTOCOL_VERSION)
             self._waiting_tag = None
 
     def send_handshake(self, tag: int, version: int) -> None:
-        """Send a HUB_HANDSHAKE; tag 0: the hub has restarted."""
+        """Send a HUB_HANDSHAKE. tag: that of the host's handshake; 0: a restart of the hub. version: agreed version."""
         fields = _zero_fields(HubHandshake) | {"tag": tag, "unique_id": bytes(8), "version_chosen": version}
         fields |= {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self._send(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields | {"uptime_us": self._statistics.time_us}))
 
     def _answer_command(self, tag: int, code: int, arguments: bytes, boards: tuple[int, ...]) -> None:
-        """Execute a command of the host, as far as an original hub can, and send the reply."""
+        """Execute a command of the host and send the reply. Raises LinkError if an original hub cannot execute it."""
         self._check_command(code, arguments)
         self._statistics.commands += 1
         data = b""
@@ -137,10 +141,10 @@ class HubReplies:
         raise LinkError(self._name, f"the original hub does not support {problem}")
 
     def send_status(self) -> None:
-        """Send HUB_STATUS, and BOARD_STATUS of every board that has sent a message.
+        """Send HUB_STATUS, and BOARD_STATUS for every board that has sent a message.
 
-        Of the counters of a board only `polls` and `forwarded` are known: poll cycles since its first message, and its
-        messages. The reason of a missing message is not in the stream.
+        Of a board's counters only two are known: `polls`, the poll cycles since its first message, and `forwarded`, the
+        number of its messages. The stream does not show why a message is missing.
         """
         counts = self._statistics
         present = [address for address in sorted(counts.messages) if counts.is_present(address)]

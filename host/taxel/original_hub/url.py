@@ -23,9 +23,10 @@ _OWN_OPTIONS: Final = ("protocol", "hand", "variant")
 
 @dataclass(frozen=True)
 class OriginalSource:
-    """A URL with `protocol=original`, split.
+    """The parts of a URL with `protocol=original`.
 
-    url: the URL of the bytes. hand, variant: values of the options, None if missing. options: all options by name.
+    url: URL of the link that carries the hub's bytes. hand, variant: values of the options with these names; None if
+    they are missing. options: all options by name.
     """
 
     url: str
@@ -40,12 +41,15 @@ class OriginalSource:
 
 
 def is_original_url(url: str) -> bool:
-    """Whether a URL contains the option `protocol=original`."""
+    """Return whether a URL contains the option `protocol=original`."""
     return PROTOCOL in url.rpartition("?")[2].split("&") if "?" in url else False
 
 
 def split_original_url(url: str) -> OriginalSource:
-    """Split a URL with `protocol=original` into the URL of the bytes and the options of the translation."""
+    """Split a URL with `protocol=original` into the URL of the hub's bytes and the options of this package.
+
+    A serial port without the option `baud` gets the baud rate of the original hub.
+    """
     head, _, query = url.rpartition("?")
     parts = [part for part in query.split("&") if part]
     options = {name: unquote(value) for name, _, value in (part.partition("=") for part in parts)}
@@ -54,7 +58,7 @@ def split_original_url(url: str) -> OriginalSource:
     variant = options.get("variant")
     if is_emulator:
         kept.append(PROTOCOL)
-        if variant is not None and variant not in FORMATS:  # treatment of boards that do not answer
+        if variant is not None and variant not in FORMATS:  # it states how the hub treats boards that do not respond
             kept.append(f"variant={variant}")
             variant = None
     if head.startswith("/dev/"):
@@ -67,12 +71,13 @@ def split_original_url(url: str) -> OriginalSource:
 
 
 def open_original(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[OriginalLink, Hand]:
-    """Open the original hub at a URL with `protocol=original`, and return the link with the hand at its other end.
+    """Open the original hub at a URL with `protocol=original`, and return the link and the hand at its other end.
 
-    url: any URL of bytes of the original hub: a serial port, `socket://`, `file:` (bytes or a capture file), or
+    url: any URL that gives bytes of the original hub: a serial port, `socket://`, `file:` (bytes or a capture file), or
     `emulator:`. Options: `hand=` (packaged hand or description file; default `original`, or `first_generation` for a
-    variant of it), `variant=` (format of the messages, a key of `taxel_protocol.original.FORMATS`), `baud=` (default
-    115200), and those of the URL itself. hand: takes precedence over the option. Raises `TaxelError` with one line.
+    format of the first generation), `variant=` (format of the messages, a key of `taxel_protocol.original.FORMATS`),
+    `baud=` (default 115200), and those of the URL itself. hand: takes precedence over the option. Raises `TaxelError`
+    with a one-line message.
     """
     source = split_original_url(url)
     if source.variant is not None and source.variant not in FORMATS:
@@ -86,16 +91,16 @@ def open_original(url: str, hand: Hand | str | os.PathLike[str] | None = None) -
 
 
 def _get_default_hand(variant: str | None) -> str:
-    """Name of the packaged hand whose boards send the messages of a variant."""
+    """Return the name of the packaged hand whose boards send messages in the format `variant` (None: the default)."""
     is_first = variant is not None and variant.startswith("first_generation")
     return "first_generation" if is_first else "original"
 
 
 def select_format(url: str, source: OriginalSource, hand: Hand) -> OriginalFormat:
-    """Return the format of the messages of a hand.
+    """Return the format of the messages that a hand's boards send.
 
-    Without the option `variant` it is the packaged format whose boards have the numbers of taxels of the hand. Raises
-    LinkError if the hand and the format differ.
+    Without the option `variant`, it is the format "original" or "first_generation" whose boards have the same numbers
+    of taxels as those of the hand. Raises LinkError if hand and format do not match.
     """
     name = source.variant or ("first_generation" if _find_mismatch(FORMATS["original"], hand) else "original")
     message_format = FORMATS[name]
@@ -106,7 +111,7 @@ def select_format(url: str, source: OriginalSource, hand: Hand) -> OriginalForma
 
 
 def _find_mismatch(message_format: OriginalFormat, hand: Hand) -> str | None:
-    """Describe the first board of a hand whose messages the format does not have; None if there is none."""
+    """Describe the first board of a hand whose number of taxels differs from the format's; None if all agree."""
     for board in hand.boards:
         taxels = message_format.taxels.get(board.address)
         if taxels != board.kind.taxel_count:
@@ -119,7 +124,7 @@ def _find_mismatch(message_format: OriginalFormat, hand: Hand) -> str | None:
 
 
 def _apply_emulator_options(message_format: OriginalFormat, source: OriginalSource) -> OriginalFormat:
-    """Return the format that an emulated original hub sends with the options of its URL."""
+    """Return the message format changed by the emulator options `message` and `accelerations` of the URL."""
     kind = source.options.get("message", "timestamp")
     accelerated = tuple(int(text, 0) for text in source.options.get("accelerations", "").split(",") if text)
     changed = replace(
@@ -132,7 +137,7 @@ def _apply_emulator_options(message_format: OriginalFormat, source: OriginalSour
 
 
 def _parse_baud(url: str, source: OriginalSource) -> float:
-    """Return the baud rate of the wire, bit/s; the URL's own opener checks the option of a serial port or emulator."""
+    """Return the baud rate of the wire, bit/s. Raises LinkError for a value that no wire has."""
     text = source.options.get("baud", f"{BAUD:.0f}")
     try:
         value = float(text)
@@ -144,7 +149,7 @@ def _parse_baud(url: str, source: OriginalSource) -> float:
 
 
 def _open_bytes(source: OriginalSource, hand: Hand, baud: float) -> Link:
-    """Open the link of the bytes of the original hub."""
+    """Open the link that carries the bytes of the original hub."""
     path = get_recorded_path(source.url)
     if path is not None:
         return open_byte_file(path, baud)

@@ -15,7 +15,7 @@ def flush_file(path: str | os.PathLike[str]) -> None:
 
 
 def flush_folder(path: str | os.PathLike[str]) -> None:
-    """Write the names in a folder to the disk. Raises OSError.
+    """Write the file names in a folder to the disk, so that a new or renamed file survives. Raises OSError.
 
     A folder that the user may write but not read cannot be flushed; its names reach the disk later.
     """
@@ -34,7 +34,7 @@ def flush_tree(folder: Path) -> None:
 
 
 def _flush(path: str | os.PathLike[str], flags: int) -> None:
-    """Open a file or folder and write it to the disk."""
+    """Open a file or folder with the given flags and write it to the disk. Raises OSError."""
     descriptor = os.open(path, flags | os.O_CLOEXEC)
     try:
         flush_descriptor(descriptor)

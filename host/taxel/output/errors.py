@@ -19,6 +19,6 @@ def fail_existing(path: str | os.PathLike[str]) -> NoReturn:
 
 
 def fail(path: str | os.PathLike[str], expected: str, found: str, remedy: str) -> NoReturn:
-    """Raise OutputError for an output as a whole."""
+    """Raise OutputError for the output `path`. remedy: what the user should do."""
     text = os.fspath(path)
     raise OutputError(text if text.isprintable() and text else repr(text), "file", expected, found, remedy)

@@ -1,4 +1,4 @@
-"""Replacement of a folder by another one in one step."""
+"""Replacement of one folder by another in one step."""
 
 import ctypes
 import errno

@@ -1,9 +1,9 @@
 """A recording that has its final name while it is written.
 
-A recording of a skin can last for hours, and the program can be killed at any time. Therefore the file must not wait
-under a temporary name for its end: it gets its name at the start, or with its first record if it replaces another
-file, and every complete record is readable from then on. The replaced file gets the name `.NAME.previous` until the new
-one is closed.
+A recording of a skin can last for hours, and the program can be killed at any time. Therefore the file must not keep a
+temporary name until the recording ends. It gets its final name at the start, or with its first record if it replaces
+another file, and every complete record is readable from then on. The replaced file has the name `.NAME.previous` until
+the new one is closed.
 """
 
 import io
@@ -52,7 +52,7 @@ class LiveOutput:
 
     @classmethod
     def without_name(cls, part: str | os.PathLike[str]) -> Self:
-        """Open a file, or create it, as an output whose name and flush are the task of the caller."""
+        """Open a file, or create it, as an output that the caller renames and flushes to the disk."""
         output = cls.__new__(cls)
         output.path = output._target = Path(part)
         output._pending, output._is_restorable = None, False
@@ -60,11 +60,14 @@ class LiveOutput:
         return output
 
     def _open(self, descriptor: int) -> None:
-        """Set the unbuffered file of an open descriptor."""
+        """Set `file` to an unbuffered file on an open descriptor."""
         self.file = io.FileIO(descriptor, "r+b")
 
     def _lock(self) -> None:
-        """Lock the file exclusively, so that HDF5 readers and other writers refuse it until it is closed."""
+        """Lock the file exclusively, so that HDF5 readers and other writers refuse it until it is closed.
+
+        Raises OutputError, and closes the file, if another program holds a lock.
+        """
         if not try_lock(self.file.fileno()):
             try:
                 fail_locked(self.path, self.file.fileno())
@@ -110,9 +113,10 @@ class LiveOutput:
         pending.discard()  # releases its locks; the file stays locked by its other descriptor
 
     def _preserve(self) -> None:
-        """Give the existing file its second name.
+        """Give the existing file the name `.NAME.previous`.
 
-        The file of an earlier interrupted recording is preserved instead of the incomplete one that replaced it.
+        If this name exists already, an earlier recording was interrupted: the file that it replaced stays preserved,
+        and its incomplete recording is not.
         """
         if not self.previous_path.exists():
             try:

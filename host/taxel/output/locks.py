@@ -18,9 +18,10 @@ _UNSUPPORTED: Final = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, e
 
 
 def try_lock(descriptor: int, is_shared: bool = False) -> bool:
-    """Lock an open file or folder for this process without waiting; return False if another opening holds a lock.
+    """Lock an open file or folder without waiting; return whether it is locked now.
 
-    is_shared: accept other shared locks, such as those of readers. A file system without locks counts as locked.
+    False if another descriptor of the file holds a conflicting lock, in this or another process. True also on a file
+    system without locks. is_shared: permit other shared locks, such as those of readers.
     """
     try:
         fcntl.flock(descriptor, (fcntl.LOCK_SH if is_shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

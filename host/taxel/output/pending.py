@@ -80,7 +80,7 @@ class PendingOutput:
             raise
 
     def _check_target(self) -> None:
-        """Raise OutputError for a target that exists and must not be replaced."""
+        """Raise OutputError for an existing target that must not be replaced or has another type than the output."""
         try:
             status = os.stat(self.path)
         except FileNotFoundError:
@@ -94,7 +94,7 @@ class PendingOutput:
             fail_existing(self.path)
 
     def _create_folders(self) -> None:
-        """Create the missing folders of the target."""
+        """Create the missing parent folders of the target, and store them for `discard`."""
         missing = []
         folder = self.target.parent
         while not folder.exists():
@@ -108,8 +108,8 @@ class PendingOutput:
     def _open_part(self) -> None:
         """Create, lock and empty the temporary file or folder.
 
-        Between opening and locking, another program may have renamed or removed it; the lock would then protect
-        another file, so that the step is repeated.
+        Between opening and locking, another program may have renamed or removed it. The lock would then protect another
+        file; therefore opening and locking are repeated.
         """
         while True:
             self.descriptor = self._create_part()
@@ -132,7 +132,10 @@ class PendingOutput:
             fail_locked(self.path, self.descriptor)
 
     def _create_part(self) -> int:
-        """Open the temporary file or folder, and create it if it is missing; one of the other type is removed first."""
+        """Open the temporary file or folder, and create it if it is missing; return its descriptor.
+
+        A folder in place of the file, a file in place of the folder, and a symbolic link are removed first.
+        """
         while True:
             try:
                 if not self._is_folder:
@@ -146,7 +149,10 @@ class PendingOutput:
                 _remove(self.part)
 
     def _lock_target(self) -> None:
-        """Lock an existing target until it is replaced. Raises OutputError if another program writes it."""
+        """Lock an existing target until it is replaced. Raises OutputError if another program writes it.
+
+        A target that cannot be read is not locked.
+        """
         try:
             self._target_lock = os.open(self.target, os.O_RDONLY | os.O_CLOEXEC)
         except (FileNotFoundError, PermissionError):
@@ -209,7 +215,7 @@ class PendingOutput:
         return False
 
     def _rename_file(self, content: Path) -> None:
-        """Give the new file its final name."""
+        """Give the new file its final name. Raises OutputError if it exists and must not be replaced, OSError."""
         if not self._overwrite:
             try:
                 os.link(content, self.target)  # unlike a rename, fails if the name exists

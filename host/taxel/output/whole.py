@@ -17,7 +17,7 @@ _STREAMS: Final = ("/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/")
 def write_whole(path: str | os.PathLike[str], data: bytes | str, *, overwrite: bool = True, mode: int = 0o666) -> None:
     """Write a file completely or not at all, also if the program is killed or the power fails.
 
-    data: a text is encoded as UTF-8. mode: permissions of a new file. Missing folders are created. Raises OutputError
+    data: a string is encoded as UTF-8. mode: permissions of a new file. Missing folders are created. Raises OutputError
     if the file exists and `overwrite` is False, or if another program writes it; OSError if the system refuses. An
     existing file then stays as it was.
     """
@@ -61,8 +61,8 @@ def open_whole_text(path: str | os.PathLike[str], *, overwrite: bool = True) -> 
 def whole_path(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iterator[Path]:
     """Context manager: a path for a library that writes to a path; the file appears as `path` at the end of the block.
 
-    The path has another ending than `path`, so that the library needs its format as an argument. Raises as
-    `write_whole` does.
+    The ending of the given path differs from that of `path`; a library that selects its format by the ending needs the
+    format as an argument. Raises the errors of `write_whole`.
     """
     with PendingOutput(path, overwrite=overwrite) as pending:
         yield pending.part

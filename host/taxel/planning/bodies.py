@@ -48,7 +48,7 @@ TABLE, STAND, OBJECT = "table", "stand", "object"
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What stands around the robot. Poses are in the frame of the robot's root.
+    """Table, stand and object around the robot. Poses are in the frame of the robot's root.
 
     table_z_m: height of the table's surface; everything below it is treated as table. grasp_object: the object, or
     None. object_pose: its pose, f64[4, 4]; None only without object. Between table and object stands a box with the
@@ -137,7 +137,10 @@ class BodyModel:
         return np.asarray(np.where((first > 0) & (second > 0), 0.0, np.maximum(first, second)))
 
     def _compute_lever_arms(self, index: int) -> FloatArray:
-        """Upper bound of the distance of a body's points from the axis of each joint above the body, f64[j]; else 0."""
+        """Compute upper bounds of the distances of a body's points from the axes of the joints, f64[j], metres.
+
+        0 for a joint that does not move the body, and for table, stand and object.
+        """
         result = np.zeros(len(self.robot.joint_names))
         body = self.bodies[index]
         if body.link in (TABLE, STAND, OBJECT):
@@ -173,7 +176,7 @@ class BodyModel:
         yield from self._write_surroundings()
 
     def _write_surroundings(self) -> Iterator[tuple[Body, str, str]]:
-        """Yield table, stand and object, as `_write_bodies`."""
+        """Yield table, object and stand with their MJCF, as `_write_bodies` does; only the table without an object."""
         around = self.surroundings
         yield Body("table", TABLE, False), f'type="plane" size="0 0 1" pos="0 0 {around.table_z_m!r}"', ""
         item, pose = around.grasp_object, around.object_pose
@@ -196,7 +199,7 @@ class BodyModel:
             yield Body("stand", STAND, False), f'type="box" size="{_write_row(half)}" {_write_pose(stand)}', ""
 
     def _find_pairs(self) -> IndexArray:
-        """Find the pairs of bodies that are checked: those whose distance can change, except neighbours."""
+        """Find the pairs of bodies that are checked, i64[p, 2]: those whose distance can change, except neighbours."""
         pairs = [
             (i, j)
             for i in range(len(self.bodies))
@@ -206,7 +209,7 @@ class BodyModel:
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
     def _is_within_hand(self, i: int, j: int) -> bool:
-        """Whether two bodies are parts of the hand or of the flange, which the arm moves as a whole."""
+        """Return whether two bodies are parts of the hand or of the flange, which the arm moves as a whole."""
         wrist = [joint for joint in self._paths[WRIST_LINK] if joint.axis is not None][-1:]
         return all(
             self.bodies[k].link in self._paths and set(map(id, wrist)) <= set(map(id, self._paths[self.bodies[k].link]))
@@ -214,7 +217,7 @@ class BodyModel:
         )
 
     def _is_checked(self, a: Body, b: Body) -> bool:
-        """Whether two bodies can collide, by the number of revolute joints between them."""
+        """Return whether two bodies must be checked for collisions, by the number of revolute joints between them."""
         around = (TABLE, STAND, OBJECT)
         if a.link in around and b.link in around:
             return False
@@ -260,7 +263,10 @@ def _find_joint_paths(robot: Robot) -> dict[str, list[Joint]]:
 
 
 def _write_model(robot: Robot, texts: list[tuple[Body, str, str]]) -> str:
-    """Write the MJCF of a robot with the given bodies; the geom of body k has the name "k"."""
+    """Return the MJCF of a robot with the given bodies; the geom of body k has the name "k".
+
+    texts: each body with the MJCF of its geom's attributes and of its mesh.
+    """
     geoms: dict[str, list[str]] = {}
     for index, (body, attributes, _) in enumerate(texts):
         geoms.setdefault(body.link, []).append(f'<geom name="{index}" {attributes}/>')
@@ -272,7 +278,7 @@ def _write_model(robot: Robot, texts: list[tuple[Body, str, str]]) -> str:
 
 
 def _write_links(robot: Robot, parent: str, geoms: dict[str, list[str]]) -> str:
-    """Write the MJCF of all links below a link."""
+    """Return the MJCF of all links below the link `parent`; geoms: MJCF of the geoms by link name."""
     text = ""
     for joint in robot.joints:
         if joint.parent == parent:

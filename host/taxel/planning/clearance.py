@@ -22,9 +22,10 @@ _NO_PAIRS: Final = np.zeros(0, dtype=np.intp)
 
 @dataclass(frozen=True)
 class Collision:
-    """A pair of bodies nearer than required. pair: its index. distance_m: negative if the bodies overlap.
+    """A pair of bodies nearer than required.
 
-    share: place on the segment, 0 to 1.
+    pair: index of the pair in the body model. distance_m: distance, negative if the bodies overlap. share: place on the
+    checked segment, from 0 (start) to 1 (end).
     """
 
     pair: int
@@ -53,8 +54,8 @@ class Clearances:
     def measure(self, angles: FloatArray, limit_m: FloatArray, pairs: IndexArray | None = None) -> FloatArray:
         """Measure the distances of pairs at joint angles f64[j], metres, each at most up to its limit.
 
-        limit_m: f64[k]; a result equal to or above its limit is only a lower bound of the distance. pairs: [k]; None:
-        all. Negative: depth of an overlap.
+        Returns f64[k]; a negative value is the depth of an overlap. limit_m: f64[k]; a result equal to or above its
+        limit is only a lower bound of the distance. pairs: int[k], indices of the pairs; None: all pairs.
         """
         self.count += 1
         pairs = self.all_pairs if pairs is None else pairs
@@ -83,12 +84,12 @@ class Clearances:
     def check_segment(
         self, start: FloatArray, end: FloatArray, required_m: FloatArray, floor_m: FloatArray | None = None
     ) -> Collision | None:
-        """Check a straight segment between two postures f64[j]; None if every pair keeps its distance.
+        """Return the first collision found on a straight segment between two postures f64[j]; None if it is free.
 
         required_m: distance f64[p] at every sample, metres. floor_m: distance f64[p] that is guaranteed between the
-        samples, below `required_m`; default: `FLOOR_SHARE` of it. Method: along the segment the distance of a pair
-        changes at most by the sum over the joints of lever arm times angle. An interval is free if, by this bound from
-        both of its ends, no distance falls below the floor; else its middle is measured.
+        samples, below `required_m`; None: `FLOOR_SHARE` of it. Method: along the segment the distance of a pair changes
+        at most by the sum over the joints of lever arm times angle. An interval is free if, by this bound from both of
+        its ends, no distance falls below `floor_m`; otherwise the distances in its middle are measured.
         """
         floor = FLOOR_SHARE * required_m if floor_m is None else floor_m
         step = end - start

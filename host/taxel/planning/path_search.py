@@ -17,7 +17,7 @@ from taxel.planning.timing import SpeedLimits, compute_duration_s
 from taxel.types import FloatArray
 
 VIA_CANDIDATES: Final = 100
-"""Largest number of random arm postures that are checked as intermediate ones (chosen); about a tenth is free."""
+"""Largest number of random arm postures that are checked as intermediate postures (chosen); about a tenth is free."""
 
 _SAME_POSTURE_RAD: Final = 1e-9
 
@@ -56,12 +56,18 @@ class PathSearch:
     def __init__(
         self, clearances: Clearances, required: FloatArray, lower: FloatArray, upper: FloatArray, start: FloatArray
     ) -> None:
-        """Create a search. required: distance of each pair, f64[p]. lower, upper: joint limits f64[j]."""
+        """Create a search. required: distance of each pair, f64[p], metres. lower, upper: joint limits f64[j].
+
+        start: start posture f64[j].
+        """
         self._clearances, self._required, self._start = clearances, required, start
         self._lower, self._upper = lower, upper
 
     def run(self, what: str, goals: list[Goal], settings: PlannerSettings) -> tuple[FloatArray, Goal]:
-        """Search the path; return its waypoints f64[k, j] and the goal. Raises NoPathError."""
+        """Search the path; return its waypoints f64[k, j] and the goal that it reaches. Raises NoPathError.
+
+        what: name of the motion in messages.
+        """
         rng = np.random.default_rng(settings.seed)
         for part in self._try_orders(goals, settings, rng):
             if part is not None:
@@ -97,8 +103,8 @@ class PathSearch:
                 continue
             way = self._move_arm(arm, hand, [Goal(via, via, hand)], settings.iterations // 5, settings, rng)
             if way is not None:
-                rest = self._join(fingers, via, goals, settings.iterations // 5, settings, rng)
-                yield None if rest is None else (np.vstack([way[0], rest[0]]), rest[1])
+                continuation = self._join(fingers, via, goals, settings.iterations // 5, settings, rng)
+                yield None if continuation is None else (np.vstack([way[0], continuation[0]]), continuation[1])
 
     def _find_via_postures(
         self, arm: FloatArray, goals: list[Goal], settings: PlannerSettings, rng: np.random.Generator
@@ -129,7 +135,10 @@ class PathSearch:
         settings: PlannerSettings,
         rng: np.random.Generator,
     ) -> tuple[FloatArray, Goal] | None:
-        """Append the arm's path to the goals to a path of the hand; None if there is none of them."""
+        """Append a path of the arm to one of the goals to `fingers`, the path of the hand; return both with the goal.
+
+        None if `fingers` is None, or if no path of the arm is found. arm: arm posture during the motion of the hand.
+        """
         if fingers is None:
             return None
         found = self._move_arm(arm, goals[0].hand, goals, iterations, settings, rng)
@@ -196,7 +205,7 @@ class PathSearch:
 
 
 def describe_collision(clearances: Clearances, collision: Collision) -> str:
-    """Describe a collision: the pair, and its overlap or distance."""
+    """Return text that describes a collision: the names of the two bodies, and their overlap or distance."""
     pair, distance_mm = clearances.bodies.format_pair(collision.pair), collision.distance_m * 1e3
     if distance_mm < 0:
         return f"{pair} overlap by {-distance_mm:.1f} mm"

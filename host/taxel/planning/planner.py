@@ -29,7 +29,7 @@ from taxel.planning.timing import TimedPath
 from taxel.types import FloatArray
 
 START_CLEARANCE_M: Final = 0.0005
-"""Smallest distance of two bodies at the start of a motion, metres (chosen); nearer counts as a collision.
+"""Smallest distance of two bodies at the start of a motion, metres (chosen); nearer bodies are treated as in collision.
 
 A start between this distance and the clearance of a plan is accepted, because the arm must be able to leave it; the
 pairs concerned keep at least their start distance.
@@ -137,9 +137,10 @@ class MotionPlanner:
     def recheck(
         self, plan: MotionPlan, grasp_object: GraspObject, object_pose: FloatArray, index: int, hand_angles: FloatArray
     ) -> None:
-        """Check the rest of a plan, from waypoint `index` on, with measured angles of the hand f64[j - 6].
+        """Check the next motion of the arm, from waypoint `index` on, with measured hand angles f64[j - 6].
 
-        Raises BlockedPoseError if the measured posture of the hand would collide on the way.
+        The check ends where the plan moves the hand again. Raises BlockedPoseError if the measured posture of the hand
+        would collide.
         """
         clearances = self.get_clearances(grasp_object, object_pose)
         required = np.full(len(clearances.all_pairs), START_CLEARANCE_M)
@@ -156,7 +157,7 @@ class MotionPlanner:
                 )
 
     def get_clearances(self, grasp_object: GraspObject, object_pose: FloatArray) -> Clearances:
-        """Return the distances of the workstation with an object at a pose; cached."""
+        """Return the distance computation of the workstation with an object at a pose f64[4, 4]; cached."""
         key = grasp_object.name, object_pose.tobytes()
         if key not in self._clearances:
             around = Surroundings(self.table_z_m, grasp_object, object_pose)
@@ -188,7 +189,10 @@ class MotionPlanner:
             )
 
     def _make_requirement(self, clearances: Clearances, start: FloatArray) -> FloatArray:
-        """Make the required distance of each pair, f64[p]: the clearance, or the distance at the start if smaller."""
+        """Make the required distance of each pair, f64[p], metres: the clearance of a plan, or the start distance.
+
+        The smaller of the two is required, so that the arm can leave a narrow start posture.
+        """
         wanted = clearances.bodies.clearance
         return np.minimum(wanted, clearances.measure(start, wanted) - START_CLEARANCE_M / 10)
 
@@ -218,9 +222,9 @@ class MotionPlanner:
         )
 
     def _solve_arm(self, what: str, object_pose: FloatArray, approach: Approach) -> list[tuple[FloatArray, FloatArray]]:
-        """Solve for all arm postures (at the object, before the approach) of an approach; cached.
+        """Solve for the arm postures of an approach: pairs (posture at the object, pre-grasp posture), f64[6] each.
 
-        Raises UnreachablePoseError.
+        The result is cached. Raises UnreachablePoseError if there is no such pair.
         """
         poses = [object_pose @ approach.compute_palm_pose_at(withdrawal) for withdrawal in (0.0, 1.0)]
         key = np.stack(poses).tobytes()
@@ -278,7 +282,10 @@ class MotionPlanner:
         return np.asarray(turns[is_inside][np.argsort(distance, kind="stable")[:TURNS]])
 
     def _find_problem(self, clearances: Clearances, goal: Goal) -> tuple[float, str] | None:
-        """Find what prevents an approach: (distance, description); None if it is free. Larger distance: less severe."""
+        """Find the problem that prevents an approach: (distance in metres, description); None if the approach is free.
+
+        A larger distance is less severe; -1 if the palm would leave the straight line.
+        """
         before, at_object = np.r_[goal.pregrasp, goal.hand], np.r_[goal.grasping, goal.hand]
         collision = clearances.find_collision(before, clearances.bodies.clearance)
         if collision is None:
@@ -290,7 +297,7 @@ class MotionPlanner:
         return collision.distance_m, describe_collision(clearances, collision)
 
     def _make_approach_requirement(self, clearances: Clearances) -> tuple[FloatArray, FloatArray]:
-        """Make the distances of each pair during the linear approach: at the samples and between them, f64[p] each."""
+        """Make the required distances of each pair in the linear approach: at samples and between them, f64[p] each."""
         bodies = clearances.bodies
         required = np.minimum(bodies.clearance, APPROACH_CLEARANCE_M)
         depth_m = (self.hand.layer_m or 0.0) + CONTACT_DEPTH_M
@@ -299,7 +306,7 @@ class MotionPlanner:
         return np.where(is_contact, -depth_m, required), floor
 
     def _is_straight(self, goal: Goal) -> bool:
-        """Whether the palm stays near the straight line between both ends of the approach."""
+        """Return whether the palm stays near the straight line of the approach, and nearly keeps its orientation."""
         shares = np.linspace(0, 1, 9)[:, None]
         angles = np.zeros((len(shares), len(self.robot.joint_names)))
         angles[:, :ARM_JOINTS] = goal.pregrasp + shares * (goal.grasping - goal.pregrasp)

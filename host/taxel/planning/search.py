@@ -21,14 +21,15 @@ SHORTCUTS: Final = 40
 """Number of random shortcuts that are tried (chosen); more of them change the duration of a plan by a few per cent."""
 
 IsFree = Callable[[FloatArray, FloatArray], bool]
-"""Whether the straight segment between two postures is free of collisions."""
+"""Returns whether the straight segment between two postures is free of collisions."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchSpace:
-    """Range of a search. lower, upper: smallest and largest joint angles, f64[n] radians. is_free: check of a segment.
+    """Range and conditions of a search.
 
-    compute_cost: cost of the path through postures f64[k, n]; shortcuts must lower it.
+    lower, upper: smallest and largest joint angles, f64[n] radians. is_free: check of a segment. compute_cost: cost of
+    the path through postures f64[k, n]; a shortcut must lower it.
     """
 
     lower: FloatArray
@@ -99,7 +100,7 @@ def _extend(tree: _Tree, target: FloatArray, space: SearchSpace) -> int | None:
 
 
 def _connect(tree: _Tree, target: FloatArray, space: SearchSpace) -> int | None:
-    """Extend a tree towards a posture until it is reached or an edge is blocked; return the node at the posture."""
+    """Extend a tree towards a posture until it is reached; return its node, or None if an edge is blocked."""
     while (node := _extend(tree, target, space)) is not None:
         if tree.postures[node] is target:
             return node
@@ -107,7 +108,7 @@ def _connect(tree: _Tree, target: FloatArray, space: SearchSpace) -> int | None:
 
 
 def shorten_path(path: FloatArray, space: SearchSpace, rng: np.random.Generator) -> FloatArray:
-    """Shorten a path f64[k, n] by straight shortcuts; the ends stay, and the cost never increases."""
+    """Shorten a path f64[k, n] by straight shortcuts; the ends are unchanged, and the cost never increases."""
     path = _skip_waypoints(path, space)
     for _ in range(SHORTCUTS if len(path) > 2 else 0):
         places = np.sort(rng.uniform(0, len(path) - 1, size=2))
@@ -123,7 +124,7 @@ def shorten_path(path: FloatArray, space: SearchSpace, rng: np.random.Generator)
 
 
 def _skip_waypoints(path: FloatArray, space: SearchSpace) -> FloatArray:
-    """Remove waypoints between whose neighbours a straight segment is free and cheaper; farthest neighbours first."""
+    """Remove waypoints that a free straight segment can skip at no higher cost; longest segments are tried first."""
     kept, index = [path[0]], 0
     while index < len(path) - 1:
         following = index + 1

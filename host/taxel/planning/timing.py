@@ -36,7 +36,7 @@ class SpeedLimits:
     hand_acceleration: float = HAND_ACCELERATION_RAD_S2
 
     def __post_init__(self) -> None:
-        """Check the limits."""
+        """Raise ValueError for a limit that is not above 0, or an arm speed above that of the UR5e."""
         for name in ("arm_speed", "arm_acceleration", "hand_speed", "hand_acceleration"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name}: expected a finite number above 0, found {getattr(self, name)}")
@@ -59,7 +59,7 @@ class TimedPath:
     limits: SpeedLimits
 
     def _make_profiles(self) -> list[TrapezoidalProfile | None]:
-        """Make the speed profile of every segment over its share 0 to 1; None for a segment without motion."""
+        """Make the speed profile of every segment, for its fraction from 0 to 1; None for a segment without motion."""
         speed, acceleration = self.limits.get_joint_limits(self.waypoints.shape[1])
         profiles: list[TrapezoidalProfile | None] = []
         for step in np.abs(np.diff(self.waypoints, axis=0)):

@@ -13,7 +13,7 @@ from taxel.proximity.skin_points import compute_skin_points
 from taxel.signal import measure_noise
 
 MIN_NOISE_COUNTS = 0.3
-"""Noise of a quantised count without other noise: 1 / sqrt(12) counts."""
+"""Smallest assumed noise: that of rounding to whole counts, 1 / sqrt(12) counts."""
 
 MIN_DRIFT_COUNTS = 0.3
 """Smallest assumed random walk of the baseline, counts per square root of a second (chosen: a change of a degree in a
@@ -26,7 +26,10 @@ MIN_CURVE_ERROR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class TargetResponse:
-    """Response of one kind of board to one target, as `CurveFit`. boards: names of the boards of the calibration."""
+    """Response of one kind of board to one target.
+
+    curve, curve_error, gain_spread: as in `CurveFit`. boards: names of the boards from which the response was measured.
+    """
 
     curve: ResponseCurve
     curve_error: float
@@ -36,10 +39,10 @@ class TargetResponse:
 
 @dataclass(frozen=True, eq=False)
 class KindCalibration:
-    """Calibration of one kind of board.
+    """Calibration of one kind of board (boards with the same layout of taxels).
 
-    noise_counts: white noise of a taxel in one frame. drift_counts: random walk of a board's mean baseline, counts per
-    square root of a second. targets: responses by the name of the target.
+    noise_counts: standard deviation of the white noise of a taxel in one frame. drift_counts: random walk of a board's
+    mean baseline, counts per square root of a second. targets: responses by the name of the target.
     """
 
     noise_counts: float
@@ -49,16 +52,16 @@ class KindCalibration:
 
 @dataclass(frozen=True, eq=False)
 class ProximityCalibration:
-    """Calibration of a skin. hand: name of its description. kinds: by the name of the kind of board."""
+    """Calibration of a skin. hand: name of its description. kinds: calibration of each kind of board, by its name."""
 
     hand: str
     kinds: dict[str, KindCalibration]
 
 
 def calibrate(hand: Hand, counts: Sequence[HoldCounts]) -> ProximityCalibration:
-    """Calibrate all kinds of boards that the holds contain.
+    """Calibrate all kinds of boards for which `counts` contains a target at known distances.
 
-    Raises `ProximityError` for a board without a rest, or for too few distances.
+    Raises `ProximityError` for a board without frames that were recorded without a target, or for too few distances.
     """
     signals = compute_held_signals(counts)
     kinds: dict[str, KindCalibration] = {}
@@ -83,10 +86,11 @@ def _make_response(fit: CurveFit, boards: tuple[str, ...]) -> TargetResponse:
 
 
 def _measure_rest(counts: Sequence[HoldCounts]) -> tuple[float, float]:
-    """Measure the white noise of a taxel (counts) and the random walk of the mean (counts per root second) at rest.
+    """Measure noise and drift in the holds without a target.
 
-    The random walk follows from the differences of successive means over a second: a random walk of variance d^2 per
-    second changes the mean over a second by a variance of 2/3 d^2; the share of the white noise is subtracted.
+    Returns the standard deviation of a taxel's white noise, counts, and the random walk of the mean over all taxels,
+    counts per square root of a second. The random walk follows from the differences of successive one-second means: for
+    a random walk of variance d^2 per second, their variance is 2/3 d^2. The variance from white noise is subtracted.
     """
     noises, walks = [], []
     for each in counts:

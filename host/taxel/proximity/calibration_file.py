@@ -24,11 +24,12 @@ MAX_POINTS: Final = 200
 MAX_TARGETS: Final = 8
 """Largest number of targets of a kind: the time per frame grows in proportion."""
 COUNTS_MAX: Final = 65_535.0
+"""Largest absolute signal: raw counts have 16 bits."""
 _TARGET_KEYS: Final = ("distance_mm", "signal_counts", "decay", "curve_error", "gain_spread", "boards")
 
 
 def write_calibration(path: str | os.PathLike[str], calibration: ProximityCalibration, overwrite: bool = False) -> None:
-    """Write a calibration file completely or not at all. Raises `OutputError` if it exists and `overwrite` is False."""
+    """Write a calibration file atomically. Raises `OutputError` if the file exists and `overwrite` is False."""
     write_whole(path, format_calibration(calibration), overwrite=overwrite)
 
 
@@ -58,7 +59,10 @@ def _to_document(calibration: ProximityCalibration) -> dict[str, Any]:
 
 
 def read_calibration(path: str | os.PathLike[str], hand: Hand) -> ProximityCalibration:
-    """Read a calibration file for a hand. Raises `CalibrationFileError` for a value that is not valid, and OSError."""
+    """Read a calibration file and check that it belongs to `hand`.
+
+    Raises `CalibrationFileError` for an invalid value, and OSError for a file that cannot be read.
+    """
     reader = _Reader(format_path(os.fspath(path)))
     document = reader.load(path)
     reader.check_keys(document, ("format", "version", "hand", "kinds"))
@@ -76,7 +80,7 @@ def read_calibration(path: str | os.PathLike[str], hand: Hand) -> ProximityCalib
 
 
 def _parse_kind(reader: "_Reader", field: str, table: Any) -> KindCalibration:
-    """Parse the calibration of one kind of board."""
+    """Parse the calibration of one kind of board. field: path of `table` in error messages."""
     reader.check(isinstance(table, dict), field, "a table", table)
     reader.check_keys(table, ("noise_counts", "drift_counts_per_root_s", "targets"), field)
     targets = reader.table(table, "targets", field)
@@ -89,7 +93,7 @@ def _parse_kind(reader: "_Reader", field: str, table: Any) -> KindCalibration:
 
 
 def _parse_target(reader: "_Reader", field: str, name: str, table: Any) -> TargetResponse:
-    """Parse the response to one target."""
+    """Parse the response to the target `name`. field: path of `table` in error messages."""
     reader.check(bool(TARGET_NAME.fullmatch(name)), field, "a name of lower-case letters, digits and _", name)
     reader.check(isinstance(table, dict), field, "a table", table)
     reader.check_keys(table, _TARGET_KEYS, field)
@@ -113,7 +117,7 @@ class _Reader:
         self._file = file
 
     def load(self, path: str | os.PathLike[str]) -> dict[str, Any]:
-        """Load the document."""
+        """Read and parse the file; return its JSON object."""
         try:
             document = parse_json(read_regular_file(path, MAX_FILE_BYTES), MAX_FILE_BYTES)
         except TextError as error:
@@ -122,7 +126,7 @@ class _Reader:
         return dict(document)
 
     def check(self, is_valid: bool, field: str, expected: str, found: Any) -> None:
-        """Raise an error unless a value is valid."""
+        """Raise `CalibrationFileError` unless `is_valid`. expected, found: required and actual value of the field."""
         if not is_valid:
             raise self._error(field, expected, format_value(found))
 
@@ -130,26 +134,30 @@ class _Reader:
         return CalibrationFileError(self._file, field, expected, found, "calibrate again, or use the file of this skin")
 
     def check_keys(self, table: dict[str, Any], keys: Sequence[str], field: str = "") -> None:
-        """Raise an error for a key of a table that the format does not have, such as a misspelt one."""
+        """Raise an error if `table` has a key that is not in `keys`, such as a misspelt one. field: path of the
+        table.
+        """
         for key in table:
             expected = f"one of the keys {', '.join(keys)}"
             self.check(key in keys, f"{field}.{format_path(key[:40])}".lstrip("."), expected, key)
 
     def table(self, table: dict[str, Any], key: str, field: str = "") -> dict[str, Any]:
-        """Return a table of a table."""
+        """Return the table `table[key]`. field: path of `table` in error messages."""
         value = table.get(key)
         self.check(isinstance(value, dict), f"{field}.{key}".lstrip("."), "a table", value)
         return dict(value or {})
 
     def number(self, table: dict[str, Any], key: str, low: float, high: float, field: str) -> float:
-        """Return a number of a table from `low` to `high`."""
+        """Return the number `table[key]`, which must lie between `low` and `high`. field: path of `table`."""
         value = table.get(key)
         is_valid = isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
         self.check(is_valid, f"{field}.{key}", f"a number from {low:g} to {high:g}", value)
         return float(value or 0.0)
 
     def numbers(self, table: dict[str, Any], key: str, largest: float, field: str) -> np.ndarray[Any, np.dtype[Any]]:
-        """Return a list of finite numbers of a table, of absolute values up to `largest`."""
+        """Return the numbers `table[key]` as f64[k]: finite, with absolute values up to `largest`. field: path of
+        `table`.
+        """
         value = table.get(key)
         is_valid = isinstance(value, list) and 0 < len(value) <= MAX_POINTS
         is_valid = is_valid and all(

@@ -1,13 +1,15 @@
-"""Combination of two calibrations of one skin, such as of a grounded plate and of an acrylic plate."""
+"""Combination of two calibrations of one skin, for example with a grounded plate and with an acrylic plate."""
 
 from taxel.proximity.calibration import KindCalibration, ProximityCalibration
 from taxel.proximity.errors import ProximityError
 
 
 def merge_calibrations(first: ProximityCalibration, second: ProximityCalibration) -> ProximityCalibration:
-    """Combine kinds and targets; where both have a target of a kind, the second one applies.
+    """Combine two calibrations: the result contains every kind of board and every target that one of them contains.
 
-    Noise and drift are the larger ones of both. Raises `ProximityError` for calibrations of two hands.
+    If both contain the same target (such as a grounded plate) for the same kind of board, the response of `second` is
+    used. Noise and drift of a kind of board are the larger of the two values. Raises `ProximityError` for calibrations
+    of different hands.
     """
     if first.hand != second.hand:
         raise ProximityError(

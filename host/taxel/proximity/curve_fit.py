@@ -1,4 +1,4 @@
-"""Response curve and its uncertainties from the signals of held targets."""
+"""Fit of the response curve and its uncertainties to the signals of targets that are held at known distances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,24 +13,28 @@ from taxel.proximity.skin_points import SkinPoints, compute_plane_gaps
 from taxel.types import FloatArray
 
 MIN_DISTANCES = 5
-"""Fewest distances of a calibration: a decaying curve needs about one support point per halving of its values."""
+"""Smallest number of distances in a calibration: a decaying curve needs about one support point per halving of its
+values."""
 
 DECAY_RANGE = (1.0, 6.0)
 """Range of the power with which the signal decays beyond the last hold: from a field between plates (1) to that of a
 dipole and its image (6)."""
 
 MONOTONE_LIMIT = 3.0
-"""Largest deviation of a curve from a monotone one, in standard errors, at which the monotone curve is used. A larger
-value would force the response to a dielectric, which changes its sign, onto a monotone curve."""
+"""Largest deviation of a curve from the nearest monotone curve, in standard errors, at which the monotone curve is
+used. With a larger value, the response to a dielectric, which changes its sign, would be replaced by a monotone
+curve."""
 
 FACING_SHARE = 0.05
-"""Taxels whose predicted signals have a smaller share of the largest mean square do not face the plate."""
+"""Smallest sum of squared predicted signals of a taxel that faces the plate, relative to the largest of its board."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """Result of a fit. curve_error: relative standard deviation of a hold that was left out of the fit. gain_spread:
-    relative standard deviation of the response between taxels.
+    """Fitted response curve with its uncertainties.
+
+    curve_error: relative standard deviation of the curve between its support points. gain_spread: relative standard
+    deviation of the response between taxels.
     """
 
     curve: ResponseCurve
@@ -41,8 +45,9 @@ class CurveFit:
 def fit_curve(points_of: dict[str, SkinPoints], signals: Sequence[HeldSignal], noise_counts: float) -> CurveFit:
     """Fit the response curve of one kind of board and one target.
 
-    points_of: skin points by board name. signals: held signals of boards of this kind. noise_counts: white noise of one
-    frame. Raises `ProximityError` for fewer than `MIN_DISTANCES` distances.
+    points_of: skin points by board name. signals: signals of the target at known distances, of boards of this kind.
+    noise_counts: standard deviation of the white noise of a taxel in one frame. Raises `ProximityError` for fewer than
+    `MIN_DISTANCES` distances.
     """
     knots = np.unique(np.array([signal.distance_m for signal in signals]))
     if len(knots) < MIN_DISTANCES:
@@ -62,26 +67,31 @@ def fit_curve(points_of: dict[str, SkinPoints], signals: Sequence[HeldSignal], n
 def _fit_support_points(
     knots: FloatArray, gaps: Sequence[FloatArray], signals: Sequence[HeldSignal], noise_counts: float
 ) -> ResponseCurve:
-    """Fit the values of the curve at the held distances by least squares over all taxels.
+    """Fit the values of the curve at the distances `knots` (f64[k], metres) by least squares over all taxels.
 
-    On a curved board the taxels have different gaps at the same distance; the support points are those of the gaps.
+    gaps: f64[n, 9] of each signal. On a curved board the taxels have different gaps at the same distance: a signal
+    constrains the values at all support points between which its gaps lie.
     """
     decay = 3.0
     for _ in range(3):  # the decay beyond the last support point follows from the last two of them
-        rows = np.concatenate([_hat_means(knots, gap, decay) for gap in gaps])
+        design = np.concatenate([_compute_hat_means(knots, gap, decay) for gap in gaps])
         observed = np.concatenate([signal.signal_counts for signal in signals])
         weight = np.concatenate([np.full(len(signal.signal_counts), np.sqrt(signal.frames)) for signal in signals])
-        values, *_ = np.linalg.lstsq(rows * weight[:, None], observed * weight, rcond=None)
+        values, *_ = np.linalg.lstsq(design * weight[:, None], observed * weight, rcond=None)
         ratio = values[-2] / values[-1] if values[-1] * values[-2] > 0 else 1.0
         step = to_axis(knots[-1:])[0] - to_axis(knots[-2:-1])[0]
         decay = float(np.clip(np.log(max(ratio, 1e-3)) / step, *DECAY_RANGE))
-    normal = (rows * weight[:, None]).T @ (rows * weight[:, None])
+    normal = (design * weight[:, None]).T @ (design * weight[:, None])
     error = noise_counts * np.sqrt(np.diag(np.linalg.pinv(normal)))
     return ResponseCurve(knots, _make_monotone(values, error), decay)
 
 
-def _hat_means(knots: FloatArray, gap: FloatArray, decay: float) -> FloatArray:
-    """Mean over each taxel's points of the hat functions of the support points, f64[n, k]. gap: f64[n, 9], metres."""
+def _compute_hat_means(knots: FloatArray, gap: FloatArray, decay: float) -> FloatArray:
+    """Compute the mean of each support point's hat function over each taxel's skin points, f64[n, k].
+
+    The hat function of a support point is 1 there, falls linearly to 0 at the adjacent support points, and decays with
+    the power `decay` beyond the last one. knots: f64[k], metres. gap: f64[n, 9], metres.
+    """
     axis, ends = to_axis(np.minimum(gap, TABLE_END_M)), to_axis(knots)
     index = np.clip(np.searchsorted(ends, axis, side="right") - 1, 0, len(ends) - 2)
     share = np.minimum((axis - ends[index]) / (ends[index + 1] - ends[index]), 1.0)
@@ -93,7 +103,10 @@ def _hat_means(knots: FloatArray, gap: FloatArray, decay: float) -> FloatArray:
 
 
 def _make_monotone(values: FloatArray, error: FloatArray) -> FloatArray:
-    """Return the nearest monotone values if they agree with the values within their errors, else the values."""
+    """Return the nearest monotone values if they agree with `values` within `MONOTONE_LIMIT`, otherwise `values`.
+
+    values, error: f64[k], values of the curve at its support points and their standard errors, counts.
+    """
     with optional_import("scipy", "the calibration of the proximity response"):
         from scipy.optimize import isotonic_regression
     is_rising = values[-1] > values[0]
@@ -105,10 +118,11 @@ def _make_monotone(values: FloatArray, error: FloatArray) -> FloatArray:
 def _compute_curve_error(
     knots: FloatArray, curve: ResponseCurve, noise_counts: float, signals: Sequence[HeldSignal]
 ) -> float:
-    """Compute the relative error of the curve at an inner support point that is predicted from the others.
+    """Compute the relative error of the curve between its support points, as a root mean square.
 
-    The interpolation over a gap of twice the spacing overestimates the error between two support points by about a
-    factor of 4 for a smooth curve (second-order interpolation); the repeatability of the holds is contained in full.
+    Each inner support point is predicted from the others. This interpolation over twice the spacing overestimates the
+    error between two support points by about a factor of 4 for a smooth curve (second-order interpolation), by which
+    the deviations are divided.
     """
     errors = []
     for index in range(1, len(knots) - 1):
@@ -122,7 +136,11 @@ def _compute_curve_error(
 
 
 def _compute_spread(predicted: Sequence[FloatArray], signals: Sequence[HeldSignal]) -> float:
-    """Compute the relative standard deviation between taxels of the response, weighted by the predicted signals."""
+    """Compute the relative standard deviation of the response between the taxels that face the target.
+
+    The gain of a taxel is fitted to its predicted and measured signals of all holds. The standard deviation is
+    estimated robustly, from the median absolute deviation of the gains.
+    """
     products: dict[str, list[FloatArray]] = {}
     for value, signal in zip(predicted, signals, strict=True):
         entry = products.setdefault(signal.board, [np.zeros(len(value)), np.zeros(len(value))])

@@ -1,19 +1,19 @@
-"""Baseline that follows drift while no target is near, and is extrapolated while a target is."""
+"""Baseline that follows drift while no target is near, and is extrapolated while a target is near."""
 
 import numpy as np
 
 from taxel.types import FloatArray
 
 LEVEL_TIME_S = 2.0
-"""Shortest time constant with which the baseline follows the counts without a target. A shorter time absorbs slow
-approaches, a longer one lags behind a change of the temperature."""
+"""Shortest time constant with which the baseline follows the counts without a target. With a shorter time, the baseline
+absorbs slow approaches; with a longer time, it lags behind a change of the temperature."""
 
 SLOPE_TIME_S = 100.0
-"""Time constant of the rate of drift: boards warm up, and the air changes its temperature, over minutes (chosen)."""
+"""Time constant of the rate of drift: the temperatures of boards and air change over minutes (chosen)."""
 
 SLOPE_COUNTS_PER_S = 0.5
-"""Standard deviation of the rate of drift (chosen: a warm-up of 100 counts over minutes). A larger value widens the
-intervals of targets that stay for long, and permits a faster drift during this time."""
+"""Standard deviation of the rate of drift (chosen: a warm-up of 100 counts over minutes). With a larger value, a faster
+drift is permitted while a target is near, and the intervals of targets that stay for long are wider."""
 
 
 class DriftTracker:
@@ -23,11 +23,15 @@ class DriftTracker:
     from the mean of the taxels, with a gain that `LEVEL_TIME_S` limits (local linear trend: Harvey, Forecasting,
     Structural Time Series Models and the Kalman Filter, 1989, chapter 2).
 
-    drift_counts: random walk of the mean, counts per root second. noise_counts: white noise of a taxel in one frame.
+    baseline: None until enough frames have been averaged.
     """
 
     def __init__(self, n_taxels: int, drift_counts: float, noise_counts: float, frames: int) -> None:
-        """Create a tracker whose first `frames` frames are averaged."""
+        """Create a tracker whose first `frames` frames are averaged to the first baseline.
+
+        drift_counts: random walk of the mean over the taxels, counts per square root of a second. noise_counts:
+        standard deviation of the white noise of a taxel in one frame.
+        """
         self._needed = frames
         self._sum = np.zeros(n_taxels)
         self._count = 0
@@ -39,7 +43,7 @@ class DriftTracker:
 
     @property
     def progress(self) -> float:
-        """Share of the first frames, 0 to 1."""
+        """Completed share of the first baseline, 0 to 1."""
         return 1.0 if self.baseline is not None else self._count / self._needed
 
     def start(self, raw_counts: FloatArray) -> None:
@@ -50,7 +54,7 @@ class DriftTracker:
             self.baseline = self._sum / self._count
 
     def advance(self, dt_s: float) -> FloatArray:
-        """Extrapolate the baseline by an interval and return it, f64[n]."""
+        """Extrapolate the baseline by `dt_s` seconds and return it, f64[n], counts."""
         assert self.baseline is not None  # the estimator calls start() first
         decay = float(np.exp(-dt_s / SLOPE_TIME_S))
         travel = SLOPE_TIME_S * (1.0 - decay)
@@ -62,19 +66,23 @@ class DriftTracker:
         return self.baseline
 
     def follow(self, raw_counts: FloatArray, dt_s: float) -> None:
-        """Correct baseline and rate by a frame without a target."""
+        """Correct the baseline and the rate of drift with a frame f64[n] without a target.
+
+        The mean error over the taxels is corrected by the Kalman gain, the deviation of each taxel from the mean with
+        the time constant `LEVEL_TIME_S`. dt_s: time since the frame before.
+        """
         assert self.baseline is not None
         error = raw_counts - self.baseline
         mean = float(error.mean())
-        own = float(-np.expm1(-dt_s / LEVEL_TIME_S))
+        level_gain = float(-np.expm1(-dt_s / LEVEL_TIME_S))
         gain = self._covariance[:, 0] / (self._covariance[0, 0] + self._mean_variance)
-        gain *= min(1.0, own / float(gain[0]))
-        self.baseline = self.baseline + gain[0] * mean + own * (error - mean)
+        gain *= min(1.0, level_gain / float(gain[0]))
+        self.baseline = self.baseline + gain[0] * mean + level_gain * (error - mean)
         self._slope += float(gain[1]) * mean
         kept = np.eye(2) - np.outer(gain, [1.0, 0.0])
         self._covariance = kept @ self._covariance @ kept.T + self._mean_variance * np.outer(gain, gain)
 
     @property
     def offset_counts(self) -> float:
-        """Standard deviation of the common offset between baseline and counts, counts."""
+        """Standard deviation of the offset between baseline and counts that all taxels share, counts."""
         return float(np.sqrt(self._covariance[0, 0]))

@@ -4,8 +4,8 @@ from taxel.errors import FieldError, TaxelError
 
 
 class ProximityError(TaxelError):
-    """A calibration or a stream does not permit the estimation of distances; the text states the remedy."""
+    """A calibration or a stream does not permit the estimation of distances; the message states the remedy."""
 
 
 class CalibrationFileError(FieldError, ProximityError):
-    """A file of holds or a calibration file has a value that is not valid."""
+    """A CSV file of holds or a calibration file contains an invalid value."""

@@ -11,21 +11,21 @@ from taxel.proximity.motion_grid import CENTRES_M, EDGES_M, SPEEDS_M_S, WIDTHS_M
 from taxel.types import FloatArray
 
 INTERVAL = (0.025, 0.975)
-"""Quantiles of the interval of 95 %."""
+"""Quantiles that bound a 95 % interval."""
 
 HIDDEN_PARTS_M = ((0.65, 1.2e-4), (0.35, 7.5e-4))
-"""Excess of the nearest part of a target over its template: probabilities and mean values (metres) of two exponential
-distributions. An edge or a corner that covers a small part of a taxel changes its signal little, so that a target can
-only be nearer than its template. The values are a fit by maximum likelihood, rounded, to the true distances on four
-emulated skins with the seed 9001 (plates, boxes, cylinders and spheres), which the check of docs/proximity.md does not
-contain."""
+"""By how much the nearest part of a target is nearer than its template (the modelled shape): probabilities and mean
+values (metres) of two exponential distributions. An edge or a corner that covers a small part of a taxel hardly changes
+the taxel's signal, so that a target can only be nearer than its template. The values were fitted by maximum likelihood
+to the true distances on four emulated skins with the seed 9001 (plates, boxes, cylinders and spheres), and rounded. The
+check in docs/proximity.md uses other seeds."""
 
 PRESENT_PROBABILITY = 0.9
-"""Probability of a target above which its distance is reported. A smaller value reports farther targets, and more often
-one that does not exist."""
+"""Probability of a target above which its distance is reported. With a smaller value, farther targets are reported, but
+more often also targets that do not exist."""
 
 TARGET_PROBABILITY = 0.9
-"""Probability above which the kind of target is named; below it the kind is not identifiable."""
+"""Probability of a calibrated target above which its name is reported; otherwise the target is not identifiable."""
 
 NOT_IDENTIFIABLE = "not identifiable"
 UNKNOWN = "unknown"
@@ -33,7 +33,7 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Range:
-    """Median and interval of 95 % of a quantity."""
+    """Median of a quantity, and the bounds `low` and `high` of its 95 % interval."""
 
     median: float
     low: float
@@ -45,17 +45,18 @@ class ProximityEstimate:
     """Estimate for one board at the scan time of one frame.
 
     Attributes:
-        address, board: of the sensor. time_s: start of the scan, seconds of the stream's clock.
+        address, board: I2C address and name of the board.
+        time_s: start of the scan, seconds of the stream's clock.
         is_ready: whether the baseline is complete.
-        present: probability of a target in range that does not touch. contact: probability of a contact.
-        distance_m, speed_m_s: of the target; None unless `present` exceeds `PRESENT_PROBABILITY`. A positive speed
-            decreases the distance.
-        contact_soon: probability that a contact exists or begins within `horizon_s` of `time_s`.
-        time_to_contact_s: at the present speed; None for a target that does not approach, or without a target.
-        targets: probabilities of the calibrated targets. target: the most probable one, "not identifiable", "unknown"
-        if
-            no calibrated target fits the signals, or None without a target.
-        centre: the taxel of the board that is nearest to the target; None without a target.
+        present: probability of a target in range that does not touch the board. contact: probability of a contact.
+        distance_m, speed_m_s: distance and approach speed of the target; None unless `present` exceeds
+            `PRESENT_PROBABILITY`. The distance decreases at a positive speed.
+        contact_soon: probability that a contact exists or begins within `horizon_s` after `time_s`.
+        time_to_contact_s: time until contact at the present speed; None without a target that approaches.
+        targets: probabilities of the calibrated targets, by name; empty without a target.
+        target: name of the most probable target; "not identifiable" if no target is probable enough; "unknown" if no
+            calibrated target fits the signals; None without a target.
+        centre: index of the board's taxel that is nearest to the target; None without a target.
     """
 
     address: int
@@ -94,7 +95,7 @@ class ProximityEstimate:
 
 
 def _scale(value: Range | None, factor: float) -> dict[str, float | None] | None:
-    """Convert a range to JSON values; None for infinity."""
+    """Convert a range times `factor` to JSON values; infinite values, and a missing range, become None."""
     if value is None:
         return None
     pairs = (("median", value.median), ("low", value.low), ("high", value.high))
@@ -102,19 +103,25 @@ def _scale(value: Range | None, factor: float) -> dict[str, float | None] | None
 
 
 def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
-    """Compute median and interval of a histogram with uniform density in each bin; edges: f64[bins + 1]."""
+    """Compute the median and the 95 % interval of a histogram with uniform density in each bin.
+
+    mass: f64[bins], not normalised. edges: f64[bins + 1], bounds of the bins.
+    """
     cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
     low, median, high = np.interp((INTERVAL[0], 0.5, INTERVAL[1]), cumulative, edges).tolist()
     return Range(median, low, high)
 
 
 def _compute_hidden_shift() -> FloatArray:
-    """Compute the distribution f64[G, G] of the distance of the nearest part for a template at each distance."""
+    """Compute the distribution of the distance of a target's nearest part for each distance of its template, f64[G, G].
+
+    Rows: bin of the template's distance; columns: bin of the nearest part's distance; each row adds up to 1.
+    """
     shift = np.zeros((len(CENTRES_M), len(CENTRES_M)))
-    excess = CENTRES_M[:, None] - EDGES_M  # of a template at a centre over a nearest part at an edge
+    excess = CENTRES_M[:, None] - EDGES_M  # template at the centre of a bin, nearest part at the edge of a bin
     for probability, mean in HIDDEN_PARTS_M:
         survival = np.where(excess > 0.0, np.exp(-np.maximum(excess, 0.0) / mean), 1.0)
-        survival[:, 0] = 0.0  # an excess beyond the distance itself would be a contact
+        survival[:, 0] = 0.0  # an excess larger than the distance would be a contact
         shift += probability * np.diff(survival, axis=1)
     return np.asarray(shift / shift.sum(axis=1, keepdims=True))
 
@@ -123,17 +130,23 @@ _HIDDEN_SHIFT = _compute_hidden_shift()
 
 
 def compute_nearest_motion(state: MotionFilter) -> FloatArray:
-    """Compute the joint probabilities f64[V, G] of speed and distance of the nearest part of a target."""
+    """Compute the joint probabilities of V speeds and G distances of a target's nearest part, f64[V, G]."""
     return np.asarray(state.motion @ _HIDDEN_SHIFT)
 
 
 def summarise_distance(motion: FloatArray) -> Range:
-    """Summarise the distance, metres. motion: f64[V, G]."""
+    """Return median and 95 % interval of the distance, metres.
+
+    motion: f64[V, G], joint probabilities of speed and distance.
+    """
     return compute_quantiles(motion.sum(axis=0), EDGES_M)
 
 
 def summarise_speed(motion: FloatArray) -> Range:
-    """Summarise the approach speed, metres per second. motion: f64[V, G]."""
+    """Return median and 95 % interval of the approach speed, metres per second.
+
+    motion: f64[V, G], joint probabilities of speed and distance.
+    """
     widths = compute_speed_widths()
     edges = np.concatenate([[SPEEDS_M_S[0] - 0.5 * widths[0]], 0.5 * (SPEEDS_M_S[1:] + SPEEDS_M_S[:-1])])
     edges = np.append(edges, SPEEDS_M_S[-1] + 0.5 * widths[-1])
@@ -141,9 +154,10 @@ def summarise_speed(motion: FloatArray) -> Range:
 
 
 def summarise_time_to_contact(motion: FloatArray) -> Range | None:
-    """Summarise the time until contact at constant speed, seconds; None if the median target does not approach.
+    """Return median and 95 % interval of the time until contact at constant speed, seconds.
 
-    motion: f64[V, G].
+    motion: f64[V, G], joint probabilities of speed and distance. A target that does not approach has an infinite time;
+    the result is None if the median is infinite.
     """
     approaching = SPEEDS_M_S > 0
     with np.errstate(divide="ignore"):
@@ -156,9 +170,9 @@ def summarise_time_to_contact(motion: FloatArray) -> Range | None:
 
 
 def compute_contact_probability(motion: FloatArray, contact: float, horizon_s: float) -> float:
-    """Compute the probability that a contact exists or begins within a time, seconds, at constant speed.
+    """Compute the probability that a contact exists now or begins within `horizon_s` at constant speed.
 
-    motion: f64[V, G]. contact: probability of a contact at present.
+    motion: f64[V, G], joint probabilities of speed and distance without contact. contact: probability of a contact now.
     """
     reached = np.clip((SPEEDS_M_S[:, None] * horizon_s - EDGES_M[:-1]) / WIDTHS_M, 0.0, 1.0)
     return float((motion * reached).sum() + contact)

@@ -29,42 +29,44 @@ from taxel.proximity.templates import make_window
 from taxel.types import FloatArray
 
 BASELINE_FRAMES = 40
-"""Frames of the first baseline: its error, a sixth of the noise, is then followed by the drift tracker."""
+"""Number of frames in the first baseline. Its error, a sixth of the noise, is corrected later by the drift tracker."""
 
 NEIGHBOUR_RADIUS_M = 0.0075
-"""Taxels within this distance are averaged to locate the target: the 3 x 3 neighbourhood at a pitch of 5 mm."""
+"""Radius within which the signals around a taxel are averaged to locate the target: 3 x 3 taxels at a 5 mm pitch."""
 
 SMOOTHING_TIME_S = 0.1
-"""Time constant of the neighbourhood means that start the filter and select the window."""
+"""Time constant with which the neighbourhood means are smoothed that start the filter and select the window."""
 
 START_LIMIT = 3.0
-"""Largest neighbourhood mean, in standard deviations, at which the board counts as idle. A smaller value starts the
-filter more often without a target, which costs time; the filter itself decides whether there is a target."""
+"""Largest neighbourhood mean, in standard deviations, at which the board is treated as idle. With a smaller value, the
+filter is started more often without a target, which costs time; the filter decides whether there is a target."""
 
 IDLE_PROBABILITY = 0.98
 """Probability of no target above which the filter stops, and the baseline follows the counts."""
 
 OWN_SHARE = 0.75
-"""Share of a taxel's own signal in the neighbourhood mean. The mean of the neighbours is largest in the middle of a
-face instead of at the nearest taxel; the signal of a taxel alone is noisy."""
+"""Weight of a taxel's signal in its neighbourhood mean; its neighbours share the rest. The mean of the neighbours alone
+is largest in the middle of a face instead of at the nearest taxel; the signal of one taxel alone is noisy."""
 
 SWITCH_RATIO = 1.1
 SWITCH_NOISE = 1.5
-"""The window moves to another taxel if its neighbourhood mean exceeds that of the present centre by this ratio, and by
-this multiple of the noise (chosen above the differences between taxels below the same target, 3 to 6 %). A smaller
-value moves the window more often, which restarts the estimation of the shape."""
+"""The window moves to another taxel if its neighbourhood mean exceeds the mean at the present centre times
+`SWITCH_RATIO` by more than `SWITCH_NOISE` times the noise (chosen above the differences between taxels below the same
+target, 3 to 6 %). With smaller values, the window moves more often, which restarts the estimation of the shape."""
 
 MISFIT_LIMIT = 3.0
+"""Mean squared residual of the best template, in units of its variance, above which no calibrated target fits. The
+variance contains the errors of the templates, so that the mean is below 1 for a calibrated target."""
+
 MISFIT_TIME_S = 0.3
-"""Mean squared residual of the best template over this time, in units of its variance, above which no calibrated target
-fits. The variance contains the errors of the templates, so that a target of the calibration has a mean below 1."""
+"""Time constant over which the squared residual is averaged, seconds."""
 
 STORED_FRAMES = 8
-"""Frames before the start of the filter that it processes first: the signals of the first frames of an approach are too
-small to start it, but determine the speed."""
+"""Number of frames before the start of the filter that the filter processes first: the signals of the first frames of
+an approach are too small to start it, but determine the speed."""
 
 CACHED_WINDOWS = 16
-"""Windows that an estimator keeps: about 1.5 MB each."""
+"""Number of windows whose predictions an estimator keeps, about 1.5 MB each."""
 
 
 class BoardEstimator:
@@ -74,7 +76,7 @@ class BoardEstimator:
     """
 
     def __init__(self, hand: Hand, board: Board, calibration: KindCalibration, horizon_s: float) -> None:
-        """Create an estimator. horizon_s: time within which a contact is predicted, from the arrival of a frame."""
+        """Create an estimator. horizon_s: time after the arrival of a frame within which a contact is predicted."""
         self.board = board
         self.horizon_s = horizon_s
         self._calibration = calibration
@@ -96,14 +98,14 @@ class BoardEstimator:
 
     @property
     def progress(self) -> float:
-        """Share of the baseline's frames, 0 to 1."""
+        """Completed share of the first baseline, 0 to 1."""
         return self._tracker.progress
 
     def update(self, time_s: float, raw_counts: npt.ArrayLike, age_s: float = 0.0) -> ProximityEstimate:
         """Process one frame and return the estimate at its time.
 
-        time_s: start of the scan. raw_counts: [n] counts. age_s: time from the scan to the arrival of the frame, which
-        extends the horizon of the prediction.
+        time_s: start of the scan, seconds. raw_counts: [n] counts. age_s: time from the scan to the arrival of the
+        frame, by which the horizon of the contact prediction is extended.
         """
         raw = np.asarray(raw_counts, dtype=np.float64)
         dt = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)
@@ -119,7 +121,7 @@ class BoardEstimator:
             self._centre = self._middle
             return self._make_estimate(time_s, age_s)
         if self._filter is None:
-            # The first window shows the earlier frames of the same taxels, from which the speed follows.
+            # The filter first processes the earlier frames of the same window of taxels, which determine the speed.
             self._centre = int(np.argmax(np.abs(self._smooth)))
             for earlier, interval in list(self._stored)[:-1]:
                 self._filter_frame(earlier, interval)
@@ -131,7 +133,9 @@ class BoardEstimator:
         return self._make_estimate(time_s, age_s)
 
     def _locate(self, signal: FloatArray, dt_s: float) -> None:
-        """Smooth the neighbourhood means, and move the window to the largest one."""
+        """Smooth the neighbourhood means over time, and centre the window at the largest one if it is clearly
+        larger.
+        """
         share = float(-np.expm1(-dt_s / SMOOTHING_TIME_S))
         self._smooth += share * (self._neighbours @ signal - self._smooth)
         size = np.abs(self._smooth)
@@ -143,20 +147,25 @@ class BoardEstimator:
                 self._filter.forget_shape()
 
     def _is_idle(self) -> bool:
-        """Whether no neighbourhood mean is larger than noise and drift explain."""
+        """Whether noise and drift explain all neighbourhood means, so that no target needs to be assumed."""
         noise = self._calibration.noise_counts**2 * (self._neighbours**2).sum(axis=1)
         variance = noise + self._tracker.offset_counts**2
         return bool((np.abs(self._smooth) < START_LIMIT * np.sqrt(variance)).all())
 
     def _make_likelihood(self, centre: int) -> tuple[WindowLikelihood, FloatArray]:
-        """Make the likelihood of the window around a taxel, and the prior of its templates (all targets)."""
+        """Make the likelihood of the window around the taxel `centre`, and the prior f64[K] of targets and
+        templates.
+        """
         window = make_window(self._points, centre)
         responses = [self._calibration.targets[name] for name in self._targets]
         likelihood = WindowLikelihood(window, self._calibration, responses)
         return likelihood, np.tile(window.weight, len(responses))
 
     def _filter_frame(self, signal: FloatArray, dt_s: float) -> None:
-        """Advance the filter by one frame; start it with the first of the stored frames."""
+        """Advance the filter by one frame, and update the misfits; create the filter if it does not exist.
+
+        signal: f64[n], counts. dt_s: time since the frame before.
+        """
         likelihood, prior = self._get_likelihood(self._centre)
         if self._filter is None:
             self._filter = MotionFilter(prior)
@@ -172,7 +181,7 @@ class BoardEstimator:
         self._fit_of_target += share * (values.reshape(len(self._targets), -1).max(axis=1) - self._fit_of_target)
 
     def _make_estimate(self, time_s: float, age_s: float) -> ProximityEstimate:
-        """Summarise the state of the filter."""
+        """Summarise the state of the filter as the estimate of the frame at `time_s`; no target without a filter."""
         state, horizon = self._filter, self.horizon_s + age_s
         present = 0.0 if state is None else float(state.present.sum())
         is_present = state is not None and present > PRESENT_PROBABILITY
@@ -207,7 +216,7 @@ class BoardEstimator:
         return dict(zip(self._targets, (weight / weight.sum()).tolist(), strict=True))
 
     def _name_target(self, targets: dict[str, float]) -> str:
-        """Return the name of the target, or why it has none."""
+        """Return the name of the most probable target, or "unknown" or "not identifiable" (see `ProximityEstimate`)."""
         if self._misfit > MISFIT_LIMIT:
             return UNKNOWN
         name = max(targets, key=lambda each: targets[each])
@@ -215,7 +224,7 @@ class BoardEstimator:
 
 
 def _make_neighbour_means(points: SkinPoints) -> FloatArray:
-    """Make the matrix f64[n, n] that averages each taxel with its neighbours on the same side of the board."""
+    """Make the matrix f64[n, n] that averages the signal of each taxel and of its neighbours with a similar normal."""
     distance = np.linalg.norm(points.centre[:, None] - points.centre[None], axis=2)
     near = (distance <= NEIGHBOUR_RADIUS_M) & (points.normal @ points.normal.T > 0.5)
     np.fill_diagonal(near, False)
@@ -224,5 +233,5 @@ def _make_neighbour_means(points: SkinPoints) -> FloatArray:
 
 
 def _find_middle(points: SkinPoints) -> int:
-    """Return the taxel nearest to the middle of a board."""
+    """Return the index of the taxel nearest to the middle of a board."""
     return int(np.argmin(np.linalg.norm(points.centre - points.centre.mean(axis=0), axis=1)))

@@ -1,4 +1,4 @@
-"""Mean counts of each hold, and the signals of held targets relative to the rests before and after them."""
+"""Frames of each hold, and the signals of targets relative to the intervals without a target before and after them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,12 +12,13 @@ from taxel.stream import TaxelFrame
 from taxel.types import FloatArray
 
 MIN_FRAMES = 10
-"""Fewest frames of a hold. With white noise of 4 counts, 10 frames give each taxel's mean within 1.3 counts."""
+"""Smallest number of frames in a hold. With white noise of 4 counts, the mean of 10 frames has a standard error of 1.3
+counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class HoldCounts:
-    """Frames of one hold: time_s f64[T], raw_counts f64[T, n]."""
+    """The T frames of one hold of a board with n taxels. time_s: f64[T], seconds. raw_counts: f64[T, n]."""
 
     hold: Hold
     time_s: FloatArray
@@ -31,7 +32,10 @@ class HoldCounts:
 
 @dataclass(frozen=True, eq=False)
 class HeldSignal:
-    """Mean signal of each taxel, f64[n] counts, while a target is held at a distance; `frames`: number of frames."""
+    """Mean signals of a board while a target rests at a known distance.
+
+    board, target: names. signal_counts: f64[n], baseline minus raw count. frames: number of averaged frames.
+    """
 
     board: str
     target: str
@@ -41,7 +45,7 @@ class HeldSignal:
 
 
 def collect_holds(frames: Iterable[TaxelFrame], hand: Hand, holds: Sequence[Hold]) -> list[HoldCounts]:
-    """Collect the frames of all holds of a recording.
+    """Collect the frames of a recording that belong to each hold; the result has the order of `holds`.
 
     Raises `ProximityError` for a hold with fewer than `MIN_FRAMES` frames.
     """
@@ -69,9 +73,10 @@ def make_hold_counts(hold: Hold, frames: Sequence[TaxelFrame]) -> HoldCounts:
 
 
 def compute_held_signals(counts: Sequence[HoldCounts]) -> list[HeldSignal]:
-    """Compute the signals of all held targets. The baseline is interpolated between the rests of the same board.
+    """Compute the signal of each hold with a target.
 
-    A linear drift between two rests therefore has no influence. Raises `ProximityError` for a board without a rest.
+    The baseline is interpolated in time between the holds without a target (rests) of the same board, so that a linear
+    drift between two rests has no influence. Raises `ProximityError` for a board without a rest.
     """
     signals = []
     for each in counts:
@@ -90,8 +95,9 @@ def compute_held_signals(counts: Sequence[HoldCounts]) -> list[HeldSignal]:
 
 
 def _interpolate_baseline(rests: Sequence[HoldCounts], time_s: float) -> FloatArray:
-    """Interpolate the mean counts f64[n] of the rests at a time; the nearest rest before the first and after the
-    last.
+    """Interpolate the mean raw counts f64[n] of holds without a target at a time.
+
+    Before the first and after the last of these holds, the mean counts of the nearest one are returned.
     """
     in_order = sorted(rests, key=lambda rest: rest.middle_s)
     times = np.array([rest.middle_s for rest in in_order])

@@ -14,20 +14,24 @@ from taxel.proximity.errors import CalibrationFileError
 
 COLUMNS = ("start_s", "end_s", "board", "target", "distance_mm")
 REST = "rest"
-"""Value of the column `target` while nothing is in front of the board; the column `distance_mm` is then empty."""
+"""Value of the column `target` of an interval without a target in front of the board; `distance_mm` is then empty."""
 
 MAX_DISTANCE_M = 0.03
 """Largest distance of a hold, metres: at larger distances no taxel of the described hands has a signal."""
 
 MAX_HOLDS = 10_000
-"""Largest number of holds of a file: more than a day of holds of three seconds."""
+"""Largest number of holds in a file: more than eight hours of holds of three seconds."""
 
 TARGET_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
 @dataclass(frozen=True)
 class Hold:
-    """An interval on the stream's clock, seconds. distance_m: of the target from the skin; None: rest, no target."""
+    """An interval during which a target rests at a known distance in front of a board, or without a target.
+
+    start_s, end_s: times on the stream's clock, seconds. board: name of the board. target: name of the target, or
+    `REST` without a target. distance_m: distance between target and skin, metres; None without a target.
+    """
 
     start_s: float
     end_s: float
@@ -39,7 +43,7 @@ class Hold:
 def read_holds(path: str | os.PathLike[str], hand: Hand) -> list[Hold]:
     """Read a file of holds, sorted by time.
 
-    Raises `CalibrationFileError` for a value that is not valid, and OSError for a file that cannot be read.
+    Raises `CalibrationFileError` for an invalid value, and OSError for a file that cannot be read.
     """
     file = format_path(os.fspath(path))
     holds: list[Hold] = []
@@ -62,9 +66,10 @@ def read_holds(path: str | os.PathLike[str], hand: Hand) -> list[Hold]:
 
 
 def _parse_row(file: str, number: int, row: Sequence[str], hand: Hand) -> Hold:
-    """Parse a line of a file of holds. Raises `CalibrationFileError`."""
+    """Parse a line of a file of holds. number: line number in messages. Raises `CalibrationFileError`."""
 
     def fail(column: str, expected: str, found: str) -> CalibrationFileError:
+        """Create the error of one column."""
         return CalibrationFileError(file, f"line {number}, {column}", expected, found, "correct the line")
 
     if len(row) != len(COLUMNS):
@@ -89,7 +94,7 @@ def _parse_row(file: str, number: int, row: Sequence[str], hand: Hand) -> Hold:
 
 
 def _parse_number(text: str) -> float:
-    """Parse a number; NaN for another text."""
+    """Parse a number; return NaN for a string that is no number."""
     try:
         return parse_float(text)
     except ValueError:

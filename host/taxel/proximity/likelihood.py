@@ -5,9 +5,9 @@ that the taxels share (drift of the baseline), and noise n. Offset, error of the
 distance are normally distributed and integrated in closed form (matrix inversion lemma, Woodbury 1950). The variance of
 n contains the white noise and the error of the templates, which grows with the signal.
 
-The normalising factors of the densities are left out. They would favour the hypothesis with the smaller signal in every
-frame again, although the errors of templates and gains persist over many frames: the estimates would drift away from
-the skin with the number of frames.
+The normalising factors of the densities are left out. They favour the hypothesis with the smaller signal. Because the
+errors of templates and gains persist over many frames, this preference would accumulate, and the estimated distances
+would grow with the number of frames.
 """
 
 from collections.abc import Sequence
@@ -24,40 +24,41 @@ SHAPE_ERROR = 0.04
 tolerance of the gap within the taxel)."""
 
 SHAPE_ERROR_PER_M = 12.0
-"""Growth of this error with the distance from the centre of the window, per metre. Between two templates the tilt is
-uncertain by 2 degrees and a radius by a tenth: at 9 mm, the gap by 0.3 mm and a signal that decays over 3 mm by 10
-%."""
+"""Increase of the shape error (`SHAPE_ERROR`) with the distance from the centre of the window, per metre. Between two
+templates the tilt is uncertain by 2 degrees and the radius by a tenth. At 9 mm from the centre, the gap is therefore
+uncertain by 0.3 mm, and a signal that decays over 3 mm by 10 %."""
 
 SMALL_SIGNAL = 0.3
-"""Share of the largest signal below which the error of a template does not decrease further: beside the edge of a
-target, where the signal is small, a small displacement of the edge changes it by much."""
+"""Signal, relative to the largest signal of the window, below which the assumed error of a template does not decrease
+further. Signals are small beside the edge of a target, where a small displacement of the edge changes them strongly."""
 
 GAIN_ERROR = 0.06
-"""Relative standard deviation of a gain that the taxels share: temperature, parts, area of the target."""
+"""Relative standard deviation of the gain that all taxels share: temperature, tolerances of parts, area of the
+target."""
 
 LARGEST_GAIN = 2.0
-"""Ratio between measured and predicted signals above which a gain does not explain the difference. Without this limit a
-target beyond its range, which predicts no signal, would explain drift better than the absence of a target does."""
+"""Largest ratio between measured and predicted signals that is explained by a gain. Without this limit, a target beyond
+its range, which predicts no signal, would explain drift better than the absence of a target does."""
 
 PERSISTENT_FRAMES = 2.0
 """Number of frames over which errors of shape and gain persist. The filter treats frames as independent, so the
-variances of these errors are larger by this factor. Chosen on emulated
-skins with the seed 9001, which the check of docs/proximity.md does not contain: with 4 nearly all intervals contained
-the distance, 1.5 gave the true distances the largest likelihood. A smaller value narrows the intervals."""
+variances of these errors are multiplied by this factor. Chosen on emulated skins with the seed 9001, which the check in
+docs/proximity.md does not use: with 4, nearly all intervals contained the distance; 1.5 gave the true distances the
+largest likelihood. A smaller value narrows the intervals."""
 
 CONTACT_COUNTS = 300.0
 """Standard deviation of the signals in contact, counts: contact lowers the counts of pressed taxels by hundreds."""
 
 
 class WindowLikelihood:
-    """Likelihoods of the frames of one window.
+    """Computes the likelihoods of frames of one window of n taxels, for K hypotheses on the target and G distances.
 
-    targets: responses of the calibration, in a fixed order; the templates of all targets are stacked: K = targets x
-    templates. The arrays have the shape [K * G, n] with G bins of distance and n taxels.
+    A hypothesis is a pair of a calibrated target and a template (shape): K = targets x templates, with all templates of
+    the first target first. Internally, the predictions are arrays of the shape [K * G, n].
     """
 
     def __init__(self, window: Window, calibration: KindCalibration, targets: Sequence[TargetResponse]) -> None:
-        """Predict the signals of all templates."""
+        """Predict the signals of all hypotheses. targets: responses of the calibrated targets, in a fixed order."""
         self.taxels = window.taxels
         self.noise = calibration.noise_counts
         mean = np.concatenate([window.predict(target.curve.make_table(), CENTRES_M) for target in targets])
@@ -81,8 +82,8 @@ class WindowLikelihood:
     def evaluate(self, signal: FloatArray, offset_counts: float) -> tuple[FloatArray, float, float]:
         """Compute the log-likelihoods of the signals f64[n] of the window, counts.
 
-        offset_counts: standard deviation of the offset that all taxels share. Returns those of the templates at each
-        distance, f64[K, G], that of no target, and that of a contact.
+        offset_counts: standard deviation of the offset that all taxels share. Returns the log-likelihoods of the K
+        hypotheses at each of G distances, f64[K, G], that of no target, and that of a contact.
         """
         weight = self._compute_weight(signal)
         m1, s1, my, sy, mm, ms, ss = self._compute_sums(weight, signal)
@@ -96,9 +97,9 @@ class WindowLikelihood:
         return result, float(absent), self._evaluate_contact(signal, weight)
 
     def _compute_sums(self, weight: FloatArray, signal: FloatArray) -> list[FloatArray]:
-        """Compute the weighted sums over the taxels of m, s, m y, s y, m^2, m s and s^2, each f64[K, G].
+        """Compute the weighted sums over the taxels of m, s, m y, s y, m^2, m s and s^2 in this order, f64[K, G] each.
 
-        m: prediction, s: its change within a bin, y: signal.
+        m: predicted signal. s: standard deviation of the prediction for a uniform distance within the bin. y: signal.
         """
         weighted = np.stack([weight, weight * signal], axis=1).astype(np.float32)
         means, slopes = self._mean @ weighted, self._slope @ weighted
@@ -109,17 +110,17 @@ class WindowLikelihood:
         return [array.reshape(self.shape).astype(np.float64) for array in sums]
 
     def _evaluate_contact(self, signal: FloatArray, weight: FloatArray) -> float:
-        """Compute the log-likelihood of a contact, whatever the pressure, relative to the other ones."""
+        """Compute the log-likelihood of a contact with any pressure, with the normalisation of the other hypotheses."""
         variance = CONTACT_COUNTS**2
         return float(-0.5 * ((signal @ signal) / variance + np.log(variance * weight).sum()))
 
 
 def _equalise_widths(values: FloatArray) -> None:
-    """Let the templates differ by their best fits, not by the widths of their likelihoods over the distance.
+    """Scale the likelihood of each hypothesis over the distance to the same width as that of the best hypothesis.
 
-    values: f64[K, G], log-likelihoods, changed in place. A target that is assumed farther away has the wider
-    likelihood. In one measurement this is evidence; over frames with the same errors of template and gain it would be
-    counted again in each of them. The width of the best template stays.
+    values: f64[K, G], log-likelihoods of K hypotheses at G distances, changed in place. The hypotheses then differ by
+    their best fits only. Otherwise, a target that is assumed farther away would have the wider likelihood: in one
+    measurement this is evidence, but the same errors of template and gain would be counted again in every frame.
     """
     largest = values.max(axis=1, keepdims=True)
     width = (np.exp(values - largest) * WIDTHS_M).sum(axis=1, keepdims=True)
@@ -128,12 +129,13 @@ def _equalise_widths(values: FloatArray) -> None:
 
 
 class _Directions:
-    """Quadratic form of the three directions that are integrated: offset, gain, position within the bin.
+    """Part of the misfit that the three integrated unknowns explain: offset, gain, and position within the distance
+    bin.
 
-    The direction of the gain is the measured signal y, which is the same for all templates; the prediction as direction
-    would favour the templates with the larger signal. offset: standard deviation of the offset, counts. gain: f64[K,
-    G], relative one of the gain. sums: of the weights times 1, y and y^2. s1, sy, ss: f64[K, G], sums of the weights
-    with the products of slope and 1, y, slope.
+    A gain error changes the signals by a multiple of the measured signal y, which is the same for all templates; with
+    the predicted signal instead, templates with a larger signal would be favoured. offset: standard deviation of the
+    offset, counts. gain: f64[K, G], relative standard deviation of the gain. sums: sums over the taxels of weight times
+    1, y and y^2. s1, sy, ss: f64[K, G], sums of weight times s, s y and s^2, where s is the change within the bin.
     """
 
     def __init__(
@@ -145,7 +147,9 @@ class _Directions:
         sy: FloatArray,
         ss: FloatArray,
     ) -> None:
-        """Factorise 1 + U^T W U by Cholesky, for all templates and distances at once."""
+        """Compute the Cholesky factors of 1 + U^T W U for all templates and distances (U: three directions, W:
+        weights).
+        """
         one, total, square = sums
         self._offset, self._gain = offset, gain
         self._l00 = np.sqrt(1.0 + offset**2 * one)
@@ -156,7 +160,10 @@ class _Directions:
         self._l22 = np.sqrt(1.0 + ss - self._l20**2 - self._l21**2)
 
     def compute_explained(self, total: FloatArray, product: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Compute the part of the misfit that the directions explain, f64[K, G], from the projected residuals."""
+        """Compute the part of the weighted squared residuals that the three unknowns explain, f64[K, G].
+
+        total, product, slopes: f64[K, G], sums over the taxels of weight times residual times 1, y and s.
+        """
         x0 = self._offset * total / self._l00
         x1 = (self._gain * product - self._l10 * x0) / self._l11
         x2 = (slopes - self._l20 * x0 - self._l21 * x1) / self._l22

@@ -16,8 +16,9 @@ def take_hold(
 ) -> HoldCounts:
     """Collect the frames of one board that are scanned from now on, for `seconds` of the stream's clock.
 
-    poll: `Skin.poll`. board: address and name. target: its name and its distance in metres; None: rest. Frames that
-    were scanned before the call are discarded. Raises `ProximityError` for too few frames, and the errors of `poll`.
+    poll: `Skin.poll`. board: address and name. target: name and distance in metres; the distance None stands for no
+    target. Waiting frames, which were scanned before the call, are discarded. Raises `ProximityError` for too few
+    frames, and the errors of `poll`.
     """
     address, name = board
     while any(poll(0.0)):  # frames that waited while the operator moved the target

@@ -1,6 +1,4 @@
-"""Recursive Bayesian estimation of distance and approach speed on a grid, jointly with shape, gain and kind of
-target.
-"""
+"""Recursive Bayesian estimation of distance and approach speed on a grid, jointly with shape and kind of the target."""
 
 import numpy as np
 
@@ -8,49 +6,50 @@ from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, Transition, compu
 from taxel.types import FloatArray, IntArray
 
 KEPT_SHARE = 1e-3
-"""Templates whose probability is below this share of the largest one are left out. The mixing of shapes gives each of
-some 300 templates 3e-4 per frame; a template below the limit therefore has only this share left, and a smaller
-likelihood than the others. The time per frame falls by a factor of 3 to 10."""
+"""Templates whose probability is below this share of the largest probability are left out. The mixing of shapes
+redistributes 3e-4 per frame to each of some 300 templates; a template below the limit has hardly more than this share,
+and a smaller likelihood than the others. The time per frame decreases by a factor of 3 to 10."""
 
 RETURN_MARGIN = 3.0
-"""Excess of the log-likelihood of a template that is left out over the best kept one at which all templates return.
-Below it, mixing would give a returned template at most a few percent (3e-4 exp(3)). Without a return, a target whose
-shape was first mistaken would contradict all kept templates, and count as a contact."""
+"""Excess of the log-likelihood of a left-out template over that of the best kept template at which all templates are
+used again. With a smaller excess, mixing would give a returned template at most a few percent (3e-4 exp(3)). If
+templates never returned, a target whose shape was first mistaken would contradict all kept templates and be taken for a
+contact."""
 
 NO_TARGET = 1e-6
-"""Probability of a target without contact below which its shape is forgotten."""
+"""Probability of a target without contact below which the estimated shape is discarded."""
 
 RESUME_PROBABILITY_S = 2.0
-"""Rate (per second) at which a contact ends."""
+"""Rate at which a contact ends, per second."""
 
 
 class MotionFilter:
-    """Probabilities of a target in front of one board.
+    """Probabilities of the state of a target in front of one board.
 
-    `present`: f32[V, K, G], by speed, template and distance; `far`, `contact`: probabilities of no target in range, and
-    of a contact. All of them add up to 1. `template`: i64[K], index of each kept template on the axis of the
-    likelihood.
+    `present`: f32[V, K, G], probabilities of a target that does not touch, by V approach speeds, K templates (shape and
+    kind of target) and G distances; `far`, `contact`: probabilities of no target in range, and of a contact. All of
+    them add up to 1. `template`: i64[K], index of each kept template on the first axis of the likelihoods.
     """
 
     def __init__(self, prior: FloatArray) -> None:
-        """Start without a target. prior: f64[K], probabilities of the templates (of all targets)."""
+        """Start without a target. prior: prior weight of each template, f64[all templates]."""
         self.reset(prior)
 
     def reset(self, prior: FloatArray) -> None:
-        """Return to the state without a target."""
+        """Return to the state without a target. prior: prior weight of each template, f64[all templates]."""
         self._prior = (prior / prior.sum()).astype(np.float32)
         self.template: IntArray = np.arange(len(prior))
         self.present = np.zeros((len(SPEEDS_M_S), len(prior), len(CENTRES_M)), dtype=np.float32)
         self.far, self.contact = 1.0, 0.0
 
     def forget_shape(self) -> None:
-        """Keep distance and speed, and take the prior of the templates again: the window has changed."""
+        """Keep the probabilities of distance and speed, and set those of the templates to the prior."""
         motion = self.present.sum(axis=1)
         self.template = np.arange(len(self._prior))
         self.present = motion[:, None, :] * self._prior[None, :, None]
 
     def predict(self, transition: Transition) -> None:
-        """Advance the probabilities by the interval of a transition."""
+        """Advance the probabilities by the time interval of `transition`, without a measurement."""
         motion = self.present.sum(axis=1)
         touched = float((motion * transition.contact).sum())
         departed = float((motion * transition.far).sum())
@@ -74,7 +73,11 @@ class MotionFilter:
         self.far += departed + disappeared - arrived
 
     def update(self, log_likelihood: FloatArray, log_absent: float, log_contact: float) -> None:
-        """Multiply by the likelihoods of a frame and normalise. log_likelihood: f64[all templates, G]."""
+        """Multiply the probabilities by the likelihoods of a frame and normalise them.
+
+        log_likelihood: f64[all templates, G]. log_absent, log_contact: log-likelihoods of no target and of a contact.
+        Templates become left out or return. If all states are impossible, the filter restarts without a target.
+        """
         kept = log_likelihood[self.template]
         if len(self.template) < len(self._prior) and self._exclude_better(log_likelihood):
             self._return_templates()
@@ -84,7 +87,7 @@ class MotionFilter:
         self.far *= float(np.exp(log_absent - largest))
         self.contact *= float(np.exp(log_contact - largest))
         total = float(self.present.sum()) + self.far + self.contact
-        if not total > 1e-30:  # every state was excluded: start again
+        if not total > 1e-30:  # all states are impossible
             self.reset(self._prior)
             return
         self.present /= total
@@ -93,23 +96,25 @@ class MotionFilter:
         self._prune_templates()
 
     def _exclude_better(self, log_likelihood: FloatArray) -> bool:
-        """Whether a template that is left out fits a frame better than all kept ones, at the distances of the motion.
+        """Whether a left-out template fits a frame better than all kept templates by more than `RETURN_MARGIN`.
 
-        log_likelihood: f64[all templates, G].
+        log_likelihood: f64[all templates, G], weighted with the present probabilities of the distances.
         """
         motion = np.log(self.present.sum(axis=(0, 1)) + 1e-30)
         best = (log_likelihood + motion).max(axis=1)
         return bool(best.max() > best[self.template].max() + RETURN_MARGIN)
 
     def _return_templates(self) -> None:
-        """Take all templates again: those that were left out receive the share below which they were left out."""
-        everything = KEPT_SHARE * self.present.sum(axis=1)[:, None, :] * self._prior[None, :, None]
-        everything[:, self.template] += (1.0 - KEPT_SHARE) * self.present
-        self.present = everything
+        """Use all templates again: the share `KEPT_SHARE` of the probability is distributed over them by the prior."""
+        present = KEPT_SHARE * self.present.sum(axis=1)[:, None, :] * self._prior[None, :, None]
+        present[:, self.template] += (1.0 - KEPT_SHARE) * self.present
+        self.present = present
         self.template = np.arange(len(self._prior))
 
     def _prune_templates(self) -> None:
-        """Leave out templates of negligible probability, if a target is present; else take all of them again."""
+        """Leave out templates with negligible probability if a target is present; use all templates again if none
+        is.
+        """
         weight = self.present.sum(axis=(0, 2))
         if float(weight.sum()) < NO_TARGET:
             if len(self.template) < len(self._prior):
@@ -127,7 +132,10 @@ class MotionFilter:
 
 
 def _compute_release() -> FloatArray:
-    """Distribution f32[V, G] of a target after a contact: within 2 mm, at rest or withdrawing."""
+    """Compute the distribution of speed and distance of a target after a contact, f32[V, G].
+
+    The target is uniformly distributed over the bins within 2 mm, at rest or withdrawing.
+    """
     mass = np.outer(compute_speed_widths() * (SPEEDS_M_S <= 0), CENTRES_M < 2e-3)
     return np.asarray(mass / mass.sum(), dtype=np.float32)
 

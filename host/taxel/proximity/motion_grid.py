@@ -7,54 +7,58 @@ import numpy as np
 from taxel.types import FloatArray
 
 EDGES_M = np.concatenate([np.arange(0.0, 6e-3, 2.5e-4), np.arange(6e-3, 18.5e-3, 1e-3)])
-"""Limits of the bins of distance: a quarter of a millimetre where a distance is resolved, a millimetre beyond."""
+"""Edges of the distance bins, metres: 0.25 mm wide up to 6 mm, where distances are resolved, 1 mm wide beyond."""
 
 CENTRES_M = 0.5 * (EDGES_M[1:] + EDGES_M[:-1])
+"""Centres of the G distance bins, f64[G], metres."""
 WIDTHS_M = np.diff(EDGES_M)
 
 SPEEDS_M_S = 1e-3 * np.array([-150, -80, -40, -15, 0, 10, 20, 32, 46, 62, 82, 110, 150, 210], dtype=np.float64)
-"""Approach speeds; positive: the distance decreases. A hand closes with at most some 200 mm/s at its fingertips."""
+"""The V approach speeds of the grid, f64[V], metres per second; at a positive speed the distance decreases. The
+fingertips of a hand that closes reach at most some 200 mm/s."""
 
 ACCELERATION_M_S2 = 0.2
-"""Standard deviation of the acceleration, independent between frames (chosen: a target that brakes from 50 mm/s on 12
-mm has 0.1 m/s^2). A larger value makes the speed follow faster, and its interval wider."""
+"""Standard deviation of the acceleration, independent between frames (chosen: a target that brakes from 50 mm/s within
+12 mm has 0.1 m/s^2). With a larger value, the estimated speed follows faster and its interval is wider."""
 
 ARRIVAL_SPEED_M_S = 0.1
 """Mean speed of an arriving target (chosen: speeds of hands and objects in a grasp, 10 to 200 mm/s)."""
 
 JUMP_RATE_HZ = 0.2
-"""Rate at which the speed takes any other value, such as at a collision."""
+"""Rate at which the speed changes abruptly to any other value, for example in a collision, hertz."""
 
 ARRIVAL_TIME_S = 10.0
-"""Mean time until a target arrives in front of a board without one (chosen; detection needs evidence of a factor of a
-few hundred against the absence of a target)."""
+"""Mean time until a target arrives in front of an idle board (chosen). Detecting a target then requires that it
+explains the frames a few hundred times better than its absence does."""
 
 SIDE_ARRIVAL_SHARE = 0.1
-"""Share of the arrivals from the side, at any distance and speed."""
+"""Share of targets that arrive from the side, at any distance and speed; the others arrive from the front."""
 
 SHAPE_TIME_S = 0.5
-"""Memory of the shape of a target. No template equals the target: with an unlimited memory, small differences between
-templates would add up over the frames until one of them excludes the others, and the interval would be too narrow."""
+"""Time constant with which the estimated shape of a target is forgotten, seconds. No template equals the target
+exactly: with an unlimited memory, small differences between templates would accumulate over the frames until one
+template excludes the others, and the interval would be too narrow."""
 
 LEAVING_TIME_S = 3.0
-"""Mean time until a target disappears sideways."""
+"""Mean time until a target disappears sideways, seconds."""
 
 DT_STEP_S = 0.002
 MAX_DT_S = 0.5
-"""Intervals between frames are rounded to `DT_STEP_S` for the tables of transitions; a longer interval counts as
+"""Intervals between frames are rounded to multiples of `DT_STEP_S`, so that transitions can be cached, and limited to
 `MAX_DT_S`."""
 
 
 class Transition:
-    """Motion within an interval `dt` by the mass that each bin receives.
+    """Transition probabilities between the states of a target within one time interval; V speeds, G distance bins.
 
-    shift: f32[V, G, G], from bin to bin at each speed. contact: f32[V, G], share that reaches the skin. far: f32[V,
-    G], share that leaves the grid. speed: f32[V, V], change of the speed. arrival: f32[V, G], distribution of an
-    arriving target. arrival_share: probability of an arrival.
+    shift: f32[V, G, G], from bin to bin at each speed. contact, far: f32[V, G], probabilities of reaching the skin and
+    of leaving the grid. speed: f32[V, V], from speed to speed. arrival: f32[V, G], distribution of a target that has
+    arrived. arrival_share, leaving_share: probabilities that a target arrives, and disappears sideways. shape_share:
+    probability that the estimated shape is forgotten.
     """
 
     def __init__(self, dt_s: float) -> None:
-        """Compute the tables of an interval, seconds."""
+        """Compute the probabilities for an interval of `dt_s` seconds."""
         travel = SPEEDS_M_S * dt_s
         low, high = EDGES_M[:-1] - travel[:, None], EDGES_M[1:] - travel[:, None]
         overlap = np.minimum(high[:, :, None], EDGES_M[1:]) - np.maximum(low[:, :, None], EDGES_M[:-1])
@@ -74,19 +78,21 @@ def _get_rounded_transition(steps: int) -> Transition:
 
 
 def get_transition(dt_s: float) -> Transition:
-    """Return the transition of an interval, seconds, from a cache."""
+    """Return the transition for an interval in seconds, rounded and limited as `DT_STEP_S` states, from a cache."""
     return _get_rounded_transition(max(1, round(min(dt_s, MAX_DT_S) / DT_STEP_S)))
 
 
 def compute_speed_widths() -> FloatArray:
-    """Widths of the bins of speed, f64[V], metres per second."""
+    """Compute the widths of the speed bins, f64[V], metres per second."""
     return np.gradient(SPEEDS_M_S)
 
 
 def _compute_speed_change(dt_s: float) -> FloatArray:
-    """Probabilities f64[V, V] of each speed after an interval, by the speed before it."""
+    """Compute the probabilities of each speed after an interval (columns) for each speed before it (rows), f64[V,
+    V].
+    """
     widths = compute_speed_widths()
-    # The variance of a bin's own width is added, so that a coarse grid diffuses rather than holds its speed.
+    # The variance of a bin's width is added: on a coarse grid, the probability would otherwise never leave a bin.
     spread = np.sqrt((ACCELERATION_M_S2 * dt_s) ** 2 + (0.25 * widths) ** 2)
     difference = (SPEEDS_M_S[None, :] - SPEEDS_M_S[:, None]) / spread[:, None]
     drift = np.exp(-0.5 * difference**2) * widths
@@ -96,7 +102,11 @@ def _compute_speed_change(dt_s: float) -> FloatArray:
 
 
 def _compute_arrival(travel: FloatArray) -> FloatArray:
-    """Distribution f64[V, G] of a target that has just arrived: from beyond the grid, or from the side."""
+    """Compute the distribution of speed and distance of a target that arrived within the interval, f64[V, G].
+
+    It arrives from beyond the grid, or from the side. travel: f64[V], distance at each speed within the interval,
+    metres.
+    """
     widths = compute_speed_widths()
     entered = np.clip(
         np.minimum(EDGES_M[1:], EDGES_M[-1]) - np.maximum(EDGES_M[:-1], EDGES_M[-1] - travel[:, None]), 0, 1

@@ -1,6 +1,4 @@
-"""Response curve of a kind of board: signal of a taxel over the distance of a target, as calibration data determine
-it.
-"""
+"""Response curve of a kind of board: signal of a taxel as a function of the distance of a target."""
 
 from dataclasses import dataclass
 
@@ -9,25 +7,27 @@ import numpy as np
 from taxel.types import Float32Array, FloatArray
 
 LENGTH_SCALE_M = 0.002
-"""Offset of the logarithmic distance axis, metres: the order of the layer's thickness. It spaces the support points;
-the values at the support points come from the data alone."""
+"""Offset of the logarithmic distance axis, metres: about the thickness of the layer. It influences the interpolation
+between the support points; the values at the support points follow from the data alone."""
 
 TABLE_STEP_M = 5e-5
+"""Distance between two values of a tabulated curve, metres."""
+
 TABLE_END_M = 0.04
 """Distance beyond which the response is 0. The signal there is far below the noise of any board."""
 
 
 def to_axis(distance_m: FloatArray) -> FloatArray:
-    """Convert distances (metres, at least 0) to the axis on which the curve is interpolated."""
+    """Convert distances in metres to the logarithmic axis on which the curve is interpolated: ln(distance + 2 mm)."""
     return np.log(np.maximum(distance_m, 0.0) + LENGTH_SCALE_M)
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseCurve:
-    """Signal of a taxel below a parallel target: support points in between which the curve is a monotone cubic.
+    """Signal of a taxel below a parallel target, as k support points with monotone cubic interpolation between them.
 
-    distance_m: f64[k], ascending. signal_counts: f64[k], baseline minus raw count; negative for a conductor at ground.
-    Beyond the last support point the signal decays with the power `decay` of distance + 2 mm.
+    distance_m: f64[k], ascending. signal_counts: f64[k], baseline minus raw count; negative for a grounded conductor.
+    Beyond the last support point, the signal is proportional to (distance + 2 mm) to the power of minus `decay`.
     """
 
     distance_m: FloatArray
@@ -35,7 +35,7 @@ class ResponseCurve:
     decay: float
 
     def make_table(self) -> FloatArray:
-        """Tabulate the curve at multiples of `TABLE_STEP_M`, f64[t], counts."""
+        """Tabulate the curve at multiples of `TABLE_STEP_M` from 0 to `TABLE_END_M`, f64[t], counts."""
         distance = np.arange(0.0, TABLE_END_M, TABLE_STEP_M)
         axis, knots = to_axis(distance), to_axis(self.distance_m)
         values = interpolate_monotone(knots, self.signal_counts, np.clip(axis, knots[0], knots[-1]))
@@ -46,9 +46,10 @@ class ResponseCurve:
 
 
 def look_up(table: FloatArray, distance_m: FloatArray) -> Float32Array:
-    """Evaluate a table of `make_table` at distances, metres, by linear interpolation; 0 beyond its end.
+    """Evaluate a table of `make_table` at distances in metres by linear interpolation; the signal is 0 beyond its end.
 
-    Computed in single precision, because a window of taxels needs a million values: the error is below 1e-3 counts.
+    The result has the shape of `distance_m` and single precision, because a window of taxels needs a million values.
+    The rounding error is below 1e-3 counts.
     """
     values = np.append(table, 0.0).astype(np.float32)
     position: Float32Array = np.asarray(distance_m, dtype=np.float32) * np.float32(1.0 / TABLE_STEP_M)
@@ -61,10 +62,11 @@ def look_up(table: FloatArray, distance_m: FloatArray) -> Float32Array:
 
 
 def interpolate_monotone(knots: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
-    """Interpolate by piecewise cubics without overshoot: Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300.
+    """Interpolate with piecewise cubics without overshoot: Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984)
+    300.
 
-    knots: f64[k], ascending, k at least 2. values: f64[k]. at: f64[...], within the knots. The core of the package has
-    no scipy, which contains the same interpolation.
+    knots: f64[k], ascending, k at least 2. values: f64[k]. at: f64[...], positions within the knots; the result has the
+    same shape. SciPy's `PchipInterpolator` computes the same, but is not a dependency of the core.
     """
     step = np.diff(knots)
     slope = np.diff(values) / step

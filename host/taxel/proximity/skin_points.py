@@ -9,14 +9,14 @@ from taxel.hand.sheet import build_sheet
 from taxel.types import FloatArray
 
 POINTS_PER_SIDE = 3
-"""Points per side of a taxel's square. The mean over 3 x 3 points of a response that decays over 2 mm deviates from the
-mean over the square by less than 1 % for tilts up to 20 degrees."""
+"""Number of points per side of a taxel's square. The mean over 3 x 3 points of a response that decays over 2 mm
+deviates from the mean over the square by less than 1 % for tilts up to 20 degrees."""
 
 MIN_COSINE = 0.25
 """Cosine between the normals of taxel and target below which the taxel does not face the target (75 degrees)."""
 
 NO_GAP_M = 1.0
-"""Gap of a point whose normal misses the target: beyond every response."""
+"""Gap of a point whose normal misses the target, metres: so large that no target causes a signal there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +78,11 @@ def _make_flat_points(hand: Hand, board: Board) -> SkinPoints:
 
 
 def compute_plane_gaps(points: SkinPoints, distance_m: float) -> FloatArray:
-    """Compute the gaps f64[n, 9] of a board to a plane at a distance from its nearest point, metres.
+    """Compute the gaps between the skin points of a board and a plane, f64[n, 9] (n taxels, 9 points), metres.
 
-    The plane is perpendicular to the mean normal. A gap is measured along the normal of the skin, along which the field
-    extends; it is `NO_GAP_M` for a normal that misses the plane.
+    The plane is perpendicular to the board's mean normal, `distance_m` away from the nearest skin point. A gap is
+    measured along the normal of the skin, along which the field extends; it is `NO_GAP_M` if the normal misses the
+    plane.
     """
     height = points.position @ points.mean_normal
     cosine = points.direction @ points.mean_normal

@@ -1,8 +1,7 @@
-"""Shapes of targets in front of a window of taxels: gaps at the skin points, and the signals that follow from them.
+"""Templates: assumed shapes of targets in front of a window of taxels, with the gaps and signals that they cause.
 
-Which shape a target has, where it is nearest and how it is tilted is unknown. The set of templates covers these
-unknowns by their consequences: planes at several tilts, spheres, cylinders, flat ends, and plates whose edge crosses
-the window.
+Shape, nearest point and tilt of a target are unknown. The set of templates covers the patterns of signals that they can
+cause: planes at several tilts, spheres, cylinders, flat ends, and plates whose edge crosses the window.
 """
 
 from dataclasses import dataclass
@@ -14,8 +13,9 @@ from taxel.proximity.skin_points import MIN_COSINE, NO_GAP_M, SkinPoints
 from taxel.types import BoolArray, FloatArray, IntArray
 
 WINDOW_RADIUS_M = 0.0135
-"""Radius of the window of taxels that are compared with templates: 5 x 5 taxels at a pitch of 5 mm without the corners.
-The nearest point of a target determines the distance; taxels farther away see other parts of the target."""
+"""Radius of the window of taxels that are compared with templates: 5 x 5 taxels at a 5 mm pitch without the corners.
+The distance is that of a target's nearest point; the signals of taxels outside the window depend on other parts of the
+target."""
 
 TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
 SPHERE_RADII_M = (0.006, 0.008, 0.0105, 0.014, 0.019, 0.027)
@@ -31,13 +31,13 @@ RIDGE_TILTS_DEG = (5.0, 10.0)
 """Tilts of plates whose edge or corner is their nearest part."""
 
 TIP_OFFSETS_M = (0.0, 0.002, 0.004)
-"""Distances along both edges from the centre of the window to a corner. The strongest taxel lies inside the corner,
-where the plate covers it."""
+"""Distances along both edges from the centre of the window to a corner. The taxel with the largest signal, at which the
+window is centred, lies inside the corner, where the plate covers it."""
 
 
 STRIP_WIDTHS_M = (0.008, 0.013, 0.020)
 SQUARE_SIDES_M = (0.013, 0.019, 0.026)
-"""Widths of long flat faces and sides of square ones."""
+"""Widths of long flat faces, and side lengths of square faces."""
 
 FAMILY_WEIGHTS = {
     "plane": 0.2,
@@ -56,9 +56,11 @@ FAMILY_WEIGHTS = {
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Taxels around a centre. taxels: i64[n], indices on the board. contact_gap_m: f64[K, n, 9], gaps of each template
-    that just touches the skin. rate: f64[n, 9], growth of the gap per metre of distance. weight: f64[K], prior
-    probability of each template.
+    """The n taxels around a centre, and the gaps of K templates at the 9 skin points of each taxel.
+
+    taxels: i64[n], indices on the board. contact_gap_m: f64[K, n, 9], gaps for templates that just touch the skin.
+    rate: f64[n, 9], growth of the gap per metre of distance. weight: f64[K], prior probability of each template.
+    radius_m: f64[n], distance of each taxel from the centre.
     """
 
     taxels: IntArray
@@ -73,7 +75,10 @@ class Window:
         return len(self.weight)
 
     def predict(self, table: FloatArray, distance_m: FloatArray) -> FloatArray:
-        """Predict the signals f64[K, G, n], counts, at distances f64[G] with a table of the response curve."""
+        """Predict the signals of all templates at G distances, f64[K, G, n], counts.
+
+        table: tabulated response curve (`ResponseCurve.make_table`). distance_m: f64[G].
+        """
         rate = (distance_m[:, None, None] * self.rate).astype(np.float32)
         contact = self.contact_gap_m.astype(np.float32)
         return np.stack([look_up(table, gap + rate).mean(axis=-1) for gap in contact])
@@ -82,8 +87,8 @@ class Window:
 def make_window(points: SkinPoints, centre: int) -> Window:
     """Make the window of the taxels around the taxel `centre`, with the gaps of all templates."""
     origin, axis = points.centre[centre], points.normal[centre]
-    side = np.linalg.norm(points.centre - origin, axis=1) <= WINDOW_RADIUS_M
-    taxels = np.flatnonzero(side & (points.normal @ axis > MIN_COSINE))
+    is_near = np.linalg.norm(points.centre - origin, axis=1) <= WINDOW_RADIUS_M
+    taxels = np.flatnonzero(is_near & (points.normal @ axis > MIN_COSINE))
     first = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(axis, first)
     x /= np.linalg.norm(x)
@@ -108,14 +113,19 @@ def make_window(points: SkinPoints, centre: int) -> Window:
         weights += [FAMILY_WEIGHTS[family] / len(members)] * len(members)
     gap = np.stack(heights) - local[..., 2]
     gap -= gap.min(axis=(1, 2), keepdims=True)
-    # A target at the height g above a point is at g / cosine along the point's normal, to first order.
+    # To first order, a target at the height g above a point has the gap g / cosine along the point's normal.
     gap = np.where(faces & (gap < 0.5 * NO_GAP_M), gap * rate, NO_GAP_M)
     radius = np.linalg.norm(points.centre[taxels] - origin, axis=1)
     return Window(taxels, gap, rate, np.array(weights), radius)
 
 
+# Each function _..._heights returns the heights of the templates of one family above the tangent plane at the window's
+# centre, f64[n, 9] each, metres; `NO_GAP_M` where the target does not cover a point. local: f64[n, 9, 3], coordinates
+# of the skin points with the third axis along the normal of the centre.
+
+
 def _plane_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights f64[n, 9] of tilted planes above the tangent plane of the window's centre, metres."""
+    """Return the heights of planes through the window's centre, parallel to the skin and at several tilts, metres."""
     members = [np.zeros(local.shape[:2])]
     for tilt in np.deg2rad(TILTS_DEG):
         for azimuth in np.arange(8) * np.pi / 4:
@@ -124,13 +134,16 @@ def _plane_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _round_height(squared_m2: FloatArray, radius_m: float) -> FloatArray:
-    """Height of a round surface at a squared distance from its vertex; `NO_GAP_M` beyond its radius."""
+    """Return the height of a sphere or cylinder above its lowest point at a squared distance from it, metres.
+
+    The height is `NO_GAP_M` beyond the radius.
+    """
     covers = squared_m2 < radius_m**2
     return np.where(covers, radius_m - np.sqrt(np.where(covers, radius_m**2 - squared_m2, 0.0)), NO_GAP_M)
 
 
 def _sphere_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of spheres above the window, metres."""
+    """Return the heights of spheres whose lowest points are at and around the window's centre, metres."""
     return [
         _round_height((local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2, radius)
         for radius in SPHERE_RADII_M
@@ -140,7 +153,7 @@ def _sphere_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _cylinder_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of cylinders that lie parallel to the skin, metres."""
+    """Return the heights of cylinders whose axes are parallel to the skin, metres."""
     members = []
     for radius in CYLINDER_RADII_M:
         for angle in np.arange(4) * np.pi / 4:
@@ -150,7 +163,7 @@ def _cylinder_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _edge_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of plates parallel to the skin that end inside the window, metres."""
+    """Return the heights of plates parallel to the skin whose straight edge crosses the window, metres."""
     members = []
     for angle in np.arange(8) * np.pi / 4:
         across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
@@ -159,7 +172,7 @@ def _edge_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _punch_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of flat round ends parallel to the skin, metres."""
+    """Return the heights of flat round ends (punches) parallel to the skin, metres."""
     members = []
     for radius in PUNCH_RADII_M:
         for u in VERTEX_OFFSETS_M:
@@ -170,7 +183,7 @@ def _punch_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _ridge_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of tilted plates that end inside the window at their lowest line."""
+    """Return the heights of tilted plates whose lowest part is a straight edge inside the window, metres."""
     members = []
     for angle in np.arange(8) * np.pi / 4:
         across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
@@ -180,21 +193,21 @@ def _ridge_heights(local: FloatArray) -> list[FloatArray]:
     return members
 
 
-def _turn(local: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
-    """Coordinates along two perpendicular directions in the tangent plane, f64[n, 9] each, metres."""
+def _rotate(local: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
+    """Return the coordinates in the tangent plane along axes rotated by `angle` (radians), f64[n, 9] each, metres."""
     along = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
     return along, local[..., 1] * np.cos(angle) - local[..., 0] * np.sin(angle)
 
 
-def _cut(is_inside: BoolArray) -> FloatArray:
-    """Heights of a flat face that covers some points and touches them."""
+def _make_face_heights(is_inside: BoolArray) -> FloatArray:
+    """Return the heights of a flat face that touches the points inside it: 0 there, `NO_GAP_M` outside, metres."""
     return np.where(is_inside, 0.0, NO_GAP_M)
 
 
 def _strip_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of long flat faces parallel to the skin."""
+    """Return the heights of long flat faces parallel to the skin, metres."""
     return [
-        _cut(np.abs(_turn(local, angle)[0] - offset) <= 0.5 * width)
+        _make_face_heights(np.abs(_rotate(local, angle)[0] - offset) <= 0.5 * width)
         for width in STRIP_WIDTHS_M
         for angle in np.arange(4) * np.pi / 4
         for offset in VERTEX_OFFSETS_M
@@ -202,31 +215,33 @@ def _strip_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _square_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of flat square faces parallel to the skin."""
+    """Return the heights of flat square faces parallel to the skin, metres."""
     members = []
     for side in SQUARE_SIDES_M:
         for angle in (0.0, np.pi / 4):
-            along, across = _turn(local, angle)
+            along, across = _rotate(local, angle)
             for u in VERTEX_OFFSETS_M:
                 for v in VERTEX_OFFSETS_M:
-                    members.append(_cut((np.abs(along - u) <= 0.5 * side) & (np.abs(across - v) <= 0.5 * side)))
+                    is_inside = (np.abs(along - u) <= 0.5 * side) & (np.abs(across - v) <= 0.5 * side)
+                    members.append(_make_face_heights(is_inside))
     return members
 
 
 def _corner_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of plates parallel to the skin with a corner inside the window."""
+    """Return the heights of plates parallel to the skin with a corner inside the window, metres."""
     members = []
     for angle in np.arange(8) * np.pi / 4:
-        along, across = _turn(local, angle)
-        members += [_cut((along <= u) & (across <= v)) for u in EDGE_OFFSETS_M[:2] for v in EDGE_OFFSETS_M[:2]]
+        along, across = _rotate(local, angle)
+        offsets = EDGE_OFFSETS_M[:2]
+        members += [_make_face_heights((along <= u) & (across <= v)) for u in offsets for v in offsets]
     return members
 
 
 def _tip_heights(local: FloatArray) -> list[FloatArray]:
-    """Heights of tilted plates whose nearest part is a corner inside the window."""
+    """Return the heights of tilted plates whose lowest part is a corner inside the window, metres."""
     members = []
     for angle in np.arange(8) * np.pi / 4:
-        along, across = _turn(local, angle)
+        along, across = _rotate(local, angle)
         for tilt in np.deg2rad(RIDGE_TILTS_DEG):
             for offset in TIP_OFFSETS_M:
                 is_covered = (along <= offset) & (across <= offset)

@@ -10,26 +10,29 @@ from taxel.proximity.estimator import BoardEstimator
 from taxel.stream import TaxelFrame
 
 HORIZON_S = 0.19
-"""Time within which a contact is predicted, from the arrival of a frame. With 19 frames per second a contact that is to
-be known 80 ms ahead must be predicted one interval (54 ms) earlier. A longer horizon predicts earlier, and more often a
-contact that a braking target avoids."""
+"""Time after the arrival of a frame within which a contact is predicted, seconds. At 19 frames per second, a warning 80
+ms ahead requires that the contact is predicted one frame interval (54 ms) earlier. With a longer horizon, contacts are
+predicted earlier, but more often also contacts that a braking target avoids."""
 
 WARNING_PROBABILITY = 0.7
-"""Probability of a contact within the horizon above which it counts as predicted. A smaller value predicts earlier, and
-more often a contact that does not follow."""
+"""Probability of a contact within the horizon above which the contact is treated as predicted. With a smaller value,
+contacts are predicted earlier, but more often also contacts that do not follow."""
 
 
 class ProximityWatch:
-    """Estimator for each board whose kind is calibrated. The first 40 frames of each board are its baseline."""
+    """Estimators for all boards whose kind is calibrated. The first 40 frames of each board are its baseline.
+
+    latest: newest estimate of each board, by I2C address.
+    """
 
     def __init__(self, hand: Hand, calibration: ProximityCalibration, horizon_s: float = HORIZON_S) -> None:
-        """Create the estimators. horizon_s: time within which a contact is predicted."""
+        """Create the estimators. horizon_s: time after the arrival of a frame within which a contact is predicted."""
         self._hand, self._calibration, self._horizon_s = hand, calibration, horizon_s
         self.latest: dict[int, ProximityEstimate] = {}
         self.restart_baseline()
 
     def restart_baseline(self) -> None:
-        """Take the baseline of every board again from its next frames."""
+        """Discard all estimates, and take the baseline of every board again from its next frames."""
         kinds = self._calibration.kinds
         self.estimators = {
             board.address: BoardEstimator(self._hand, board, kinds[board.kind.name], self._horizon_s)
@@ -40,14 +43,16 @@ class ProximityWatch:
 
     @property
     def progress(self) -> float:
-        """Mean share of the baselines of all boards with frames, 0 to 1."""
+        """Completed share of the baseline, 0 to 1, averaged over the boards that have delivered frames; 0 without
+        one.
+        """
         values = [estimator.progress for estimator in self.estimators.values() if estimator.progress > 0.0]
         return sum(values) / len(values) if values else 0.0
 
     def take(self, frame: TaxelFrame, arrival_s: float | None = None) -> ProximityEstimate | None:
         """Process a frame; return the estimate of its board, or None for a board whose kind is not calibrated.
 
-        arrival_s: arrival on the clock of the frame's time; None: the time of the scan.
+        arrival_s: time at which the frame arrived, on the clock of `frame.time_s`; None: at the time of the scan.
         """
         estimator = self.estimators.get(frame.address)
         if estimator is None:

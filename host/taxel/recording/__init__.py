@@ -2,7 +2,7 @@
 
 The names that read or write HDF5 files are imported on first use, because they need the optional package h5py.
 
->>> recordings()
+>>> list_recordings()
 ['P20_thumb_right', 'P2_index_right']
 >>> load_recording("P2_index_right").values.shape
 (4232, 27, 15)

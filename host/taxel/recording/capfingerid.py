@@ -58,7 +58,7 @@ class TouchRecording:
 
 
 def list_recordings() -> list[str]:
-    """List the names of the touch recordings that are part of the package, sorted."""
+    """Return the sorted names of the touch recordings that are part of the package."""
     with _open_archive() as archive:
         return sorted(name.removesuffix(_VALUES) for name in archive.files if name.endswith(_VALUES))
 

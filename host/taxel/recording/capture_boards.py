@@ -21,10 +21,10 @@ from taxel.types import CountArray, FloatArray
 
 
 class BoardFrames(NamedTuple):
-    """The t frames of one board with n taxels, in the order of their arrival.
+    """The T frames of one board with n taxels, in the order of their arrival.
 
-    time_s f64[t]: start of the scan, seconds (see `TaxelFrame.time_s`). raw_counts u16[t, n], in the board's taxel
-    order. sequence u16[t]: scan number of the board. cycle u16[t]: poll cycle of the hub.
+    time_s: f64[T], start of the scan, seconds (see `TaxelFrame.time_s`). raw_counts: u16[T, n], in the board's taxel
+    order. sequence: u16[T], scan number of the board. cycle: u16[T], number of the hub's poll cycle.
     """
 
     time_s: FloatArray
@@ -32,12 +32,12 @@ class BoardFrames(NamedTuple):
     sequence: CountArray
     cycle: CountArray
 
-    def select(self, rows: slice) -> "BoardFrames":
-        """Return the frames of the board in the given rows."""
-        return BoardFrames(self.time_s[rows], self.raw_counts[rows], self.sequence[rows], self.cycle[rows])
+    def select(self, frames: slice) -> "BoardFrames":
+        """Return a part of the board's frames, by their indices in the order of arrival."""
+        return BoardFrames(self.time_s[frames], self.raw_counts[frames], self.sequence[frames], self.cycle[frames])
 
     def concatenate(self, later: "BoardFrames") -> "BoardFrames":
-        """Join these frames of a board with later ones. Raises ValueError for another number of taxels."""
+        """Return these frames followed by later ones of the board. Raises ValueError for another number of taxels."""
         return BoardFrames(
             np.concatenate([self.time_s, later.time_s]),
             np.concatenate([self.raw_counts, later.raw_counts]),
@@ -68,10 +68,10 @@ def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]
 
 
 def _split_by_board(rows: NDArray[np.void], time_s: FloatArray, counts: CountArray) -> Iterator[dict[int, BoardFrames]]:
-    """Yield the frames of a batch as arrays by board address.
+    """Divide the T frames of a batch by board; yield dictionaries from the board address to the board's frames.
 
-    rows: frames, dtype `ROW`. time_s: f64[k], time of each frame. counts: concatenated raw counts of all frames. Frames
-    of one address with different numbers of taxels are in different blocks.
+    rows: one record for each frame, dtype `ROW`. time_s: f64[T], time of each frame. counts: concatenated raw counts of
+    all frames. If an address has frames with different numbers of taxels, each number is in a dictionary of its own.
     """
     key = rows["address"].astype(np.uint32) << 16 | rows["size"]
     order = np.argsort(key, kind="stable")
@@ -96,9 +96,9 @@ def read_activity(
 ) -> Iterator[dict[int, BoardActivity]]:
     """Yield the active taxels of a capture file by board address, in blocks of some thousand frames.
 
-    The first `samples` frames of each board are its baseline (see `Baseline`) and are not part of the result. A board
-    with fewer frames is not part of the result. A board with another number of taxels starts a new baseline. threshold:
-    signal above which a taxel is active, counts. Raises `CaptureError` (see `CaptureDecoder`).
+    The first `samples` frames of each board give its baseline (see `Baseline`) and are not part of the result. A board
+    with fewer frames is left out. If a board is replaced by one with another number of taxels, a new baseline starts.
+    threshold: signal above which a taxel is active, counts. Raises `CaptureError` (see `CaptureDecoder`).
     """
     pending: dict[int, BoardFrames] = {}
     ready: dict[int, tuple[BaselineResult, Activation]] = {}

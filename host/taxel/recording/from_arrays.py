@@ -3,7 +3,7 @@
 The names of the arrays are the paths of the format page without the leading slash. Attributes are 0-d arrays or plain
 values:
 
-    source, hand, created, generator                            texts; created and generator are optional
+    source, hand, created, generator                            strings; created and generator are optional
     taxels/sensor, taxels/tx, taxels/rx, taxels/position, taxels/normal, taxels/size
     sensors/address, sensors/name, sensors/kind, sensors/rate_hz
     objects/<name>/vertices, objects/<name>/faces
@@ -80,9 +80,10 @@ class _Values:
     """
 
     def __init__(self, names: Iterable[object], read: Callable[[str], Any], location: Location) -> None:
-        """Create a view of a source's arrays; names: of all arrays; read: function that returns the array of a name.
+        """Check the names of a source's arrays; the arrays themselves are read on access.
 
-        Raises DatasetError for a name that the grasp format does not define.
+        names: names of all arrays. read: function that returns the array with a name. Raises DatasetError for a name
+        that the grasp format does not define.
         """
         self.location = location
         self._names = sorted(str(name) for name in names)
@@ -111,7 +112,7 @@ class _Values:
                 self.location.key(name).fail("a value", "nothing", "add it to the arrays")
             return None
         value = self._read(name)
-        # np.str_ is a str; 0-d arrays of texts and numbers become scalars here.
+        # np.str_ is a str; 0-d arrays of strings and numbers become scalars here.
         return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
     def table(self, group: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -155,7 +156,7 @@ def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
 
 
 def _write_dataset(path: Path, values: _Values) -> None:
-    """Write header, tables and grasps of a dataset from the named values."""
+    """Write header, tables and grasps of a dataset from the named values to the empty file `path`."""
     attributes = {name: values.get(name, required=name in ("source", "hand")) for name in ROOT_ATTRIBUTES}
     if attributes["generator"] is None:
         attributes["generator"] = GENERATOR
@@ -204,7 +205,10 @@ def _is_format_name(name: str) -> bool:
 
 
 def _suggest_names(name: str) -> str:
-    """Return the remedy for an unknown name: the most similar name of the format, or all names of its group."""
+    """Return the remedy in the message about an unknown name: the most similar name, or all names of its group.
+
+    The group is the part of the name before the slash, such as "taxels".
+    """
     group, _, leaf = name.rpartition("/")
     kind = group.split("/")[0]
     leaves = _GROUPS.get(kind) or _GROUPS_OF_GROUPS.get(kind) or ROOT_ATTRIBUTES

@@ -72,7 +72,7 @@ class Grasp:
 
     @property
     def n_frames(self) -> int:
-        """T."""
+        """Number T of frames in the grasp."""
         return self._sizes["T"]
 
     @property
@@ -127,7 +127,10 @@ class Grasp:
 
     @property
     def separation(self) -> FloatArray | None:
-        """f64[T, n], metres along the normal, negative inside the object, 0.05 for no hit; only in simulation."""
+        """f64[T, n], distance to the object along the normal, metres, negative inside the object; only in simulation.
+
+        0.05 m if the normal does not hit the object.
+        """
         return self._get_array("separation")
 
     @property
@@ -160,16 +163,17 @@ class Grasp:
         hold = self._find_frames_of_phase(Phase.HOLD)
         has_hold: BoolArray = np.any(hold, axis=0)
         self._check_baseline_frames(_check_positive(baseline_frames), has_hold)
-        rest_sum, rest_count = self._sum_counts(self._find_frames_of_phase(Phase.BASELINE, baseline_frames), has_hold)
+        baseline = self._find_frames_of_phase(Phase.BASELINE, baseline_frames)
+        baseline_sum, baseline_count = self._sum_counts(baseline, has_hold)
         hold_sum, hold_count = self._sum_counts(hold, has_hold)
         # Exact integers up to the one division: a signal equal to the threshold must not be rounded above it.
-        signal = (rest_sum * hold_count - hold_sum * rest_count) / (rest_count * hold_count)
+        signal = (baseline_sum * hold_count - hold_sum * baseline_count) / (baseline_count * hold_count)
         return np.where(has_hold[self._sensor_index], signal, np.nan)
 
     def active_taxels(
         self, threshold: float = ACTIVE_SIGNAL_COUNTS, baseline_frames: int = BASELINE_FRAMES
     ) -> tuple[BoolArray, BoolArray]:
-        """Which taxels were active during hold, and for which taxels this is known: (bool[n], bool[n]).
+        """Return which taxels were active during hold, and for which taxels this is known: (bool[n], bool[n]).
 
         A taxel is active if its mean hold signal exceeds the threshold (strictly). The state is unknown if the sensor
         has no valid hold frame: such a taxel is missing, not inactive. Raises DatasetError as `mean_hold_signal` does.
@@ -197,9 +201,9 @@ class Grasp:
             self._node.location.key("valid").fail(expected, found, remedy)
 
     def _find_frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
-        """Return the valid frames of a phase for each sensor, bool[T, s].
+        """Return which frames of each sensor are valid and in the phase, bool[T, s].
 
-        first: number of frames for each sensor, from the start of the grasp; None: all.
+        first: largest number of frames for each sensor, from the start of the grasp; None: all.
         """
         frames: BoolArray = self.valid & (self.phase == phase)[:, None]
         return frames if first is None else frames & (np.cumsum(frames, axis=0) <= first)
@@ -207,7 +211,8 @@ class Grasp:
     def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[IntArray, IntArray]:
         """Sum the raw counts of each taxel over frames of its sensor; return (sum i64[n], number of frames i64[n]).
 
-        frames: bool[T, s]. sensors: bool[s]; for taxels of other sensors the result is (0, 1).
+        frames: bool[T, s], the frames to sum. sensors: bool[s], the sensors to sum; for taxels of other sensors the
+        result is (0, 1).
         """
         total = np.zeros(self._sizes["n"], np.int64)
         count = np.ones(self._sizes["n"], np.int64)
@@ -251,7 +256,7 @@ def _read_outcome(node: Node) -> tuple[int | None, str | None]:
 
 
 def _check_positive(frames: int) -> int:
-    """Return the number of baseline frames. Raises ValueError for a number below 1."""
+    """Return `frames`, a number of baseline frames, unchanged. Raises ValueError for a number below 1."""
     if frames < 1:
         raise ValueError(f"baseline frames: expected 1 or more, found {frames}")
     return frames

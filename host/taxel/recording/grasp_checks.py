@@ -54,7 +54,8 @@ def check_header(
 ) -> None:
     """Check the type and the shape of an array of a dataset without its values; raises DatasetError.
 
-    spec: type and axes that the format requires. sizes: length of each axis so far; a new axis is added.
+    spec: type and axes that the format requires. sizes: length of each axis in the arrays checked so far, by the letter
+    of the axis; a new axis is added.
     """
     _check_kind(dtype, spec, location)
     axes = ", ".join(str(axis) for axis in spec.axes)
@@ -154,7 +155,7 @@ def _check_times(times: FloatArray, location: Location) -> None:
 
 
 def check_poses(poses: FloatArray, location: Location) -> None:
-    """Check that each pose of f64[..., 4, 4] is a rotation and a translation, metres."""
+    """Raise DatasetError unless each pose of f64[..., 4, 4] is a rotation and a translation, metres."""
     remedy = "store [R t; 0 0 0 1] with R a rotation"
     rotation = poses[..., :3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -186,9 +187,9 @@ def format_index(index: tuple[int, ...]) -> str:
 
 
 def check_text(value: Any, location: Location) -> str:
-    """Return `value` as a text of one printable line; bytes are decoded as UTF-8.
+    """Return `value` as a string of one printable line; bytes are decoded as UTF-8.
 
-    Raises DatasetError for another value.
+    Raises DatasetError for another value, an empty string, and more than `LONGEST_TEXT` characters.
     """
     if isinstance(value, bytes):
         try:
@@ -204,7 +205,7 @@ def check_text(value: Any, location: Location) -> str:
 
 
 def check_choice(value: Any, choices: tuple[str, ...], location: Location) -> str:
-    """Return `value` if it is one of the texts in `choices`; else raise DatasetError."""
+    """Return `value` if it is one of the strings in `choices`; else raise DatasetError."""
     text = check_text(value, location)
     if text not in choices:
         location.fail(" or ".join(f'"{choice}"' for choice in choices), format_value(text), "write one of these")

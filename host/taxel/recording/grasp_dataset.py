@@ -184,7 +184,10 @@ def check_format(root: Node) -> None:
 
 
 def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:
-    """Read the arrays of the subgroup `name` by name; specs: type and shape of each array; sizes: lengths of axes."""
+    """Read the arrays of the subgroup `name` by name.
+
+    specs: type and shape of each array by name. sizes: length of each axis so far; new axes are added.
+    """
     group = root.group(name)
     return {key: group.array(key, spec, sizes) for key, spec in specs.items()}
 

@@ -1,7 +1,7 @@
 """The grasp dataset, version 1, as tables: HDF5 path, type and shape of each array.
 
-One row for each array of the format page (docs: grasp dataset). The reader, the writer and the importer of plain
-arrays check against these rows. Axes are letters: n taxels, s sensors, T frames, v vertices, f faces, j joints.
+Each array of the format page (docs: grasp dataset) has one entry. The reader, the writer and the importer of plain
+arrays check against these entries. Axes are letters: n taxels, s sensors, T frames, v vertices, f faces, j joints.
 """
 
 from collections.abc import Mapping

@@ -31,7 +31,9 @@ _HEAP_SIGNATURE = b"GCOL\x01\0\0\0"
 _HEAP_HEADER = struct.Struct("<8xQ")
 """Header of a global heap: signature, version, and size of the heap with its header, bytes."""
 _HEAP_OBJECT = struct.Struct("<H6xQ")
-"""Header of an object of a heap: number, and size of its data, bytes; of object 0 with its header."""
+"""Header of an object in a heap: number of the object, and size of its data, bytes. The size of object 0 (the free
+space) includes its header.
+"""
 
 _DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
@@ -49,7 +51,7 @@ def convert_hdf5_errors(location: Location) -> Iterator[None]:
 
 
 def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> Any:
-    """Open an HDF5 file as an h5py.File; mode: as for h5py.
+    """Open an HDF5 file as an h5py.File; mode: as for h5py ("r": read, "r+": change, "w": replace).
 
     libver: oldest and newest version of the file format. Raises DatasetError for a file that is missing, is no HDF5
     file, is truncated, or is open for writing elsewhere.
@@ -80,7 +82,7 @@ def convert_opening_errors(location: Location) -> Iterator[None]:
 
 
 def _check_heaps(path: Path, location: Location) -> None:
-    """Raise DatasetError for a damaged heap of texts, over which the HDF5 library would loop without end.
+    """Raise DatasetError for a damaged global heap (storage of strings), over which HDF5 would loop without end.
 
     A heap consists of objects, each with its size; the object 0 is the free space at the end. The library advances by
     the size without checking that it is not 0 (HDF5 File Format Specification 3.0, section III.E, Global Heap).
@@ -97,7 +99,10 @@ def _check_heaps(path: Path, location: Location) -> None:
 
 
 def _is_complete_heap(data: mmap.mmap, start: int) -> bool:
-    """Whether the objects of the heap at byte `start` fill the heap."""
+    """Whether the objects of the heap at byte `start` end exactly at the end of the heap.
+
+    False also for a heap that extends beyond the data, and for free space with a size below that of its header.
+    """
     if start + _HEAP_HEADER.size > len(data):
         return False
     (size,) = _HEAP_HEADER.unpack_from(data, start)
@@ -144,7 +149,7 @@ class Node:
         self._open_datasets[name, spec] = self._get_checked_dataset(name, spec, sizes)
 
     def array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
-        """Read an array in its documented type; texts as a list of str. sizes: as in `check_header`."""
+        """Read an array in the type that the format defines; strings as a list. sizes: as in `check_header`."""
         dataset, location = self._open_datasets.pop((name, spec), None), self.location.key(name)
         if dataset is None:
             dataset = self._get_checked_dataset(name, spec, sizes)
@@ -153,7 +158,7 @@ class Node:
         return list(values) if spec.dtype == STRING else convert_type(values, spec, location)
 
     def attribute(self, name: str) -> Any:
-        """Return the value of an attribute of the HDF5 group: a scalar, an array or a text.
+        """Return the value of an attribute of the HDF5 group: a scalar, an array or a string.
 
         Raises DatasetError for a missing attribute.
         """
@@ -163,7 +168,11 @@ class Node:
         return value
 
     def optional_attribute(self, name: str) -> Any:
-        """Return the value of an attribute of the HDF5 group, or None if the attribute is absent."""
+        """Return the value of an attribute of the HDF5 group, or None if the attribute is absent.
+
+        Raises DatasetError for a value that is neither a number, a string nor a one-dimensional array, and for more
+        than `_LARGEST_ATTRIBUTE` values.
+        """
         location = self.location.key(name)
         with convert_hdf5_errors(location):
             if name not in self._group.attrs:
@@ -187,7 +196,7 @@ class Node:
         """Return a subgroup or dataset of the HDF5 group.
 
         kind: expected class of h5py; kind_name: "group" or "dataset". Raises DatasetError for a missing member, a link
-        or another kind.
+        or a member of another class.
         """
         location = self.location.key(name)
         if not self.has(name):

@@ -37,10 +37,15 @@ MAX_LAW_RATIO: Final = 3.0
 """Largest ratio of a taxel's force to the range of forces that the dataset shows at its separation (chosen)."""
 
 LAW_QUANTILE: Final = 0.001
-"""Share of the forces at a separation that lie beyond each end of the range: wrong frames are rarer."""
+"""Quantile of the forces at a separation that is the lower end of their permitted range; the upper end is 1 minus this
+value. Origin: wrong frames are rarer than this share.
+"""
 
 LAW_BIN_M: Final = 0.1e-3
+"""Width of the depth intervals (bins) in which the range of forces is determined, metres."""
+
 MIN_BIN_SAMPLES: Final = 50
+"""Smallest number of forces in a depth interval for which the interval is used."""
 
 TAXEL_REACH_PITCHES: Final = 0.71
 """Half the diagonal of a taxel in pitches: the object may touch the corner of a taxel whose centre is as far away."""
@@ -83,8 +88,9 @@ class Violation:
 class InvariantChecker:
     """Checks the grasps of one simulated dataset; the force law is learnt from all its grasps.
 
-    A dataset without separations is only checked for jumps and for rest. A dataset of a hand that is not packaged has
-    no known thickness of the layer, so that penetrations are found only against the force law.
+    The force law is the range of forces that the dataset contains at each depth of the object in the skin. A dataset
+    without separations is checked only for force jumps and for changes during the hold. The layer thickness of a hand
+    that is not packaged is not known, so its penetrations are found only by the force law.
     """
 
     def __init__(self, dataset: GraspDataset) -> None:
@@ -96,7 +102,7 @@ class InvariantChecker:
         self._law = self._learn_law()
 
     def find_violations(self) -> Iterator[Violation]:
-        """Yield the violations of all grasps in order of time; nothing for a dataset without contact forces."""
+        """Yield the violations of all grasps in order of time; none for a dataset without contact forces."""
         for grasp in self._dataset:
             yield from self.check_grasp(grasp)
 
@@ -112,12 +118,15 @@ class InvariantChecker:
         return sorted(found, key=lambda violation: violation.frame)
 
     def _find_nearest(self, separation: FloatArray) -> FloatArray:
-        """Smallest separation of each taxel and its neighbours, f64[T, n], metres; separation: f64[T, n]."""
+        """Return the smallest separation among each taxel and its neighbours, f64[T, n], metres.
+
+        separation: f64[T, n], metres.
+        """
         padded = np.pad(separation, ((0, 0), (0, 1)), constant_values=np.inf)  # the index n: a missing neighbour
         return np.asarray(np.minimum(separation, padded[:, self._neighbours].min(axis=2)))
 
     def _is_surrounded(self, separation: FloatArray) -> BoolArray:
-        """Whether each taxel and all its neighbours touch the object, bool[T, n]; separation: f64[T, n]."""
+        """Whether each taxel and all its neighbours touch the object, bool[T, n]; separation: f64[T, n], metres."""
         touches = separation < 0.0
         padded = np.pad(touches, ((0, 0), (0, 1)), constant_values=True)
         return np.asarray(touches & padded[:, self._neighbours].all(axis=2))
@@ -134,13 +143,16 @@ class InvariantChecker:
         return result
 
     def _find_detached_forces(self, grasp: Grasp, force: FloatArray) -> list[Violation]:
-        """Find forces on taxels whose centres are farther from the object than their corners; needs distances."""
+        """Find forces on taxels that are too far from the object to touch it with a corner.
+
+        Empty for a grasp without the array `distance`.
+        """
         distance = grasp.distance
         if distance is None:
             return []
         wrong = (force > MIN_FORCE_N) & (distance > TAXEL_REACH_PITCHES * self._pitch_m)
         return [
-            _make(
+            _make_violation(
                 grasp,
                 frame,
                 "force without contact",
@@ -151,12 +163,12 @@ class InvariantChecker:
         ]
 
     def _find_penetrations(self, grasp: Grasp, force: FloatArray, separation: FloatArray) -> list[Violation]:
-        """Find loaded taxels in which the object lies deeper than the layer is thick."""
+        """Find loaded taxels in which the object lies deeper than the layer is thick; empty for an unknown layer."""
         if self._layer_m is None:
             return []
         wrong = (separation < -self._layer_m) & (force > MIN_FORCE_N)
         return [
-            _make(
+            _make_violation(
                 grasp,
                 frame,
                 "penetration",
@@ -167,7 +179,10 @@ class InvariantChecker:
         ]
 
     def _find_lawless_forces(self, grasp: Grasp, force: FloatArray, separation: FloatArray) -> list[Violation]:
-        """Find taxels whose force contradicts the forces at equal separations in the dataset."""
+        """Find taxels whose force contradicts the dataset's forces at equal depths by more than `MAX_LAW_RATIO`.
+
+        Empty if the dataset has too few samples for a force law.
+        """
         if self._law is None:
             return []
         depths, smallest, largest = self._law
@@ -180,7 +195,7 @@ class InvariantChecker:
         too_large = force > MAX_LAW_RATIO * np.maximum(high, 4.0 * MIN_FORCE_N)
         too_small = self._is_surrounded(separation) & (low > 10.0 * MIN_FORCE_N) & (force < low / MAX_LAW_RATIO)
         return [
-            _make(
+            _make_violation(
                 grasp,
                 frame,
                 "force without contact" if nearest[frame, taxel] > 0.0 else "force law",
@@ -192,10 +207,11 @@ class InvariantChecker:
         ]
 
     def _learn_law(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Learn the range of forces of the dataset by depth: depths f64[k], metres, and two forces f64[k], newtons.
+        """Learn the range of forces by depth; return (depths f64[k], metres, smallest and largest forces f64[k], N).
 
-        Smallest force by the depth below the centre of a taxel whose neighbours touch the object, too. Largest force by
-        the largest depth of the taxel and its neighbours. Both do not decrease with the depth. None: too few samples.
+        The smallest force belongs to the depth below the centre of a taxel whose neighbours touch the object, too; the
+        largest force to the largest depth of the taxel and its neighbours. Both do not decrease with the depth. None
+        for a dataset without forces or separations, or with too few samples.
         """
         values: list[tuple[FloatArray, ...]] = []
         for grasp in self._dataset:
@@ -210,23 +226,23 @@ class InvariantChecker:
             return None
         largest_depth, force, depth, force_within = (np.concatenate(parts) for parts in zip(*values, strict=True))
         high_number, low_number = (np.floor(part / LAW_BIN_M).astype(np.int64) for part in (largest_depth, depth))
-        rows = []
+        bins = []
         for index in np.unique(high_number).tolist():
             near, within = force[high_number == index], force_within[low_number == index]
             if len(near) >= MIN_BIN_SAMPLES:
                 low = float(np.quantile(within, LAW_QUANTILE)) if len(within) >= MIN_BIN_SAMPLES else 0.0
-                rows.append(((index + 0.5) * LAW_BIN_M, low, float(np.quantile(near, 1.0 - LAW_QUANTILE))))
-        if not rows:
+                bins.append(((index + 0.5) * LAW_BIN_M, low, float(np.quantile(near, 1.0 - LAW_QUANTILE))))
+        if not bins:
             return None
-        middle, smallest, largest = np.array(rows).T
+        middle, smallest, largest = np.array(bins).T
         # The separation within a bin varies: the range of a bin includes its neighbours'.
         smallest = np.minimum.accumulate(np.minimum(smallest, np.r_[0.0, smallest[:-1]])[::-1])[::-1]
         largest = np.maximum.accumulate(np.maximum(largest, np.r_[largest[1:], largest[-1]]))
         return middle, smallest, largest
 
 
-def _make(grasp: Grasp, frame: int, kind: str, taxel: int | None, text: str) -> Violation:
-    """Make the violation of a frame of a grasp."""
+def _make_violation(grasp: Grasp, frame: int, kind: str, taxel: int | None, text: str) -> Violation:
+    """Return a violation at the index `frame` of a grasp, with its time since the grasp's first frame."""
     return Violation(grasp.id, int(frame), float(grasp.timestamp[frame] - grasp.timestamp[0]), kind, taxel, text)
 
 
@@ -247,7 +263,7 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
     lower = np.minimum(np.r_[0.0, total[:-1]], np.r_[total[1:], 0.0])
     is_gap = in_hold & (MAX_FORCE_RATIO * total < lower) & (lower > 10.0 * MIN_FORCE_N)
     return [
-        _make(
+        _make_violation(
             grasp,
             frame,
             "force jump",
@@ -259,7 +275,10 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
 
 
 def _find_unrest(grasp: Grasp, force: FloatArray) -> list[Violation]:
-    """Find a hold in which the total force changes by more than `MAX_HOLD_CHANGE` from its first to its last third."""
+    """Return one violation if the total force changes by more than `MAX_HOLD_CHANGE` during the hold, else none.
+
+    The first and the last third of the hold are compared. Empty for a hold of fewer than 6 frames.
+    """
     hold = np.flatnonzero(grasp.phase == Phase.HOLD)
     if len(hold) < 6:
         return []
@@ -268,12 +287,17 @@ def _find_unrest(grasp: Grasp, force: FloatArray) -> list[Violation]:
     if abs(last - first) <= MAX_HOLD_CHANGE * max(first, last, 10.0 * MIN_FORCE_N):
         return []
     return [
-        _make(grasp, int(hold[-1]), "not at rest", None, f"total force {first:.1f} N, later {last:.1f} N in the hold")
+        _make_violation(
+            grasp, int(hold[-1]), "not at rest", None, f"total force {first:.1f} N, later {last:.1f} N in the hold"
+        )
     ]
 
 
 def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
-    """Neighbours of each taxel on its board, i64[n, k], n for none, and the largest pitch of a board, metres."""
+    """Return the neighbours of each taxel on its board, i64[n, k], and the largest pitch of a board, metres.
+
+    k is the largest number of neighbours; the index n fills the row of a taxel with fewer neighbours.
+    """
     taxels, largest_pitch = dataset.taxels, 0.0
     lists: list[list[int]] = [[] for _ in range(taxels.n)]
     for address in np.unique(taxels.sensor).tolist():
@@ -291,7 +315,10 @@ def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
 
 
 def _find_surroundings(dataset: GraspDataset) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the taxels of each board, i64[m], and which of them are near each other, f32[m, m] of 0 and 1."""
+    """Yield for each board (indices of its m taxels, i64[m], 1 for each near pair of them and 0 else, f32[m, m]).
+
+    Two taxels are near each other if their centres are closer than `OBJECT_RADIUS_M`.
+    """
     taxels = dataset.taxels
     for address in np.unique(taxels.sensor).tolist():
         on_board = np.flatnonzero(taxels.sensor == address)
@@ -301,7 +328,7 @@ def _find_surroundings(dataset: GraspDataset) -> Iterator[tuple[IntArray, FloatA
 
 
 def _get_layer_m(hand: str) -> float | None:
-    """Thickness of the layer of a packaged hand, metres; None for an unknown hand."""
+    """Return the thickness of a packaged hand's soft layer, metres; None for an unknown hand."""
     try:
         return load_hand(hand).layer_m
     except TaxelError:

@@ -27,11 +27,12 @@ class SensorModel:
 
     baseline_counts: raw count without contact, one number or f64[n].
     full_scale_drop_counts: limit of the signal for large forces, counts.
-    half_force_n: force with half of that signal, newtons, one number or f64[n]: it is proportional to the area of the
-        square that a taxel measures.
+    half_force_n: force with half of that signal, newtons, one number or f64[n]. The value of a taxel is proportional to
+        the area of the square that the taxel measures.
     noise_counts, noise_line_counts: standard deviations, counts, of the noise of each taxel and of the noise that all
         taxels of an RX line share.
-    contact_stiffness_n_per_m: of the dielectric under one taxel. layer: "uncoupled" or "coupled".
+    contact_stiffness_n_per_m: stiffness of the dielectric under one taxel, N/m. layer: "coupled" if a pressed taxel
+        also loads its neighbours through the layer, else "uncoupled".
     """
 
     baseline_counts: float | FloatArray

@@ -9,8 +9,8 @@ Therefore:
    in space that is reserved when the file is created, so that this flush changes the file by one write. By default HDF5
    stores more than 8 links in a heap and a B-tree: several writes, with an unreadable file between them.
 4. The object header is within the first page of the file, because a kill can split a longer write at a page boundary.
-5. A file with its final name is flushed to the disk after steps 2 and 3, so that a power failure loses no complete
-   grasp and no link refers to missing data.
+5. If the file already has its final name, it is flushed to the disk after steps 2 and 3, so that a power failure loses
+   no complete grasp and no link refers to missing data.
 
 The metadata cache may write entries at any time. This does no harm: during step 2 it contains nothing that the file
 refers to, and step 3 is too small to evict an entry. One risk remains: from about `RESERVED_GRASPS` grasps on, the
@@ -42,7 +42,7 @@ with optional_import("h5py", "a grasp dataset (.h5)"):
     from h5py._objects import phil  # type: ignore[import-untyped, unused-ignore]
 
 PAGE_BYTES = 4096
-RESERVED_GRASPS = 200  # ids of four digits need 19 bytes each, so that all links fit into the first page
+RESERVED_GRASPS = 200  # a link with an id of four digits needs 19 bytes, so 200 links fit into the first page
 _GRASP_NAME_BYTES = 4
 _MAX_COMPACT_LINKS = 65_535  # the largest value that HDF5 accepts
 
@@ -69,7 +69,7 @@ def convert_writing_errors(location: Location) -> Iterator[None]:
 
 
 def check_target(target: Path, overwrite: bool, location: Location) -> None:
-    """Raise DatasetError for a path at which a new file must not be created."""
+    """Raise DatasetError for a path at which a new file must not be created: a folder, or a file not to overwrite."""
     if target.is_dir() or (target.exists() and not overwrite):
         location.fail("a new file", "an existing one", "choose another name, or request overwriting")
 
@@ -129,7 +129,10 @@ def create_grasps_group(parent: Any) -> None:
 
 
 def write_array(group: Any, name: str, array: NDArray[Any] | tuple[str, ...]) -> None:
-    """Write a dataset without time stamps; a large one is compressed in chunks of about 1 MiB of whole frames."""
+    """Write an array, or strings, as an HDF5 dataset without time stamps.
+
+    An array of `_COMPRESS_FROM_BYTES` or more is compressed in chunks of whole frames, about 1 MiB each.
+    """
     arguments: dict[str, Any] = {"data": array}
     if isinstance(array, tuple):
         arguments = {"data": list(array), "dtype": h5py.string_dtype()}
@@ -151,7 +154,7 @@ def write_attributes(group: Any, values: Mapping[str, Any]) -> None:
 
 
 def link_grasp(file: WritableFile, grasp: Any, grasp_id: str, is_durable: bool = False) -> None:
-    """Make a complete grasp, an HDF5 group without a name, a part of the file under its id.
+    """Link a complete grasp (an HDF5 group without a name) into the file under its id.
 
     A program that is killed at any time during this call leaves a readable file. is_durable: the grasp also survives a
     power failure after the call. Raises OSError.
@@ -162,7 +165,10 @@ def link_grasp(file: WritableFile, grasp: Any, grasp_id: str, is_durable: bool =
 
 
 def _flush(file: WritableFile, is_durable: bool) -> None:
-    """Write all buffered data to the HDF5 file; a program that is killed during this call leaves a readable file."""
+    """Write all buffered data to the HDF5 file; a program that is killed during this call leaves a readable file.
+
+    is_durable: also wait until the data are on the disk, and raise OSError for a failed write.
+    """
     # HDF5 writes the end address before it extends the file; a kill between these writes would leave a truncated file.
     file.raw.extend_to(file.id.get_filesize())
     file.flush()

@@ -67,7 +67,7 @@ class SensorTable:
         return len(self.address)
 
     def index_of(self, taxels: TaxelTable) -> IntArray:
-        """Return the row in this table of each taxel's sensor, i64[n]."""
+        """Return the index in this table of each taxel's sensor, i64[n]."""
         row = np.zeros(256, np.int64)
         row[self.address] = np.arange(self.s)
         return row[taxels.sensor]
@@ -141,7 +141,7 @@ def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str
 
 
 def _check_texts(values: Any, count: int, location: Location) -> tuple[str, ...]:
-    """Return a column of `count` texts as a tuple. Raises DatasetError for another shape or type."""
+    """Return a column of `count` strings as a tuple. Raises DatasetError for another shape or type."""
     if isinstance(values, str | bytes) or np.ndim(values) != 1 or len(values) != count:
         location.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
     items = values.tolist() if isinstance(values, np.ndarray) else values

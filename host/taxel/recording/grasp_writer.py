@@ -111,7 +111,10 @@ class GraspDatasetWriter:
 
     @classmethod
     def create_part(cls, part: Path, header: DatasetHeader) -> GraspDatasetWriter:
-        """Create a dataset in an empty file of `open_whole_dataset`, which nobody reads before it is complete."""
+        """Create a dataset without grasps in an empty temporary file of `open_whole_dataset`; raises DatasetError.
+
+        Grasps are not flushed to the disk one by one, because no program reads the file before it is complete.
+        """
         location = Location(str(part))
         content = _HeaderContent(header, location)
         with convert_writing_errors(location):
@@ -251,7 +254,7 @@ def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, An
 def _check_tables(
     header: DatasetHeader, location: Location, sizes: dict[str, int]
 ) -> dict[str, tuple[Any, Mapping[str, Any]]]:
-    """Check the tables of a dataset's header; return (table, specification of its arrays) by HDF5 path.
+    """Check the tables of a dataset's header; return {HDF5 path: (table, specification of its arrays)}.
 
     sizes: the numbers n of taxels and s of sensors are added. Raises DatasetError for the first error.
     """
@@ -281,7 +284,7 @@ def _check_model(model: SensorModel | None, source: str, location: Location, n: 
 def _write_content(
     file: WritableFile, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None
 ) -> None:
-    """Write attributes, tables and sensor model to an empty HDF5 file.
+    """Write attributes, tables, sensor model and an empty group of grasps to an empty HDF5 file.
 
     tables: (table, specification of its arrays) by HDF5 path.
     """

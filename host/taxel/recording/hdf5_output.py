@@ -58,7 +58,10 @@ class FaultTolerantFile:
         return self._position
 
     def readinto(self, buffer: Any) -> int:
-        """Fill `buffer` from the position; bytes beyond the end of the file are 0. Return the number of bytes."""
+        """Fill `buffer` from the position and advance it; return the length of the buffer.
+
+        Bytes beyond the end of the file are 0. Bytes whose write failed are read from memory.
+        """
         view = memoryview(buffer).cast("B")
         try:
             count = os.preadv(self._descriptor, [view], self._position)
@@ -74,7 +77,10 @@ class FaultTolerantFile:
         return len(view)
 
     def write(self, data: Any) -> int:
-        """Write bytes at the position; return their number, also after a failure."""
+        """Write bytes at the position and advance it; return their number, also after a failure.
+
+        After a failure nothing is written; small writes are kept in memory, so that the library can read them back.
+        """
         view = memoryview(data).cast("B")
         offset, self._position = self._position, self._position + len(view)
         self._size = max(self._size, self._position)
@@ -173,7 +179,10 @@ def create_hdf5(output: LiveOutput) -> WritableFile:
 
 
 def extend_hdf5(output: LiveOutput, location: Location, is_read_only: bool = False) -> WritableFile:
-    """Open the HDF5 file of an output to change or read it. Raises DatasetError for a file that cannot be opened."""
+    """Open the HDF5 file of an output to change it, or only to read it if `is_read_only`.
+
+    Raises DatasetError for a file that cannot be opened.
+    """
     access, raw = _make_access(output)
     # Files of HDF5 1.8 have no "open for writing" mark. With later versions the file of a killed writer needs h5clear.
     access.set_libver_bounds(h5f.LIBVER_V18, h5f.LIBVER_V18)
@@ -183,7 +192,7 @@ def extend_hdf5(output: LiveOutput, location: Location, is_read_only: bool = Fal
 
 
 def _make_access(output: LiveOutput) -> tuple[Any, FaultTolerantFile]:
-    """Make the access properties of a file that HDF5 writes through Python."""
+    """Return HDF5 access properties that make the library use a Python file, and that file, for an output."""
     access = h5p.create(h5p.FILE_ACCESS)
     raw = FaultTolerantFile(output.file)
     access.set_fileobj_driver(h5fd.fileobj_driver, raw)
@@ -227,7 +236,8 @@ def hold_signals() -> Iterator[None]:
         return
     received: list[int] = []
 
-    def note(number: int, frame: FrameType | None) -> None:
+    def store_signal(number: int, frame: FrameType | None) -> None:
+        """Handle a signal by storing its number, for the end of the context."""
         received.append(number)
 
     previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
@@ -235,7 +245,7 @@ def hold_signals() -> Iterator[None]:
         handler = signal.getsignal(number)
         if callable(handler):
             previous[number] = handler
-            signal.signal(number, note)
+            signal.signal(number, store_signal)
     try:
         yield
     finally:

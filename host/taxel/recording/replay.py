@@ -27,15 +27,20 @@ from taxel.stream.start_script import START_S, write_start_script
 from taxel.types import CountArray, FloatArray, IntArray
 
 LEAD_IN_MIN_S = 4.0
-"""Smallest time without contact before the recording starts, seconds. After it, each board's clock has been read twice.
+"""Smallest time without contact before the recording starts, seconds. At its end, each board's clock has been read
+twice.
 """
 
 CONVERSION_S = 145e-6
-"""Time of one taxel in a default scan: 6,400 modulator clocks at 48 MHz, settling and the interrupt, 2 % slow."""
+"""Conversion time of one taxel in a default scan, seconds: 6,400 modulator clocks at 48 MHz, settling and interrupt, of
+a board whose clock is 2 % slow.
+"""
 
 BITS_PER_BYTE_I2C = 9.0
+"""Clock cycles of one byte on the I2C bus: 8 data bits and the acknowledgement."""
+
 BOARD_OVERHEAD_BYTES = 16
-"""I2C bytes for the addresses, header and CRC of a snapshot of one board."""
+"""I2C bytes for the addresses, header and CRC of one board's snapshot."""
 
 SCAN_MARGIN = 1.3
 """Factor between the longest expected poll cycle and the estimate from bus and scan time."""
@@ -48,8 +53,8 @@ class ReplayOptions:
     """Options of the replay of a touch recording through an emulated skin.
 
     start_s: first replayed time of the recording, seconds. seconds: replayed duration; None: to the end. threshold:
-    activation threshold of the skin and of the source, counts. untouched_counts: raw count of an untouched taxel.
-    settings: of the emulated world; the default has I2C at 400 kHz.
+    signal above which a taxel of the skin, or a value of the recording, is active, counts. untouched_counts: raw count
+    of an untouched taxel. settings: settings of the emulated world; the default has I2C at 400 kHz.
     """
 
     start_s: float = 0.0
@@ -116,10 +121,11 @@ def _emulate_capture(folder: Path, hand: Hand, options: ReplayOptions, time_s: F
 def decode_capture(
     path: str | os.PathLike[str], hand: Hand, start_s: float, threshold: float = ACTIVATION_THRESHOLD_COUNTS
 ) -> list[DecodedBoard]:
-    """The samples of every board in a capture from its time `start_s` on, decoded in the same way as from a port.
+    """Return the samples of every board in a capture from its time `start_s` on, decoded as from a port.
 
-    The baseline is the mean of each board's first 100 frames. Raises `RecordingError` if a board has fewer before
-    `start_s`, `DisturbedBaselineError` if a taxel is touched during the baseline.
+    The baseline is the mean of each board's first 100 frames. threshold: signal above which a taxel is active, counts.
+    Raises `RecordingError` if a board has fewer than 100 frames before `start_s` or fewer than 2 after, and
+    `DisturbedBaselineError` if a taxel is touched during the baseline.
     """
     frames: dict[int, list[TaxelFrame]] = {board.address: [] for board in hand.boards}
     with open_skin(f"file:{os.fspath(path)}", hand) as skin:
@@ -169,7 +175,7 @@ def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxel
 
 
 def _unwrap(numbers: IntArray) -> IntArray:
-    """Convert numbers modulo 65,536 to a continuous count that starts with the first number."""
+    """Convert numbers that wrap at 65,536 to continuous numbers that start with the first number."""
     steps = np.diff(numbers, prepend=numbers[0])
     unwrapped: IntArray = numbers[0] + np.cumsum((steps + _MODULUS // 2) % _MODULUS - _MODULUS // 2)
     return unwrapped

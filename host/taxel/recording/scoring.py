@@ -26,11 +26,8 @@ EXACT_COUNTS = 0.5
 class SourceTouches:
     """The touches in a recording of a touch panel: which taxel is touched at which time.
 
-    time_s: f64[T], not decreasing. A frame is valid until the next one; of several frames with the same time the last
-    one is used. values: int[T, n], counts; a touch raises the value. A taxel is active where its value is above
-    `threshold` (strictly). Before the first frame no taxel is touched.
-
-    A touch is a maximal run of frames with at least one active taxel. Raises ValueError for inconsistent shapes.
+    A frame is valid until the next one. Before the first frame no taxel is touched. A touch is a maximal run of frames
+    with at least one active taxel.
     """
 
     def __init__(self, time_s: FloatArray, values: IntArray, threshold: float) -> None:
@@ -55,11 +52,14 @@ class SourceTouches:
 
     @property
     def n_touches(self) -> int:
-        """Number of touches. They are numbered from 0 in the order of their onsets `onset_s` f64[n_touches]."""
+        """Number of touches. Touches are numbered from 0 in the order of their onsets `onset_s`, f64[n_touches]."""
         return len(self.onset_s)
 
     def find_rows_at(self, time_s: FloatArray) -> IntArray:
-        """Return the row of `values` and `active` valid at each time, int[k]; row 0 is before the first frame."""
+        """Return for each of k times the row of `values` and `active` that is valid then, int[k].
+
+        Row 0 is the state without touch before the first frame.
+        """
         return np.searchsorted(self.time_s, time_s, side="right")
 
 
@@ -67,8 +67,9 @@ class SourceTouches:
 class DecodedBoard:
     """The samples of one board with k taxels in F decoded frames.
 
-    taxels: position of the board on the hand's taxel axis. cycle: int64[F], poll cycle of each frame. sampled_s: f64[F,
-    k], time of each taxel's conversion on the source's clock. signal_counts: f64[F, k]. active: bool[F, k].
+    taxels: indices of the board's taxels among those of the hand. cycle: int64[F], poll cycle of each frame. sampled_s:
+    f64[F, k], time of each taxel's conversion on the clock of the replayed recording. signal_counts: f64[F, k],
+    baseline minus raw count. active: bool[F, k], whether the signal exceeds the activation threshold.
     """
 
     taxels: slice
@@ -80,11 +81,12 @@ class DecodedBoard:
 
 @dataclass(frozen=True, eq=False)
 class ReplayScore:
-    """Result of the comparison.
+    """Result of the comparison of decoded samples with the touches of the replayed recording (the source).
 
     A sample is one taxel in one board frame. true_positives, false_positives, false_negatives, true_negatives: samples
-    away from a step. at_steps: samples for which both values are correct. wrong_counts: samples whose signal equals the
-    source's value neither before nor after the time of conversion.
+    away from a step; positive means active. at_steps: samples at a step of the source, for which both states are
+    correct. wrong_counts: samples whose signal equals the source's value neither before nor after the time of
+    conversion.
 
     touches: touches of the source. touches_unsampled: touches that ended before any of their taxels was converted,
     which no decoder can detect. touches_spurious: runs of poll cycles with an active taxel none of which is correct.
@@ -156,7 +158,7 @@ class ReplayScore:
 
 
 def _compute_ratio(correct: int, incorrect: int) -> float:
-    """Return the share of correct samples among all samples; 1 without samples."""
+    """Return correct / (correct + incorrect); 1 if both are 0."""
     return correct / (correct + incorrect) if correct + incorrect else 1.0
 
 
@@ -201,9 +203,9 @@ class _BoardComparison:
         return int((differs_before & differs_after).sum())
 
     def find_touches(self, samples: BoolArray) -> IntArray:
-        """Return the number of the source's touch for each selected sample.
+        """Return the number of the source's touch for each selected sample, int[number of selected samples].
 
-        samples: selection of the board's samples, bool.
+        samples: bool[F, k], selection of the board's samples; the source is active just before or after each of them.
         """
         row = np.where(self._active_before, self._row_before, self._row_after)
         touches: IntArray = self._source.touch_of_row[row[samples]]
@@ -254,9 +256,10 @@ def score_replay(
 
 
 def _find_first_samples(source: SourceTouches, comparisons: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
-    """Return for each touch whether a sample of it exists, and the time of its first correct sample (infinity: none).
+    """Find the first samples of each touch of the source; a sample is one taxel in one board frame.
 
-    comparisons: comparison of each board with the source. A sample is one taxel in one board frame.
+    Returns (whether any sample of the touch exists, bool[touches]; time of its first correct sample, seconds,
+    f64[touches], infinite without one). comparisons: comparison of each board with the source.
     """
     is_sampled = np.zeros(source.n_touches, dtype=bool)
     first_s = np.full(source.n_touches, np.inf)
@@ -282,7 +285,10 @@ def _count_spurious_runs(comparisons: Sequence[_BoardComparison]) -> int:
 
 
 def _find_fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:
-    """Return signal f64[n] and activity bool[n] of the whole skin in the poll cycle with the most active taxels."""
+    """Return the map of the whole skin in the poll cycle with the most active taxels: (signal f64[n], active bool[n]).
+
+    NaN and False for the taxels of boards without a frame in this cycle.
+    """
     cycles = np.concatenate([board.cycle for board in boards])
     counts = np.concatenate([board.active.sum(axis=1) for board in boards])
     unique_cycles, index = np.unique(cycles, return_inverse=True)

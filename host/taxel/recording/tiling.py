@@ -1,7 +1,7 @@
 """Assignment of the cells of a touch panel to the taxels of a hand.
 
-A recording of a panel has to pass through several boards. The panel is divided into equal rectangles (tiles), and each
-tile is assigned to a window of a board in which every crossing is a taxel: neighbouring cells become neighbouring
+The values of a panel's cells are distributed to several boards. The panel is divided into equal rectangles (tiles), and
+each tile is assigned to a window of a board in which every crossing is a taxel: neighbouring cells become neighbouring
 taxels, panel rows along TX and panel columns along RX. The largest possible rectangle is used. Windows are selected
 board by board in the order of addresses, on a board by lowest RX, then lowest TX, so that a hand has only one tiling.
 """
@@ -34,9 +34,9 @@ RAW_COUNT_MAX = 65_535
 class Tiling:
     """Assignment of the 27 x 15 cells of a touch panel to taxels of a hand.
 
-    n_taxels: taxels of the hand. taxel_of_cell: int64[405], all different, in the panel's row-major order. tile_shape:
-    panel rows and columns of one tile, which is on one board. Raises ValueError for a taxel outside the hand or a taxel
-    with two cells.
+    n_taxels: number of taxels of the hand. taxel_of_cell: int64[405], index of the taxel of each cell, all different,
+    in the panel's row-major order. tile_shape: (rows, columns) of cells in one tile, which is on one board. Raises
+    ValueError for a taxel outside the hand or a taxel with two cells.
     """
 
     n_taxels: int

@@ -80,7 +80,10 @@ def _make_message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
 
 
 def _make_converter(field: MessageField) -> Callable[[Any], Any] | None:
-    """Return a function that converts the value of a message field for the library rosbags; None: not needed."""
+    """Return a function that converts the value of a message field for the library rosbags.
+
+    Returns None for a field whose values rosbags accepts as they are.
+    """
     if "/" in field.type:
         build = _make_message_builder(field.type)
         return (lambda values: [build(value) for value in values]) if field.is_array else build

@@ -38,7 +38,10 @@ _POINT_FIELDS = make_point_fields()
 def make_activations_message(
     hand: Hand, activation: ActivationFrame, cycle: int, threshold: float, time_ns: int
 ) -> dict[str, Any]:
-    """Make a taxel_msgs/Activations message, the active taxels of one poll cycle. threshold: activation, counts."""
+    """Make a taxel_msgs/Activations message with the active taxels of one poll cycle.
+
+    cycle: number of the cycle. threshold: signal above which a taxel is active, counts. time_ns: Unix time.
+    """
     taxels = np.flatnonzero(activation.active)
     measured = activation.signal_counts[~activation.missing]
     return {
@@ -59,7 +62,8 @@ def make_contact_cloud_message(
 ) -> dict[str, Any]:
     """Make a sensor_msgs/PointCloud2 message with a point for each active taxel.
 
-    positions: f64[n, 3], centres of all taxels, metres. normals: f64[n, 3], outward unit normals. head: the header.
+    positions: f64[n, 3], centres of all taxels, metres. normals: f64[n, 3], outward unit normals. head: std_msgs/Header
+    with the frame of both.
     """
     taxels = np.flatnonzero(activation.active)
     points = np.zeros(len(taxels), dtype=POINT)

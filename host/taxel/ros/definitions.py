@@ -1,4 +1,4 @@
-"""Definitions of ROS messages: the project's own (`taxel_msgs`), that of the original ROS stack, and standard ones.
+"""Definitions of ROS messages: those of the project (`taxel_msgs`), of the original ROS stack, and of ROS itself.
 
 A message name is "package/Name". ROS 1 and ROS 2 use the same definition text with two differences: `Header` has a
 counter `seq` in ROS 1, and the type of a time is `time` in ROS 1 and `builtin_interfaces/Time` in ROS 2.
@@ -80,7 +80,7 @@ def get_definition(name: str) -> str:
 
 
 def parse_fields(text: str) -> tuple[MessageField, ...]:
-    """Parse the fields of a ROS message definition; constants and comments are left out."""
+    """Parse the fields of the text of a ROS message definition; constants and comments are omitted."""
     parsed = []
     for line in text.splitlines():
         match = _FIELD.match(line.strip())
@@ -108,14 +108,14 @@ def list_message_types(name: str) -> tuple[str, ...]:
 
 @cache
 def make_ros2_schema(name: str) -> str:
-    """Return the definition of a ROS message with those of all used messages, in the MCAP schema encoding ros2msg."""
+    """Return the definitions of a ROS message and of all messages that it uses, in the MCAP schema encoding ros2msg."""
     first, *used = list_message_types(name)
     return "\n".join([get_definition(first), *(f"{SEPARATOR}\nMSG: {part}\n{get_definition(part)}" for part in used)])
 
 
 @cache
 def make_ros1_schema(name: str) -> str:
-    """Return the definition of a ROS message with those of all used messages, as the generator of ROS 1 reads them."""
+    """Return the definitions of a ROS message and of all messages that it uses, for the class generator of ROS 1."""
     first, *used = [part for part in list_message_types(name) if part != "builtin_interfaces/Time"]
     appended = (f"{SEPARATOR}\nMSG: {part}\n{_make_ros1_definition(part)}" for part in used)
     return "\n".join([_make_ros1_definition(first), *appended])

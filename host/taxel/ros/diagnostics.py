@@ -16,8 +16,9 @@ _BOARD_COUNTERS = ("nacks", "timeouts", "crc_errors", "retries")
 
 
 def make_diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
-    """Make a diagnostic_msgs/DiagnosticArray message: the losses of the stream, one status for each board and
-    each branch.
+    """Make a diagnostic_msgs/DiagnosticArray message with one status for the hub, each board and each branch.
+
+    time_ns: Unix time of the message, nanoseconds. Branches are omitted before the hub has reported its own status.
     """
     statuses = [_make_hub_status(hub)]
     statuses += [_make_board_status(hub, board.address, board.name) for board in hand.boards]
@@ -43,7 +44,10 @@ def _make_hub_status(hub: HubClient) -> dict[str, Any]:
 
 
 def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
-    """Make the DiagnosticStatus of one board: frames received, missing and damaged, and its counters in the hub."""
+    """Make the DiagnosticStatus of one board: frames received, missing and damaged, and the hub's counters of it.
+
+    The level is STALE if no frame of the board has arrived, WARN if frames are missing or damaged.
+    """
     title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
     count = hub.stream.losses.boards.get(address)
     if count is None:
@@ -59,8 +63,8 @@ def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any
 def _make_branch_statuses(hand: Hand, hub: HubClient) -> list[dict[str, Any]]:
     """Make the DiagnosticStatus of each branch of the wiring: an error if no board of the branch responds to the hub.
 
-    The states are those of the latest BOARD_STATUS messages; a board without one counts as absent once the hub has
-    reported its own status.
+    The states are those of the latest BOARD_STATUS messages; a board without such a message is treated as absent.
+    Returns an empty list before the hub has reported its own status.
     """
     if not hub.status:
         return []
@@ -78,6 +82,6 @@ def _make_branch_statuses(hand: Hand, hub: HubClient) -> list[dict[str, Any]]:
 
 
 def make_status(level: int, name: str, message: str, hardware_id: str, values: Mapping[str, float]) -> dict[str, Any]:
-    """Make a diagnostic_msgs/DiagnosticStatus; level: severity; values: counters by name."""
+    """Make a diagnostic_msgs/DiagnosticStatus. level: OK, WARN, ERROR or STALE. values: counters by name."""
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     return {"level": level, "name": name, "message": message, "hardware_id": hardware_id, "values": pairs}

@@ -43,12 +43,13 @@ class ControlState(Enum):
 
 
 class HandControl:
-    """Follows the commands of a topic with an open Allegro hand.
+    """Control that moves an open Allegro hand by the commands of a topic.
 
-    `take` may be called from another thread than `tick`. The first command starts the control; before it, the torques
-    are 0 and there is no time limit. Without a valid command for `hold_after_s` the hand holds the angles that it has
-    then; after `stop_after_s`, `tick` raises JointTopicStoppedError. Rejected commands do not count as commands.
-    report: called with one line for each new kind of rejected command, and when the hand begins to hold.
+    `take` may be called from a thread other than that of `tick`. The first command starts the control; before it, the
+    torques are 0 and there is no time limit. After `hold_after_s` without a valid command the hand holds the angles
+    that it has at this time; after `stop_after_s`, `tick` raises JointTopicStoppedError. A rejected command does not
+    restart these times. report: called with one line for each rejected command whose message differs from the last
+    one, and when the hand begins to hold.
     """
 
     def __init__(
@@ -63,7 +64,12 @@ class HandControl:
         hold_after_s: float = HOLD_AFTER_S,
         stop_after_s: float = STOP_AFTER_S,
     ) -> None:
-        """Create the control of an open hand; clock: returns seconds. Raises ValueError for inconsistent times."""
+        """Create the control of an open hand.
+
+        clock: returns the time in seconds. topic: name of the topic, for messages to the user. report: called with one
+        line for the user. limits: permitted target angles. has_original_rule: commands are restricted as by
+        `apply_original_rule`. Raises ValueError unless 0 < hold_after_s < stop_after_s.
+        """
         if not 0.0 < hold_after_s < stop_after_s:
             raise ValueError("hold_after_s: expected more than 0 and less than stop_after_s")
         self._hand, self._clock, self._topic, self._report = hand, clock, topic, report
@@ -83,7 +89,10 @@ class HandControl:
         """Number of rejected commands."""
 
     def take(self, names: list[str], position: list[float], effort: list[float]) -> None:
-        """Take the fields of a JointState message. A rejected command leaves the previous command valid."""
+        """Accept the fields of a JointState message as the new command, or reject and report it.
+
+        A rejected command leaves the previous command valid. A joint without a value keeps its previous command.
+        """
         try:
             command = parse_command(self._topic, names, position, effort, self._limits)
         except JointCommandError as error:
@@ -127,7 +136,12 @@ class HandControl:
         return angles
 
     def _compute_torques(self, command: JointCommand | None, age_s: float, angles: FloatArray) -> FloatArray:
-        """Return the torques of the present state; age_s: time since the latest valid command."""
+        """Compute the torques, shares of full PWM, f64[16], and update the state of the control.
+
+        command: latest valid command; None before the first. age_s: time since this command, seconds. angles: measured
+        angles, f64[16], radians. The torques are 0 without a command or with an unknown angle. Raises
+        JointTopicStoppedError if the command is older than `stop_after_s`.
+        """
         if command is None or not np.isfinite(angles).all():
             return np.zeros(JOINT_COUNT)
         if age_s > self._stop_after_s:

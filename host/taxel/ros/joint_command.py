@@ -39,11 +39,11 @@ class JointLimits(NamedTuple):
 def parse_command(
     topic: str, names: Sequence[str], position: Sequence[float], effort: Sequence[float], limits: JointLimits
 ) -> JointCommand:
-    """Check the fields of a JointState message and return the command. Empty fields give NaN.
+    """Check the fields of a JointState message, and return the command. A joint without a value has NaN.
 
-    names: `ROS_JOINT_NAMES`, the names of the driver or those of the robot; empty: all 16 joints in order. Raises
-    JointCommandError for an unknown or repeated name, a wrong number of values, a value that is not finite, an angle
-    outside `limits`, or a torque outside -1 to 1.
+    topic: for error messages. names: `ROS_JOINT_NAMES`, the names of the driver or those of the robot; empty: all 16
+    joints in order. position: radians. effort: shares of full PWM. Raises JointCommandError for an unknown or repeated
+    name, a wrong number of values, a value that is not finite, an angle outside `limits`, or an effort outside -1 to 1.
     """
     indices = _find_joints(topic, names)
     values = {"position": list(position), "effort": list(effort)}
@@ -56,9 +56,9 @@ def parse_command(
             )
     command = JointCommand(np.full(JOINT_COUNT, np.nan), np.full(JOINT_COUNT, np.nan))
     for index, value in zip(indices, values["position"], strict=False):
-        command.position[index] = _check(topic, index, "rad", value, limits.lower[index], limits.upper[index])
+        command.position[index] = _check_value(topic, index, "rad", value, limits.lower[index], limits.upper[index])
     for index, value in zip(indices, values["effort"], strict=False):
-        command.torque[index] = _check(topic, index, "of full PWM", value, -1.0, 1.0)
+        command.torque[index] = _check_value(topic, index, "of full PWM", value, -1.0, 1.0)
     return command
 
 
@@ -69,7 +69,10 @@ def apply_original_rule(command: JointCommand) -> JointCommand:
 
 
 def _find_joints(topic: str, names: Sequence[str]) -> list[int]:
-    """Return the index of each named joint."""
+    """Return the index of each named joint; all 16 indices without names.
+
+    Raises JointCommandError for an unknown or repeated name.
+    """
     if not names:
         return list(range(JOINT_COUNT))
     indices: list[int] = []
@@ -84,8 +87,11 @@ def _find_joints(topic: str, names: Sequence[str]) -> list[int]:
     return indices
 
 
-def _check(topic: str, index: int, unit: str, value: float, low: float, high: float) -> float:
-    """Return a finite value within its limits; else raise JointCommandError, which names the joint."""
+def _check_value(topic: str, index: int, unit: str, value: float, low: float, high: float) -> float:
+    """Return the value of the joint `index` if it is within `low` to `high`; otherwise raise JointCommandError.
+
+    NaN and infinity are rejected, too. topic, unit: for the error message.
+    """
     if not low <= value <= high:  # also false for nan
         raise JointCommandError(
             f"{topic}: command rejected: {ROS_JOINT_NAMES[index]} ({JOINT_NAMES[index]}): expected {low:g} to {high:g} "

@@ -103,13 +103,19 @@ class McapFile:
             self._flush_if_due()
 
     def tick(self) -> None:
-        """Write the current chunk of the MCAP file if its time is due. Call this method while no data arrives."""
+        """Write the current chunk of the MCAP file if `FLUSH_S` seconds have elapsed since the last chunk.
+
+        Call this method regularly while no data arrives.
+        """
         with self._lock, self._errors():
             self._flush_if_due()
 
     @contextlib.contextmanager
     def group(self) -> Iterator[None]:
-        """Context in which no chunk is written, so that a chunk that is due contains all messages of the block."""
+        """Context manager that keeps the messages of its `with` block in one chunk.
+
+        A chunk that becomes due within the block is written at the end of the block.
+        """
         self._is_grouping = True
         try:
             yield
@@ -118,7 +124,10 @@ class McapFile:
             self.tick()
 
     def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
-        """Append an encoded message to a topic of the MCAP file. type_name: "package/Name". time_ns: Unix time."""
+        """Append an encoded message to a topic of the MCAP file, without writing a chunk that is due.
+
+        type_name: "package/Name". time_ns: Unix time. The first message gives the file its final name.
+        """
         self._stream.check()
         channel = self._channels.get(topic)
         if channel is None:
@@ -131,7 +140,7 @@ class McapFile:
             self._output.publish()
 
     def _new_channel(self, topic: str, type_name: str) -> int:
-        """Register a channel of the MCAP file for a topic, with the schema of its type; return its number."""
+        """Register a channel of the MCAP file for a topic, with the schema of its type. Returns the channel number."""
         schema = self._schemas.get(type_name)
         if schema is None:
             name = type_name.replace("/", "/msg/")
@@ -186,7 +195,7 @@ class McapFile:
                 self._output.fail()
 
     def discard(self) -> None:
-        """Close the file; remove a file without messages."""
+        """Close the file. A file without messages is removed, and an existing file of the same name stays."""
         if self.messages:
             self.close()
         else:

@@ -22,9 +22,10 @@ JOINT_TYPE: Final = "sensor_msgs/JointState"
 
 
 def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> JointHistory | None:
-    """Read the joint angles of an MCAP file, on the clock of its stream; None if no message has all joints of `names`.
+    """Read the joint angles of an MCAP file, with times on the clock of its stream.
 
-    A damaged or truncated file gives the angles before the damage; the reader of the frames reports the damage.
+    Returns None if no message has all joints of `names`. A damaged or truncated file gives the angles before the
+    damage; no error is raised, because the reader of the frames reports the damage.
     """
     history = JointHistory(names, os.fspath(path))
     offset_s = 0.0
@@ -50,7 +51,10 @@ def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> Join
 
 
 def _add_message(history: JointHistory, data: bytes, offset_s: float) -> None:
-    """Add the angles of a JointState message that contains all joints of the history. offset_s: stream to Unix time."""
+    """Add the angles of a JointState message to the history, at the message's time on the clock of the stream.
+
+    A message without all joints of the history is ignored. offset_s: Unix time minus stream time, seconds.
+    """
     message = decode(JOINT_TYPE, data)
     angles = dict(zip(message.name, message.position.tolist(), strict=False))
     if all(name in angles for name in history.names):

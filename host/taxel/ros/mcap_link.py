@@ -33,10 +33,8 @@ _ORIGINAL_NAME = ORIGINAL_TYPE.partition("/")[2]
 class McapReader:
     """Reader of an MCAP file with the hub's bytes or the scans of a skin, from front to back, in constant memory.
 
-    header: header of the recording; {} if the file has none. has_bytes: False for a bag with scans but without the
-    hub's bytes. has_original_messages: the messages are those of the original ROS stack.
-
-    Raises `CaptureError` if the file cannot be read or has no topic of a skin.
+    header: header of the recording; {} if the file has none. has_bytes: whether the file contains the hub's bytes;
+    False for a bag with scans only. has_original_messages: whether the messages are those of the original ROS stack.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -66,7 +64,7 @@ class McapReader:
     def _read_first_message(self) -> None:
         """Read the MCAP file up to the first message of a skin.
 
-        Damage behind the header of the recording is not raised here but later, by `messages`.
+        An error of a file that is damaged after the header of the recording is raised later, by `messages`.
         """
         try:
             self._first = next(self._records, None)
@@ -116,7 +114,11 @@ class McapReader:
             ) from None
 
     def _process(self, record: Any) -> Iterator[tuple[str, str, Message]]:
-        """Store what an MCAP record defines (schema, channel or header); yield the record if it is a skin's message."""
+        """Process one MCAP record.
+
+        A schema, a channel or the header of the recording is stored. A message of a skin is yielded as (type, message
+        encoding, message). All other records are ignored.
+        """
         if isinstance(record, Message):
             channel = self._channels.get(record.channel_id)
             if channel is not None:
@@ -132,7 +134,7 @@ class McapReader:
             self._add_metadata(record.metadata)
 
     def _add_metadata(self, metadata: Mapping[str, str]) -> None:
-        """Add JSON texts by key to the header of the recording. Raises `CaptureError` for an invalid entry."""
+        """Add metadata, JSON strings by key, to the header of the recording. Raises `CaptureError` if invalid."""
         try:
             values = {key: parse_json(value.encode(), METADATA_MAX) for key, value in metadata.items()}
             self.header |= check_recording_header(values)
@@ -140,9 +142,10 @@ class McapReader:
             raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def _check_schema(self, schema: Schema) -> str:
-        """Return the type of an MCAP schema, "package/Name".
+        """Return the type that an MCAP schema defines, "package/Name".
 
-        Raises `CaptureError` if a type of this package has other fields.
+        An original message of any package is returned as `ORIGINAL_TYPE`. Raises `CaptureError` if a type of
+        `READ_TYPES` has other fields than in this version.
         """
         name = schema.name.replace("/msg/", "/")
         if name.rpartition("/")[2] == _ORIGINAL_NAME:  # early original stacks use other package names
@@ -191,7 +194,7 @@ class McapLink:
         raise EOFError
 
     def write(self, data: bytes) -> None:
-        """Raises `CaptureError`: a recording takes no commands."""
+        """Raise `CaptureError`: a recording takes no commands."""
         raise CaptureError(self.name, "is a recording; it takes no commands")
 
     def close(self) -> None:

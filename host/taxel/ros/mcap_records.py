@@ -22,9 +22,9 @@ DAMAGE = (McapError, ValueError, TypeError, struct.error, zstandard.ZstdError, R
 
 
 def read_records(file: BinaryIO) -> Iterator[Any]:
-    """Yield the records of an MCAP file up to the end of its data section; those of chunks instead of the chunks.
+    """Yield the records of an MCAP file up to the end of its data section.
 
-    Raises the errors of `DAMAGE` at a damaged record.
+    For a chunk, the records that it contains are yielded. Raises one of the errors in `DAMAGE` at a damaged record.
     """
     for record in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX).records:
         if isinstance(record, Footer):

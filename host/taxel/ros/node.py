@@ -60,7 +60,7 @@ def open_node(version: int | None = None, name: str = "taxel") -> Node:
 
 
 class SpinningNode:
-    """A node whose callbacks run in a thread of its own; a context manager that closes the node at its end."""
+    """A node whose callbacks run in a separate thread during a `with` block, at whose end the node is closed."""
 
     def __init__(self, node: Node) -> None:
         """Wrap an open node; the thread starts with the context."""
@@ -69,7 +69,7 @@ class SpinningNode:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
-        """Subscribe as the node does."""
+        """Call `callback(names, angles)` in the thread for each sensor_msgs/JointState message. Angles in radians."""
         self._node.listen_to_joints(topic, callback)
 
     def _run(self) -> None:
@@ -89,18 +89,16 @@ class SpinningNode:
 
 
 class JointListener:
-    """The latest joint angles of a topic, radians [j] in the order of `names`; 0 for a joint without a message so far.
-
-    The object is a `JointSource`: calling it returns the angles.
-    """
+    """Source of the latest joint angles of a topic. The object is a `JointSource`: calling it returns the angles."""
 
     def __init__(
         self, node: Node | SpinningNode, topic: str, names: Sequence[str], base: FloatArray | None = None
     ) -> None:
-        """Subscribe to a topic of joint states; names: the joints in the order in which the angles are returned.
+        """Subscribe to a topic of joint states.
 
-        The topic may name the hand's joints as the manufacturer's driver does (joint_0.0 ...). base: angles of joints
-        before their first message, radians; None: all 0.
+        names: the joints in the order in which the angles are returned. The topic may name the hand's joints as the
+        manufacturer's driver does (joint_0.0 ...). base: angles of the joints before their first message, radians;
+        None: all 0.
         """
         self._index = {name: index for index, name in enumerate(names)}
         self._lock = threading.Lock()
@@ -109,16 +107,20 @@ class JointListener:
         node.listen_to_joints(topic, self._update)
 
     def record(self, name: str) -> JointHistory:
-        """Return a history on the clock of `time.monotonic` to which every message from now on is added.
+        """Begin to record the angles, and return the history to which every message from now on is added.
 
-        name: of the source, for messages to the user.
+        The times of the history are on the clock of `time.monotonic`. name: name of the source, for messages to the
+        user.
         """
         self.history = JointHistory(tuple(self._index), name, MAX_SAMPLES)
         self.history.is_live = True
         return self.history
 
     def _update(self, names: list[str], angles: list[float]) -> None:
-        """Store the finite angles of the known joints, radians; called in the thread of the ROS subscription."""
+        """Store the finite angles of the known joints, radians, and add them to the history that is recorded.
+
+        Called in the thread of the ROS subscription. Other joints are ignored.
+        """
         is_known = False
         with self._lock:
             for name, angle in zip(names, angles, strict=False):

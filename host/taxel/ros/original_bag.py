@@ -53,8 +53,8 @@ def open_original_bag(path: str | os.PathLike[str]) -> FramesLink:
 def _open_reader(name: str) -> Reader:
     """Open a ROS 1 bag and read its index. Raises `CaptureError` for a file that cannot be read.
 
-    The library rosbags documents only ReaderError, but raises also errors of struct, of the decompressors and of its
-    assertions for a damaged bag; every error of the library therefore means a damaged bag.
+    The library rosbags documents only ReaderError, but for a damaged bag it also raises errors of struct, of the
+    decompressors and of its assertions. Every error of the library is therefore treated as a damaged bag.
     """
     try:
         check_regular_file(name)
@@ -88,7 +88,7 @@ def _is_original(name: str, connection: Connection) -> bool:
 def _read_frames(name: str, reader: Reader, connections: list[Connection]) -> Iterator[TaxelFrame]:
     """Yield the taxel frames of a bag in order of recording, and close the bag at the end.
 
-    name: of the file, for errors. Raises `CaptureError` at the first damaged message.
+    name: name of the file, for error messages. Raises `CaptureError` at the first damaged message.
     """
     frames = OriginalFrames()
     count = 0
@@ -105,7 +105,10 @@ def _read_frames(name: str, reader: Reader, connections: list[Connection]) -> It
 
 
 def _read_messages(name: str, reader: Reader, connections: list[Connection]) -> Iterator[tuple[int, bytes]]:
-    """Yield (time in nanoseconds, data) of the messages of connections. Raises `CaptureError` at the first damage."""
+    """Yield (time of recording in nanoseconds, encoded message) for each message of the given connections.
+
+    Raises `CaptureError` at the first damaged place.
+    """
     count = 0
     try:
         for _, time_ns, data in reader.messages(connections):

@@ -24,7 +24,8 @@ ADDRESSES = range(8, 30)
 """Addresses of the original topics."""
 
 QUEUE_LENGTH = 1000
-"""Messages that wait for the reader of the link, of all boards; as many as the original publisher keeps for a topic."""
+"""Largest number of messages, of all boards, that wait for the reader of the link: as many as the original publisher
+keeps for one topic."""
 
 
 class OriginalTopicsLink(FramesLink):
@@ -48,13 +49,19 @@ class OriginalTopicsLink(FramesLink):
             node.listen(make_original_topic(address), ORIGINAL_TYPE, self._store)
 
     def _store(self, message: Any) -> None:
-        """Store a message with its time of arrival; called in the thread of the subscription."""
+        """Store a message with its time of arrival; called in the thread of the subscription.
+
+        If `QUEUE_LENGTH` messages wait for the reader, the oldest one is discarded.
+        """
         while self._messages.qsize() >= QUEUE_LENGTH:
             self._messages.get()
         self._messages.put((message, time.monotonic_ns()))
 
     def read(self, timeout_s: float = 0.0) -> Chunk | None:
-        """Return the next message, encoded as bytes of a hub; None if none arrives in time. Raises EOFError."""
+        """Return the next message, encoded as bytes of a hub; None if no message arrives within `timeout_s` seconds.
+
+        Raises EOFError after ROS has shut the node down and all messages were read.
+        """
         deadline_s = time.monotonic() + timeout_s
         while self._messages.empty():
             if not self._node.is_alive:

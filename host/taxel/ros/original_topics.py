@@ -46,7 +46,7 @@ class OriginalTopics:
     """
 
     def __init__(self, hand: Hand, epoch_offset_ns: int = 0) -> None:
-        """Create a converter. epoch_offset_ns: added to the stream's clock to get Unix time, nanoseconds."""
+        """Create a converter. epoch_offset_ns: Unix time minus stream time, nanoseconds."""
         self._topics = {board.address: make_original_topic(board.address) for board in hand.boards}
         self._offset_ns = epoch_offset_ns
         self._last_us: int | None = None
@@ -66,7 +66,10 @@ class OriginalTopics:
         return iter(())
 
     def _unwrap(self, time_us: int) -> int:
-        """Return a 32-bit time of the hub without its wraps, microseconds; times may decrease by up to 35 minutes."""
+        """Convert a 32-bit time of the hub, microseconds, to a time that continues after a wrap of the 32 bits.
+
+        The value that is nearest to the last time is returned, so a time may be up to 35 minutes before the last one.
+        """
         last = time_us if self._last_us is None else self._last_us
         self._last_us = last + (time_us - last + _UINT32 // 2) % _UINT32 - _UINT32 // 2
         return self._last_us

@@ -10,14 +10,14 @@ class Pace:
     """
 
     def __init__(self, speed: float | None) -> None:
-        """Create the timing of a playback; speed: factor on the recorded speed; None: without waiting."""
+        """Create the timing of a playback. speed: factor on the recorded speed; None: `wait` does not wait."""
         self._speed = speed
         self._origin: tuple[float, float] | None = None
 
     def wait(self, time_s: float) -> None:
-        """Wait until the moment at which a recorded time `time_s`, seconds, is due in the playback.
+        """Wait until the recorded time `time_s`, seconds, is due in the playback.
 
-        The first call defines the origin of the playback.
+        The time of the first call is the start of the playback, and is due immediately.
         """
         if self._speed is None:
             return

@@ -30,5 +30,5 @@ def make_proximity_message(estimate: ProximityEstimate, header: dict[str, Any]) 
 
 
 def _list_values(value: Range | None) -> list[float]:
-    """List median and limits of a range; NaN without a value."""
+    """Return median, lower and upper limit of an estimate; three NaN without an estimate."""
     return [math.nan] * 3 if value is None else [value.median, value.low, value.high]

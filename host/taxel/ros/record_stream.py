@@ -6,7 +6,7 @@ import os
 from typing import Final, NoReturn
 
 LARGEST_BUFFER: Final = 1 << 20
-"""Bytes in memory above which they are written without a call of `flush`: one chunk of an MCAP file."""
+"""Number of buffered bytes above which the buffer is written without a call of `flush`: one chunk of an MCAP file."""
 
 
 class RecordStream:
@@ -47,13 +47,16 @@ class RecordStream:
         return self._written + len(self._buffer)
 
     def flush(self) -> None:
-        """Pass all bytes to the operating system; they end with a whole record. Raises OSError."""
+        """Pass all buffered bytes to the operating system, at the end of a whole record. Raises OSError.
+
+        After a later failed write, the file is truncated to the present position.
+        """
         self.check()
         self._write_buffer()
         self._flushed = self._written
 
     def _write_buffer(self) -> None:
-        """Write the buffer to the file."""
+        """Write the buffer to the file. Raises OSError after the incomplete records were removed from the file."""
         try:
             while self._buffer:
                 count = self._file.write(self._buffer) or 0
@@ -63,7 +66,7 @@ class RecordStream:
             self._fail(error)
 
     def _fail(self, error: OSError) -> NoReturn:
-        """Remove the incomplete end of the file, and raise the error."""
+        """Truncate the file to the last successful `flush`, store the error for later calls, and raise it."""
         self._error = error
         self._buffer.clear()
         with contextlib.suppress(OSError):

@@ -49,7 +49,10 @@ class Ros2Node:
         )
 
     def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
-        """Call `callback(message)` for each message of a topic, in `publish` or `wait`. type_name: "package/Name"."""
+        """Call `callback(message)` for each message of a topic; type_name: "package/Name".
+
+        The callback runs only while `publish` or `wait` is called, in the caller's thread.
+        """
         self._node.create_subscription(self._messages.load_class(type_name), topic, callback, QUEUE_LENGTH)
 
     def wait(self, timeout_s: float) -> None:
@@ -58,6 +61,6 @@ class Ros2Node:
 
     def close(self) -> None:
         """Shut the ROS 2 node down."""
-        with contextlib.suppress(Exception):  # a Ctrl-C may have shut rclpy down already
+        with contextlib.suppress(Exception):  # Ctrl-C may have shut rclpy down already
             self._node.destroy_node()
             self._rclpy.shutdown()

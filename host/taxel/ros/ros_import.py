@@ -10,7 +10,7 @@ from taxel.errors import TaxelError
 
 SYSTEM_FOLDERS = ("/opt/ros/*/lib/python3/dist-packages", "/usr/lib/python3/dist-packages")
 """Glob patterns of the folders in which ROS 1 installs its Python packages: the ROS releases, and Debian's packages.
-The packages are pure Python, so that any Python 3 can import them.
+The packages are pure Python, so any Python 3 can import them.
 """
 
 NO_ROS = (

@@ -26,20 +26,19 @@ def make_header(time_ns: int, frame: str) -> dict[str, Any]:
 
 
 class FrameTree:
-    """Coordinate frames of a hand: links from parent to child, and one bracket for each board, named as in the URDF.
+    """Coordinate frames of a hand: the robot's links, and one bracket for each board, named as in the URDF.
 
-    joints: returns the joint angles, radians [j] in the order of the robot's `joint_names`; None: all 0. The poses are
-    computed again only when the angles have changed. Raises `JointCountError` for another number of angles.
+    The poses are computed again only when the joint angles have changed.
     """
 
     def __init__(self, hand: Hand, joints: Callable[[], npt.ArrayLike] | None = None) -> None:
-        """Create the tree of coordinate frames of a hand: the robot's links and one bracket for each board.
+        """Create the tree of coordinate frames of a hand.
 
-        joints: function that returns the joint angles, radians [j], in the order of the robot's `joint_names`; None:
-        all 0. Raises JointCountError for another number of angles.
+        joints: function that returns the j joint angles, radians, in the order of the robot's `joint_names`; None: all
+        0. Raises JointCountError for another number of angles.
         """
         self._hand = hand
-        self._kinematics = _kinematics(hand)
+        self._kinematics = _try_build_kinematics(hand)
         self._names = _make_bracket_names(hand, self._kinematics)
         self._joints = joints
         self._angles: FloatArray = np.zeros(0)
@@ -75,7 +74,7 @@ class FrameTree:
         return self._kinematics
 
     def _update(self) -> None:
-        """Compute the poses of all links and the moving transforms again if the joint angles have changed."""
+        """Get the joint angles and, if they have changed, compute the link poses and the moving transforms again."""
         kinematics = self._require_kinematics()
         count = len(kinematics.robot.joint_names)
         angles = np.zeros(count) if self._joints is None else np.asarray(self._joints(), dtype=np.float64)
@@ -146,11 +145,11 @@ def _make_transform(parent: str, child: str, matrix: FloatArray) -> dict[str, An
 
 
 def _stamp_transforms(transforms: list[dict[str, Any]], time_ns: int) -> dict[str, Any]:
-    """Make a tf2_msgs/TFMessage from transforms whose headers are the names of their parent frames."""
+    """Make a tf2_msgs/TFMessage from the transforms of `_make_transform`, whose headers it completes."""
     return {"transforms": [each | {"header": make_header(time_ns, each["header"])} for each in transforms]}
 
 
-def _kinematics(hand: Hand) -> Kinematics | None:
+def _try_build_kinematics(hand: Hand) -> Kinematics | None:
     """Build the kinematics of a hand; None if the hand description has no geometry."""
     try:
         return build_kinematics(hand)
@@ -159,7 +158,7 @@ def _kinematics(hand: Hand) -> Kinematics | None:
 
 
 def _make_bracket_names(hand: Hand, kinematics: Kinematics | None) -> dict[int, str]:
-    """Choose a frame name for the bracket of each board, by board address, the same as in the URDF.
+    """Return the frame name of the bracket of each board, by board address; the URDF uses the same names.
 
     The name is that of the board, with the suffix "_bracket" if a link of the robot has the same name.
     """

@@ -32,10 +32,10 @@ JointSource = Callable[[], npt.ArrayLike]
 
 
 def compute_epoch_offset_ns(first_s: float, is_live: bool) -> int:
-    """Compute what must be added to the times of a stream, nanoseconds, to obtain Unix time.
+    """Compute Unix time minus stream time, nanoseconds.
 
-    first_s: time of the first frame, seconds. is_live: the stream has the clock of `time.monotonic`; otherwise its
-    first frame gets the present time.
+    first_s: time of the first frame on the stream's clock, seconds. is_live: the stream has the clock of
+    `time.monotonic`; otherwise the offset gives its first frame the present time.
     """
     return time.time_ns() - (time.monotonic_ns() if is_live else round(first_s * NS_PER_S))
 
@@ -57,11 +57,10 @@ class TopicMessage(NamedTuple):
 class SkinTopics:
     """Converter from taxel frames to ROS messages, in constant memory.
 
-    hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to get Unix time.
-    joints: joint angles of the hand's robot; None: all 0. A `JointHistory` is evaluated at the time of each poll cycle,
-    and the joint states of every cycle become a message. The first `baseline_samples` scans are the baseline, during
-    which nothing may touch the skin; activations and contact clouds follow after the baseline. A hand description
-    without geometry gives no TF tree and no contact cloud.
+    If `joints` is a `JointHistory`, it is evaluated at the time of each poll cycle, and every cycle has a message of
+    joint states. The first `baseline_samples` scans are the baseline, during which nothing may touch the skin;
+    activations and contact clouds follow after the baseline. A hand description without geometry gives no TF tree and
+    no contact cloud.
     """
 
     def __init__(
@@ -76,10 +75,10 @@ class SkinTopics:
     ) -> None:
         """Create a converter from taxel frames to ROS messages.
 
-        hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to obtain Unix
-        time. joints: function that returns the joint angles of the hand's robot; None: all 0. baseline_samples: number
-        of first scans that form the baseline. threshold_counts: signal above which a taxel is active. proximity:
-        estimators of targets before contact; None: no topics of targets.
+        hub: source of the counters in the diagnostics. epoch_offset_ns: Unix time minus stream time. joints: function
+        that returns the joint angles of the hand's robot; None: all 0. baseline_samples: number of first scans that
+        form the baseline. threshold_counts: signal above which a taxel is active. proximity: estimators of targets
+        before contact; None: no topics of targets.
         """
         self._hand = hand
         self._hub = hub
@@ -122,7 +121,10 @@ class SkinTopics:
         yield from self._make_edge_message(self._newest_s)
 
     def _make_edge_message(self, time_s: float) -> Iterator[TopicMessage]:
-        """Yield measured joint states at the start or the end of the stream, at most as far as they were measured."""
+        """Yield the joint states at the start or the end of the stream if joint angles are measured.
+
+        time_s: time on the stream's clock, which is limited to the period in which angles were measured.
+        """
         if self._measured is None or not self.tree.has_geometry or not len(self._measured):
             return
         if self._measured.uses_stream_time:
@@ -173,11 +175,11 @@ class SkinTopics:
     def _make_cycle_messages(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
         """Yield the messages of a poll cycle: missing scans, joint states, TF, activations, diagnostics.
 
-        frames: of all boards in the cycle. is_end: the cycle may be truncated by the end of the stream.
+        frames: frames of all boards in the cycle. is_end: the end of the stream may have truncated the cycle.
         """
         time_s = min(frame.time_s for frame in frames)
         time_ns = self.time_ns(time_s)
-        if not is_end:  # the end of the stream truncates the last cycle; its missing boards are no fault
+        if not is_end:  # boards that are missing in a truncated cycle are not a fault
             yield from self._make_missing_scan_messages(frames, time_ns)
         if self._measured is not None:
             self._measured.select_time(time_s)
@@ -226,10 +228,11 @@ class SkinTopics:
             yield TopicMessage("/taxel/contact_cloud", "sensor_msgs/PointCloud2", time_ns, cloud)
 
     def _update_baseline(self, counts: CountArray, valid: BoolArray) -> bool:
-        """Add one scan of the skin to the baseline; return whether the baseline is now complete.
+        """Add one scan of the skin to the baseline, and return whether the baseline is now complete.
 
-        After twice the number of baseline scans the baseline is complete without the boards that do not respond; their
-        taxels have NaN, as in `Skin.take_baseline`.
+        counts: u16[n]. valid: bool[n], whether the taxel has a count in this scan. After twice the number of baseline
+        scans, the baseline is complete without the boards that do not respond; the means of their taxels are NaN, as in
+        `Skin.take_baseline`. A complete baseline also starts the activation.
         """
         baseline = self._baseline
         baseline.update(counts, valid)

@@ -11,7 +11,10 @@ RAW_COUNT_MAX = 65_535  # a raw count is an unsigned 16-bit number
 
 
 def to_raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None = None) -> CountArray:
-    """Return raw_counts as u16 with `ndim` axes and `n_taxels` columns (None: any number); else raise ValueError."""
+    """Convert raw counts to u16 with `ndim` axes, [n] or [T, n], and `n_taxels` columns (None: any number).
+
+    Raises ValueError for another shape, numbers that are not integers, and counts outside 0..65,535.
+    """
     raw = np.asarray(raw_counts)
     check_shape("raw_counts", raw, (ndim,), n_taxels)
     if raw.dtype == np.uint16:
@@ -34,10 +37,10 @@ def check_shape(name: str, array: npt.NDArray[np.generic], ndims: tuple[int, ...
 
 
 def to_validity_mask(valid: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
-    """Return `valid` broadcast to bool[shape]; None is all valid.
+    """Return `valid` expanded to a bool array of the given shape; None: all entries are valid.
 
-    For shape [n]: None, a bool or bool[n]. For shape [T, n]: None, a bool, bool[T] (whole frames) or
-    bool[T, n]. Raises ValueError for another dtype or shape.
+    For the shape [n], `valid` is None, a bool or bool[n]. For the shape [T, n], `valid` is None, a bool, bool[T] (whole
+    frames) or bool[T, n]. Raises ValueError for another dtype or shape.
     """
     if valid is None:
         return np.ones(shape, dtype=np.bool_)

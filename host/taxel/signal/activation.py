@@ -96,14 +96,14 @@ class Activation:
         return self._evaluate(counts, self._is_saturated(counts))
 
     def _is_saturated(self, counts: npt.NDArray[np.uint16] | FloatArray) -> BoolArray:
-        """Return the samples at a limit of the converter: at or below the saturation floor, or at the largest count."""
+        """Whether each sample is at a limit of the converter: at most the saturation floor, or the largest count."""
         is_saturated: BoolArray = (counts <= self.saturation_floor_counts) | (counts >= RAW_COUNT_MAX)
         return is_saturated
 
     def _evaluate(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
-        """Compare counts f64[..., n] of one or many scans with the baseline; NaN is a missing taxel.
+        """Compare counts of one or many frames, f64[n] or f64[T, n], with the baseline; NaN is a missing taxel.
 
-        saturated: bool[..., n].
+        saturated: whether each count is saturated, bool of the same shape.
         """
         signal = self.baseline_mean - counts
         # A comparison with NaN is False, so a missing taxel is neither active nor suspect.

@@ -11,7 +11,7 @@ from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
 from taxel.types import BoolArray, CountArray, FloatArray, IntArray
 
 BASELINE_SAMPLES = 100
-"""Samples per taxel. Source: thesis, section 5.4 ("100 sampled readings")."""
+"""Default number of samples of each taxel in the baseline. Source: thesis, section 5.4 ("100 sampled readings")."""
 
 MAX_BASELINE_SAMPLES = 46_340
 """Largest number K of samples for which K times the sum of K squared u16 values fits in 63 bits."""
@@ -41,16 +41,10 @@ class BaselineResult:
 class Baseline:
     """Baseline from successive frames; the valid samples of each taxel are counted separately.
 
-    n_taxels: number of columns of every frame.
-    samples: number of valid samples of a complete baseline, 2 to 46,340.
-    max_disturbance_counts: limit of the touch test in `disturbance.py`, counts.
-
-    Samples are stored (K x n x 2 bytes) and all sums are exact integers, so the result is identical to the result of
-    `compute_baseline`. A complete taxel ignores further samples. A disturbed baseline is reported, never corrected. A
-    touch during all samples cannot be distinguished from a lower baseline; after its release, `Activation` reports it
-    as `suspect_baseline`.
-
-    Raises ValueError for a parameter out of range.
+    All samples are stored (2 bytes each) and all sums are exact integers, so the result is identical to the result of
+    `compute_baseline`. A taxel with enough samples ignores further ones. A disturbed baseline is reported, never
+    corrected. A touch during all samples cannot be distinguished from a lower baseline; after its release, `Activation`
+    reports it as `suspect_baseline`.
     """
 
     def __init__(
@@ -101,7 +95,7 @@ class Baseline:
 
     @property
     def progress(self) -> float:
-        """Fraction of the required samples received, 0 to 1; 1 only when `is_ready`."""
+        """Received share of the required samples, 0 to 1; 1 only when `is_ready`."""
         return int(self._count.sum()) / (self.samples * self.n_taxels)
 
     @property
@@ -187,7 +181,7 @@ def _compute_mean_and_noise(stored: CountArray) -> tuple[FloatArray, FloatArray]
 
 
 def _check_sample_count(samples: int) -> int:
-    """Return the number of samples of a baseline; raise ValueError for a number that gives no baseline."""
+    """Return `samples` unchanged; raise ValueError for a number outside 2 to `MAX_BASELINE_SAMPLES`."""
     if not 2 <= samples <= MAX_BASELINE_SAMPLES:
         raise ValueError(f"samples: expected 2 to {MAX_BASELINE_SAMPLES}, found {samples}")
     return int(samples)

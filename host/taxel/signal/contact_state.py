@@ -1,12 +1,14 @@
 """Probability that a taxel is in contact, from the mean counts of successive intervals.
 
-A hidden Markov model with the states free and contact (forward algorithm: Rabiner, Proc. IEEE 77 (1989) 257). Without
-contact the count is the expected count at rest. In contact it stays near the count of the interval before (a Kalman
-filter of a local level), or changes to another force. A count above the one at rest is no contact: contact lowers a
-count. Such a rise means that the taxel was touched while its baseline was taken, or that its board has changed.
+The model is a hidden Markov model with the states free and contact (forward algorithm: Rabiner, Proc. IEEE 77 (1989)
+257). Without contact, the count is near the count at rest, the expected count of an untouched taxel. In contact, the
+count stays near that of the interval before (a Kalman filter of a local level), or changes because the force changes.
+Contact lowers a count, so a count above the count at rest is no contact: the taxel was touched while its baseline was
+taken, or its board has changed.
 
-A rare deviation of the noise can look like a light contact. Beside a contact, a second filter therefore follows the
-count as if there had been none; when this history becomes more probable, the contact is withdrawn.
+A rare deviation of the noise can resemble a light contact. During a contact, a second filter therefore follows the
+count under the hypothesis that there is no contact; when this hypothesis becomes more probable, the contact is
+withdrawn.
 """
 
 from __future__ import annotations
@@ -39,17 +41,18 @@ of the layer)."""
 TINY: Final = float(np.finfo(np.float64).tiny)
 
 LEAST_PROBABILITY: Final = 1e-9
-"""Probability that each state keeps, so that rounding never excludes a state."""
+"""Smallest probability of each state: rounding to 0 would exclude the state for ever."""
 
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Measurement of an interval for n taxels.
+    """Measurement of n taxels in one interval.
 
     mean: f64[n], mean counts, NaN without data: such a taxel keeps its state. residual: f64[n], mean minus the expected
-    count at rest. variance: f64[n], of the residual without contact, counts^2. measured: f64[n], of the mean. walk:
-    variance of the change of a count at rest, counts^2. elapsed_s: length, seconds. begin: probability that a contact
-    begins; None: at the usual rate.
+    count at rest. variance: f64[n], variance of the residual without contact, counts^2. measured: f64[n], variance of
+    the mean by noise, counts^2. walk: variance by which a count at rest changes in the interval, counts^2. elapsed_s:
+    length of the interval, seconds. begin: probability that a contact begins in the interval; None: that of
+    `CONTACTS_PER_S`.
     """
 
     mean: FloatArray
@@ -63,13 +66,14 @@ class Interval:
 
 @dataclass(eq=False)
 class ContactState:
-    """State of n taxels.
+    """State of n taxels after an interval.
 
-    contact: f64[n], probability of a contact. level, variance: f64[n], count in contact and variance of its error.
-    has_risen: bool[n], the count rose above the one at rest in the latest interval. log_evidence: f64[n], logarithm of
-    the probability density of the latest count; 0 without data. free_level, free_variance: f64[n], count and variance
-    of its error if the contact is none. log_odds: f64[n], of the contact against this history. has_ceased: bool[n], the
-    contact was withdrawn in the latest interval.
+    contact: f64[n], probability of a contact. level, variance: f64[n], estimated count in contact and variance of its
+    error. has_risen: bool[n], whether the count rose above the count at rest in the latest interval. log_evidence:
+    f64[n], logarithm of the probability density of the latest count; 0 without data. free_level, free_variance: f64[n],
+    estimated count, and variance of its error, under the hypothesis that there is no contact. log_odds: f64[n],
+    logarithm of the odds of the contact against this hypothesis. has_ceased: bool[n], whether the contact was withdrawn
+    in the latest interval.
     """
 
     contact: FloatArray
@@ -84,7 +88,7 @@ class ContactState:
 
     @classmethod
     def start(cls, n: int) -> ContactState:
-        """Start without contact."""
+        """Return the state of n taxels without contact."""
         zero, no = np.zeros(n), np.zeros(n, bool)
         return cls(np.full(n, LEAST_PROBABILITY), zero, np.ones(n), no, zero, zero, np.ones(n), zero, no)
 
@@ -94,19 +98,22 @@ class ContactState:
         return np.asarray(self.contact > 0.5)
 
     def update(self, interval: Interval) -> ContactState:
-        """Return the state after an interval."""
+        """Return the state after a further interval; the state itself is not changed.
+
+        A taxel without data keeps its contact probability and levels.
+        """
         known = np.isfinite(interval.mean)
-        count, rest = np.where(known, interval.mean, 0.0), np.where(known, interval.residual, 0.0)
+        count, residual = np.where(known, interval.mean, 0.0), np.where(known, interval.residual, 0.0)
         change = to_probability(CHANGES_PER_S, interval.elapsed_s)
         rise = to_probability(RISES_PER_S, interval.elapsed_s)
         begin = to_probability(CONTACTS_PER_S, interval.elapsed_s) if interval.begin is None else interval.begin
         predicted = self.variance + interval.walk + CONTACT_WALK * interval.elapsed_s
         total = predicted + interval.measured
-        stays = self.contact * (1.0 - change) ** 2 * _normal(count - self.level, total)
-        moves = (self.contact * (1.0 - change) * change + (1.0 - self.contact) * begin) * _signal_density(-rest)
+        stays = self.contact * (1.0 - change) ** 2 * _normal_density(count - self.level, total)
+        moves = (self.contact * (1.0 - change) * change + (1.0 - self.contact) * begin) * _signal_density(-residual)
         was_free = (1.0 - self.contact) * (1.0 - begin) + self.contact * change
-        free = was_free * (1.0 - rise) * _normal(rest, interval.variance)
-        risen = was_free * rise * _signal_density(rest)
+        free = was_free * (1.0 - rise) * _normal_density(residual, interval.variance)
+        risen = was_free * rise * _signal_density(residual)
         pressed = stays + moves
         sum_of_all = np.maximum(pressed + free + risen, TINY)
         probability = np.clip(pressed / sum_of_all, LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
@@ -119,21 +126,26 @@ class ContactState:
             np.where(known, np.where(has_moved, interval.measured, predicted * (1.0 - gain)), self.variance),
             known & (risen > free) & (risen > pressed),
             np.where(known, np.log(sum_of_all), 0.0),
-            *self._follow_as_free(count, rest, pressed, begin, interval),
+            *self._follow_as_free(count, residual, pressed, begin, interval),
             np.zeros(len(known), bool),
         )
-        return found._withdraw(known)
+        return found._withdraw_improbable(known)
 
     def _follow_as_free(
-        self, count: FloatArray, rest: FloatArray, pressed: FloatArray, begin: float, interval: Interval
+        self, count: FloatArray, residual: FloatArray, pressed: FloatArray, begin: float, interval: Interval
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Count and its variance if there is no contact, and log odds of the contact, f64[n] each."""
+        """Update the filter of the hypothesis that there is no contact.
+
+        Returns (estimated count, variance of its error, log odds of the contact against the hypothesis), f64[n] each.
+        count, residual: f64[n], mean and residual of the interval, 0 without data. pressed: f64[n], probability density
+        of the count with contact. begin: probability that a contact begins.
+        """
         is_new = ~self.is_contact
         known = np.isfinite(interval.mean)
-        level = np.where(is_new, count - rest, self.free_level)
+        level = np.where(is_new, count - residual, self.free_level)
         variance = np.where(is_new, interval.variance - interval.measured, self.free_variance + interval.walk)
         total = variance + interval.measured
-        free = (1.0 - begin) * _normal(count - level, total)
+        free = (1.0 - begin) * _normal_density(count - level, total)
         odds = np.log(np.maximum(pressed, TINY)) - np.log(np.maximum(free, TINY))
         gain = variance / total
         return (
@@ -142,29 +154,32 @@ class ContactState:
             np.where(known, np.where(is_new, odds, self.log_odds + odds), self.log_odds),
         )
 
-    def _withdraw(self, known: BoolArray) -> ContactState:
-        """Withdraw the contacts that are less probable than none."""
+    def _withdraw_improbable(self, known: BoolArray) -> ContactState:
+        """Return the state without the contacts that are less probable than the hypothesis of no contact.
+
+        known: bool[n], taxels with data in the latest interval; contacts of others are kept.
+        """
         ceased = known & self.is_contact & (self.log_odds < 0.0)
         return replace(self, contact=np.where(ceased, LEAST_PROBABILITY, self.contact), has_ceased=ceased)
 
     @classmethod
     def select(cls, states: Sequence[ContactState], chosen: IntArray) -> ContactState:
-        """Combine states: taxel i has the state `chosen[i]`, i64[n]."""
-        return cls(*(np.choose(chosen, [getattr(one, part.name) for one in states]) for part in fields(cls)))
+        """Combine states taxel by taxel: taxel i gets its values from `states[chosen[i]]`. chosen: i64[n]."""
+        return cls(*(np.choose(chosen, [getattr(state, item.name) for state in states]) for item in fields(cls)))
 
 
 def to_probability(rate: float, elapsed_s: float) -> float:
-    """Probability of at least one event in an interval."""
+    """Return the probability of at least one event in an interval. rate: events per second of a Poisson process."""
     return float(-np.expm1(-rate * elapsed_s))
 
 
-def _normal(value: FloatArray, variance: FloatArray) -> FloatArray:
-    """Normal density with mean 0."""
+def _normal_density(value: FloatArray, variance: FloatArray) -> FloatArray:
+    """Compute the density of the normal distribution with mean 0."""
     return np.asarray(np.exp(-0.5 * value**2 / variance) / np.sqrt(2.0 * np.pi * variance))
 
 
 def _signal_density(signal: FloatArray) -> FloatArray:
-    """Density of the signal of a contact, per count; 0 below 0."""
+    """Compute the probability density of a contact's signal, per count; 0 for a negative signal."""
     scale = USUAL_SIGNAL / 2.0
     positive = np.maximum(signal, 0.0)
     return np.asarray(positive / scale**2 * np.exp(-positive / scale))

@@ -84,7 +84,7 @@ def measure_noise(
 
 
 def snr(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
-    """Signal-to-noise ratio: mean signal under contact divided by the noise without contact.
+    """Compute the signal-to-noise ratio: mean signal under contact divided by the noise without contact.
 
     signal_mean, noise_sigma: counts, shapes that broadcast; NaN (missing) gives NaN. Definition as in TI SLAA843A
     (2019) section 3.5, with sigma as the noise; CapSense guides divide by the peak-to-peak noise, which gives smaller
@@ -97,7 +97,9 @@ def snr(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
 
 
 def snr_db(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
-    """Signal-to-noise ratio in decibels (20 log10, since counts are an amplitude); -inf for a signal of 0 or below.
+    """Compute the signal-to-noise ratio in decibels (20 log10, since counts are an amplitude).
+
+    The result is -inf for a signal of 0 or below.
 
     Shapes, units and errors as in `snr`.
     """
@@ -120,9 +122,9 @@ def _subtract_mean(values: FloatArray, mask: BoolArray) -> FloatArray:
 
 
 def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Fit a line to each column of `centred` f64[T, n]: slope per frame f64[n] and residual f64[T, n].
+    """Fit a line to each column of `centred` f64[T, n]; return (slope, counts per frame, f64[n]; residual f64[T, n]).
 
-    mask: bool[T, n], valid entries; the mean of each column over them is 0.
+    mask: bool[T, n], valid entries; the mean of each column over its valid entries is 0.
     """
     frames = np.arange(centred.shape[0], dtype=np.float64)[:, np.newaxis]
     time = _subtract_mean(np.broadcast_to(frames, centred.shape), mask)
@@ -132,9 +134,10 @@ def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatAr
 
 
 def _compute_white_sigma(raw: npt.NDArray[np.uint16], mask: BoolArray) -> FloatArray:
-    """Standard deviation of the white noise of each taxel, f64[n], counts, from the differences of successive frames.
+    """Estimate the standard deviation of each taxel's white noise, f64[n], counts.
 
-    Drift and slow disturbances cancel in these differences.
+    The estimate uses differences of successive frames, in which drift and slow disturbances cancel. NaN for a taxel
+    without two successive valid frames.
     """
     steps = np.abs(np.diff(raw.astype(np.int64), axis=0))
     are_valid = mask[1:] & mask[:-1]

@@ -1,10 +1,11 @@
 """Count at rest of each taxel, tracked from step to step.
 
-Temperature changes all taxels of a board together, each with a factor of its own (its loading). The common part of a
-board (a median, which a fault of some taxels does not move) is followed at once, and the loadings are estimated by
-recursive least squares. The rest is a level that changes slowly and is measured with an error: a Kalman filter of a
-local level (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2), whose prediction
-errors are independent from step to step.
+The count at rest (the level) is the expected count of an untouched taxel; a step is one measurement of mean counts.
+Temperature changes the levels of all taxels of a board together, each with a factor of its own (its loading). The
+common change of a board is the median over its taxels, which a fault of some taxels does not move. The levels follow
+the common change at once, and the loadings are estimated by recursive least squares. The remaining change of a level is
+slow and is measured with an error; it is followed by a Kalman filter of a local level (Durbin and Koopman, Time Series
+Analysis by State Space Methods, 2012, section 2.2), whose prediction errors are independent from step to step.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from taxel.signal.noise import MAD_TO_SIGMA
 from taxel.types import BoolArray, FloatArray, IntArray
 
 CLIPPED: Final = 3.0
-"""Largest deviation that a level and a loading follow, in standard deviations: a single disturbed interval moves them
-little."""
+"""Largest deviation that a level and a loading follow, in standard deviations, so that a single disturbed step hardly
+changes them."""
 
 LOADING_VARIANCE: Final = 0.25
 """Prior variance of a loading, whose prior mean is 1 (assumed: half of the taxels differ by less than a third)."""
@@ -29,7 +30,7 @@ LEAST_LOADING: Final = 0.2
 """Smallest loading of a taxel that takes part in the median: a smaller one would amplify its noise fivefold."""
 
 LEAST_WALK: Final = 1e-3
-"""Smallest variance of the change of a level in a step, counts^2: the filter never stops following."""
+"""Smallest variance of the change of a level in a step, counts^2; with 0 the filter would stop following the level."""
 
 LEAST_COMMON: Final = 0.3
 """Smallest standard deviation of the common change of a board, counts: the rounding of a count."""
@@ -42,8 +43,8 @@ UNKNOWN_VARIANCE: Final = 1e8
 class RestSettings:
     """Variability of a skin's counts at rest from one step to the next.
 
-    measured: variance of a step's mean beyond the noise of its frames, which is not white, counts^2. walk: variance of
-    the change of a level, counts^2. common: standard deviation of the common change of a board, counts.
+    measured: variance of a step's mean in addition to the white noise of its frames, counts^2. walk: variance of the
+    change of a level in a step, counts^2. common: standard deviation of the common change of a board in a step, counts.
     """
 
     measured: float = 0.25
@@ -55,12 +56,13 @@ class RestSettings:
 class RestLevel:
     """Tracked count at rest of n taxels.
 
-    noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common
-    change of its board. loading_variance: f64[n], of its estimate. correlated: successive deviations that count as one
-    in the estimate of a loading. level, variance: f64[n], counts and counts^2.
-    unchecked: f64[n], common change since a taxel's own deviation was used last, counts. common: f64[s], change that
-    the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
-    the last step in which the board was compared.
+    noise_variance: f64[n], variance of the noise of one frame, counts^2. board: i64[n], number of the board of each
+    taxel, from 0. loading: f64[n], change of a taxel relative to the common change of its board. loading_variance:
+    f64[n], variance of the error of the loading. correlated: number of successive deviations that are treated as one in
+    the estimate of a loading. level, variance: f64[n], count at rest and variance of its error, counts^2. unchecked:
+    f64[n], sum of the common changes since the deviation of the taxel itself was last used, counts. common: f64[s],
+    common change of each board in the latest step, counts. idle_s: f64[s], time since the last step in which each board
+    was compared, seconds.
     """
 
     noise_variance: FloatArray
@@ -76,7 +78,7 @@ class RestLevel:
     idle_s: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin without a level: the first step of a taxel defines it."""
+        """Start without known levels; the first step with data of a taxel defines its level."""
         self.level = np.zeros(len(self.board))
         self.variance = np.full(len(self.board), UNKNOWN_VARIANCE)
         self.unchecked = np.zeros(len(self.board))
@@ -85,7 +87,10 @@ class RestLevel:
 
     @classmethod
     def start(cls, noise_variance: FloatArray, board: IntArray, settings: RestSettings = RestSettings()) -> RestLevel:
-        """Create the level of a skin without experience. noise_variance: f64[n]. board: i64[n]."""
+        """Return the start state of a skin whose loadings have not been estimated yet.
+
+        noise_variance: f64[n], variance of one frame, counts^2. board: i64[n], board of each taxel.
+        """
         return cls(noise_variance, board, np.ones(len(board)), np.full(len(board), LOADING_VARIANCE), settings=settings)
 
     @property
@@ -94,10 +99,11 @@ class RestLevel:
         return np.asarray(self.variance < UNKNOWN_VARIANCE)
 
     def find_touched(self, mean: FloatArray, lowest: FloatArray, threshold: float) -> BoolArray:
-        """Taxels of boards on which a taxel is active without an announced contact, bool[n].
+        """Find the boards on which a taxel is active without an announced contact; return their taxels, bool[n].
 
-        mean, lowest: f64[n], count at rest of a step, and its lowest count. threshold: counts of signal of an active
-        taxel. A change that more than half of the taxels of a board share is a change of the board and not a contact.
+        mean, lowest: f64[n], mean and lowest count of each taxel in the step. threshold: signal above which a taxel is
+        active, counts. A board whose common change exceeds the threshold is not returned: such a change is one of the
+        board and no contact.
         """
         usable = self.is_known & np.isfinite(mean)
         common = self.find_common(np.where(usable, self.level - mean, 0.0), usable)
@@ -109,11 +115,12 @@ class RestLevel:
     def update(
         self, mean: FloatArray, count: IntArray, skip: BoolArray, common: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Update the levels with the means f64[n] of a step; return prediction errors and their variances, f64[n] each.
+        """Update the levels with the means of a step; return (prediction errors, their variances), f64[n] each.
 
-        count: i64[n], averaged frames. skip: bool[n], taxels whose own deviation is not used. common: f64[s], change of
-        the boards; None: the median of their taxels. A taxel without a known level has an error of 0 and a variance of
-        at least `UNKNOWN_VARIANCE`.
+        mean: f64[n], NaN without data. count: i64[n], number of averaged frames. skip: bool[n], taxels that only follow
+        the common change of their board, such as taxels in contact. common: f64[s], common change of the boards; None:
+        the median of their taxels. A taxel without a known level has an error of 0 and a variance of at least
+        `UNKNOWN_VARIANCE`.
         """
         finite = np.isfinite(mean) & ~skip
         known = self.is_known
@@ -145,21 +152,24 @@ class RestLevel:
         return residual, np.asarray(total)
 
     def compute_measured_variance(self, count: IntArray) -> FloatArray:
-        """Variance of the mean of `count` i64[n] frames around the level, f64[n], counts^2."""
+        """Compute the variance of a step's mean around the level, f64[n], counts^2. count: i64[n], averaged frames."""
         return np.asarray(self.noise_variance / np.maximum(count, 1) + self.settings.measured)
 
     def forget(self, taxels: BoolArray) -> None:
-        """Expect nothing of the taxels bool[n]: the next step defines their level."""
+        """Mark the levels of the taxels bool[n] as unknown, so that the next step defines them."""
         self.variance[taxels] = UNKNOWN_VARIANCE
 
     def find_common(self, change: FloatArray, usable: BoolArray) -> FloatArray:
-        """Median change of the usable taxels of each board at a loading of 1, f64[s]; 0 without one."""
+        """Return the common change of each board, f64[s]: median over its usable taxels of change divided by loading.
+
+        0 for a board without a usable taxel. change: f64[n], counts. usable: bool[n].
+        """
         ratio = change / np.maximum(self.loading, LEAST_LOADING)
-        found = []
+        common = []
         for number in range(int(self.board.max()) + 1):
-            own = usable & (self.board == number) & (self.loading > LEAST_LOADING)
-            found.append(float(np.median(ratio[own])) if own.any() else 0.0)
-        return np.array(found)
+            of_board = usable & (self.board == number) & (self.loading > LEAST_LOADING)
+            common.append(float(np.median(ratio[of_board])) if of_board.any() else 0.0)
+        return np.array(common)
 
 
 def estimate_settings(
@@ -167,22 +177,23 @@ def estimate_settings(
 ) -> RestSettings:
     """Estimate the variability from the changes of counts at rest from step to step.
 
-    changes: f64[n] of each step without the common part, NaN where unknown. noise: f64[n], variance of each mean from
-    the noise of its frames. common: f64[s], common changes.
-    A change of a level with variance walk that is measured with variance R has the variance walk + 2 R and, to the next
-    change, the covariance -R. Medians over the taxels keep disturbed taxels out.
+    changes: for each step f64[n], changes of the means without the common part, counts, NaN where unknown. noise: for
+    each step f64[n], variance of the mean by the white noise of its frames. common: for each step f64[s], common
+    changes. With R as the variance of a measured mean, the change of a level has the variance walk + 2 R, and its
+    covariance with the next change is -R. Medians over the taxels exclude disturbed taxels. Fewer than 3 steps give the
+    default settings.
     """
     if len(changes) < 3:
         return RestSettings()
-    values, own = np.stack(changes), np.stack(noise)
+    values, noise_variances = np.stack(changes), np.stack(noise)
     usable = np.isfinite(values).all(axis=0)
     if not usable.any():
         return RestSettings()
-    values, own = values[:, usable], own[:, usable]
+    values, noise_variances = values[:, usable], noise_variances[:, usable]
     square = float(np.median(np.mean(values**2, axis=0)))
     product = float(np.median(np.mean(values[1:] * values[:-1], axis=0)))
     measured = min(max(-product, 0.0), 0.5 * square)
-    white = float(np.median(own))
+    white = float(np.median(noise_variances))
     usual = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(common))))
     return RestSettings(max(measured - white, 0.0), max(square - 2.0 * measured, LEAST_WALK), max(usual, LEAST_COMMON))
 
@@ -192,8 +203,9 @@ def estimate_slow_settings(
 ) -> RestSettings:
     """Estimate the variability from changes over one step and over `lag` steps; arguments as for `estimate_settings`.
 
-    The change over k steps has the variance k walk + 2 R. With 1/f noise, changes of neighbouring steps alone would
-    give a walk that is too large for a long time.
+    With R as the variance of a measured mean, the change over k steps has the variance k walk + 2 R. With 1/f noise,
+    changes of neighbouring steps alone would give a value of walk that is too large over long times. The default
+    settings are returned if no taxel has `lag` successive known changes.
     """
     values = np.stack(changes)
     short = _compute_mean_square(values, 1)
@@ -207,7 +219,10 @@ def estimate_slow_settings(
 
 
 def _compute_mean_square(changes: FloatArray, lag: int) -> float:
-    """Mean square change over `lag` steps, f64[K, n] changes of one step: median over the taxels; NaN without one."""
+    """Compute the mean square of each taxel's change over `lag` steps, and return the median over the taxels.
+
+    changes: f64[K, n], changes over one step, NaN where unknown. NaN if no taxel has `lag` successive known changes.
+    """
     known = np.isfinite(changes)
     total, count = (
         np.cumsum(np.vstack([np.zeros(changes.shape[1]), part]), axis=0)

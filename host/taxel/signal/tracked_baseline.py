@@ -1,9 +1,9 @@
 """Baseline that follows drift for hours and holds under a lasting contact.
 
-Model of the mean count of a taxel in one interval: its count at rest without contact, and less with contact. The count
-at rest follows its board and changes slowly by itself (`rest_level.py`). Whether a taxel is in contact is a hidden
-state (`contact_state.py`). The count at rest is corrected without contact only; with contact it follows the taxels of
-its board that are free.
+Model: without contact, the mean count of a taxel in an interval is near its count at rest; contact lowers it. The count
+at rest follows the common change of its board and also changes slowly by itself (`rest_level.py`). Whether a taxel is
+in contact is a hidden state (`contact_state.py`). The count at rest of a free taxel is corrected by its own mean; the
+count at rest of a taxel in contact only follows the free taxels of its board.
 """
 
 from __future__ import annotations
@@ -29,36 +29,39 @@ ROUNDING_SIGMA: Final = 12.0**-0.5
 
 STORED: Final = 120
 LEAST_STORED: Final = 30
-"""Intervals from which the variability of the counts at rest is estimated, and their smallest number: the estimate is
-renewed after each `LEAST_STORED` intervals."""
+"""Largest and smallest number of intervals from which the variability of the counts at rest is estimated. The estimate
+is renewed after every `LEAST_STORED` intervals."""
 
 MEDIAN_VARIANCE: Final = np.pi / 2.0
 """Variance of the median of many normal values, relative to that of their mean (Kenney and Keeping, Mathematics of
 Statistics, 1962)."""
 
 CORRELATED: Final = 10.0
-"""Successive deviations that count as one in the estimate of a loading: 1/f noise is correlated (assumed)."""
+"""Number of successive deviations that are treated as one in the estimate of a loading, because 1/f noise is correlated
+(assumed)."""
 
 LONG_LAG: Final = 20
-"""Intervals over which the slow change of a level is measured: 1/f noise hardly grows with the time, a walk does."""
+"""Number of intervals over which the slow change of a level is measured: the variance of 1/f noise hardly grows with
+time, that of a random walk does."""
 
 COMMON_FREEDOM: Final = 10.0
-"""Degrees of freedom of the common change of a board (Student t): a change of temperature ten times as fast as usual is
-possible, a thousand times as fast is not."""
+"""Degrees of freedom of the Student t distribution of a board's common change: a temperature change ten times as fast
+as usual is possible, one a thousand times as fast is not."""
 
 JOINT_CONTACT: Final = 0.3
 """Probability that a contact of a board begins on a given taxel of the board (assumed: a contact covers a third)."""
 
 PER_INTERVAL: Final = RestSettings(measured=1.0, walk=0.01, common=1.0)
-"""Variability before it has been estimated (assumed: 1/f noise of a count, and a warm-up of a count per second)."""
+"""Variability before it has been estimated (assumed: 1/f noise of one count, and a warm-up of one count per second)."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedState:
     """Present state of n taxels.
 
-    mean: f64[n], counts at rest. sigma: f64[n], their standard deviation, counts. is_contact: bool[n], more probably in
-    contact than not. contact_s: f64[n], time since the contact began, seconds; 0 without contact.
+    mean: f64[n], count at rest (the baseline) of each taxel. sigma: f64[n], its standard deviation, counts. is_contact:
+    bool[n], whether contact is more probable than no contact. contact_s: f64[n], time since the contact began, seconds;
+    0 without contact.
     """
 
     mean: FloatArray
@@ -81,11 +84,11 @@ class TrackedBaseline:
         board: npt.ArrayLike | None = None,
         interval_s: float = INTERVAL_S,
     ) -> None:
-        """Start at a baseline.
+        """Start the tracking at a measured baseline.
 
         baseline_mean: f64[n], counts, finite. noise: f64[n], standard deviation of one frame, counts. board: i64[n],
-        from 0, board of each taxel; None: one board. interval_s: seconds. Raises ValueError for a wrong shape or a
-        parameter out of range.
+        number of the board of each taxel, from 0; None: all taxels are on one board. interval_s: length of an interval,
+        seconds. Raises ValueError for a wrong shape or a parameter out of range.
         """
         mean, sigma = (np.array(value, dtype=np.float64) for value in (baseline_mean, noise))
         check_shape("baseline_mean", mean, (1,), None)
@@ -112,7 +115,7 @@ class TrackedBaseline:
     def update(
         self, time_s: float, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None
     ) -> TrackedState | None:
-        """Add one frame; return the corrected state if an interval has ended before it, else None.
+        """Add one frame; return the corrected state if this frame starts a new interval, else None.
 
         time_s: finite, on the clock of the stream; a step back of the clock ends the interval. raw_counts: u16[n].
         valid: bool for the whole frame or bool[n]. Raises ValueError for a wrong shape, dtype or time.
@@ -143,12 +146,15 @@ class TrackedBaseline:
         )
 
     def _clear(self) -> None:
-        """Start an empty interval."""
+        """Reset the sums of raw counts and frames for a new interval."""
         self._total: IntArray = np.zeros(len(self._contact_s), np.int64)
         self._count: IntArray = np.zeros(len(self._contact_s), np.int64)
 
     def _end_interval(self, elapsed_s: float) -> TrackedState:
-        """Correct the counts at rest with the frames of an interval. elapsed_s: to the next interval, seconds."""
+        """Correct the counts at rest with the summed frames of the interval, and reset the sums; return the new state.
+
+        elapsed_s: time from the start of the interval to the start of the next one, seconds.
+        """
         state = self.correct(self._total, self._count, elapsed_s)
         self._clear()
         return state
@@ -157,46 +163,47 @@ class TrackedBaseline:
         """Correct the counts at rest with the frames of an interval that the caller has summed.
 
         total: i64[n], sum of the raw counts of the valid frames. count: i64[n], number of valid frames. elapsed_s:
-        time to the next interval, seconds.
+        time from the start of the interval to the start of the next one, seconds. Returns the corrected state.
         """
-        own = self._rest
+        level = self._rest
         mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
         was_free = ~self._contact.is_contact
         self._contact, have_ended = self._find_contact(mean, count, elapsed_s)
         is_contact = self._contact.is_contact
         self._contact_s = np.where(is_contact, self._contact_s + elapsed_s, 0.0)
-        own.forget(self._contact.has_risen)
+        level.forget(self._contact.has_risen)
         ceased = self._contact.has_ceased
-        own.level[ceased], own.variance[ceased] = (
+        level.level[ceased], level.variance[ceased] = (
             self._contact.free_level[ceased],
             self._contact.free_variance[ceased],
         )
-        own.unchecked[ceased] = 0.0
+        level.unchecked[ceased] = 0.0
         # The levels of taxels that were in contact are uncertain: they follow the others, if there are any.
-        change = np.where(np.isfinite(mean), mean - own.level, 0.0)
-        usable = np.isfinite(mean) & own.is_known & ~is_contact
-        common = own.find_common(change, usable & (was_free | have_ended[own.board]))
-        own.update(mean, count, is_contact, common)
-        has_free = np.bincount(own.board, ~is_contact & (count > 0), len(own.common)) > 0
+        change = np.where(np.isfinite(mean), mean - level.level, 0.0)
+        usable = np.isfinite(mean) & level.is_known & ~is_contact
+        common = level.find_common(change, usable & (was_free | have_ended[level.board]))
+        level.update(mean, count, is_contact, common)
+        has_free = np.bincount(level.board, ~is_contact & (count > 0), len(level.common)) > 0
         self._unseen = np.where(has_free, 0.0, self._unseen + elapsed_s / self.interval_s)
-        self._learn(mean, count, is_contact)
+        self._estimate_variability(mean, count, is_contact)
         return self.state
 
     def _find_contact(self, mean: FloatArray, count: IntArray, elapsed_s: float) -> tuple[ContactState, BoolArray]:
-        """State of contact after an interval with the means f64[n], and boards on which all contacts have ended.
+        """Return (state of contact after an interval, whether all contacts of each board have ended, bool[s]).
 
-        Several explanations of the interval are compared for each board, and the one with the largest posterior
-        density is used: a common change that the free taxels show; a common change that all taxels show, so that all
-        contacts have ended; no common change; and a contact of the board that begins on many taxels at once. A drift
-        changes all taxels in proportion to their loadings; a contact of the whole board does not.
+        Four explanations of the interval are compared for each board, and the one with the largest posterior density is
+        used: a common change that the free taxels show; a common change that all taxels show, so that all contacts have
+        ended; no common change; and a contact of the board that begins on many taxels at once. Drift changes all taxels
+        in proportion to their loadings; a contact of the whole board does not. mean: f64[n], counts, NaN without data.
+        count: i64[n], number of frames.
         """
-        own = self._rest
+        level = self._rest
         known = np.isfinite(mean)
-        change = np.where(known, mean - own.level, 0.0)
-        of_free = own.find_common(change, known & ~self._contact.is_contact)
-        of_all = own.find_common(change, known)
-        none = np.zeros(len(own.common))
-        scale = own.settings.common * np.sqrt(self._unseen + max(1.0, elapsed_s / self.interval_s))
+        change = np.where(known, mean - level.level, 0.0)
+        of_free = level.find_common(change, known & ~self._contact.is_contact)
+        of_all = level.find_common(change, known)
+        none = np.zeros(len(level.common))
+        scale = level.settings.common * np.sqrt(self._unseen + max(1.0, elapsed_s / self.interval_s))
         joint = float(np.log(to_probability(CONTACTS_PER_S, elapsed_s)))
         states, posterior = [], []
         for common, begin, prior in (
@@ -205,48 +212,55 @@ class TrackedBaseline:
             (none, None, 0.0),
             (none, JOINT_CONTACT, joint),
         ):
-            states.append(state := self._try_common(mean, count, common, elapsed_s, begin))
+            states.append(state := self._compute_contact(mean, count, common, elapsed_s, begin))
             density = -0.5 * (COMMON_FREEDOM + 1.0) * np.log1p((common / scale) ** 2 / COMMON_FREEDOM)
-            posterior.append(prior + density + np.bincount(own.board, state.log_evidence, len(common)))
+            posterior.append(prior + density + np.bincount(level.board, state.log_evidence, len(common)))
         chosen = np.argmax(posterior, axis=0)
-        return ContactState.select(states, chosen[own.board]), chosen == 1
+        return ContactState.select(states, chosen[level.board]), chosen == 1
 
-    def _try_common(
+    def _compute_contact(
         self, mean: FloatArray, count: IntArray, common: FloatArray, elapsed_s: float, begin: float | None
     ) -> ContactState:
-        """State of contact if the boards changed by `common` f64[s]. begin: see `ContactState.update`."""
-        own, change = self._rest, common[self._rest.board]
-        measured = own.compute_measured_variance(count)
-        variance = own.variance + self._compute_unchecked_variance(common, count) + measured
-        shift = own.loading * change
+        """Return the state of contact after an interval under the assumption of a common change of the boards.
+
+        mean: f64[n], counts. count: i64[n], number of frames. common: f64[s], assumed common change of each board,
+        counts. begin: probability that a contact begins; None: the usual one.
+        """
+        level, change = self._rest, common[self._rest.board]
+        measured = level.compute_measured_variance(count)
+        variance = level.variance + self._compute_unchecked_variance(common, count) + measured
+        shift = level.loading * change
         moved = replace(self._contact, level=self._contact.level + shift, free_level=self._contact.free_level + shift)
-        walk = own.settings.walk * elapsed_s / self.interval_s
-        residual = mean - own.level - shift
+        walk = level.settings.walk * elapsed_s / self.interval_s
+        residual = mean - level.level - shift
         return moved.update(Interval(mean, residual, variance, measured, walk, elapsed_s, begin))
 
     def _compute_unchecked_variance(self, common: FloatArray, count: IntArray) -> FloatArray:
-        """Variance of the counts at rest by the drift since each taxel was free, f64[n], counts^2.
+        """Compute the error variance of each count at rest by drift since the taxel was last free, f64[n], counts^2.
 
-        common: f64[s], change of the boards in this interval. The error of a loading acts on the whole drift, and so
-        does the error of the median loading of the free taxels, from which the drift follows.
+        common: f64[s], common change of the boards in this interval, counts. count: i64[n], number of frames. The error
+        of a taxel's loading is multiplied by the whole drift, and so is the error of the median loading of the free
+        taxels, from which the drift is computed.
         """
-        own = self._rest
-        drift = own.unchecked + common[own.board]
-        free = np.bincount(own.board, ~self._contact.is_contact, len(common))[own.board]
+        level = self._rest
+        drift = level.unchecked + common[level.board]
+        free = np.bincount(level.board, ~self._contact.is_contact, len(common))[level.board]
         share = MEDIAN_VARIANCE / np.maximum(free, 1.0)
-        median_error = share * own.compute_measured_variance(count)
-        return np.asarray(
-            own.loading_variance * drift**2 * (1.0 + share) + np.where(own.unchecked != 0.0, 2.0 * median_error, 0.0)
-        )
+        median_error = share * level.compute_measured_variance(count)
+        by_median = np.where(level.unchecked != 0.0, 2.0 * median_error, 0.0)
+        return np.asarray(level.loading_variance * drift**2 * (1.0 + share) + by_median)
 
-    def _learn(self, mean: FloatArray, count: IntArray, is_contact: BoolArray) -> None:
-        """Estimate the variability of the counts at rest from the latest intervals."""
-        own = self._rest
-        change = np.where(is_contact, np.nan, mean - self._previous - own.loading * own.common[own.board])
+    def _estimate_variability(self, mean: FloatArray, count: IntArray, is_contact: BoolArray) -> None:
+        """Store the changes of this interval, and after every `LEAST_STORED` intervals estimate the variability.
+
+        mean: f64[n], counts. count: i64[n], number of frames. is_contact: bool[n], taxels that are left out.
+        """
+        level = self._rest
+        change = np.where(is_contact, np.nan, mean - self._previous - level.loading * level.common[level.board])
         self._previous = np.where(is_contact, np.nan, mean)
         if np.isfinite(change).any():
-            self._stored.append((change, own.noise_variance / np.maximum(count, 1), own.common.copy()))
+            self._stored.append((change, level.noise_variance / np.maximum(count, 1), level.common.copy()))
         self._intervals += 1
         if self._intervals % LEAST_STORED == 0 and len(self._stored) >= LEAST_STORED:
             changes, noise, common = zip(*self._stored, strict=True)
-            own.settings = estimate_slow_settings(changes, noise, common, LONG_LAG)
+            level.settings = estimate_slow_settings(changes, noise, common, LONG_LAG)

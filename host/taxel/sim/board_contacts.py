@@ -37,12 +37,13 @@ MISS_GAP_M = 1.0
 
 @dataclass(frozen=True, eq=False)
 class BoardContacts:
-    """G loaded boards, one for each pair of frame and board, with m taxels that can bear the load.
+    """G loaded boards, one for each pair of time frame and board with a force, and the m taxels that can bear the load.
 
-    frame, board: [G]. force_n: f64[G], magnitude of the contact force. pose: f64[G, 4, 4], bracket in the object's
-    frame. centre: f64[G, 3], centre of pressure, and axes: f64[G, 3, 3], approach direction and the two tilt axes in
-    rows, both in the object's frame. group: [m], ascending, index in [G]; taxel: [m]. rows: f64[m, 3], force along the
-    approach and moments about the tilt axes (divided by `TILT_ARM_M`) of one newton on the taxel.
+    frame, board: int[G], indices of time frame and board. force_n: f64[G], magnitude of the contact force. pose:
+    f64[G, 4, 4], bracket in the object's frame. centre: f64[G, 3], centre of pressure, and axes: f64[G, 3, 3], approach
+    direction and the two tilt axes in rows, both in the object's frame. group: int[m], ascending, index of each taxel's
+    loaded board (0 to G - 1). taxel: int[m], taxel number. rows: f64[m, 3], effect of one newton on the taxel: force
+    along the approach, and moments about the tilt axes divided by `TILT_ARM_M`.
     """
 
     frame: IndexArray
@@ -65,9 +66,9 @@ class BoardContacts:
         return BoardContacts(frame, board, force_n, pose, centre, axes, group, taxel, rows)
 
     def with_all_taxels(self, hand: Hand | Sheet) -> BoardContacts:
-        """Return the same loaded boards with all their taxels instead of those that can bear load.
+        """Return the same loaded boards with all their taxels instead of only those that can bear load.
 
-        Valid before `move`.
+        Call it before `move`, which does not rotate `axes` with the boards.
         """
         group, taxel = _list_taxels(hand, self.board)
         to_bracket = inverse(self.pose)
@@ -137,7 +138,7 @@ def find_board_contacts(
 def _find_load_bearing_taxels(
     hand: Hand | Sheet, shape: Shape, pose: FloatArray, board: IndexArray, approach: FloatArray
 ) -> tuple[IndexArray, IndexArray]:
-    """Find the taxels that can bear the load of their board: position of the board in `board` and taxel number, i64[m].
+    """Find the m taxels that can bear the load of their board: index of the board in [G], and taxel number, i64[m].
 
     pose: f64[G, 4, 4] of the G boards `board` [G] in the object's frame. approach: f64[G, 3], unit vector opposite to
     the contact force, bracket frame. Each of the m taxels is near the object; its normal is within the angle of
@@ -156,8 +157,8 @@ def _find_load_bearing_taxels(
 
 
 def _list_taxels(hand: Hand | Sheet, board: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """List all m taxels of the boards `board` [G]: index of the board in [G], ascending, and taxel number."""
-    order = np.argsort(hand.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
+    """List all m taxels of the boards `board` [G]: index of the board in [G], ascending, and taxel number, int[m]."""
+    order = np.argsort(hand.board_index, kind="stable")  # a sheet numbers squares without an electrode after all taxels
     first = np.searchsorted(hand.board_index[order], np.arange(len(hand.boards) + 1))
     size = np.diff(first)[board]
     group = np.repeat(np.arange(len(board)), size)
@@ -177,7 +178,7 @@ def _compute_rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxe
 
 
 def _compute_surface_points(hand: Hand | Sheet, taxel: IndexArray) -> FloatArray:
-    """Return the points of the soft layer's surface above the electrode centres, f64[m, 3], bracket frame."""
+    """Compute the points of the soft layer's surface above the electrode centres, f64[m, 3], bracket frame, metres."""
     return hand.position[taxel] + get_layer_thickness(hand) * hand.normal[taxel]
 
 

@@ -157,7 +157,7 @@ def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
 def _deviate_targets(approach: Approach, seed: int | None) -> Approach:
     """Add a random deviation to the target angles of the joints that the approach holds in place.
 
-    seed: of the random numbers; None: the approach is returned unchanged.
+    seed: seed of the random numbers; None: the approach is returned unchanged.
     """
     if seed is None:
         return approach
@@ -179,8 +179,8 @@ class _Run:
     ) -> None:
         """Prepare the simulation of one grasp in a MuJoCo scene.
 
-        controller: gives the joint targets and torques of the fingers. nominal_pose: f64[4, 4], pose of the object that
-        the grasp plan assumes. push: time integration of the contact of the soft layer; None: MuJoCo's own contact.
+        controller: computes the joint targets and torques of the fingers. nominal_pose: f64[4, 4], pose of the object
+        that the grasp plan assumes. push: time integration with the soft layer's contact; None: MuJoCo's own contact.
         recorder: records messages of contact sensors; None: no messages. holds_object: hold the object all the time.
         """
         self.scene = scene
@@ -243,7 +243,7 @@ class _Run:
     def _step(self, time_s: float, record_wrench: bool = False) -> None:
         """Advance the scene by one time step with the joint torques for `time_s` seconds of the grasp.
 
-        record_wrench: store the wrenches on the boards, whose mean over the last steps is part of a sample.
+        record_wrench: with rigid contact, store the wrenches on the boards, whose mean is part of the next sample.
         """
         scene, data = self.scene, self.data
         self._move_palm(time_s)
@@ -254,15 +254,18 @@ class _Run:
             self._push.set_firmness(steadying)
             self._push.step(data)
             return
-        self._steady_object(steadying > 0.5)
+        self._set_hold(is_held=steadying > 0.5)
         mujoco.mj_step(scene.model, data)
         if self._recorder is not None:
             self._recorder.observe(data, time_s + self._step_s)
         if record_wrench:
             self._recent_wrenches.append(self._compute_wrenches(read_contacts(scene, data)))
 
-    def _steady_object(self, is_held: bool) -> None:
-        """Let the experimenter hold the object or let it go, with rigid contact; a new hold is at the present pose."""
+    def _set_hold(self, is_held: bool) -> None:
+        """Activate or release the constraint that models the experimenter's hold on the object, with rigid contact.
+
+        A hold that begins fixes the object at its present pose.
+        """
         data, constraint = self.data, self.scene.model.equality("steadying").id
         if is_held and not data.eq_active[constraint]:
             body = self.scene.model.body("object").id
@@ -280,7 +283,10 @@ class _Run:
         return compute_board_wrenches(contacts, self._compute_sensor_poses())
 
     def _take_sample(self) -> _Sample:
-        """Return the present state of the scene; poses and forces belong to the same time as the joint angles."""
+        """Return the present state of the scene; poses and forces belong to the same time as the joint angles.
+
+        With rigid contact, the wrenches are the mean of those stored since the last sample, which are then discarded.
+        """
         scene, data = self.scene, self.data
         taxel_force = None
         if self._push is not None:
@@ -304,7 +310,7 @@ class _Run:
         )
 
     def _join_samples(self, times: FloatArray, phase: ByteArray, samples: list[_Sample]) -> GraspMotion:
-        """Join samples to the motion of the grasp; times: f64[T], seconds, and phase: u8[T], one for each sample."""
+        """Join samples into the motion of the grasp; times: f64[T], seconds, and phase: u8[T], one for each sample."""
         return GraspMotion(
             times,
             phase,
@@ -322,7 +328,7 @@ class _Run:
 
 
 def _compose_poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
-    """Poses f64[..., 4, 4] from MuJoCo's row-major rotation matrices f64[..., 9] and origins f64[..., 3]."""
+    """Build poses f64[..., 4, 4] from MuJoCo's row-major rotation matrices f64[..., 9] and origins f64[..., 3]."""
     poses = np.zeros((*origins.shape[:-1], 4, 4))
     poses[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
     poses[..., :3, 3] = origins

@@ -55,9 +55,9 @@ def compute_base_radius(hand: Hand, pitches: float = 0.0) -> float:
 class ConeSensing:
     """The contact model of the thesis: each taxel has a cone, whose tip detects a contact.
 
-    base_radius_m: of the cones, see `compute_base_radius`. contact_offset_m: distance from a cone's tip to the object's
-    surface up to which the cone touches; negative for cones that are compressed. cone_height_m: from taxel centre to
-    tip.
+    base_radius_m: radius of a cone's base, see `compute_base_radius`. contact_offset_m: distance from a cone's tip to
+    the object's surface up to which the cone touches; negative for cones that are compressed. cone_height_m: distance
+    from taxel centre to tip.
     """
 
     base_radius_m: float
@@ -92,10 +92,10 @@ class ConeSensing:
         object_poses: npt.ArrayLike,
         contact_points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Active taxels, bool[T, n]: taxels with a contact point within `threshold_m` of their centre.
+        """Find the active taxels, bool[T, n]: those with a contact point within `threshold_m` of their centre.
 
-        Contact points are the tips of the touching cones and `contact_points`, the engine's own points: frame [c] and
-        position f64[c, 3] in the world, metres. None: only the tips.
+        The contact points are the tips of the touching cones and the c points `contact_points` of the physics engine:
+        index of the time frame int[c], and position f64[c, 3] in the world, metres; None: only the tips.
         """
         poses = np.asarray(sensor_poses, dtype=np.float64)
         touching = self.find_touching_tips(hand, shape, poses, object_poses)
@@ -113,5 +113,5 @@ class ConeSensing:
 
 
 def assign_nominal_force(active: npt.NDArray[np.bool_], force_n: float = NOMINAL_FORCE_N) -> FloatArray:
-    """Contact forces f64[T, n], newtons: `force_n` on the active taxels bool[T, n], 0 elsewhere."""
+    """Return contact forces f64[T, n], newtons: `force_n` on the active taxels bool[T, n], 0 on all others."""
     return np.where(active, force_n, 0.0)

@@ -62,18 +62,19 @@ class ContactMessage:
 
 @dataclass(frozen=True, eq=False)
 class ContactTips:
-    """Points of a board that touch an object instead of the points that the physics engine reports.
+    """Points of a board whose contact with the object replaces the contact points that the physics engine reports.
 
-    The points are tips on the surface, or corners of the original mesh. The physics engine simulates their hull only.
-    While the hull touches the object, the nearest point touches, and every other point that is at most `offset_m`
-    farther from the object: a curved object sinks between the tips, and bodies of the original engine overlap.
+    The points ("tips") are tips on the surface of the board, or corners of the original mesh; the physics engine
+    simulates only their convex hull. While the hull touches the object, the tip nearest to the object touches, and so
+    does every tip that is at most `offset_m` farther from the object than the nearest one: a curved object sinks
+    between the tips, and bodies of the original engine overlap.
 
     Attributes:
         board: index in `hand.boards`.
         position: f64[m, 3], tips in the frame of the board's bracket, metres.
         offset_m: additional distance up to which a point touches, metres.
-        reach_m: largest distance from the object at which the nearest point touches, metres. If it is farther away,
-            for example at a contact of the bracket's edge, the points of the engine count.
+        reach_m: largest distance from the object at which the nearest tip touches, metres. If the nearest tip is
+            farther away, for example at a contact of the bracket's edge, the engine's contact points are used.
     """
 
     board: int
@@ -84,12 +85,12 @@ class ContactTips:
 
 @dataclass(frozen=True)
 class RecorderSettings:
-    """What contact sensors record.
+    """Settings of the recorded contact sensors.
 
     Attributes:
         message_hz: messages per second.
         first_entries_only: only the first entry of each pair in a period is recorded, which is faster than all entries.
-        tips: boards with tips.
+        tips: tips of boards whose contact points they replace.
     """
 
     message_hz: float = MESSAGE_HZ
@@ -112,7 +113,10 @@ class MessageRecorder:
         self._seen: set[frozenset[int]] = set()
 
     def observe(self, data: mujoco.MjData, time_s: float) -> None:
-        """Add the contacts after the time step that ends at `time_s` seconds of the grasp."""
+        """Add the contacts after the time step that ends at `time_s` seconds of the grasp.
+
+        In the first step of a new period, the messages of the previous period are appended to `messages` first.
+        """
         period = int((time_s - _ROUNDING_S) * self._settings.message_hz)
         if period > self._period:
             self.send()
@@ -128,7 +132,10 @@ class MessageRecorder:
             self._entries.append(self._read_entry(data, pair, indices))
 
     def _read_entry(self, data: mujoco.MjData, pair: tuple[int, int], indices: list[int]) -> PairEntry:
-        """Read the contact points `indices` of a pair of bodies; tips of a board replace its points on the object."""
+        """Read the contact points `indices` (in MuJoCo's list) of a pair of bodies; tips replace them if a tip touches.
+
+        The sum of the forces is then divided equally among the touching tips.
+        """
         force, wrench = np.zeros(len(indices)), np.zeros(6)
         for row, index in enumerate(indices):
             mujoco.mj_contactForce(self._scene.model, data, index, wrench)
@@ -141,7 +148,7 @@ class MessageRecorder:
         return PairEntry(pair, data.contact.pos[indices].copy(), force)
 
     def _find_touching_tips(self, data: mujoco.MjData, tips: ContactTips) -> FloatArray:
-        """Return the tips of a board that touch the object, f64[c, 3], metres, world; none beyond their reach."""
+        """Return the tips of a board that touch the object, f64[c, 3], metres, world; none if all are out of reach."""
         body = self._scene.board_bodies[tips.board]
         board = _make_body_pose(data, int(body)) @ self._scene.board_poses[tips.board]
         item = _make_body_pose(data, self._scene.model.body("object").id)
@@ -165,6 +172,6 @@ def _make_body_pose(data: mujoco.MjData, body: int) -> FloatArray:
 
 
 def make_messages(time_s: float, entries: Iterable[PairEntry], boards: Iterable[int]) -> list[ContactMessage]:
-    """Make the messages of one period: each board receives the entries of the pairs that it belongs to."""
+    """Make one message for each board, with the entries of the pairs to which it belongs; time_s: end of the period."""
     entries = tuple(entries)
     return [ContactMessage(time_s, board, tuple(e for e in entries if board in e.bodies)) for board in boards]

@@ -49,7 +49,7 @@ class ContactPoints:
 
     @classmethod
     def concatenate(cls, steps: Sequence[StepContacts]) -> ContactPoints:
-        """Join the contact points of successive samples; the frame of a point is the number of its sample."""
+        """Join the contact points of successive samples; the position of a sample in `steps` becomes its index."""
         return cls(
             np.repeat(np.arange(len(steps)), [len(step.board) for step in steps]),
             np.concatenate([step.board for step in steps]),
@@ -61,7 +61,7 @@ class ContactPoints:
 
 
 def read_contacts(scene: Scene, data: mujoco.MjData) -> StepContacts:
-    """Active contact points between hand and object after the last step or forward computation of MuJoCo."""
+    """Read the active contact points between hand and object after MuJoCo's last step or forward computation."""
     contact = data.contact
     geoms = np.asarray(contact.geom, dtype=np.int64).reshape(-1, 2)
     object_geom = scene.model.geom("object").id
@@ -80,7 +80,10 @@ def read_contacts(scene: Scene, data: mujoco.MjData) -> StepContacts:
 
 
 def _compute_forces(model: mujoco.MjModel, data: mujoco.MjData, active: IndexArray, frame: FloatArray) -> FloatArray:
-    """Forces on the second geom of the contacts `active` [c], f64[c, 3], newtons, world."""
+    """Compute the forces on the second geom of the contacts `active` [c], f64[c, 3], newtons, world.
+
+    frame: f64[c, 3, 3], contact frames, axes in rows.
+    """
     in_contact_frame, wrench = np.zeros((len(active), 3)), np.zeros(6)
     for row, index in enumerate(active):
         mujoco.mj_contactForce(model, data, int(index), wrench)
@@ -89,9 +92,9 @@ def _compute_forces(model: mujoco.MjModel, data: mujoco.MjData, active: IndexArr
 
 
 def compute_board_wrenches(contacts: StepContacts, sensor_poses: FloatArray) -> FloatArray:
-    """Force and moment on each board about its bracket's origin, f64[s, 6], in the bracket's frame.
+    """Compute force and moment (N, Nm) on each board about its bracket's origin, f64[s, 6], in the bracket's frame.
 
-    sensor_poses: f64[s, 4, 4], brackets in the world.
+    sensor_poses: f64[s, 4, 4], brackets in the world. Contacts of other parts of the hand (board -1) are ignored.
     """
     wrench = np.zeros((len(sensor_poses), 6))
     on_board = contacts.board >= 0

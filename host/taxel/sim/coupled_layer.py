@@ -58,10 +58,11 @@ def press_coupled_layer(
     max_tilt_rad: float = MAX_TILT_RAD,
     decay_m: float = DECAY_M,
 ) -> LayerResult:
-    """`press_layer` with coupled springs; the iteration starts at the rest position of the uncoupled layer.
+    """Distribute the wrench on every board over its taxels as `press_layer`, but with springs that a membrane couples.
 
-    decay_m: at least 0, metres. `contact_force` is the force that the electrodes sense. `separation` is below 0 only
-    where the object touches; a taxel beside the contact has a force and a separation of at least 0.
+    decay_m: decay length of an indentation, at least 0, metres. In the result, `contact_force` is the force that the
+    electrodes sense, and `separation` is below 0 only where the object touches; a taxel beside the contact can have a
+    force with a separation of at least 0. The iteration starts at the rest position of the uncoupled layer.
     """
     loads = make_loads(hand, sensor_poses, object_poses, wrench)
     boards = find_board_contacts(hand, shape, loads.sensor_poses, loads.object_poses, loads.wrench)
@@ -88,9 +89,10 @@ def press_coupled_layer(
 
 
 def _compute_compliance(hand: Hand, address: int, decay_m: float) -> FloatArray:
-    """Inverse of 1 + decay^2 L over the nodes of one board, f64[c, c]; L: Laplacian with the distances of the nodes.
+    """Compute the inverse of 1 + decay^2 L over the c nodes of one board, f64[c, c]; L: Laplacian of the node grid.
 
-    Two nodes are neighbours if they are adjacent in a row or a column of the unrolled sheet.
+    Two nodes are neighbours if they are adjacent in a row or a column of the unrolled sheet; their weight in L follows
+    from their distance.
     """
     of_board = hand.get_slice(address)
     steps = [np.abs(np.subtract.outer(line, line)) for line in (hand.row[of_board], hand.column[of_board])]
@@ -129,9 +131,10 @@ class _BoardLayer:
         load = board.force_n / self.stiffness
         depth, active = np.zeros((frames, nodes)), np.zeros((frames, nodes), dtype=bool)
         for _ in range(MAX_CASTS):
-            gap, change = board.cast_rays(self.hand, self.shape)
+            gap, gap_gradient = board.cast_rays(self.hand, self.shape)
             gap = np.where(bears, gap, MISS_GAP_M).reshape(frames, nodes)
-            problem = _Problem(self.compliance, gap, change.reshape(frames, nodes, 3), rows, load, self.tilt_bound)
+            gradient = gap_gradient.reshape(frames, nodes, 3)
+            problem = _Problem(self.compliance, gap, gradient, rows, load, self.tilt_bound)
             depth, active, x = problem.solve(travel)
             board, travel = board.move(x), travel + x
         return board.pose, self.stiffness * depth.ravel(), np.where(active, -depth, 0.0).ravel(), travel
@@ -142,14 +145,15 @@ class _Problem:
     """The linearised equilibrium problem of one board with c nodes in G frames.
 
     Forces are divided by the stiffness of a spring. compliance: f64[c, c], depth of node i under a unit force on node
-    j. gap: f64[G, c], separation of each node from the object. change: f64[G, c, 3], derivative of the gap with respect
-    to the motion of the board (approach and two tilts). rows: f64[G, c, 3], force along the approach and moments of a
-    unit force on each node. load: f64[G], force on the board. tilt_bound: metres.
+    j. gap: f64[G, c], separation of each node from the object. gap_gradient: f64[G, c, 3], derivative of the gap with
+    respect to the motion of the board (approach and two tilts). rows: f64[G, c, 3], force along the approach and
+    moments about the tilt axes of a unit force on each node. load: f64[G], force on the board. tilt_bound: bound of
+    either tilt, metres.
     """
 
     compliance: FloatArray
     gap: FloatArray
-    change: FloatArray
+    gap_gradient: FloatArray
     rows: FloatArray
     load: FloatArray
     tilt_bound: float
@@ -165,7 +169,7 @@ class _Problem:
         depth, x = np.zeros_like(self.gap), np.zeros_like(travel)
         for change_count in range(2 * MAX_CHANGES):
             depth, force, x = self._balance(active, fixed_tilt, travel)
-            is_reached = depth + self.gap + np.sum(self.change * x[:, None], axis=2) < 0
+            is_reached = depth + self.gap + np.sum(self.gap_gradient * x[:, None], axis=2) < 0
             touching: BoolArray = np.asarray(np.where(active, force > 0, is_reached), dtype=np.bool_)
             has_changed: BoolArray = np.logical_or.reduce(touching != active, axis=1)
             if not has_changed.any():
@@ -188,7 +192,7 @@ class _Problem:
         is_used = active[frames, node]
         pairs = is_used[:, :, None] & is_used[:, None, :]
         system = np.where(pairs, self.compliance[node[:, :, None], node[:, None, :]], np.eye(node.shape[1]))
-        imposed_depths = -np.concatenate([self.gap[frames, node][:, :, None], self.change[frames, node]], axis=2)
+        imposed_depths = -np.concatenate([self.gap[frames, node][:, :, None], self.gap_gradient[frames, node]], axis=2)
         forces = np.linalg.solve(system, np.where(is_used[:, :, None], imposed_depths, 0.0))
         depths = np.einsum("gac,gai->gci", self.compliance[node], forces)
         board_stiffness = np.einsum("gci,gcj->gij", self.rows, depths[:, :, 1:])

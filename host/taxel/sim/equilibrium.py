@@ -43,10 +43,10 @@ ENERGY_ROUNDING = 1e-14
 class Springs:
     """Unilateral springs of G rigid boards, m springs in all, sorted by board.
 
-    group: [m], ascending, index of the board; every board has at least one spring. rows: f64[m, 3], compression of a
-    spring per unit of the board's coordinates (approach and two tilts). gap: f64[m], metres. stiffness: f64[m], N/m.
-    load: f64[G, 3], newtons; the first component, along the approach, is above 0. low, high: f64[G, 2], bounds of the
-    tilts, metres.
+    group: int[m], ascending, index of each spring's board; every board has at least one spring. rows: f64[m, 3],
+    compression of a spring per unit of the board's coordinates (approach and two tilts). gap: f64[m], distance that the
+    spring moves before it bears load, metres. stiffness: f64[m], N/m. load: f64[G, 3], newtons; the first component,
+    along the approach, is above 0. low, high: f64[G, 2], bounds of the tilts, metres.
     """
 
     group: IndexArray
@@ -70,7 +70,7 @@ class Springs:
         return Springs(group, *per_spring, self.load[selection], self.low[selection], self.high[selection])
 
     def compute_compression(self, x: FloatArray) -> FloatArray:
-        """Compression of each spring, metres, f64[m], for board coordinates x, f64[G, 3]."""
+        """Compute the compression of each spring, f64[m], metres, for board coordinates x, f64[G, 3]."""
         reach = np.einsum("mi,mi->m", self.rows, x[self.group])
         return np.asarray(np.maximum(reach - self.gap, 0.0))
 
@@ -95,7 +95,7 @@ def solve_rest_positions(springs: Springs) -> FloatArray:
 
 
 def _estimate_first_contact(springs: Springs) -> FloatArray:
-    """Board coordinates f64[G, 3] without tilt at which the first spring of each board bears about the whole load."""
+    """Estimate board coordinates f64[G, 3] without tilt at which each board's first touching spring bears its load."""
     reach = np.maximum(springs.rows[:, 0], 1e-3)
     approach = springs.gap / reach + springs.load[springs.group, 0] / (springs.stiffness * reach**2)
     x = np.zeros((len(springs.load), 3))

@@ -42,7 +42,7 @@ REST_MOTION_M = 1e-7
 """A board that moves less is at rest, metres; each further step is about ten times shorter than the one before."""
 
 RATIO_RANGE = (0.25, 4.0)
-"""Bounds of the ratio between the shortening of a ray and the approach of the board (`_linearise`)."""
+"""Bounds of the ratio between the shortening of a taxel's ray and the approach of the board (`_linearise`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,9 @@ def press_layer(
 ) -> LayerResult:
     """Distribute the wrench on every board over its taxels.
 
-    sensor_poses: brackets in the world, f64[T, s, 4, 4]. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], force (N)
-    and moment (Nm, about the bracket's origin) on the board, bracket frame. stiffness_n_per_m: of the layer under
-    25 mm2. max_tilt_rad: bound of either tilt.
+    sensor_poses: f64[T, s, 4, 4], brackets of s boards in the world in T frames. object_poses: f64[T, 4, 4]. wrench:
+    f64[T, s, 6], force (N) and moment (Nm, about the bracket's origin) on the board, bracket frame. stiffness_n_per_m:
+    of the layer under 25 mm2. max_tilt_rad: bound of either tilt.
 
     If the moments require a larger tilt (the force passes outside the taxels that can bear it), the board rests at the
     bound and the residual states the unbalanced moment; the net force is kept. A board without force has no compressed
@@ -157,16 +157,16 @@ def settle_boards(
     """Move the loaded boards to their rest positions on the uncoupled springs of their taxels.
 
     stiffness: of the layer under 25 mm2, N/m. max_tilt_rad: bound of either tilt. The separations are linearised at
-    most `MAX_CASTS` times.
+    most `MAX_CASTS` times; a board that still moves then is returned at its last position.
     """
     travel = np.zeros((len(boards.frame), 3))
     bound = max_tilt_rad * TILT_ARM_M
     force, pose, centre = np.zeros(len(boards.taxel)), boards.pose.copy(), boards.centre.copy()
     moving_boards, moved = np.arange(len(travel)), boards
     for _ in range(MAX_CASTS):
-        gap, change = moved.cast_rays(hand, shape)
+        gap, gap_gradient = moved.cast_rays(hand, shape)
         of_springs = stiffness * hand.area_share[moved.taxel]
-        springs = _linearise(moved, gap, change, of_springs, bound, travel[moving_boards, 1:])
+        springs = _linearise(moved, gap, gap_gradient, of_springs, bound, travel[moving_boards, 1:])
         x = solve_rest_positions(springs)
         force[np.isin(boards.group, moving_boards)] = springs.stiffness * springs.compute_compression(x)
         moved = moved.move(x)
@@ -182,22 +182,31 @@ def settle_boards(
 
 
 def _linearise(
-    boards: BoardContacts, gap: FloatArray, change: FloatArray, stiffness: FloatArray, bound: float, tilt: FloatArray
+    boards: BoardContacts,
+    gap: FloatArray,
+    gap_gradient: FloatArray,
+    stiffness: FloatArray,
+    bound: float,
+    tilt: FloatArray,
 ) -> Springs:
-    """Build the springs of the problem that is linearised at the present positions of the boards.
+    """Build the springs of the problem that is linearised at the present positions of G boards with m taxels.
 
-    gap f64[m] and change f64[m, 3]: see `BoardContacts.cast_rays`. stiffness: f64[m], N/m. bound: of a tilt, metres.
-    tilt: f64[G, 2], present tilts, metres. A ray that meets the surface at an angle shortens faster than the board
-    approaches. One ratio for each taxel keeps the problem convex; its error vanishes as the board comes to rest.
+    gap f64[m] and its gradient f64[m, 3]: see `BoardContacts.cast_rays`. stiffness: f64[m], N/m. bound: largest tilt,
+    metres. tilt: f64[G, 2], present tilts, metres. A ray that meets the surface at an angle shortens faster than the
+    board approaches. One ratio of both rates for each taxel keeps the problem convex; the error of this approximation
+    vanishes as the board comes to rest.
     """
-    ratio = -np.sum(change * boards.rows, axis=1) / np.sum(boards.rows**2, axis=1)
-    ratio = np.where(change.any(axis=1), np.clip(ratio, *RATIO_RANGE), 1.0)
+    ratio = -np.sum(gap_gradient * boards.rows, axis=1) / np.sum(boards.rows**2, axis=1)
+    ratio = np.where(gap_gradient.any(axis=1), np.clip(ratio, *RATIO_RANGE), 1.0)
     load = boards.force_n[:, None] * np.array([1.0, 0.0, 0.0])
     return Springs(boards.group, boards.rows, gap / ratio, stiffness * ratio, load, -bound - tilt, bound - tilt)
 
 
 def assemble_result(shape: Shape, loads: LayerLoads, settled: SettledBoards) -> LayerResult:
-    """Combine the settled boards to the result for all frames and boards; a board without load has no forces."""
+    """Combine the settled boards into the result for all frames and boards.
+
+    A board without load keeps its pose, has no taxel forces, and its force residual is minus the given force.
+    """
     boards, hand = settled.boards, loads.hand
     frames, sensors = loads.wrench.shape[:2]
     bearing_taxels = boards.frame[boards.group], boards.taxel

@@ -73,11 +73,12 @@ _PIECE_ARRAYS = ("first", "position", "normal", "half_sides", "area_share", "tax
 class _PieceTable(NamedTuple):
     """Pieces of a sheet sorted by board, in the memory layout of the library.
 
-    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. half_sides:
-    f64[p, 2, 3], half of each side of a piece, bracket frame. area_share: f64[p], area relative to that of the force
-    law. taxel: u32[p], `_NO_TAXEL` for a piece of the margin. board_size: f64[s], largest distance of a point of a
-    piece from the bracket's origin. square_size_m: largest distance of a piece from the middle of its square.
-    piece_size_m: largest distance of a point of a piece from the middle of the piece. Lengths in metres.
+    p pieces, s boards, lengths in metres. first: index of the first piece of each board, [s + 1]. position, normal:
+    f64[p, 3], bracket frame. half_sides: f64[p, 2, 3], half of each side of a piece, bracket frame. area_share: f64[p],
+    area relative to that of the force law. taxel: u32[p], `_NO_TAXEL` for a piece of the margin, which has no
+    electrode. board_size: f64[s], largest distance of a point of a piece from the bracket's origin. square_size_m:
+    largest distance of a piece from the middle of its square. piece_size_m: largest distance of a point of a piece from
+    the middle of the piece.
     """
 
     first: npt.NDArray[np.uintp]
@@ -98,7 +99,9 @@ def _build_table(hand: Hand) -> _PieceTable:
     The result is cached, because all grasps of a hand use the same table.
     """
     sheet = build_sheet(hand, SPRINGS_PER_SIDE)
-    order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
+    order = np.argsort(
+        sheet.board_index, kind="stable"
+    )  # a sheet numbers squares without an electrode after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
     half_sides = np.ascontiguousarray(sheet.half_sides[order])
     area_share = np.ascontiguousarray(sheet.area_share[order])
@@ -127,8 +130,8 @@ class NativeContact:
 
         hand: the skin, whose taxels are divided into square columns. shape: the touching solid. law: force law of the
         layer on one taxel. friction: of the layer's surface on the solid. The C structure points into NumPy arrays,
-        which this object keeps alive. Raises
-        SimLibraryError if the library is missing, and TypeError for a shape that the library does not support.
+        which this object keeps alive. Raises SimLibraryError if the library is missing, and TypeError for a shape that
+        the library does not support.
         """
         library = load_sim_library()
         check_structure(library, "sim_layer", _Layer)
@@ -169,7 +172,10 @@ class NativeContact:
         self.address = ctypes.addressof(self._layer)
 
     def _describe_solid(self, shape: Shape) -> dict[str, float]:
-        """Return the fields of the C structure `_Layer` that describe the shape of the touching solid."""
+        """Return the fields of the C structure `_Layer` that describe the shape of the touching solid.
+
+        Raises TypeError for a shape that is neither a cylinder nor a convex polytope.
+        """
         if isinstance(shape, Cylinder):
             return {"faces": 0, "radius": shape.radius, "height": shape.height}
         if isinstance(shape, ConvexPolytope):
@@ -199,7 +205,7 @@ class NativeContact:
         return force
 
     def _compute(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None, advance: bool) -> SoftLoad:
-        """Compute the load on the boards by the C library.
+        """Compute the load on the boards with the C library.
 
         sensor_poses: f64[s, 4, 4] and object_pose: f64[4, 4], world. force: address of the f64[n] to which taxel forces
         are written, or None. advance: store where the columns stick to the object.

@@ -124,7 +124,7 @@ class NativePush(SoftPush):
         self._address = ctypes.addressof(self._native)
 
     def _describe_push(self) -> _Push:
-        """Return the C structure with the scene's constants and memory for the state; MuJoCo's arrays are not set."""
+        """Return the C structure with the scene's constants and memory for its state, but without MuJoCo's arrays."""
         model, boards = self._model, len(self._boards)
         dofs = model.nv
         return _Push(
@@ -158,7 +158,7 @@ class NativePush(SoftPush):
         )
 
     def _describe_hinges(self) -> _Hinges:
-        """Return the C structure of the hinges; their dry friction vanishes at the angle 0 until the first step."""
+        """Return the C structure of the hinges; `_point_to` sets the angles at which their dry friction vanishes."""
         self._native_stuck_angles = np.zeros(len(self._hinge_dofs))
         return _Hinges(
             count=len(self._hinge_dofs),
@@ -174,7 +174,7 @@ class NativePush(SoftPush):
         )
 
     def _describe_stand(self) -> _Stand:
-        """Return the C structure of the stand, which no corner touches yet."""
+        """Return the C structure of the stand; no corner of the object touches the stand yet."""
         stand = self._stand
         return _Stand(
             corners=len(stand.corners),
@@ -221,7 +221,10 @@ class NativePush(SoftPush):
             remaining -= part
 
     def _point_to(self, data: mujoco.MjData) -> None:
-        """Let the C structure point to the arrays of `data`, which do not move in memory, and begin with its angles."""
+        """Set the pointers of the C structure to the arrays of `data`, whose addresses MuJoCo does not change.
+
+        The dry friction of the hinges then begins at the present angles.
+        """
         bodies = self._native.bodies
         for name, array in _BODY_ARRAYS.items():
             setattr(bodies, name, getattr(data, array).ctypes.data)

@@ -2,7 +2,7 @@
 
 Each board keeps the contact points of the last message of its contact sensor that was not empty. When the plug-in
 saves, every taxel of the board nearer than a threshold to one of these points is active; its force is the largest force
-among these points. `OriginalRules` has one switch for each rule, so that the effect of each can be measured.
+among these points. Each rule can be changed by a field of `OriginalRules`, so that its effect can be measured.
 
 Source: the contact plug-in of the public repository abed-almrad/BICI_SENSORS_ROS (2023-05-02);
 docs/original-simulator.md.
@@ -77,8 +77,8 @@ class OriginalRules:
     Attributes:
         stale_contacts: a board keeps its contact points until the next message with contacts; False: a message without
             contacts clears them.
-        any_partner: contacts with any body count, also with other parts of the hand; False: with the object only.
-        first_entry_only: only the first entry of each pair of bodies in a message counts; False: all entries.
+        any_partner: contacts with any body are used, also with other parts of the hand; False: with the object only.
+        first_entry_only: only the first entry of each pair of bodies in a message is used; False: all entries.
         last_name_wins: all points of a message belong to the board that the last pair names; False: to the board
             of the sensor.
         coded_centres: taxel centres as the plug-in contains them (fingers turned by 5 degrees); False: true centres.
@@ -101,7 +101,7 @@ class OriginalRules:
     boards_without_coordinates: bool = True
 
     def __post_init__(self) -> None:
-        """Check the distances. Raises ValueError."""
+        """Raise ValueError unless all distances are finite, the threshold is above 0 and the others are at least 0."""
         if not (np.isfinite(self.threshold_m) and self.threshold_m > 0):
             raise ValueError(f"threshold_m: expected metres above 0, found {self.threshold_m}")
         if not (np.isfinite(self.palm_tips_m) and self.palm_tips_m >= 0):
@@ -129,7 +129,11 @@ class ContactMemory:
         self._points: dict[int, StoredPoints] = {}
 
     def receive(self, message: ContactMessage) -> None:
-        """Replace the contact points of a board by those of a message."""
+        """Replace the contact points of a board with those of a message, according to `rules`.
+
+        A message without (relevant) contacts changes nothing, or clears the board's points if `rules.stale_contacts`
+        is False.
+        """
         entries = [entry for entry in message.entries if self.rules.any_partner or OBJECT in entry.bodies]
         if self.rules.first_entry_only:
             entries = _keep_first_entries(entries)
@@ -156,7 +160,10 @@ def _keep_first_entries(entries: Iterable[PairEntry]) -> list[PairEntry]:
 
 
 def _find_last_name(entries: Sequence[PairEntry], sensor: int) -> int:
-    """Return the board under whose name the plug-in stores a message: of the last pair, its first body if a board."""
+    """Return the board under whose name the plug-in stores a message, as an index in `hand.boards`.
+
+    It is the board in the last pair that contains one, and the first body if both are boards; `sensor` without any.
+    """
     name = sensor
     for first, second in (entry.bodies for entry in entries):
         if first >= 0:
@@ -167,7 +174,7 @@ def _find_last_name(entries: Sequence[PairEntry], sensor: int) -> int:
 
 
 def get_centres(hand: Hand, rules: OriginalRules) -> FloatArray:
-    """Taxel centres of the plug-in in the frame of each taxel's bracket, f64[n, 3], metres; NaN: not in the plug-in.
+    """Return the plug-in's taxel centres in the frame of each taxel's bracket, f64[n, 3], metres; NaN: unknown to it.
 
     Raises NoCodedCentresError if a rule of the original hand is on and `hand` is another hand.
     """
@@ -185,9 +192,10 @@ def get_centres(hand: Hand, rules: OriginalRules) -> FloatArray:
 def find_active(centres: FloatArray, points: StoredPoints, threshold_m: float) -> tuple[NDArray[np.bool_], FloatArray]:
     """Find the active taxels of one board: bool[n], and their forces f64[n], newtons.
 
-    centres: f64[n, 3], metres, in the frame of the points; NaN: no taxel. A taxel is active if its distance to a point
-    is below the threshold, and its force is the largest of these points. Of taxels with equal centres only the first is
-    active, since the plug-in compares positions to list each taxel once.
+    centres: f64[n, 3], metres, in the frame of the points; a taxel with NaN is never active. A taxel is active if its
+    distance to a point is below the threshold, and its force is the largest force of these points, 0 if it is inactive.
+    Of taxels with equal centres only the first can be active, since the plug-in compares positions to list each taxel
+    once.
     """
     active, force = np.zeros(len(centres), dtype=bool), np.zeros(len(centres))
     rows = np.flatnonzero(np.isfinite(centres).all(axis=1))
@@ -257,5 +265,5 @@ def find_pad_corners(position: FloatArray, normal: FloatArray, distal: FloatArra
 
 
 def get_surface_heights(hand: Hand, rules: OriginalRules) -> dict[str, float]:
-    """Height of the rigid surface over the electrodes by name of the board, metres: the tips of the palm, else 0."""
+    """Return the height of the rigid surface over the electrodes by board name, metres: 0 except on the palm."""
     return {board.name: rules.palm_tips_m if board.name == PALM_BOARD else 0.0 for board in hand.boards}

@@ -171,9 +171,9 @@ def _write_scene(
     self_contact: bool,
     heights_m: tuple[float, ...],
 ) -> str:
-    """Write a MuJoCo scene as MJCF text; arguments as for `build_scene`.
+    """Return a MuJoCo scene as MJCF text; arguments as for `build_scene`.
 
-    heights_m: height of the surface of each board over its electrodes, metres.
+    heights_m: height of each board's surface over its electrodes, metres.
     """
     dimensions = 3 if friction > 0 else 1
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
@@ -206,7 +206,10 @@ def _write_scene(
 
 @lru_cache(maxsize=4)
 def _load_robot_of(hand: Hand) -> Robot:
-    """Load the robot of a hand; the result is cached, because scenes with several objects share the robot."""
+    """Load the robot of a hand; the result is cached, because scenes with several objects share the robot.
+
+    Raises HandGeometryError for a hand without a robot.
+    """
     if hand.robot is None:
         raise HandGeometryError(hand.name)
     return load_robot(hand.robot)
@@ -214,7 +217,7 @@ def _load_robot_of(hand: Hand) -> Robot:
 
 @lru_cache(maxsize=4)
 def _write_board_meshes(hand: Hand, heights_m: tuple[float, ...]) -> str:
-    """Write the MJCF of the meshes of all boards; cached, because scenes with several objects share the hand."""
+    """Return the MJCF of the meshes of all boards; cached, because scenes with several objects share the hand."""
     return "".join(
         _write_mesh(_make_board_name(board), _compute_board_hull(hand, board, height))
         for board, height in zip(hand.boards, heights_m, strict=True)
@@ -251,7 +254,7 @@ def _write_pose(transform: FloatArray) -> str:
 
 
 def _write_mesh(name: str, vertices: FloatArray) -> str:
-    """Write the MJCF of a convex mesh; vertices: f64[v, 3], metres."""
+    """Return the MJCF of a convex mesh; vertices: f64[v, 3], metres."""
     return f'<mesh name={quoteattr(name)} vertex="{_write_row(vertices)}"/>\n'
 
 
@@ -271,12 +274,12 @@ def _compute_board_hull(hand: Hand, board: Board, height_m: float) -> FloatArray
 
 
 def _write_object_mesh(grasp_object: GraspObject) -> str:
-    """Write the MJCF of the object's mesh; "" for a cylinder, which needs no mesh."""
+    """Return the MJCF of the object's mesh; "" for a cylinder, which needs no mesh."""
     return "" if isinstance(grasp_object.shape, Cylinder) else _write_mesh("object", grasp_object.shape.mesh()[0])
 
 
 def _write_object_body(grasp_object: GraspObject) -> str:
-    """Write the MJCF of the stand, a plate on a spring with the surface z = 0 of its frame, and of the free object."""
+    """Return the MJCF of the stand (a plate on a spring, with its surface at z = 0) and of the free object on it."""
     if isinstance(grasp_object.shape, Cylinder):
         middle = f"0 0 {grasp_object.shape.height / 2!r}"
         geom = f'type="cylinder" size="{grasp_object.shape.radius!r} {grasp_object.shape.height / 2!r}" pos="{middle}"'
@@ -295,12 +298,12 @@ def _write_object_body(grasp_object: GraspObject) -> str:
 
 @lru_cache(maxsize=4)
 def _write_hand_body(hand: Hand, robot: Robot, wrist: str) -> str:
-    """Write the MJCF of the hand below the link `wrist`; cached, because scenes with several objects share it."""
+    """Return the MJCF of the hand below the link `wrist`; cached, because scenes with several objects share it."""
     return _write_link_body(hand, robot, wrist, list(_iterate_joints_below(robot, wrist)))
 
 
 def _write_link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], joint: Joint | None = None) -> str:
-    """Write the MJCF of the body of a link and of all bodies below the link.
+    """Return the MJCF of the body of a link and of all bodies below the link.
 
     joint: the joint above the link; None for the wrist, whose pose is prescribed. joints: all joints below the wrist.
     """
@@ -318,12 +321,12 @@ def _write_link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], j
 
 
 def _write_shape_geom(shape: Shape) -> str:
-    """Write the MJCF of a collision shape of a link."""
+    """Return the MJCF of a collision shape of a link."""
     return f'<geom type="{shape.type}" size="{_write_row(shape.size)}" {_write_pose(shape.origin)}/>\n'
 
 
 def _write_board_geom(board: Board) -> str:
-    """Write the MJCF of the rigid solid of a board at its pose on its link."""
+    """Return the MJCF of the rigid solid of a board at its pose on its link."""
     assert board.pose is not None  # build_scene has checked the boards
     name = quoteattr(_make_board_name(board))
     mass = f'mass="{BOARD_MASS_KG}" rgba="0.2 0.5 0.3 1"'

@@ -33,11 +33,10 @@ class Sensing:
     the bodies move; "rigid", rigid boards, and afterwards the approach and two tilts of each board at which uncoupled
     linear springs balance MuJoCo's net force and moments; "coupled", as "rigid" with springs that a membrane couples;
     "cones", the model of the thesis: contact points within a distance of taxel centres; "original", the contact plug-in
-    of the original simulator with the rules `original`, for the hand `original` (see
-    `taxel.sim.original_sensing`). stiffness_n_per_m: of the
-    linear springs under one taxel. cone_offset_m: distance from a cone's tip to the object up to which the cone
-    touches. cone_pitches: extension of the cones' bases beyond their own taxels, in pitches, to imitate contact
-    propagation.
+    of the original simulator with the rules `original`, for the hand `original` (see `taxel.sim.original_sensing`).
+    stiffness_n_per_m: of the linear springs under one taxel. cone_offset_m: distance from a cone's tip to the object up
+    to which the cone touches. cone_pitches: extension of the cones' bases beyond their taxels, in pitches, which
+    imitates contact propagation.
     """
 
     level: Level = "layer"
@@ -61,12 +60,13 @@ class SensedContact(NamedTuple):
 
 
 def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> SensedContact:
-    """Force and separation of every taxel of `hand` on an object of shape `shape` during `motion`.
+    """Compute force and separation of every taxel of `hand` on an object of shape `shape` during `motion`.
 
     With level "cones" an active taxel carries `NOMINAL_FORCE_N`, any other taxel no force, and the separations are
     those of the rigid geometry. The tips of the cones lie on the layer's surface, where the rigid boards touch: the
     cones of the thesis are as high as its layer. For a motion of rigid boards, such as an imported rollout, level
-    "layer" is evaluated as "rigid".
+    "layer" is evaluated as "rigid". Raises ValueError for level "original" if the motion has no messages of contact
+    sensors.
     """
     poses, objects = motion.sensor_poses, motion.object_pose
     if sensing.level == "layer" and motion.taxel_force is not None:
@@ -93,8 +93,8 @@ def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> Se
 def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_m: float) -> SensedContact:
     """Compute the taxel forces and separations of the uncoupled layer with `SPRINGS_PER_SIDE`^2 springs per taxel.
 
-    The margin of the sheet without electrodes bears its share of the load, which no taxel senses. stiffness_n_per_m: of
-    the layer over one taxel.
+    The margin of the sheet without electrodes bears its share of the load, which no taxel senses. stiffness_n_per_m:
+    stiffness of the layer over one taxel.
     """
     pieces = SPRINGS_PER_SIDE**2
     result = press_layer(

@@ -28,7 +28,7 @@ _MAX_COUNTS = np.iinfo(np.uint16).max
 
 
 class SensorModelError(TaxelError, ValueError):
-    """A parameter of the sensor model is out of range. Attributes: field, expected, found."""
+    """A parameter of the sensor model is out of range. field: its name. expected, found: strings for the message."""
 
     def __init__(self, field: str, expected: str, found: str) -> None:
         """Create the error for a parameter out of range; field: its name; expected, found: as text."""
@@ -74,8 +74,8 @@ class SimSensor:
     ) -> SensorModel:
         """Return the sensor model that a dataset of this hand stores.
 
-        stiffness_n_per_m: of the elastic layer over one taxel; layer: its kind, "coupled" or "uncoupled"; None: not
-        stated.
+        stiffness_n_per_m: of the elastic layer over one taxel. layer: "coupled" or "uncoupled", its springs. None: the
+        dataset does not state the value.
         """
         half_force = self.half_force_n * hand.area_share
         return SensorModel(
@@ -119,11 +119,11 @@ class SimSensor:
         return np.clip(np.rint(counts), 0, _MAX_COUNTS).astype(np.uint16)
 
     def attributes(self) -> dict[str, float]:
-        """The parameters as attributes of a dataset's group /sensor_model."""
+        """Return the parameters by name, as a dataset stores them in the attributes of its HDF5 group /sensor_model."""
         return asdict(self)
 
 
 def _number_rx_lines(hand: Hand) -> IndexArray:
-    """Return the number of the RX line of each taxel, counted over all boards, int[n]."""
+    """Return the number of each taxel's RX line, int[n]; the RX lines of all boards are numbered consecutively."""
     _, line = np.unique(hand.board_index * 256 + hand.rx, return_inverse=True)
     return np.asarray(line, dtype=np.intp)

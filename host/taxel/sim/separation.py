@@ -19,8 +19,8 @@ format.
 """
 
 MAX_INDENTATION_M = 0.003
-"""Largest indentation that counts as contact, metres: 1.5 times the 2 mm layer of the hand (chosen). A taxel surface
-deeper inside the object entered through another side, such as the flank of a wrapped board.
+"""Largest indentation that is treated as contact, metres: 1.5 times the 2 mm layer of the hand (chosen). A taxel
+surface deeper inside the object entered through another side, such as the flank of a wrapped board.
 """
 
 
@@ -43,11 +43,11 @@ def compute_separations(
     object_poses: npt.ArrayLike,
     max_indentation_m: float = MAX_INDENTATION_M,
 ) -> FloatArray:
-    """Distance from each taxel's surface to the object along the outward normal, metres, f64[T, n]; negative: indented.
+    """Compute the distance from each taxel's surface to the object along the outward normal, f64[T, n], metres.
 
-    The surface lies `hand.layer_m` above the electrode. The ray starts at the electrode, so that a surface inside the
-    object is detected; an indentation above `max_indentation_m` counts as a miss. `MISS_M` where the normal misses the
-    object or the object is farther away.
+    The distance is negative for an indented taxel, and `MISS_M` where the normal misses the object or the object is
+    farther away. The surface lies `hand.layer_m` above the electrode. The ray starts at the electrode, so that a
+    surface inside the object is detected; an indentation above `max_indentation_m` is treated as a miss.
 
     sensor_poses: brackets in the world, f64[T, s, 4, 4]. object_poses: f64[T, 4, 4]. Raises HandGeometryError if
     the hand's description gives no positions, LayerThicknessError if it gives no layer.
@@ -64,7 +64,7 @@ def compute_separations(
 def _find_motion(sensor_poses: FloatArray, object_poses: FloatArray) -> BoolArray:
     """Return the frames in which a board or the object has moved since the frame before, bool[T].
 
-    The first frame is true. Only these frames are computed, so that a hand at rest costs no time.
+    The first frame is true. Separations are computed only for these frames, so that a hand at rest costs no time.
     """
     moved = np.ones(len(object_poses), dtype=bool)
     boards = (sensor_poses[1:] != sensor_poses[:-1]).any(axis=(1, 2, 3))

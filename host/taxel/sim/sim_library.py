@@ -41,11 +41,14 @@ class ReferencedArrays:
     """NumPy arrays to which a C structure points, kept alive as long as this object."""
 
     def __init__(self) -> None:
-        """Keep no array yet."""
+        """Create an empty collection of arrays."""
         self._arrays: list[npt.NDArray[Any]] = []
 
     def add(self, array: npt.ArrayLike, dtype: npt.DTypeLike | None = None) -> int:
-        """Return the memory address of an array; it is copied if it has another type or memory layout."""
+        """Return the memory address of an array, and keep the array alive.
+
+        An array with a dtype other than `dtype`, or with a memory layout other than C's, is copied first.
+        """
         contiguous = np.require(array, dtype, "C")
         self._arrays.append(contiguous)
         return int(contiguous.ctypes.data)

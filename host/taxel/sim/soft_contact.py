@@ -38,8 +38,8 @@ MAX_DEPTH_M = 0.004
 
 MIN_SLOPE = 0.5
 """Smallest cosine between the axis of a column and the object's normal for which the column is compressed in full
-(chosen: surfaces tilted by up to 60 degrees). A column that the object enters from the side is loaded gradually: the
-depth counts as at most the distance to the side divided by this number.
+(chosen: surfaces tilted by up to 60 degrees). A column that the object enters from the side is loaded gradually: its
+depth is limited to the distance from that side of the object divided by this number.
 """
 
 
@@ -142,7 +142,7 @@ class _Grip(NamedTuple):
 
 
 def _make_cross(vectors: FloatArray) -> FloatArray:
-    """Matrices f64[m, 3, 3] that compute the cross product with vectors f64[m, 3]."""
+    """Build the matrices f64[m, 3, 3] that compute the cross product with vectors f64[m, 3]."""
     return cross(vectors[:, None, :], np.eye(3)[None]).transpose(0, 2, 1)
 
 
@@ -150,18 +150,18 @@ class LayerContact(Protocol):
     """Interface of the contact between the soft sheet of a hand and one solid shape."""
 
     def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray, advance: bool = False) -> SoftLoad:
-        """Load on the boards; brackets at `sensor_poses` f64[s, 4, 4], object at `object_pose` f64[4, 4], world.
+        """Compute the load on the boards; poses in the world: `sensor_poses` f64[s, 4, 4], `object_pose` f64[4, 4].
 
         advance: store where the columns stick to the object; call it once per time step, with the poses of the step.
         """
         ...
 
     def get_clearances(self) -> FloatArray:
-        """Lower bound of the distance from the layer of each board to the solid at the last load, f64[s], metres."""
+        """Return a lower bound of the distance of each board's layer from the solid at the last load, f64[s], m."""
         ...
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
-        """Normal force on every taxel, newtons, f64[n]. The load on the margin without electrodes is not included."""
+        """Compute the normal force on each taxel, f64[n], newtons. The load on the margin is not included."""
         ...
 
 
@@ -232,9 +232,10 @@ class SoftContact:
         return np.asarray(np.bincount(columns.piece // SPRINGS_PER_SIDE**2, force, count)[:count], dtype=np.float64)
 
     def _press_parts(self, columns: _Columns) -> tuple[FloatArray, FloatArray]:
-        """Compute the force along the normal, f64[m], newtons, and its stiffness f64[m], N/m, of parts of columns.
+        """Compute the normal force f64[m], newtons, and its stiffness f64[m], N/m, of m parts of columns.
 
-        The mean over a part follows from two depths with the mean and the standard deviation of the depths.
+        The mean force over a part follows from two depths that have the part's mean and standard deviation of the
+        depth.
         """
         area = self.sheet.area_share[columns.piece] * columns.area
         limited = np.maximum(columns.slope, MIN_SLOPE)
@@ -243,7 +244,7 @@ class SoftContact:
         return force, self._law.compute_stiffness(depths).mean(axis=0) * area / limited**2
 
     def _join_parts(self, columns: _Columns, pressing: FloatArray) -> _Grip:
-        """Sum the normal forces `pressing` f64[m] of the parts of each column."""
+        """Combine the m parts of columns into one contact per column; pressing: f64[m], normal forces, newtons."""
         piece, first, column = np.unique(columns.piece, return_index=True, return_inverse=True)
         normal, point = np.zeros((2, len(piece), 3))
         np.add.at(normal, column, pressing[:, None] * columns.normal)
@@ -256,10 +257,11 @@ class SoftContact:
         return _Grip(piece, columns.top[first], point, normal, magnitude, touched)
 
     def _shear_columns(self, grip: _Grip, advance: bool) -> tuple[FloatArray, FloatArray]:
-        """Compute force f64[n, 3] and stiffness f64[n, 3, 3] of the shear of columns, in the object's frame.
+        """Compute force f64[n, 3] and stiffness f64[n, 3, 3] of the shear of n columns, in the object's frame.
 
         A part of a column that touches the object anew is not sheared: while the touched share grows, the mean shear
-        decreases. advance: store where the columns stick to the object, and forget the points of all other columns.
+        decreases. advance: store where these columns stick to the object, and discard the points of all other columns.
+        Without friction, force and stiffness are 0.
         """
         across = np.eye(3) - grip.normal[:, :, None] * grip.normal[:, None, :]
         shear = np.nan_to_num(grip.top - self._anchors[grip.piece])
@@ -294,8 +296,8 @@ class SoftContact:
         half_sides = np.einsum("mij,msj->msi", rotation, self.sheet.half_sides[pieces])
         depth, normals = self._shape.view_faces(tops, axes, MIN_SLOPE)
         slopes = -(normals * axes[:, None]).sum(axis=2)
-        change = -np.einsum("mkj,msj->mks", normals, half_sides) / np.maximum(slopes, MIN_SLOPE)[..., None]
-        parts = divide_squares(depth, change)
+        depth_change = -np.einsum("mkj,msj->mks", normals, half_sides) / np.maximum(slopes, MIN_SLOPE)[..., None]
+        parts = divide_squares(depth, depth_change)
         column, face = parts.column, parts.face
         point = tops[column] + np.einsum("ms,msi->mi", parts.centre, half_sides[column])
         point -= parts.depth[:, None] * axes[column]

@@ -34,7 +34,9 @@ LIMIT_NM_PER_RAD: Final = 300.0
 LIMIT_NM_S_PER_RAD: Final = 1.0
 """Stiffness and damping of a joint beyond its range (chosen: 0.7 Nm move it by 2 mrad)."""
 BOARD_RADIUS_M: Final = 0.03
-"""Distance from a bracket's origin within which rotations of a board count in the choice of the step (chosen)."""
+"""Distance from a bracket's origin at which a board's rotation is converted to a motion, to choose the step
+(chosen).
+"""
 
 PRESLIDING_RAD: Final = 0.002
 """Rotation at which a joint at rest begins to slide against its dry friction, radians (chosen): below, the friction is
@@ -102,7 +104,7 @@ class SoftPush:
             remaining -= share
 
     def _choose_step(self, data: mujoco.MjData) -> float:
-        """Choose the next step as a part of `step_s`, so that no board near the object moves too far."""
+        """Choose the next substep as a fraction of `step_s`, in which no board near the object moves too far."""
         velocity = self._compute_jacobian(data, self._read_sensor_poses(data)) @ data.qvel
         speed = np.linalg.norm(velocity[:, :3], axis=1) + BOARD_RADIUS_M * np.linalg.norm(velocity[:, 3:], axis=1)
         is_near = self._contact.get_clearances() < speed * self.step_s + MOTION_PER_STEP_M
@@ -110,11 +112,14 @@ class SoftPush:
         return float(1.0 / np.clip(np.ceil(speed * self.step_s / MOTION_PER_STEP_M), 1, MAX_SUBSTEPS))
 
     def _separates(self, velocity: FloatArray) -> BoolArray:
-        """Whether each board moves along the force on it, away from the object; velocity: f64[s, 6], world."""
+        """Return whether each board moves along the force on it, away from the object, bool[s].
+
+        velocity: f64[s, 6], velocity and angular velocity relative to the object, world.
+        """
         return np.asarray((self._last_wrench * velocity).sum(axis=1) > 0.0)
 
     def _substep(self, data: mujoco.MjData, h: float) -> None:
-        """Advance the scene by h seconds. MuJoCo's positions and velocities in `data` are current before."""
+        """Advance the scene by h seconds; poses and velocities in `data` must be current (`mj_fwdVelocity`)."""
         model, inertia = self._model, self._inertia
         poses = self._read_sensor_poses(data)
         object_pose = self._read_object_pose(data)
@@ -143,7 +148,8 @@ class SoftPush:
         """Add the dry friction of the hinges to the equations of a step of h seconds, in place.
 
         The friction of a hinge is a spring to the angle at which the hinge came to rest, limited to `JOINT_FRICTION_NM`
-        (Dahl 1968, with an elastic-plastic spring). force, damping: f64[dofs].
+        (Dahl 1968, with an elastic-plastic spring). force: f64[dofs], right-hand side. damping: f64[dofs], added to the
+        diagonal of the matrix.
         """
         angles = data.qpos[self._hinge_angles]
         if self._stuck_angles is None:
@@ -158,8 +164,8 @@ class SoftPush:
     def _add_joint_limits(self, data: mujoco.MjData, h: float, force: FloatArray, damping: FloatArray) -> None:
         """Add stiff springs at the ends of the joints' ranges to the equations of a step of h seconds, in place.
 
-        The springs are implicit like the contact, so that a finger at its limit carries the force that its boards show.
-        force, damping: f64[dofs].
+        The springs are implicit like the contact, so that a finger at its limit bears the forces on its boards. force:
+        f64[dofs], right-hand side. damping: f64[dofs], added to the diagonal of the matrix.
         """
         angles = data.qpos[self._hinge_angles]
         excess = angles - np.clip(angles, self._min_angles, self._max_angles)
@@ -178,7 +184,10 @@ class SoftPush:
         system[self._object_dofs, self._object_dofs] += h * jacobian.T @ load.stiffness @ jacobian
 
     def _add_steadying(self, data: mujoco.MjData, h: float, force: FloatArray, system: FloatArray) -> None:
-        """Add the hand of the experimenter, which steadies the object, to the equations of a step, in place."""
+        """Add the experimenter's hand, which steadies the object, to the equations of a step of h seconds, in place.
+
+        force: f64[dofs]. system: f64[dofs, dofs], multiplies the new velocity. No change at a firmness of 0.
+        """
         if self.steadying.firmness == 0.0:
             return
         load, stiffness, damping = self.steadying.compute_load(data)
@@ -194,23 +203,23 @@ class SoftPush:
         return np.hstack([force, moment]), self._contact.compute_taxel_forces(poses, object_pose)
 
     def _read_sensor_poses(self, data: mujoco.MjData) -> FloatArray:
-        """Poses of the brackets in the world, f64[s, 4, 4]."""
+        """Return the poses of the brackets in the world, f64[s, 4, 4]."""
         poses = np.zeros((len(self._boards), 4, 4))
         poses[:, :3, :3] = data.xmat[self._boards].reshape(-1, 3, 3)
         poses[:, :3, 3], poses[:, 3, 3] = data.xpos[self._boards], 1.0
         return poses @ self._board_poses
 
     def _read_object_pose(self, data: mujoco.MjData) -> FloatArray:
-        """Pose of the object in the world, f64[4, 4]."""
+        """Return the pose of the object in the world, f64[4, 4]."""
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = data.xmat[self._object_body].reshape(3, 3), data.xpos[self._object_body]
         return pose
 
     def _compute_jacobian(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:
-        """Jacobian of the motion of each bracket relative to the object, f64[s, 6, dofs], world.
+        """Compute the Jacobian of the motion of each bracket relative to the object, f64[s, 6, dofs], world.
 
-        Velocity, then angular velocity, per unit velocity of each joint coordinate. The velocity is relative to the
-        object's point at the bracket's origin.
+        It contains velocity and angular velocity per unit velocity of each degree of freedom. The velocity is that of
+        the bracket's origin relative to the point of the object at the same place.
         """
         rotation_axis, centre = data.cdof[:, :3], data.subtree_com[self._roots]  # cdof refers to the tree's centre
         jacobian = np.empty((len(poses), 6, len(rotation_axis)))

@@ -78,7 +78,10 @@ class StandContact:
 
 
 def _find_corners(shape: Shape) -> FloatArray:
-    """Return the points of an object that can touch a plane, f64[k, 3], object frame; a circle is a polygon."""
+    """Return the points of an object that can touch a plane, f64[k, 3], object frame, metres.
+
+    These are the vertices of a polytope, or `RIM_POINTS` points on each rim of a cylinder.
+    """
     if isinstance(shape, ConvexPolytope):
         return shape.vertices
     assert isinstance(shape, Cylinder)

@@ -20,7 +20,7 @@ class Steadying:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Prepare the hold of the object of a scene; the experimenter holds the object at its first pose."""
+        """Prepare the hold on the object of a scene, at full firmness and at the object's pose in the first step."""
         model = scene.model
         body = model.body("object").id
         self._position = slice(
@@ -31,7 +31,10 @@ class Steadying:
         self.firmness = 1.0
 
     def set_firmness(self, firmness: float) -> None:
-        """Set how firmly the object is held. A hold that begins after 0 begins at the present pose of the object."""
+        """Set how firmly the object is held, 0 to 1.
+
+        When the firmness rises from 0, the next `compute_load` takes the object's pose as the rest pose of the hold.
+        """
         if self.firmness == 0.0 and firmness > 0.0:
             self._rest = None
         self.firmness = firmness
@@ -61,6 +64,6 @@ class Steadying:
 
 
 def _make_cross(vector: FloatArray) -> FloatArray:
-    """Matrix f64[3, 3] that computes the cross product with a vector f64[3]."""
+    """Build the matrix f64[3, 3] that computes the cross product with a vector f64[3]."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -12,8 +12,9 @@ def measure_baseline(
 ) -> BaselineResult:
     """Return the baseline (mean, noise, disturbed taxels) over `samples` frames of all responding boards.
 
-    scans: consumed up to the end of the measurement. progress: called with the completed share, 0 to 1. name: of the
-    link, for messages. Taxels of boards that do not respond are NaN. Raises `TaxelError` if the scans end before.
+    scans: consumed up to the end of the measurement. progress: called with the completed share, 0 to 1. name: name of
+    the link in error messages. If some boards have not delivered `samples` frames after twice as many scans, their
+    taxels are NaN. Raises `TaxelError` if the scans end before the measurement.
     """
     baseline = Baseline(n_taxels, samples=samples)
     cycles = 0

@@ -1,4 +1,4 @@
-"""A capture that can be cut at any byte that its reader has not confirmed."""
+"""A capture whose end can be removed from any byte on that the reader has not confirmed."""
 
 from collections import deque
 from typing import NamedTuple
@@ -7,7 +7,11 @@ from taxel.link import CaptureWriter
 
 
 class WrittenRecord(NamedTuple):
-    """A record of a capture: start of its bytes in the stream, its place in the file, and its arrival time."""
+    """A record of a capture.
+
+    start: position of its first byte in the stream. offset: position of the record in the file. time_ns: arrival time,
+    nanoseconds.
+    """
 
     start: int
     offset: int
@@ -38,9 +42,9 @@ class CaptureBytes:
         """Do nothing: each record is written at once."""
 
     def confirm(self, position: int, splits: bool = False) -> None:
-        """State that the bytes before `position` of the stream stay in the capture, where they are already.
+        """Mark the bytes before `position` of the stream as received by the reader, so that `cut` keeps them.
 
-        splits: not used.
+        The bytes are in the capture already. splits: not used.
         """
         while len(self._unconfirmed) > 1 and self._unconfirmed[1].start <= position:
             self._unconfirmed.popleft()

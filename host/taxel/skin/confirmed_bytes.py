@@ -8,7 +8,10 @@ from taxel.link.pcapng import PcapngWriter
 
 
 class ConfirmedBytes(ABC):
-    """Received bytes in memory until they are confirmed, for recordings that cannot be cut. A subclass writes them."""
+    """Queue of received bytes that are written when the reader has confirmed them, for files that cannot be cut.
+
+    A subclass writes the bytes to a file.
+    """
 
     def __init__(self) -> None:
         """Create a queue without bytes."""
@@ -16,13 +19,13 @@ class ConfirmedBytes(ABC):
         self._written = 0
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Take bytes of the hub, written when confirmed; time_ns: their arrival, nanoseconds of the link's clock."""
+        """Add received bytes to the queue; time_ns: their arrival time, nanoseconds of the link's clock."""
         self._unconfirmed.append(Chunk(data, time_ns))
 
     def confirm(self, position: int, splits: bool = False) -> None:
-        """Append the chunks that end within the first `position` bytes of the stream to the recording.
+        """Write the chunks that end within the first `position` bytes of the stream, which the reader has received.
 
-        splits: append also the first part of the chunk that contains `position`.
+        splits: also write the first part of the chunk that contains `position`.
         """
         while self._unconfirmed and self._written + len(self._unconfirmed[0].data) <= position:
             self._write_chunk(self._unconfirmed.popleft())
@@ -33,7 +36,7 @@ class ConfirmedBytes(ABC):
             self._write_chunk(Chunk(data[:size], time_ns))
 
     def cut(self, position: int) -> None:
-        """Append the bytes up to `position` of the stream to the recording, and discard the rest."""
+        """Write the bytes up to `position` of the stream, and discard all later bytes."""
         self.confirm(position, splits=True)
         self._unconfirmed.clear()
 

@@ -23,7 +23,10 @@ class JointRecordingSkin(RecordingSkin):
     """A skin on a link that records the bytes; the joint angles of each poll cycle are written to their own file."""
 
     def __init__(self, link: RecordingLink, hand: Hand, joints: JointHistory, output: LiveOutput) -> None:
-        """Open the skin, and write the heading of the joint angles to an open output."""
+        """Open the skin, and write the column names of the joint angles to the file `output`.
+
+        After an error the file is removed.
+        """
         self._joints = joints
         try:
             self._writer = JointFileWriter(output, joints.names)
@@ -33,7 +36,7 @@ class JointRecordingSkin(RecordingSkin):
             raise
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
-        """Check a taxel frame, and write the joint angles of each poll cycle."""
+        """Check a taxel frame and return it; write the joint angles at the first frame of each poll cycle."""
         frame = super()._check_frame(frame)
         self._writer.write_frame(self._joints, frame.cycle, frame.time_s)
         return frame

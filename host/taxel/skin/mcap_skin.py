@@ -39,7 +39,7 @@ class McapBytes(ConfirmedBytes):
         """Time of the latest frame, Unix nanoseconds."""
 
     def _append(self, chunk: Chunk) -> None:
-        """Append a chunk to the MCAP file."""
+        """Append a chunk to the MCAP file, at the time of the latest frame if arrival times are not real."""
         time_ns = chunk.arrival_ns
         file_ns = self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns
         self._file.write_bytes(chunk.data, time_ns, file_ns)
@@ -77,7 +77,10 @@ class McapSkin(RecordingSkin):
         self._has_baseline = False
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
-        """Check a taxel frame and write its ROS messages to the MCAP file; write a complete baseline once."""
+        """Check a taxel frame and return it; collect its ROS messages until its bytes are written.
+
+        When the baseline is complete, it is added to the metadata of the MCAP file.
+        """
         frame = super()._check_frame(frame)
         self._bytes.frame_ns = self._topics.time_ns(frame.time_s)
         self._delivered.extend(self._topics.take(frame))

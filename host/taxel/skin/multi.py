@@ -36,9 +36,10 @@ class MultiSkin:
     """
 
     def __init__(self, skins: Mapping[str, Skin]) -> None:
-        """Combine open skins with the same hand, which this object closes; skins: by the names of their ports.
+        """Combine open skins of the same hand, which this object then closes; skins: by the names of their ports.
 
-        Raises `DuplicateBoardError` if a board answers on two ports, `TaxelError` for a recording.
+        Raises `DuplicateBoardError` if a board answers on two ports, `TaxelError` for a recording. All skins are closed
+        after an error.
         """
         self.skins = dict(skins)
         self.hand = next(iter(skins.values())).hand
@@ -54,7 +55,10 @@ class MultiSkin:
             raise
 
     def _add_port(self, name: str, skin: Skin) -> None:
-        """Assign the boards of a port to it. Raises an error for a recording, or a board of another port."""
+        """Assign the boards that a port has found to this port.
+
+        Raises `TaxelError` for a recording, and `DuplicateBoardError` for a board that another port has found.
+        """
         if skin.link.is_recorded:
             raise TaxelError(f"{name}: is a recording; several ports of one skin must be live")
         for address in skin.hub.boards:
@@ -96,7 +100,7 @@ class MultiSkin:
         return sum(skin.bytes_waiting for skin in self.skins.values())
 
     def get_port(self, address: int) -> str | None:
-        """Name of the port of a board; None if no port has found the board."""
+        """Return the name of the port of a board; None if no port has found the board."""
         return self._ports.get(address)
 
     def is_synchronised(self, address: int) -> bool:
@@ -112,7 +116,10 @@ class MultiSkin:
         return [frame for frames in self._poll_ports(timeout_s).values() for frame in frames]
 
     def _poll_ports(self, timeout_s: float) -> dict[str, list[TaxelFrame]]:
-        """Frames that have arrived on each port; waits up to about `timeout_s` seconds for the first."""
+        """Return the frames that have arrived, by port name; ports without frames are omitted.
+
+        Waits up to about `timeout_s` seconds for the first frame.
+        """
         arrived = self._take(0.0)
         waited_s = 0.0
         while not arrived and waited_s < timeout_s:
@@ -121,7 +128,10 @@ class MultiSkin:
         return arrived
 
     def _take(self, timeout_s: float) -> dict[str, list[TaxelFrame]]:
-        """Frames of each port that has any, after a wait of at most `timeout_s` seconds for each port."""
+        """Take the frames of each port that has any, by port name, after a wait of at most `timeout_s` for each port.
+
+        Raises `DuplicateBoardError` for a frame of a board that belongs to another port.
+        """
         arrived = {}
         for name, skin in self.skins.items():
             if frames := skin.poll(timeout_s):
@@ -148,16 +158,19 @@ class MultiSkin:
                 for scan in self.skins[name].collect_scans(frames):
                     self._scans[name] = scan
                     self._latest_s[name] = scan.time_s
-            if self._scans and self._list_awaited() <= self._scans.keys():
-                yield self._merge()
+            if self._scans and self._list_required_ports() <= self._scans.keys():
+                yield self._merge_scans()
 
-    def _list_awaited(self) -> set[str]:
-        """Names of the ports whose next scan belongs to the next merged scan: those that are not silent."""
+    def _list_required_ports(self) -> set[str]:
+        """Return the names of the ports whose scan is required for the next merged scan.
+
+        These are the ports whose latest scan is at most `SILENT_S` older than the newest scan of any port.
+        """
         newest_s = max(self._latest_s.values())
         return {name for name in self.skins if newest_s - self._latest_s.setdefault(name, newest_s) <= SILENT_S}
 
-    def _merge(self) -> SkinFrame:
-        """Combine the waiting scans of the ports to one, and remove them."""
+    def _merge_scans(self) -> SkinFrame:
+        """Combine the waiting scans of the ports into one frame of the whole skin, and remove them."""
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self.hand.n_taxels, dtype=bool)
         for scan in self._scans.values():

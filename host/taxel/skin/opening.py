@@ -1,4 +1,4 @@
-"""Open a skin: from a URL to a link, a hand description and an iterator over frames."""
+"""Opening of a skin: from a URL to a link, a hand description and an iterator over frames."""
 
 import os
 from contextlib import ExitStack
@@ -45,8 +45,8 @@ def open_skin(
     With the option `protocol=original`, the URL of a serial port, socket, file or emulator reads the original hub (see
     `taxel.original_hub.open_original`); the default hand is then `original`.
 
-    Raises `TaxelError` with one line for a missing port, a hub that does not respond, another protocol version, a
-    board that the hand does not have, or a board that answers on two ports.
+    Raises a one-line `TaxelError` for a missing port, a hub that does not respond, another protocol version, a board
+    that the hand does not have, or a board that answers on two ports.
     """
     if not isinstance(url, str):
         return _open_ports(url, hand, rate_hz, frames)
@@ -76,7 +76,10 @@ def _open_ports(
 
 
 def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
-    """Open the link of a URL, and return it with the hand at its other end; arguments and errors as in `open_skin`."""
+    """Open the link of a URL; return (link, description of the hand), without starting the frames.
+
+    Arguments and errors are those of `open_skin`.
+    """
     if is_original_url(url):
         return open_original(url, hand)
     description = _resolve_hand(hand or DEFAULT_HAND)
@@ -91,9 +94,9 @@ def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> 
 
 
 def open_waiting_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
-    """Open the link of a URL as `open_source`; a port that vanishes later is waited for, and opened again.
+    """Open the link of a URL as `open_source`; a port that vanishes later is opened again when it is back.
 
-    Recordings and emulated skins in this process end as with `open_source`: they do not come back.
+    Recordings and emulators in this process end as with `open_source`, because they cannot come back.
     """
     link, description = open_source(url, hand)
     if link.is_recorded or not link.is_real_time or url.startswith("emulator:"):
@@ -112,12 +115,15 @@ def load_recorded_hand(link: Link) -> Hand:
 
 
 def _resolve_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
-    """Return the hand: itself, or loaded from a packaged name or a description file."""
+    """Return `hand` itself, or load the hand with this packaged name or from this description file."""
     return hand if isinstance(hand, Hand) else load_hand(hand)
 
 
 def _split_frame_format(url: str, frames: FrameFormat | None) -> tuple[str, FrameFormat]:
-    """Return the URL without its option `frames`, and the frame format. The argument precedes the option of the URL."""
+    """Return (URL without its option `frames`, frame format).
+
+    The format is the argument `frames`, else the option of the URL, else "plain". Raises LinkError for another format.
+    """
     head, mark, query = url.partition("?")
     if not mark or url.startswith("file:"):
         return url, frames or "plain"

@@ -1,4 +1,4 @@
-"""Open a skin whose bytes, and on request whose topics, are written to a file while its frames are read."""
+"""Opening of a skin that is recorded: its bytes, and in an MCAP file its topics, are written while frames are read."""
 
 import os
 from typing import Any
@@ -35,16 +35,16 @@ def open_recorded(
     waits: bool = False,
     proximity: str | os.PathLike[str] | None = None,
 ) -> RecordingSkin:
-    """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
+    """Open the skin at a URL with the same arguments as `taxel.open`, and record it to a file.
 
-    path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
+    path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's ROS topics (needs the extra
     `ros`); a name that ends in .pcapng makes a file for Wireshark, and any other name a capture, both with the bytes
-    alone. joint_position: joint angles of the hand's robot, radians [j], or a function that returns them, for the TF
-    tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, beside a
-    file without topics in the file PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and
-    continues in the same file (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP
-    file also contains the targets before contact. Raises `CaptureError`, before anything is opened, if the file exists
-    and `overwrite` is False.
+    alone. joint_position: joint angles of the hand's robot, f64[j], radians, or a function that returns them, for the
+    TF tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, of a
+    file without topics in PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and continues
+    in the same file (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP file also
+    contains distance and speed of objects that approach the skin. Raises `CaptureError`, before anything is opened, if
+    the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
@@ -61,7 +61,11 @@ def open_recorded(
 def _open_recorded_watch(
     path: str | os.PathLike[str], calibration: str | os.PathLike[str], hand: Hand
 ) -> ProximityWatch:
-    """Open the estimators of an MCAP file. Raises `CaptureError` for a file of another kind, which has no topics."""
+    """Open the proximity estimators whose results are written to an MCAP file.
+
+    path: the recording. calibration: proximity calibration file. Raises `CaptureError` for a recording of another
+    format, which has no topics.
+    """
     if not os.fspath(path).endswith(MCAP_SUFFIX):
         raise CaptureError(os.fspath(path), f"contains no topics; a file with proximity needs a name in {MCAP_SUFFIX}")
     return open_watch(calibration, hand)
@@ -80,8 +84,9 @@ def record_link(
 ) -> RecordingSkin:
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
 
-    output, joint_output: open outputs that are written instead of `path`, and instead of the file of measured joint
-    angles beside a capture; None: new files. proximity: estimators of targets before contact (MCAP files).
+    header: header of the recording; constant joint angles are added to it. output: open output that is written instead
+    of `path`; None: a new file. joint_output: the same for the file of measured joint angles beside a capture.
+    proximity: estimators of distance and speed of approaching objects, for MCAP files.
     """
     if joint_position is None:
         joint_position = header.get("joint_position")
@@ -109,14 +114,20 @@ def record_link(
 def _open_writer(
     path: str | os.PathLike[str], header: dict[str, Any], overwrite: bool, output: LiveOutput | None
 ) -> CaptureBytes | PcapngBytes:
-    """Create a PCAPNG file for a name that ends in .pcapng, else a capture; output: as in `record_link`."""
+    """Create the writer of a PCAPNG file for a name that ends in .pcapng, else of a capture.
+
+    output: open output that is written instead of `path`; None: a new file.
+    """
     if os.fspath(path).endswith(PCAPNG_SUFFIX):
         return PcapngBytes(PcapngWriter(path, header, overwrite, output))
     return CaptureBytes(CaptureWriter(path, header, overwrite, output))
 
 
 def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
-    """Return a function that returns joint angles: the given function, or one with fixed angles; None for None."""
+    """Return a function that returns joint angles, f64[j], radians: the given function, or one with constant angles.
+
+    None for None.
+    """
     if joint_position is None or callable(joint_position):
         return joint_position
     fixed = np.asarray(joint_position, dtype=np.float64)
@@ -135,9 +146,9 @@ def _record_mcap(
 ) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
-    header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
-    output: open output that is written instead of `path`; None: a new file. proximity: estimators of targets before
-    contact.
+    header: header of the recording. joint_position: joint angles, f64[j], radians, or a function that returns them.
+    output: open output that is written instead of `path`; None: a new file. proximity: estimators of distance and speed
+    of approaching objects; None: no such topics.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install

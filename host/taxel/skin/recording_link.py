@@ -13,7 +13,7 @@ from taxel.version import VERSION
 
 
 class ByteWriter(Protocol):
-    """A recording that takes bytes with their arrival times."""
+    """Interface of the writers that record received bytes with their arrival times."""
 
     def write(self, data: bytes, time_ns: int) -> None:
         """Append received bytes to the recording; time_ns: their arrival, nanoseconds of the link's clock."""
@@ -24,9 +24,9 @@ class ByteWriter(Protocol):
         ...
 
     def confirm(self, position: int, splits: bool = False) -> None:
-        """State that the bytes before `position` of the stream stay in the recording.
+        """Mark the bytes before `position` of the stream as received by the reader, so that they stay in the recording.
 
-        splits: write them now, even if that divides a chunk of received bytes into two.
+        splits: write these bytes now, even if a chunk of received bytes is then divided into two.
         """
         ...
 
@@ -69,7 +69,7 @@ class RecordingLink:
         self._link.write(data)
 
     def confirm(self, position: int, splits: bool = False) -> None:
-        """State that the reader has received the frames in the first `position` bytes; splits: as in `ByteWriter`."""
+        """Mark the first `position` bytes as received by the reader; splits: as in `ByteWriter.confirm`."""
         self._writer.confirm(position, splits)
 
     def cut(self, position: int) -> None:
@@ -87,12 +87,12 @@ class RecordingLink:
 def make_recording_header(
     url: str, link: Link, hand: Hand, hand_source: Hand | str | os.PathLike[str] | None
 ) -> dict[str, Any]:
-    """Make the header of a recording as JSON values, complete enough to read the file without any other file.
+    """Return the header of a recording as JSON values; with it the recording can be read without any other file.
 
     hand_source: the hand as the caller named it, whose description text is stored if there is one; None: `hand`.
-    Fields: `clock`, the time base ("host": arrival times; "hub": the hub's clock); `epoch_offset_ns`, from that clock
-    to Unix time (0: unknown); `hand_description`, text of the hand's file. The header of a source that is a recording
-    itself takes precedence.
+    Fields: `clock`, the time base ("host": arrival times; "hub": the hub's clock); `epoch_offset_ns`, Unix time minus
+    the time of that clock, nanoseconds (0: unknown); `hand_description`, text of the hand's file. If the link plays a
+    recording, the fields of that recording's header take precedence, except `clock`.
     """
     clock = "host" if has_arrivals(link) else "hub"
     offset_ns = time.time_ns() - (time.monotonic_ns() if clock == "host" else 0)

@@ -10,8 +10,8 @@ from taxel.skin.skin import Skin
 from taxel.stream import TaxelFrame
 
 WRITE_PERIOD_S: Final = 0.1
-"""Longest time between two writes of delivered frames, seconds. A killed program loses at least the frames since the
-last write, and a shorter time divides the received bytes into smaller parts.
+"""Longest time between two writes of delivered frames, seconds. A killed program loses the frames since the last write;
+a shorter time divides the received bytes into smaller parts.
 """
 
 
@@ -35,7 +35,10 @@ class RecordingSkin(Skin):
         super().__init__(link, hand)
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
-        """Read the link after the reader has received all frames, which confirms the bytes before."""
+        """Write all bytes read so far, since the reader has received all their frames, and then read the link.
+
+        Raises EOFError at the time `end_s` of a real-time source.
+        """
         if self.end_s is not None and self.link.is_real_time and time.monotonic() >= self.end_s:
             raise EOFError
         self.on_wait()
@@ -44,7 +47,7 @@ class RecordingSkin(Skin):
         super()._read_link(timeout_s)
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
-        """Check a taxel frame; write what was delivered before if that is due, also within many waiting frames."""
+        """Check a taxel frame and return it; write the bytes of earlier frames if `WRITE_PERIOD_S` has passed."""
         frame = super()._check_frame(frame)
         now_s = time.monotonic()
         if now_s - self._written_s > WRITE_PERIOD_S and not self.link.is_recorded:
@@ -57,7 +60,7 @@ class RecordingSkin(Skin):
         self._recording.confirm(position, splits)
 
     def end_recording(self) -> None:
-        """End reading and recording after the last frame that the reader has received.
+        """Stop reading the link, and end the recording after the last frame that the reader has received.
 
         Losses and byte counts of the skin then describe the recording. Raises `CaptureError` if the file cannot be
         written.

@@ -33,10 +33,10 @@ class BoardMismatchError(TaxelError):
 class Skin:
     """An open skin: an iterator over the frames of its boards (`TaxelFrame`), in the order of their arrival.
 
-    Use the skin as a context manager. The iteration ends at the end of a recording. It raises a `TaxelError` of one
-    line if the port vanishes (unless its link opens the port again: `taxel.link.ReopeningLink`), or if a frame comes
-    from a board that the hand does not have; all earlier frames are delivered first. After a restart of the hub, the
-    handshake and START are repeated.
+    Use the skin as a context manager. The iteration ends at the end of a recording. The iteration raises a one-line
+    `TaxelError` if the port vanishes (unless its link opens the port again: `taxel.link.ReopeningLink`), or if a frame
+    comes from a board that the hand does not have; all earlier frames are delivered first. After a restart of the hub,
+    the handshake and START are repeated.
     """
 
     _is_recording = False
@@ -44,8 +44,9 @@ class Skin:
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
         """Start the stream of taxel frames of a hub, unless the link is a recording.
 
-        hand: description of the boards that are connected. rate_hz: scan rate; None: the highest possible rate. frames:
-        format of the frames on the wire, "plain" or "compact".
+        hand: description of the connected boards. rate_hz: highest rate of poll cycles; None: the rate that the bus
+        permits. frames: format of the frames on the wire, "plain" or "compact". Raises TaxelError, and closes the link,
+        if the hub does not respond or a board differs from the description.
         """
         self.hand = hand
         self.hub = HubClient(link)
@@ -85,9 +86,10 @@ class Skin:
         self.hub.start(self._compact, is_first=False)  # a restart of the hub resets the counting of poll cycles anyway
 
     def _resume_if_possible(self, reconnection: Reconnection) -> None:
-        """Repeat the handshake of a port that was opened again; without a reply, the next call repeats it.
+        """Repeat handshake, poll rate and START if the port was opened again or the hub has restarted.
 
-        The frames that arrive meanwhile are kept. Raises `VersionError` for a hub of another protocol.
+        Without a reply of the hub, the next call repeats the attempt. Frames that arrive meanwhile are kept. Raises
+        `VersionError` for a hub of another protocol.
         """
         openings = reconnection.openings
         if not reconnection.is_open or (self.hub.has_handshake and openings == self._openings):
@@ -102,7 +104,9 @@ class Skin:
         self._openings = openings
 
     def _discover_boards(self) -> None:
-        """Read the boards that the hub has found, until all boards of the hand are found or time is up."""
+        """Read the boards that the hub has found, until it has found all boards of the hand or `DISCOVERY_TIMEOUT_S`
+        has passed.
+        """
         now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:
@@ -112,9 +116,9 @@ class Skin:
             self.hub.wait(0.05)
 
     def _check_board(self, address: int, fields: dict[str, Any]) -> None:
-        """Raise `BoardMismatchError` if the board at `address` has other taxels than the hand's board at this address.
+        """Raise `BoardMismatchError` if the taxels of the board at `address` differ from those of the hand's board.
 
-        fields: fields of the BOARD_INFO message of the board.
+        fields: fields of the board's BOARD_INFO message. Raises UnknownBoardError if the hand has no board there.
         """
         board = self.hand.get_board(address)  # raises UnknownBoardError
         found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
@@ -191,7 +195,11 @@ class Skin:
         return arrived
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
-        """Wait up to `timeout_s` for bytes of the hub and decode them; restart the stream if the hub has restarted."""
+        """Wait up to `timeout_s` seconds for bytes of the hub and decode them.
+
+        If the hub has restarted or the port was opened again, the stream is started again first. Raises EOFError at the
+        end of a recording, and the errors of the link.
+        """
         if self.reconnection is not None:
             self._resume_if_possible(self.reconnection)
         elif not (self.hub.has_handshake or self._stream.link.is_recorded):
@@ -220,27 +228,27 @@ class Skin:
         for frame in self:
             yield from self.collect_scans([frame])
         while (frames := self._sorter.pop(is_end=True)) is not None:
-            yield self._assemble(frames)
+            yield self._combine_frames(frames)
 
     def expect_boards(self, count: int) -> None:
-        """Set the number of boards whose frames complete a poll cycle: those of this port, if other ports have others.
+        """Set the number of boards whose frames complete a poll cycle, before the first scan.
 
-        Call it before the first scan.
+        If the hand's boards are on several ports, this is the number of boards on this skin's port.
         """
         self._sorter = CycleSorter(max(count, 1))
 
     def collect_scans(self, frames: Iterable[TaxelFrame]) -> Iterator[SkinFrame]:
         """Add frames of boards to their poll cycles, and yield the frames of the whole skin that are then complete.
 
-        frames: of this skin, in the order of their arrival. Incomplete cycles remain for the next call.
+        frames: frames of this skin, in the order of their arrival. Incomplete cycles remain for the next call.
         """
         for frame in frames:
             self._sorter.add(frame)  # the sorter outlives the caller's iterator, whose successor finishes the cycle
             while (complete := self._sorter.pop()) is not None:
-                yield self._assemble(complete)
+                yield self._combine_frames(complete)
 
-    def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
-        """Combine the frames of one poll cycle to a frame of the whole skin; taxels of missing boards are not valid."""
+    def _combine_frames(self, frames: list[TaxelFrame]) -> SkinFrame:
+        """Combine the frames of one poll cycle into one of the whole skin; taxels of missing boards are not valid."""
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self.hand.n_taxels, dtype=bool)
         for frame in frames:

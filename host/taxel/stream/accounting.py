@@ -11,8 +11,9 @@ from taxel.stream.decoder import ADDRESSES, StreamDecoder
 class BoardCount(NamedTuple):
     """Frame counts of one board.
 
-    `received`: complete frames. `missing`: poll cycles without a frame of the board, between two cycles with a frame,
-    in which the board had a new scan. `damaged`: frames rejected because the board's CRC was wrong.
+    `received`: number of complete frames. `missing`: number of poll cycles without a frame of the board, between two
+    cycles with a frame, in which the board had a new scan. `damaged`: number of frames rejected for a wrong CRC of the
+    board.
     """
 
     received: int
@@ -51,7 +52,7 @@ class LossAccount:
     def unknown_frames(self) -> int:
         """Number of complete frames that this version does not define: an unknown type, or a longer payload.
 
-        A hub of a newer version sends them. They are part of `frames_received`, and are no damage.
+        A hub of a newer version sends such frames. They are part of `frames_received`, and are not damaged.
         """
         return int(self._decoder.totals[3])
 

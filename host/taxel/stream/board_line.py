@@ -12,10 +12,11 @@ SYNC_TOLERANCE_US = 300.0
 
 
 class BoardLine:
-    """Clock readings (board, hub) in unwrapped integer microseconds, with the running sums of a least-squares fit.
+    """Latest readings of a board's clock, and a least-squares line from board time to hub time.
 
-    A hub with one board sends 60 readings per second, so the sums are updated instead of recomputed. They are exact
-    integers and accumulate no rounding error in a long stream.
+    A reading is (board time, hub time), unwrapped integer microseconds. A hub with one board sends 60 readings per
+    second, so the sums of the fit are updated instead of recomputed. The sums are exact integers and accumulate no
+    rounding error in a long stream.
     """
 
     def __init__(self) -> None:
@@ -39,9 +40,9 @@ class BoardLine:
             self._update_sums(*self._readings.popleft(), -1)
 
     def _update_sums(self, x: int, y: int, sign: int) -> None:
-        """Add a pair of clock readings (sign 1) to the sums of the line fit, or remove it (sign -1).
+        """Add a clock reading to the sums of the line fit (sign 1), or remove it (sign -1).
 
-        x: board time, y: hub time, microseconds.
+        x: board time, microseconds. y: hub time, microseconds.
         """
         self._x += sign * x
         self._y += sign * y
@@ -68,9 +69,10 @@ class BoardLine:
         return (offset, slope) if squares <= SYNC_TOLERANCE_US**2 else self._fit_without_outliers(offset, slope)
 
     def _fit_without_outliers(self, offset: float, slope: float) -> tuple[float, float]:
-        """Return the given line if all pairs of clock readings are within the tolerance, else the Theil-Sen line.
+        """Return the given line if all clock readings are within the tolerance of it, else the Theil-Sen line.
 
-        offset: microseconds. slope: hub microseconds per board microsecond.
+        The Theil-Sen line has the median of the slopes between all pairs of readings, so a damaged reading hardly
+        changes it. offset, slope: as `fit` returns them.
         """
         x, y = self.last
         board = np.array([board_us - x for board_us, _ in self._readings], dtype=float)

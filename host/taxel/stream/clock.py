@@ -18,10 +18,12 @@ from taxel_protocol import FrameType
 
 BIN_US = 50_000.0
 BINS = 400
-"""Number of bins of `BIN_US` in the lower envelope; each bin contributes its earliest arrival."""
+"""Largest number of bins in the lower envelope. A bin is an interval of `BIN_US` of hub time, in microseconds; each bin
+contributes the arrival with the smallest delay.
+"""
 
 REFIT_BINS = 10
-"""Bins after which the line is fitted again although no point lies below it."""
+"""Number of bins after which the line is fitted again although no point lies below it."""
 
 RATE_TOLERANCE = 0.025
 """Largest relative rate difference between hub and host: 2 % of the hub's oscillator plus the host's error."""
@@ -39,12 +41,15 @@ _WRAP = 1 << 32
 
 
 def _is_plausible(step_us: int, elapsed_us: int) -> bool:
-    """Whether a board clock advanced like the hub clock, within 10 % and 1 ms; no oscillator is off by 10 %."""
+    """Whether a board clock that advanced by `step_us` agrees with the hub clock, which advanced by `elapsed_us`.
+
+    The tolerance is 10 % plus 1 ms; no oscillator is off by 10 %.
+    """
     return abs(step_us - elapsed_us) <= 0.1 * elapsed_us + 1000
 
 
 class LowerEnvelope:
-    """Line below a set of points (hub time x, host time y), which estimates the smallest delay between the clocks.
+    """Line below a set of points (hub time x, host time y): host times of bytes that arrived with the smallest delay.
 
     The line contains the edge of the lower convex hull at the middle of the span of x.
     """
@@ -112,15 +117,13 @@ class LowerEnvelope:
 
 
 class ClockMap:
-    """Mapping of the times of one stream, hub time and board times, to the host's clock.
-
-    `baud`: of the hub's port. `has_arrivals`: whether arrival times are real; if not, hub time is the time base.
-    """
+    """Mapping of the times of one stream, hub time and board times, to the host's clock."""
 
     def __init__(self, baud: float, has_arrivals: bool) -> None:
-        """Create the clock mapping of one stream; baud: of the hub's port; has_arrivals: arrival times are real.
+        """Create the clock mapping of one stream.
 
-        The arrays with 128 elements have one element per 7-bit board address.
+        baud: bits per second of the hub's port. has_arrivals: whether arrival times are real; if not, hub time is the
+        time base of the result. The arrays with 128 elements have one element per 7-bit board address.
         """
         self._byte_us = 10e6 / baud
         self._has_arrivals = has_arrivals
@@ -151,9 +154,9 @@ class ClockMap:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
 
     def _take_uptime(self, uptime_us: int) -> None:
-        """Update the latest hub time, microseconds; a decrease by more than `RESTART_US` is a restart of the hub.
+        """Update the latest hub time with the uptime of a hub message, microseconds.
 
-        A restart discards the mapping of the clocks.
+        A decrease by more than `RESTART_US` indicates a restart of the hub, which discards the mapping of the clocks.
         """
         if uptime_us < self._hub_us - RESTART_US:  # the hub has restarted, and its clock with it
             self._envelope = LowerEnvelope()
@@ -180,7 +183,10 @@ class ClockMap:
         self._update_line(address, line)
 
     def _handle_implausible_sync(self, address: int, board_us: int, hub_us: int) -> None:
-        """Decide between a damaged reading of a board's clock and a restart of the board; times in microseconds."""
+        """Store a clock reading that does not follow the board's line; after a second consistent one, start a new line.
+
+        board_us: time of the board's clock. hub_us: hub time of the reading, microseconds.
+        """
         # A single implausible reading was damaged on the bus (it has no CRC); two consistent ones are a board restart.
         earlier = self._implausible.get(address)
         self._implausible[address] = (board_us, hub_us)
@@ -204,7 +210,11 @@ class ClockMap:
         self._is_mapped[address] = True
 
     def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
-        """Return the scan starts of taxel frames (dtype `ROW`), f64[k], microseconds of hub time."""
+        """Return the scan starts of k taxel frames (dtype `ROW`), f64[k], microseconds of hub time.
+
+        A frame whose board clock is not mapped, or whose mapped time is implausible, gets the time at which the hub
+        read it.
+        """
         if not len(rows):
             return np.zeros(0)
         address = rows["address"].astype(np.intp)  # indexing with intp is ten times faster in numpy

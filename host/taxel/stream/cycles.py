@@ -3,7 +3,9 @@
 from taxel.stream.frames import TaxelFrame
 
 CYCLES_IN_FLIGHT = 2
-"""Largest number of incomplete poll cycles: a cycle is released when a frame of the next but one cycle arrives."""
+"""Largest number of incomplete poll cycles. An incomplete cycle is released when a frame of the second cycle after it
+arrives.
+"""
 
 
 class CycleSorter:

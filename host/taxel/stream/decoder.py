@@ -32,7 +32,7 @@ ROW = np.dtype(
 """`struct taxel_batch_row` of firmware/codec/batch.h."""
 
 BOARD_CRC_BAD = 1
-"""Row flag: the frame CRC is correct, the board's own CRC-32 is not."""
+"""Row flag: the CRC of the hub's frame is correct, but the CRC-32 of the board inside it is not."""
 
 ADDRESSES = 128
 TOTALS = 4 + 4 * ADDRESSES
@@ -114,9 +114,9 @@ class StreamDecoder:
         self._library.taxel_batch_forget_cycles(self._state)
 
     def take_acknowledgements(self) -> bytes:
-        """Remove and return the pending acknowledgements of key frames, as the payload of an ACKNOWLEDGE frame.
+        """Remove and return pending acknowledgements of key frames, as the payload of an ACKNOWLEDGE frame.
 
-        Empty if none are pending. The caller must send the payload.
+        Empty if none are pending. The caller must send the payload, and repeat the call until the result is empty.
         """
         size = self._library.taxel_batch_take_acknowledgements(self._state, self._acknowledgements, _ACKNOWLEDGEMENTS)
         return self._acknowledgements.raw[:size] if size else b""

@@ -59,7 +59,7 @@ class Deframer:
         self._frames: list[tuple[int, int, bytes]] = []
 
     def _append_frame(self, _: int | None, frame: Any) -> None:
-        """Store a frame found by the C deframer, which calls this method."""
+        """Store a frame that the C deframer has found. The C deframer calls this method."""
         content = frame.contents
         self._frames.append((content.type, content.sequence, ctypes.string_at(content.payload, content.length)))
 

@@ -14,10 +14,14 @@ from taxel_protocol.layout import pack
 from taxel_protocol.limits import PAYLOAD_MAX
 
 STATUS_PERIOD_S = 1.0
-"""Period of the encoded HUB_STATUS frames, as of a physical hub; their uptime unwraps the 32-bit times."""
+"""Period of the encoded HUB_STATUS frames, seconds, as of a physical hub. The uptime in these frames unwraps the 32-bit
+times of taxel frames.
+"""
 
 PAUSE_S = 60.0
-"""Longest recorded time between two pauses of the reader; must be below the wrap of the 32-bit microseconds."""
+"""Longest recorded time, seconds, after which `FramesLink.read` returns None once, so that the reader decodes what it
+has. Must be below the wrap of 32-bit microseconds.
+"""
 
 _HEADERS = struct.Struct("<BBHIHI")
 _WIRE_MAX = 2 * PAYLOAD_MAX + 64
@@ -36,7 +40,10 @@ def encode_on_wire(frame_type: FrameType, sequence: int, payload: bytes) -> byte
 
 
 def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
-    """Encode a TAXELS frame for the wire. `sequence`: of the hub frame; `hub_time_us`: replaces the time in `frame`."""
+    """Encode a TAXELS frame for the wire.
+
+    `sequence`: sequence number of the hub's frame. `hub_time_us`: replaces the hub time of `frame`.
+    """
     counts = frame.raw_counts.astype("<u2").tobytes()
     headers = _HEADERS.pack(
         frame.address, len(frame.raw_counts), frame.cycle, hub_time_us % (1 << 32), frame.sequence, frame.board_time_us
@@ -49,8 +56,8 @@ def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
 class FramesLink:
     """Read-only link that encodes recorded frames as the bytes of a hub; `time_s` is kept to the microsecond.
 
-    `frames`: in order of arrival. The bytes differ from the recorded bytes: other hub messages, the original
-    `hub_time_us` and the number of frames lost on the wire are not reproduced.
+    `frames`: taxel frames in order of arrival. The encoded bytes differ from those of the original hub: its messages,
+    its `hub_time_us` and the number of frames lost on the wire are not reproduced.
     """
 
     is_real_time = False
@@ -72,7 +79,7 @@ class FramesLink:
     def read(self, timeout_s: float = 0.0) -> Chunk | None:
         """Return the next taxel frame, encoded as bytes of a hub. Raises EOFError after the last frame.
 
-        `timeout_s` has no effect.
+        None once after each `PAUSE_S` of recorded time. `timeout_s` has no effect.
         """
         frame, self._postponed = self._postponed or next(self._frames, None), None
         if frame is None:

@@ -52,7 +52,7 @@ class FaultRecord:
 
 
 def parse_fault_record(data: bytes) -> FaultRecord | None:
-    """The fault in the 12 bytes of a record; None without a fault, or if the bytes are too few."""
+    """Parse the 12 bytes of a fault record; None if the record contains no fault, or for fewer bytes."""
     if len(data) < get_packer(RecordLayout).size:
         return None
     record = FaultRecord(**unpack(RecordLayout, data)[0])
@@ -60,7 +60,10 @@ def parse_fault_record(data: bytes) -> FaultRecord | None:
 
 
 def parse_fault_register(address: int, data: bytes) -> FaultRecord | None:
-    """The fault in the fault register of the board at an I2C address; None without a fault, or with a wrong CRC."""
+    """Parse the content of a board's fault register; None without a fault, for a wrong CRC, or for too few bytes.
+
+    address: I2C address of the board, which is part of the CRC.
+    """
     if len(data) < REGISTER_SIZE:
         return None
     content, crc = data[: REGISTER_SIZE - 4], data[REGISTER_SIZE - 4 : REGISTER_SIZE]

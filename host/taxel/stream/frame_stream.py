@@ -14,11 +14,12 @@ from taxel.stream.row_clock import RowClock
 from taxel.stream.undelivered import UndeliveredBytes
 
 RECORDED_BYTES_AT_ONCE = 1 << 17
-"""Bytes of a recording that are decoded at a time: large enough for speed, small enough for constant memory."""
+"""Smallest number of bytes of a recording that are decoded at a time: large enough for speed, small enough for memory.
+"""
 
 
 def has_arrivals(link: Link) -> bool:
-    """Whether the arrival times of the link's bytes are determined by their departure times.
+    """Whether the arrival times of the link's bytes are real: they follow the departure times from the hub.
 
     False for an emulator that runs as fast as it is read, and for a recording of such an emulator.
     """
@@ -28,11 +29,10 @@ def has_arrivals(link: Link) -> bool:
 
 
 class FrameStream:
-    """Taxel frames of a link. `poll()` appends the received frames to `frames`; hub messages go to `on_message`.
+    """Taxel frames of a link. `poll()` appends the received frames to `frames`; hub messages go to a callback.
 
-    A separate thread reads a real-time link into a ring buffer of `ring_capacity` bytes. A recording, and a link whose
-    time advances only while it is read, are read in `poll()`. `on_acknowledgements` receives the payloads of
-    ACKNOWLEDGE frames to send; without it boards receive no acknowledgements, so their delta frames grow.
+    A separate thread reads a real-time link into a ring buffer. A recording, and a link whose time advances only while
+    it is read, are read in `poll()`.
     """
 
     def __init__(
@@ -45,8 +45,8 @@ class FrameStream:
         """Create the stream of the taxel frames of `link`, and start its reader thread for a link in real time.
 
         on_message: called with each hub message. ring_capacity: size of the buffer between the reader thread and the
-        decoder, bytes. on_acknowledgements: called with the payload of each ACKNOWLEDGE frame to send; None: none is
-        sent.
+        decoder, bytes. on_acknowledgements: called with the payload of each ACKNOWLEDGE frame to send; None: boards
+        receive no acknowledgements, so their delta frames grow.
         """
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
@@ -101,7 +101,7 @@ class FrameStream:
             raise
         if not chunks:
             return False
-        data = self._note_arrivals(chunks)
+        data = self._store_arrivals(chunks)
         if self._undelivered is not None:
             self._undelivered.add(self._decoder, data, self.bytes_received - len(data), bool(self.frames))
         for batch in self._decoder.push(data):
@@ -139,8 +139,8 @@ class FrameStream:
             size += len(chunk.data)
         return chunks
 
-    def _note_arrivals(self, chunks: list[Chunk]) -> bytes:
-        """Join the received chunks, and store the end of each chunk in the stream with its arrival time."""
+    def _store_arrivals(self, chunks: list[Chunk]) -> bytes:
+        """Store the end of each received chunk in the stream with its arrival time; return the joined bytes."""
         self._arrival_ends.clear()
         self._arrival_ns.clear()
         for chunk in chunks:
@@ -159,12 +159,15 @@ class FrameStream:
             self.frames.extend(build_taxel_frames(batch, rows, times_s))
 
     def keep_undelivered(self) -> None:
-        """Keep what `cut` needs; call before the first `poll`. Costs a copy of 0.3 MB in each `poll`."""
+        """Keep the undelivered bytes and the decoder's state, which `cut` needs; call before the first `poll`.
+
+        Each `poll` then copies 0.3 MB.
+        """
         self._undelivered = UndeliveredBytes()
 
     @property
     def link_position(self) -> int:
-        """Number of bytes of the link up to the last decoded byte, with those that the ring buffer has lost."""
+        """Number of bytes of the link up to the last decoded byte, including those that the ring buffer has lost."""
         return self._ring.taken if self._ring is not None else self.bytes_received
 
     @property
@@ -174,10 +177,11 @@ class FrameStream:
         return self.link_position - (self.bytes_received - self._undelivered.find_end(len(self.frames)))
 
     def cut(self) -> int:
-        """End the stream after the last frame that was taken from `frames`; return its end on the link, bytes.
+        """End the stream after the last frame that was taken from `frames`; return the number of link bytes up to it.
 
-        The counters are set to this end. After the end of the link, when all frames were taken, nothing is cut. Call
-        `keep_undelivered` at the start and `release` before; the stream cannot be read afterwards.
+        The counters are set to their values there. If the link has ended and all frames were taken, nothing is removed.
+        Requires calls of `keep_undelivered` before the first `poll` and of `release` before this method; the stream
+        cannot be read afterwards.
         """
         assert self._undelivered is not None
         is_complete = self._end is not None and not self.frames

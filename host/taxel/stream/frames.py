@@ -32,7 +32,8 @@ class TaxelFrame(NamedTuple):
 class HubMessage(NamedTuple):
     """A decoded frame of a hub other than a taxel frame.
 
-    `fields`: by flat name as in `taxel_protocol.frames`. `trailing_bytes`: bytes after the fields.
+    `fields`: values by name as in `taxel_protocol.frames`; names of nested fields are joined by "_". `trailing_bytes`:
+    bytes after the fields.
     """
 
     type: FrameType
@@ -54,7 +55,10 @@ def decode_messages(batch: Batch) -> list[HubMessage]:
 
 
 def build_taxel_frames(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
-    """Build the taxel frames of `rows` (rows of `batch.taxel_rows` with counts); `times_s`: scan starts, f64[k]."""
+    """Build the taxel frames of k rows of `batch.taxel_rows`, each of which has counts.
+
+    `times_s`: f64[k], scan starts, seconds on the host's clock.
+    """
     counts = batch.counts
     starts = rows["offset"].tolist()
     ends = (rows["offset"] + rows["size"]).tolist()

@@ -37,9 +37,12 @@ from taxel_protocol.limits import REGISTER_FAULT
 from taxel_protocol.names import StartFlag
 
 REPLY_TIMEOUT_S = 1.0
+"""Longest wait for a reply before the request is repeated, seconds."""
 ATTEMPTS = 4
 REBOOT_TIMEOUT_S = 5.0
+"""Longest wait for the message of a restarted hub, seconds."""
 MESSAGE_HISTORY = 1024
+"""Number of fault messages and of log lines that are kept."""
 COMPACT_VERSION = 2
 """First protocol version with compact frames."""
 RATE_MIN_HZ, RATE_MAX_HZ = 1e-3, 1e6  # a period of 1 us to 1000 s
@@ -67,7 +70,8 @@ class HubClient:
         """Create a client of the hub at the other end of `link` and start reading; no command is sent yet."""
         self._link = link
         self._now_s = get_clock(link)
-        self.stream = FrameStream(link, self._take, on_acknowledgements=None if link.is_recorded else self._acknowledge)
+        acknowledge = None if link.is_recorded else self._acknowledge
+        self.stream = FrameStream(link, self._take_message, on_acknowledgements=acknowledge)
         self.version = 0
         self.last_handshake: dict[str, Any] | None = None
         self.has_handshake = False
@@ -83,7 +87,7 @@ class HubClient:
         self.attempts = ATTEMPTS
         """Number of times that a request is sent before it fails."""
 
-    def _take(self, message: HubMessage) -> None:
+    def _take_message(self, message: HubMessage) -> None:
         """Store a hub message: as the reply to a request, or as the latest message of its type."""
         fields = message.fields
         self._last_message_s = self._now_s()
@@ -106,14 +110,14 @@ class HubClient:
 
     @property
     def seconds_since_message(self) -> float:
-        """Time since the latest message of the hub (frames of boards do not count), seconds; infinity before it.
+        """Time since the latest message of the hub, not counting taxel frames, seconds; infinity before the first.
 
         A hub sends its status every second, also while no board responds.
         """
         return self._now_s() - self._last_message_s
 
     def _acknowledge(self, payload: bytes) -> None:
-        """Send acknowledgements of key frames to the hub; payload: of the ACKNOWLEDGE frame."""
+        """Send acknowledgements of key frames to the hub; payload: payload of the ACKNOWLEDGE frame."""
         self._send(FrameType.ACKNOWLEDGE, payload)
 
     def _send(self, frame_type: FrameType, payload: bytes) -> None:
@@ -122,7 +126,7 @@ class HubClient:
         self._sequence = (self._sequence + 1) % 65536
 
     def _next_tag(self) -> int:
-        """Return a new tag, by which the reply to a request is recognised."""
+        """Return a new tag from 1 to 255, by which the reply to a request is recognised."""
         self._tag = self._tag % 255 + 1
         return self._tag
 
@@ -188,8 +192,8 @@ class HubClient:
     def start(self, compact: bool = False, is_first: bool = True) -> None:
         """Start streaming; `compact`: request compact frames from the boards that support them.
 
-        is_first: poll cycles since an earlier stream do not count as missing; False: they count, after an interruption.
-        Raises `HubError` if the hub does not support compact frames.
+        is_first: whether poll cycles between an earlier stream and this one are not counted as missing; False after an
+        interruption. Raises `HubError` if the hub does not support compact frames.
         """
         if compact and self.version < COMPACT_VERSION:
             raise HubError(

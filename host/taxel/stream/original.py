@@ -123,6 +123,7 @@ class NativeOriginalDecoder:
             raise ValueError(f"buffer of the original decoder: expected {BUFFER_MIN} bytes or more, found {capacity}")
 
     def _append_message(self, _: int | None, pointer: Any) -> None:
+        """Store a message that the C decoder has found. The C decoder calls this method."""
         message = pointer.contents
         words = message.taxel_count + message.acceleration_count
         data = ctypes.string_at(message.words, 2 * words)
@@ -136,25 +137,25 @@ class NativeOriginalDecoder:
         )
 
     def push(self, data: bytes) -> list[OriginalMessage]:
-        """Messages completed by `data`, in order."""
+        """Decode the next bytes of the stream; return the messages that they complete, in order."""
         self._messages = []
         self._library.taxel_original_push(ctypes.byref(self._state), data, ctypes.c_size_t(len(data)))
         return self._messages
 
     def finish(self) -> list[OriginalMessage]:
-        """Messages in the remaining bytes when the stream ends; incomplete candidates are rejected."""
+        """End the stream; return the messages in the remaining bytes. Incomplete messages are rejected."""
         self._messages = []
         self._library.taxel_original_finish(ctypes.byref(self._state))
         return self._messages
 
     @property
     def position(self) -> int:
-        """Bytes of the stream processed so far."""
+        """Number of bytes of the stream that were passed to the decoder."""
         return int(self._state.base + self._state.fill)
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for the remainder of a candidate."""
+        """Number of bytes that may belong to an incomplete message and are not decided yet."""
         return int(self.position - self._state.covered)
 
     @property
@@ -169,10 +170,10 @@ class NativeOriginalDecoder:
 
     @property
     def rejected_candidates(self) -> int:
-        """Number of headers without an end byte at their length."""
+        """Number of message headers that were rejected because the byte at the stated length is no end byte."""
         return int(self._state.rejected_candidates)
 
     @property
     def ambiguous_candidates(self) -> int:
-        """Number of complete candidates that overlap a better one."""
+        """Number of possible messages that were complete but overlap a more plausible one."""
         return int(self._state.ambiguous_candidates)

@@ -7,17 +7,13 @@ from taxel.link import Chunk
 
 
 class RingBuffer:
-    """Byte queue of at most `capacity` bytes for one writer thread and one reader thread.
-
-    With `overwrite_oldest` the writer never waits: the oldest bytes are overwritten and counted in `overrun_bytes`.
-    Without it the writer waits for the reader. Raises ValueError for a capacity below 1.
-    """
+    """Queue of bytes with a limited size for one writer thread and one reader thread."""
 
     def __init__(self, capacity: int = 1 << 22, overwrite_oldest: bool = True) -> None:
-        """Create an empty byte queue of `capacity` bytes; raise ValueError for a capacity below 1.
+        """Create an empty queue of at most `capacity` bytes. Raises ValueError for a capacity below 1.
 
-        overwrite_oldest: True: a writer overwrites the oldest bytes of a full queue; False: the writer waits for the
-        reader.
+        overwrite_oldest: True: the writer overwrites the oldest bytes of a full queue, which are counted in
+        `overrun_bytes`; False: the writer waits for the reader.
         """
         if capacity < 1:
             raise ValueError(f"capacity: expected at least 1 byte, found {capacity}")
@@ -100,7 +96,7 @@ class RingBuffer:
         return bytes(self._buffer[start : start + first]) + bytes(self._buffer[: size - first])
 
     def fail(self, failure: BaseException) -> None:
-        """End the writing; the reader gets the exception `failure` after the last byte."""
+        """End the writing; after the last byte, `read` raises the exception `failure`."""
         with self._condition:
             self._failure = failure
             self._condition.notify_all()

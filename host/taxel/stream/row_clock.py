@@ -15,17 +15,20 @@ class RowClock:
     """Assigns host times to decoded taxel frames and updates a `ClockMap`; hub messages go to `on_message`."""
 
     def __init__(self, clock: ClockMap, on_message: Callable[[HubMessage], None]) -> None:
-        """Create a timer of decoded rows; clock: maps their times; on_message: called with each hub message."""
+        """Prepare the assignment of host times to decoded frames.
+
+        clock: maps their times, and is updated. on_message: called with each hub message.
+        """
         self.clock = clock
         self._on_message = on_message
 
     def take(
         self, batch: Batch, ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
     ) -> Iterator[tuple[NDArray[np.void], NDArray[np.float64]]]:
-        """Yield (rows, host times in seconds) of the usable taxel frames, split at hub restarts.
+        """Yield (rows, host times in seconds) of the usable taxel frames, divided at restarts of the hub.
 
-        A restart resets the hub's clock. `ends`, `times_ns` [r]: end position in the stream and arrival time of each
-        received chunk.
+        A restart resets the hub's clock. A row (dtype `ROW`) is one taxel frame. `ends`, `times_ns`: end in the stream,
+        bytes, and arrival time, nanoseconds, of each received chunk.
         """
         messages = decode_messages(batch)
         message_rows, first_taxel, first_message = batch.message_rows, 0, 0
@@ -35,22 +38,22 @@ class RowClock:
             taxel_rows = batch.taxel_rows[first_taxel:last_taxel]
             arrivals_s = _find_arrivals_s(taxel_rows, ends, times_ns)
             part = slice(first_message, last_message)
-            usable = self._take_part(taxel_rows, arrivals_s, message_rows[part], messages[part])
+            usable = self._update_clock(taxel_rows, arrivals_s, message_rows[part], messages[part])
             if len(usable):
                 yield usable, self.clock.host_times_s(self.clock.hub_times_us(usable))
             first_taxel, first_message = last_taxel, last_message
 
-    def _take_part(
+    def _update_clock(
         self,
         taxel_rows: NDArray[np.void],
         arrivals_s: NDArray[np.float64],
         message_rows: NDArray[np.void],
         messages: list[HubMessage],
     ) -> NDArray[np.void]:
-        """Update the clock mapping with frames and messages in stream order, and return the usable taxel rows.
+        """Update the clock mapping with the frames and messages of one hub start; return the rows of usable frames.
 
-        Rows with a wrong CRC of the board or without a key frame are omitted. arrivals_s: arrival time of each taxel
-        row.
+        Frames with a wrong CRC of the board, and delta frames without their key frame, are omitted. arrivals_s: arrival
+        time of each taxel frame, seconds.
         """
         for message in messages:
             self.clock.take_message(message)

@@ -13,9 +13,9 @@ START_S = 0.25
 
 
 def write_start_script(path: str | os.PathLike[str]) -> None:
-    """Write a capture file of the bytes with which a host starts a hub: handshake and START; replaces the file.
+    """Write the bytes with which a host starts a hub, handshake and START, to a capture file; replace the file.
 
-    The file is the host input of `taxel.link.run_emulator`.
+    The capture is the host input of `taxel.link.run_emulator`.
     """
     handshake = pack(HostHandshake, {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION})
     start = pack(CommandPayload, {"tag": 2, "command": int(Command.START)})

@@ -21,7 +21,10 @@ class TimedBytes(NamedTuple):
 
 
 class StreamStart(NamedTuple):
-    """Start of the taxel frames in a recording. `skip`: bytes before it; `sequence`: of the first taxel frame."""
+    """Start of the taxel frames in a recording.
+
+    `skip`: number of bytes before the first taxel frame. `sequence`: sequence number of this frame.
+    """
 
     skip: int
     sequence: int
@@ -30,8 +33,8 @@ class StreamStart(NamedTuple):
 def read_timed_bytes(link: Link) -> Iterator[TimedBytes]:
     """Yield all bytes of a recording with their times.
 
-    If the recording has no real arrival times, the pieces end with taxel frames and carry the time at which the hub
-    read the board. Raises the errors of the link except EOFError.
+    If the recording has no real arrival times, each piece ends with a taxel frame and has the time at which the hub
+    read that frame's board. Raises the errors of the link except EOFError.
     """
     if has_arrivals(link) or isinstance(link, FramesLink):
         yield from _read_chunks(link)
@@ -51,7 +54,10 @@ def _read_chunks(link: Link) -> Iterator[TimedBytes]:
 
 
 def _read_by_hub_time(link: Link) -> Iterator[TimedBytes]:
-    """Yield the bytes of a recording without valid arrival times, each with the hub time of the frame at its end."""
+    """Yield the bytes of a recording without real arrival times in pieces that end with a taxel frame.
+
+    The time of a piece is the hub time of the frame at its end, seconds.
+    """
     decoder = StreamDecoder()
     chunk_start = hub_us = 0
     time_s = 0.0

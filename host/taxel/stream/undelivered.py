@@ -1,4 +1,4 @@
-"""The end of a stream at a frame: bytes that were decoded too early are taken back, with their counts."""
+"""Bytes that are decoded but not delivered: a stream that ends at an earlier frame is rewound to that frame."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ class UndeliveredBytes:
     """Bytes whose frames the reader may not have received yet, and the state of the decoder before them.
 
     A decoder processes all waiting bytes at once, while the reader takes one frame at a time and may end the stream at
-    any frame. `window_start`: position of these bytes in the stream.
+    any frame. `window_start`: position of the first of these bytes in the stream.
     """
 
     def __init__(self) -> None:
@@ -23,9 +23,9 @@ class UndeliveredBytes:
         self._last_end = 0
 
     def add(self, decoder: StreamDecoder, data: bytes, position: int, has_frames: bool) -> None:
-        """Add bytes before they are decoded; a new window begins if the reader has received all frames.
+        """Add bytes before they are decoded. If the reader has received all earlier frames, earlier bytes are dropped.
 
-        position: of the bytes in the stream. has_frames: the reader has not received all earlier frames.
+        position: position of the bytes in the stream. has_frames: whether earlier frames still wait for the reader.
         """
         if not has_frames or not self._state:
             self.window_start, self._state = position, decoder.save_state()
@@ -56,7 +56,7 @@ class UndeliveredBytes:
         return self._frame_ends[taken - 1] if taken > 0 else self._previous_end
 
     def rewind(self, decoder: StreamDecoder, end: int) -> None:
-        """Set the decoder to its state at byte `end` of the stream."""
+        """Set the decoder to its state at byte `end` of the stream; without added bytes, do nothing."""
         if not self._state:
             return
         decoder.restore_state(self._state)

@@ -1,5 +1,6 @@
-"""Figures 5.3, 5.6 to 5.14 and I-2 to I-6 of the thesis from the reproduced results, as PNG files; printed numbers are
-shown in pale colours. Figure I-1 is Figure 5.11.
+"""Figures 5.3, 5.6 to 5.14 and I-2 to I-6 of the thesis from the reproduced results, as PNG files.
+
+Numbers that the thesis prints are shown in pale colours. Figure I-1 of the thesis is the same as Figure 5.11.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,7 +48,7 @@ FIGURES: Final = {
 
 
 def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult], out: Path) -> dict[str, Path]:
-    """Draw all figures of the reproduction and return their files by figure number.
+    """Draw all figures of the reproduction to the folder `out`; return their files by figure number.
 
     items, results: clouds and distances of each object, in the order of the thesis.
     """
@@ -73,9 +74,7 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
 
 
 def find_figures(folder: Path) -> dict[str, Path]:
-    """Return the files of the figures in a folder by figure number, in the order of the thesis; missing ones are left
-    out.
-    """
+    """Return the existing figure files in a folder by figure number, in the order of the thesis."""
     return {number: path for number in FIGURES if (path := folder / _name_file(number)).exists()}
 
 
@@ -100,8 +99,8 @@ def _draw_clouds(
 ) -> None:
     """Draw clouds, and the sharp edges of a mesh, on a 3-D axis in millimetres.
 
-    clouds: points f64[n, 3] (metres) and colour by label. mesh: of the object; None: none is drawn. size: of a
-    point.
+    clouds: points f64[n, 3] (metres) and colour by label. mesh: mesh of the object; None: no mesh. size: area of a
+    point in square points.
     """
     all_points = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
     low, high = (1e3 * f(np.concatenate(all_points), axis=0) for f in (np.min, np.max))
@@ -141,7 +140,8 @@ def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
 def _draw_grasp(item: ObjectClouds) -> Any:
     """Draw Figure 5.3 of the thesis: active and inactive taxels of one grasp, real and simulated.
 
-    The grasp has the largest number of active taxels on the side with fewer of them.
+    The grasp is selected for many active taxels on both sides: the smaller of its two numbers of active taxels, real
+    and simulated, is the largest of all grasps.
     """
     real, sim = item.clouds[REAL], item.clouds[SIM]
     active = [np.bincount(cloud.grasp, minlength=len(cloud.grasps)) for cloud in (real, sim)]
@@ -161,7 +161,7 @@ def _draw_grasp(item: ObjectClouds) -> Any:
 
 
 def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
-    """Draw Figure 5.6 of the thesis: real and simulated cloud of each object."""
+    """Draw Figure 5.6 of the thesis: untreated real and simulated cloud of each object, in separate plots."""
     figure = _new_figure(4.0 * len(items), 7.6)
     for column, item in enumerate(items):
         for row, name in enumerate((REAL, SIM)):
@@ -173,7 +173,9 @@ def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
-    """Draw Figure 5.7 of the thesis: both clouds of each object, aligned to its CAD model."""
+    """Draw Figure 5.7 of the thesis: real and simulated cloud of each object, each aligned to the object's CAD
+    model.
+    """
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         aligned = {
@@ -190,7 +192,9 @@ def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
-    """Draw Figure 5.8 of the thesis: the real cloud of each object, aligned to the simulated cloud."""
+    """Draw Figure 5.8 of the thesis: the real cloud of each object after alignment to the simulated cloud, and the
+    latter.
+    """
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         target = item.clouds[SIM].points
@@ -265,7 +269,7 @@ def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_progress(item: ObjectClouds) -> Any:
-    """Draw Figure 5.11 of the thesis: clouds of one object at each stage of the treatment."""
+    """Draw Figure 5.11, I-2 or I-3 of the thesis: real and simulated cloud of one object at each treatment stage."""
     steps = ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD))
     figure = _new_figure(4.0 * len(steps), 4.1)
     for column, (real, sim) in enumerate(steps):
@@ -321,18 +325,20 @@ def _draw_object_shares(result: ObjectResult) -> Any:
 
 
 def _list_distances(result: ObjectResult, key: str) -> list[tuple[str, dict[str, float]]]:
-    """Return the reproduced and the printed real-to-sim distances of an object by stage, metres.
+    """Return the real-to-simulated distances of an object by stage, metres: reproduced, then printed in the thesis.
 
-    key: kind of distance, such as "mean_m".
+    Each list element is a pair of the source's name and the distances. key: statistic of the distance, such as
+    "mean_m".
     """
     printed = {row["stage"]: float(row[key]) for row in select_rows("I_10_to_12_sim_to_real", result.printed_name)}
     return [(REPRODUCED, {stage: getattr(result.to_sim[stage], key) for stage in STAGES}), ("thesis", printed)]
 
 
 def _draw_share_bars(axis: Any, bars: Sequence[tuple[str, Mapping[str, float], str]], label: str) -> None:
-    """Draw one stacked bar for each entry of `bars`: name, distances by stage, and source.
+    """Draw a stacked horizontal bar for each entry of `bars`: the share of each step in the decrease of the distance.
 
-    Pairs of bars (reproduced and printed) are separated by a gap. A step that increases the distance has no bar.
+    bars: label, distances by stage, and source (reproduced or thesis) of each bar. Pairs of bars (reproduced and
+    printed) are separated by a gap. A step that increases the distance is not drawn. label: label of the axis.
     """
     at = [k + k // 2 for k in range(len(bars))]
     for number, (y, (_, distances, source)) in enumerate(zip(at, bars, strict=True)):

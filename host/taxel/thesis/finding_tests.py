@@ -1,4 +1,8 @@
-"""Tests of findings: functions of the computed tables that show whether a statement of the thesis holds."""
+"""Tests of the thesis's qualitative statements on the results of a reproduction.
+
+A test of one object returns a number, which is shown with the finding, and whether the statement holds. CAD: CAD model
+of the object. SOR: statistical outlier filter. real-to-sim: from the real cloud to the simulated cloud.
+"""
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
@@ -15,11 +19,11 @@ from taxel.thesis.statement import Evidence, Outcome, Test
 from taxel.thesis.tables import compute_contributions
 
 SIGNIFICANT: Final = 2.0
-"""Factor that counts as "significantly" or "much" larger. Convention of this project, not calibrated: with 1, each such
-finding would require only an inequality."""
+"""Factor from which a number is treated as "significantly" or "much" larger. Convention of this project, not
+calibrated: with a factor of 1, each such finding would require only an inequality."""
 
 RESOLUTION_M: Final = 1e-5
-"""Resolution of the printed distances, metres. A step without a visible change does not contradict a decrease."""
+"""Resolution of the printed distances, metres. An increase up to this resolution does not contradict a decrease."""
 
 AFTER_SURGE: Final = 200
 """Threshold after the surge, counts: the next one that the thesis tested above 190."""
@@ -35,7 +39,7 @@ KEYS: Final = ("mean_m", "rms_m")
 
 
 def each(compute: Callable[[ObjectResult], Outcome]) -> Test:
-    """Return a test that computes the outcome of every object on its own."""
+    """Return a test that applies `compute` to the result of every object."""
     return lambda evidence: {result.printed_name: compute(result) for result in evidence.results}
 
 
@@ -50,7 +54,10 @@ def compute_removed_share(result: ObjectResult, threshold: int) -> float:
 
 
 def decline(result: ObjectResult, step: int, key: str = "mean_m") -> float:
-    """Compute the decrease of the real-to-sim distance by a step of the treatment, millimetres."""
+    """Compute how much a treatment step decreases the real-to-sim distance, millimetres; negative for an increase.
+
+    step: `FORCE_STEP`, `SOR_STEP` or `PROPAGATION_STEP`. key: statistic of the distance.
+    """
     return 1e3 * float(getattr(result.to_sim[STAGES[step]], key) - getattr(result.to_sim[STAGES[step + 1]], key))
 
 
@@ -59,31 +66,36 @@ FORCE_STEP, SOR_STEP, PROPAGATION_STEP = 0, 1, 2
 
 
 def is_denser(result: ObjectResult) -> Outcome:
-    """Test whether the real cloud has more points than the simulated one."""
+    """Test whether the real cloud has more points than the simulated cloud. Number: ratio of the points."""
     ratio = result.cad[REAL].points / max(result.cad[SIM].points, 1)
     return ratio, ratio > 1.0
 
 
 def is_noisier(result: ObjectResult) -> Outcome:
-    """Test whether the standard deviation of the distances to the CAD model is much larger for the real cloud."""
+    """Test whether the standard deviation of the distances to CAD is much larger for the real cloud. Number: ratio."""
     ratio = result.cad[REAL].std_m / result.cad[SIM].std_m
     return ratio, ratio >= SIGNIFICANT
 
 
 def is_sim_nearer(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS distance to the CAD model are significantly smaller for the simulated cloud."""
+    """Test whether mean and RMS distance to CAD are significantly smaller for the simulated cloud. Number: smaller
+    ratio.
+    """
     ratio = min(getattr(result.cad[REAL], key) / getattr(result.cad[SIM], key) for key in KEYS)
     return ratio, ratio >= SIGNIFICANT
 
 
 def has_outliers(result: ObjectResult) -> Outcome:
-    """Test whether the real cloud has points farther from the CAD model than any simulated point."""
+    """Test whether the real cloud has points farther from CAD than any simulated point. Number: ratio of the maxima."""
     ratio = result.cad[REAL].max_m / result.cad[SIM].max_m
     return ratio, ratio > 1.0
 
 
 def _list_steps(result: ObjectResult, key: str) -> dict[int, float]:
-    """Return the increase of a distance by each step of the threshold, metres, by the threshold after the step."""
+    """Return by how much each step of the force filter's threshold increases a distance, metres.
+
+    Keys: threshold after the step. key: statistic of the distance.
+    """
     thresholds = sorted(result.force)
     return {
         after: getattr(result.force[after], key) - getattr(result.force[before], key)
@@ -92,7 +104,10 @@ def _list_steps(result: ObjectResult, key: str) -> dict[int, float]:
 
 
 def falls_at_first(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS fall from 150 to 190 counts, without an increase in any step."""
+    """Test whether mean and RMS to CAD decrease from 150 to 190 counts, without an increase in any step.
+
+    Number: decrease of the mean, percent.
+    """
     first, last = result.force[min(result.force)], result.force[FORCE_FILTER]
     steps = [step for key in KEYS for threshold, step in _list_steps(result, key).items() if threshold <= FORCE_FILTER]
     falls = all(getattr(last, key) < getattr(first, key) for key in KEYS)
@@ -100,14 +115,20 @@ def falls_at_first(result: ObjectResult) -> Outcome:
 
 
 def surges(result: ObjectResult) -> Outcome:
-    """Test whether the step from 190 to 200 counts increases mean and RMS, more than any other step does."""
+    """Test whether the step from 190 to 200 counts increases mean and RMS to CAD more than any other step.
+
+    Number: increase of the mean, percent.
+    """
     steps = {key: _list_steps(result, key) for key in KEYS}
     is_largest = all(step[AFTER_SURGE] > 0.0 and step[AFTER_SURGE] == max(step.values()) for step in steps.values())
     return -_decrease(result.force[FORCE_FILTER].mean_m, result.force[AFTER_SURGE].mean_m), is_largest
 
 
 def loses_most_at_surge(result: ObjectResult) -> Outcome:
-    """Test whether the step from 190 to 200 counts removes more points than every earlier step of 10 counts."""
+    """Test whether the step from 190 to 200 counts removes more points than every earlier step.
+
+    Number: share of the points that this step removes, percent.
+    """
     thresholds = [threshold for threshold in sorted(result.force) if threshold <= AFTER_SURGE]
     removed = [
         compute_removed_share(result, after) - compute_removed_share(result, before)
@@ -117,38 +138,40 @@ def loses_most_at_surge(result: ObjectResult) -> Outcome:
 
 
 def is_smallest_above(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS are smallest at a threshold above 190 counts."""
+    """Test whether mean and RMS to CAD are smallest at a threshold above 190 counts. Number: threshold for the mean."""
     best = {key: min(result.force, key=lambda t: getattr(result.force[t], key)) for key in KEYS}
     return float(best["mean_m"]), all(threshold > FORCE_FILTER for threshold in best.values())
 
 
 def loses_majority(result: ObjectResult) -> Outcome:
-    """Test whether the force filter removes the majority of the points at the largest threshold."""
+    """Test whether the force filter removes the majority of the points at the largest threshold. Number: percentage."""
     removed = compute_removed_share(result, LARGEST_THRESHOLD)
     return removed, removed > 50.0
 
 
 def keeps_majority(result: ObjectResult) -> Outcome:
-    """Test whether the majority of the points has a signal above the selected threshold."""
+    """Test whether the majority of the points has a signal above 190 counts. Number: percentage of the points."""
     kept = 100.0 - compute_removed_share(result, FORCE_FILTER)
     return kept, kept > 50.0
 
 
 def does_sor_improve(result: ObjectResult) -> Outcome:
-    """Test whether the outlier filter lowers mean and RMS of the force-filtered cloud."""
+    """Test whether SOR lowers mean and RMS to CAD of the force-filtered cloud. Number: decrease of the mean,
+    percent.
+    """
     before, after = result.cad[FILTERED], result.cad[CLEANED]
     return _decrease(before.mean_m, after.mean_m), all(getattr(after, key) < getattr(before, key) for key in KEYS)
 
 
 def _get_best_settings(evidence: Evidence) -> dict[str, Setting] | None:
-    """Return the best outlier filter of each object; None without the sweep."""
+    """Return the best SOR setting of each object; None if an object has no results for several settings."""
     if any(not result.sor for result in evidence.results):
         return None
     return {result.printed_name: find_best_setting(result) for result in evidence.results}
 
 
 def do_best_settings_vary(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether the best settings of the outlier filter differ. Number: objects with other settings."""
+    """Test whether the best SOR settings differ between objects. Number: how many objects have other settings."""
     best = _get_best_settings(evidence)
     if best is None:
         return None
@@ -157,9 +180,9 @@ def do_best_settings_vary(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_prism_n_larger(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether the best N is the smallest one for the two simpler objects, and larger for the triangular prism.
+    """Test whether the best N is 20, the smallest, for rectangular prism and cylinder, and larger for triangular prism.
 
-    Number: N in percent of the cloud.
+    Number: N in percent of the cloud's points.
     """
     best = _get_best_settings(evidence)
     if best is None:
@@ -186,7 +209,7 @@ def is_box_sigma_lower(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether one setting of the outlier filter lowers the RMS of all objects. Number: decrease of the RMS."""
+    """Test whether one SOR setting lowers the RMS to CAD of all objects. Number: decrease of the RMS, percent."""
     common = find_common_setting(evidence.results)
     if common is None:
         return None
@@ -198,9 +221,9 @@ def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def propagation_adds_points(result: ObjectResult) -> Outcome:
-    """Test whether propagation brings the number of simulated points nearer to that of real points.
+    """Test whether contact propagation brings the number of simulated points nearer to that of the real points.
 
-    Number: simulated points after propagation over unfiltered real points.
+    Number: simulated points after propagation divided by unfiltered real points.
     """
     real, before, after = (result.cad[name].points for name in (REAL, SIM, SPREAD))
     distance = [abs(float(np.log(max(points, 1) / max(real, 1)))) for points in (before, after)]
@@ -208,15 +231,19 @@ def propagation_adds_points(result: ObjectResult) -> Outcome:
 
 
 def propagation_worsens(result: ObjectResult) -> Outcome:
-    """Test whether propagation raises mean and RMS of the simulated cloud to its CAD model."""
+    """Test whether contact propagation increases mean and RMS to CAD of the simulated cloud.
+
+    Number: mean after propagation divided by mean before.
+    """
     before, after = result.cad[SIM], result.cad[SPREAD]
     return after.mean_m / before.mean_m, all(getattr(after, key) > getattr(before, key) for key in KEYS)
 
 
 def propagation_nears_reality(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS to the CAD model of the simulated cloud come nearer to those of the treated real one.
+    """Test whether contact propagation brings mean and RMS to CAD of the simulated cloud nearer to the treated real
+    cloud.
 
-    Number: mean of the treated real cloud over that of the simulated cloud after propagation.
+    Number: mean of the treated real cloud divided by that of the simulated cloud after propagation.
     """
     real, before, after = (result.cad[name] for name in (CLEANED, SIM, SPREAD))
     holds = all(
@@ -227,31 +254,39 @@ def propagation_nears_reality(result: ObjectResult) -> Outcome:
 
 
 def loses_outliers(result: ObjectResult) -> Outcome:
-    """Test whether both filters lower the largest distance to the CAD model. Number: decrease."""
+    """Test whether both filters together lower the largest distance to CAD. Number: decrease, percent."""
     decrease = _decrease(result.cad[REAL].max_m, result.cad[CLEANED].max_m)
     return decrease, decrease > 0.0
 
 
 def sor_removes_farther_points(result: ObjectResult) -> Outcome:
-    """Test whether SOR lowers the largest real-to-sim distance more than the force filter. Number: decrease by SOR."""
+    """Test whether SOR lowers the largest real-to-sim distance more than the force filter does.
+
+    Number: decrease by SOR, percent.
+    """
     largest = [result.to_sim[stage].max_m for stage in STAGES]
     by_force, by_sor = _decrease(largest[0], largest[1]), _decrease(largest[1], largest[2])
     return by_sor, by_sor > by_force
 
 
 def decreases_continuously(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS fall at every step. Number: total decrease of the mean."""
+    """Test whether mean and RMS real-to-sim decrease at every treatment step. Number: total decrease of the mean,
+    percent.
+    """
     holds = all(decline(result, step, key) > 0.0 for step in range(3) for key in KEYS)
     return _decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m), holds
 
 
 def _get_shares(result: ObjectResult, key: str) -> list[float]:
-    """Return the share of each step in the decrease of a real-to-sim distance, percent."""
+    """Return the share of each treatment step in the decrease of a real-to-sim distance, percent. key: statistic."""
     return compute_contributions({stage: getattr(result.to_sim[stage], key) for stage in STAGES})
 
 
 def has_same_trend(result: ObjectResult) -> Outcome:
-    """Test whether the three steps have the same order by mean and by RMS. Number: largest difference of shares."""
+    """Test whether the three treatment steps have the same order by decrease of the mean and by decrease of the RMS.
+
+    Number: largest difference between the shares by mean and by RMS, percent.
+    """
     declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
     mean, rms = (_get_shares(result, key) for key in KEYS)
     difference = max(abs(first - second) for first, second in zip(mean, rms, strict=True))
@@ -259,12 +294,13 @@ def has_same_trend(result: ObjectResult) -> Outcome:
 
 
 def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
-    """Test whether the larger one of the contributions of SOR and force filter is the same as in Tables I-10 to I-12.
+    """Test whether the same of the two filters, SOR or force filter, contributes more as in Tables I-10 to I-12.
 
-    Number: decrease of the mean by SOR minus that by the force filter, mm.
+    Number: decrease of the mean real-to-sim distance by SOR minus that by the force filter, millimetres.
     """
 
     def compare(result: ObjectResult) -> float:
+        """Return the number of one object."""
         return decline(result, SOR_STEP) - decline(result, FORCE_STEP)
 
     printed = {result.printed_name: compare(result) for result in build_printed_results()}
@@ -275,13 +311,19 @@ def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
 
 
 def is_propagation_largest(result: ObjectResult) -> Outcome:
-    """Test whether propagation contributes most, by mean and by RMS. Number: share of the mean."""
+    """Test whether contact propagation decreases mean and RMS real-to-sim more than each filter.
+
+    Number: share of propagation in the decrease of the mean, percent.
+    """
     declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
     return _get_shares(result, KEYS[0])[-1], all(steps[-1] > max(0.0, *steps[:-1]) for steps in declines)
 
 
 def is_propagation_prevalent(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether propagation changes more grasps than each filter does. Number: share of grasps it changes."""
+    """Test whether contact propagation changes more grasps than each filter. Number: percentage of changed grasps.
+
+    Returns None for results without prevalence.
+    """
     if any(not result.prevalence for result in evidence.results):
         return None
     return {
@@ -294,9 +336,9 @@ def is_propagation_prevalent(evidence: Evidence) -> Mapping[str, Outcome] | None
 
 
 def are_outliers_on_lines(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether points removed by SOR share lines with contacts more often than inactive taxels do.
+    """Test whether points removed by SOR share electrode lines with contacts more often than inactive taxels do.
 
-    Number: ratio of the shares; 0 if it is undefined.
+    Number: ratio of the two shares; 0 if it is undefined. Returns None for results without line shares.
     """
     if any(result.line_shares is None for result in evidence.results):
         return None
@@ -305,7 +347,10 @@ def are_outliers_on_lines(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_prism_force_step_small(evidence: Evidence) -> Mapping[str, Outcome]:
-    """Test whether the force filter lowers the mean much less for the triangular prism. Number: decrease, mm."""
+    """Test whether the force filter decreases the mean real-to-sim distance much less for the triangular prism.
+
+    Number: decrease, millimetres. For another object, the statement holds if its decrease is much larger.
+    """
     declines = {result.printed_name: decline(result, FORCE_STEP) for result in evidence.results}
     prism = declines["triangular"]
     holds = {name: SIGNIFICANT * prism <= value for name, value in declines.items() if name != "triangular"}
@@ -314,9 +359,13 @@ def is_prism_force_step_small(evidence: Evidence) -> Mapping[str, Outcome]:
 
 
 def is_smallest_for_prism(compute: Callable[[ObjectResult], float]) -> Test:
-    """Return a test of whether a number is smaller for the triangular prism than for the other objects."""
+    """Return a test of whether a number is smaller for the triangular prism than for the other objects.
+
+    compute: computes the number of one object.
+    """
 
     def test(evidence: Evidence) -> Mapping[str, Outcome]:
+        """Compare the numbers; for another object, the statement holds if its number exceeds that of the prism."""
         values = {result.printed_name: compute(result) for result in evidence.results}
         prism = values["triangular"]
         holds = {name: prism < value for name, value in values.items() if name != "triangular"}
@@ -327,22 +376,27 @@ def is_smallest_for_prism(compute: Callable[[ObjectResult], float]) -> Test:
 
 
 def has_own_model_nearest(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS of both treated clouds are smallest at the own model. Number: smallest margin."""
+    """Test whether mean and RMS of the treated real and simulated clouds are smallest for the object's own CAD model.
+
+    Number: smallest distance to another model divided by that to the own model, smallest over clouds and statistics.
+    """
     margins = []
     for side in (REAL, SIM):
         by_mesh = {mesh: stats for (cloud, mesh), stats in result.cross.items() if cloud == side}
-        own = by_mesh.pop(result.printed_name)
-        margins += [min(getattr(stats, key) for stats in by_mesh.values()) / getattr(own, key) for key in KEYS]
+        own_model = by_mesh.pop(result.printed_name)
+        margins += [min(getattr(stats, key) for stats in by_mesh.values()) / getattr(own_model, key) for key in KEYS]
     return min(margins), min(margins) > 1.0
 
 
 def are_shapes_identified(group: str, percent: float) -> Test:
-    """Return a test of the share of identified clouds among the three objects, over all objects together.
+    """Return a test of whether at least `percent` of the clouds of all objects together are identified correctly.
 
-    group: of clouds. percent: required share. Number: share of each object.
+    group: `WHOLE_CLOUDS` or `SINGLE_APPROACHES`. The candidate models are the three objects. Number: percentage of the
+    object's clouds that are identified.
     """
 
     def test(evidence: Evidence) -> Mapping[str, Outcome] | None:
+        """Compare the share with `percent`; None without numbers of identified shapes."""
         counts = [count for count in evidence.shapes if count.group == group and count.models == len(evidence.results)]
         if not counts:
             return None

@@ -4,9 +4,9 @@ A test is the statement itself, as an inequality between entries of the tables; 
 a convention: "significantly", "much" is a factor of at least `SIGNIFICANT`, and "the majority" is more than half.
 `statements` contains the statements, `finding_tests` the tests.
 
-The same test is applied to the printed tables. An object for which they contradict the sentence is shown, but does not
-count; a finding that they contradict for every object is not counted at all. Without printed numbers, every object
-counts.
+The same test is applied to the printed tables. An object for which the printed tables contradict the statement is
+shown, but not counted; a finding that they contradict for every object is not counted at all. Without printed numbers,
+every object is counted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,9 @@ from taxel.thesis.statements import STATEMENTS
 class Finding:
     """A statement of the thesis, tested on reproduced results.
 
-    numbers, holds: by printed name of the object. printed, printed_holds: the same for the printed tables; empty
-    without printed numbers. counted: objects that count.
+    number: position in `STATEMENTS`, from 1. numbers: number that the test returns, by printed name of the object.
+    holds: whether the statement holds, by object. printed, printed_holds: the same for the printed tables; empty
+    without printed numbers.
     """
 
     number: int
@@ -37,27 +38,27 @@ class Finding:
 
     @property
     def counted(self) -> tuple[str, ...]:
-        """Objects that count: those for which the printed tables do not contradict the statement."""
+        """Objects that are counted: those for which the printed tables do not contradict the statement."""
         return tuple(name for name in self.numbers if self.printed_holds.get(name, True))
 
     @property
     def is_counted(self) -> bool:
-        """Whether the finding counts: the printed tables do not contradict it for every object."""
+        """Whether the finding is counted: the printed tables do not contradict it for every object."""
         return bool(self.counted)
 
     @property
     def is_reproduced(self) -> bool:
-        """Whether the finding counts and holds for every object that counts."""
+        """Whether the finding is counted and holds for every counted object."""
         return self.is_counted and all(self.holds[name] for name in self.counted)
 
     @property
     def failed(self) -> tuple[str, ...]:
-        """Objects that count and for which the finding does not hold."""
+        """Counted objects for which the finding does not hold."""
         return tuple(name for name in self.counted if not self.holds[name])
 
     @property
     def reason(self) -> str:
-        """Reason in one line why the finding is not reproduced or not counted; empty for a reproduced one."""
+        """One-line reason why the finding is not reproduced or not counted; empty for a reproduced finding."""
         if not self.is_counted:
             return "the thesis's own tables contradict the sentence for every object"
         unit = "" if self.statement.unit == "1" else f" {self.statement.unit}"
@@ -87,7 +88,10 @@ class Finding:
 
 
 def evaluate_findings(results: Sequence[ObjectResult], shapes: Sequence[ShapeCount] = ()) -> list[Finding]:
-    """Test all statements whose results are available. results: of the objects, in the order of the thesis."""
+    """Test all statements on the results; a statement whose necessary results are missing is left out.
+
+    results: results of the objects, in the order of the thesis. shapes: numbers of identified shapes.
+    """
     evidence = Evidence(tuple(results), tuple(shapes))
     printed = Evidence(build_printed_results())
     findings = []
@@ -95,17 +99,17 @@ def evaluate_findings(results: Sequence[ObjectResult], shapes: Sequence[ShapeCou
         outcomes, printed_outcomes = statement.test(evidence), statement.test(printed)
         if outcomes is None:
             continue
-        numbers, holds = _split(outcomes)
-        findings.append(Finding(number, statement, numbers, holds, *_split(printed_outcomes or {})))
+        numbers, holds = _split_outcomes(outcomes)
+        findings.append(Finding(number, statement, numbers, holds, *_split_outcomes(printed_outcomes or {})))
     return findings
 
 
-def _split(outcomes: Mapping[str, Outcome]) -> tuple[dict[str, float], dict[str, bool]]:
-    """Return the numbers and the holding of outcomes, each by object."""
+def _split_outcomes(outcomes: Mapping[str, Outcome]) -> tuple[dict[str, float], dict[str, bool]]:
+    """Split the outcomes of a test into the numbers by object, and whether the statement holds by object."""
     numbers = {name: float(number) for name, (number, _) in outcomes.items()}
     return numbers, {name: bool(holds) for name, (_, holds) in outcomes.items()}
 
 
 def count_reproduced(findings: Sequence[Finding]) -> tuple[int, int]:
-    """Return the number of reproduced findings and the number of those that count."""
+    """Return the number of reproduced findings and the number of counted findings, in this order."""
     return sum(finding.is_reproduced for finding in findings), sum(finding.is_counted for finding in findings)

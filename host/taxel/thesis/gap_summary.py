@@ -16,9 +16,9 @@ LARGEST_CAUSE: Final = "contact_propagation"
 class GapSummary:
     """Result of the gap diagnosis.
 
-    headline: of the verdict. causes: named effects, strongest first. shares: share of each named effect in the
-    reduction of the gap, percent (Shapley). steps: mean share of each treatment step over the objects, percent;
-    reproduced and printed.
+    headline: verdict in one line. causes: effects that the verdict names. shares: Shapley share of each named effect in
+    the reduction of the gap, percent, largest first. steps: for each treatment step, its mean share of the decrease of
+    the real-to-simulated distance over the objects, percent: reproduced, then printed.
     """
 
     headline: str
@@ -28,7 +28,7 @@ class GapSummary:
 
     @property
     def is_largest_cause_found(self) -> bool:
-        """Whether contact propagation is named and has the largest share."""
+        """Whether the diagnosis names contact propagation with the largest share."""
         return bool(self.shares) and max(self.shares, key=lambda name: self.shares[name]) == LARGEST_CAUSE
 
     def to_json(self) -> dict[str, Any]:
@@ -39,9 +39,10 @@ class GapSummary:
 def summarise_gap(
     report: Mapping[str, Any], results: Sequence[ObjectResult], printed: Mapping[str, Mapping[str, float]]
 ) -> GapSummary:
-    """Summarise a gap report of the same datasets.
+    """Summarise the report of a gap diagnosis.
 
-    results: distances of each object. printed: mean distance printed in the thesis by object and stage, metres.
+    results: reproduced distances of each object, from the same datasets. printed: mean real-to-simulated distance that
+    the thesis prints, metres, by object and stage.
     """
     named = {entry["name"]: float(entry["shapley_share"]) for entry in report["effects"] if entry["in_verdict"]}
     total = sum(max(share, 0.0) for share in named.values())

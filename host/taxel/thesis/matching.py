@@ -34,8 +34,9 @@ from taxel.thesis.settings import PROPAGATION
 class ObjectClouds:
     """Contact clouds of one object, real and simulated, at all steps of the treatment, and its CAD mesh.
 
-    name: in the dataset. printed_name: in the thesis. grasps: number of real grasps. clouds: by name of the step.
-    line_shares: whether the points that the outlier filter removes share lines with contacts; None: unknown.
+    name, printed_name: name of the object in the dataset and in the thesis. grasps: number of real grasps. clouds:
+    clouds by the names in `cloud_names`. line_shares: how often the points that the outlier filter removes share
+    electrode lines with contacts; None: unknown.
     """
 
     name: str
@@ -49,7 +50,7 @@ class ObjectClouds:
 def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
     """Accumulate and treat the contact clouds of an object in the real and the simulated dataset.
 
-    name: of the object. Raises CloudError for an object without grasps.
+    name: name of the object. Raises CloudError for an object without grasps.
     """
     real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
     for data, cloud in ((real, real_cloud), (sim, sim_cloud)):
@@ -87,9 +88,10 @@ def measure(
     meshes: Mapping[str, TriangleMesh],
     advance: Callable[[], None] = _no_advance,
 ) -> ObjectResult:
-    """Measure all distances of the clouds of one object.
+    """Measure all distances of the clouds of one object: to its CAD model, to the simulated cloud, to all CAD models.
 
-    item: the clouds. meshes: CAD models by printed name. advance: called `STEPS` times to report progress.
+    item: the clouds. meshes: CAD models of all objects by printed name. advance: called `STEPS` times to report
+    progress.
     """
     real = item.clouds[REAL]
     cad = {name: measure_after_alignment(cloud, item.mesh) for name, cloud in item.clouds.items()}
@@ -138,9 +140,10 @@ STEPS: Final = 5
 
 
 def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStats], dict[int, int]]:
-    """Measure the force-filtered real cloud after outlier filters with all settings that the thesis printed.
+    """Measure the distances to the CAD model for all outlier filter settings that the thesis printed.
 
-    Returns the distances by the printed (N, nSigma), and the N that was used for each printed N.
+    The outlier filter is applied to the force-filtered real cloud. Returns the distances by the printed (N, nSigma),
+    and the N that was used for each printed N: a printed N above 20 is a share of the cloud.
     """
     rows = sweep_outlier_filter(item.clouds[REAL], item.mesh, item.name)
     stats, neighbours = {}, {}
@@ -152,6 +155,8 @@ def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStat
 
 
 def measure_to_points(cloud: ContactCloud, target: PointTarget) -> DistanceStats:
-    """Measure the distances from a cloud to the nearest points of a target after alignment by ICP."""
+    """Align a cloud to a target by iterative closest points (ICP); return the distances to the nearest target
+    points.
+    """
     aligned = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
     return DistanceStats.from_distances(compute_distances_to_cloud(aligned, target.points, cloud.name))

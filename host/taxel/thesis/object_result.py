@@ -12,11 +12,14 @@ from taxel.thesis.prevalence import LineShares
 class ObjectResult:
     """All distances of the clouds of one object.
 
-    cad: to its own mesh, by cloud. force: real cloud above a threshold in counts. sor: force-filtered cloud after the
-    statistical outlier filter (SOR), by the printed N and nSigma. neighbours: N that was used for each printed N.
-    to_sim: real cloud to simulated cloud, by stage. sim_points: points of the simulated cloud, by stage. cross: by
-    cloud and printed name of the mesh. iterations: grasps by approach. prevalence: share of the grasps that a step of
-    the treatment changes, by name of the cloud after the step. line_shares: lines of the removed points; None: unknown.
+    name, printed_name: name of the object in the dataset and in the thesis. grasps: number of real grasps. cad:
+    distances to the object's CAD model, by name of the cloud. force: distances of the real cloud to it, by threshold of
+    the force filter in counts. sor: distances of the force-filtered real cloud after the statistical outlier filter
+    (SOR), by the printed N and nSigma. neighbours: N that was used for each printed N. to_sim: distances from real to
+    simulated cloud, by stage. sim_points: number of points of the simulated cloud, by stage. cross: distances by side
+    ("real" or "sim") and printed name of the CAD model. iterations: number of grasps by approach. prevalence: share of
+    the grasps that a step of the treatment changes, by name of the cloud after the step. line_shares: how often removed
+    points share electrode lines with contacts; None: unknown.
     """
 
     name: str
@@ -56,6 +59,7 @@ class ObjectResult:
         """Create the results of an object from the values of `to_json`. Raises KeyError, TypeError or ValueError."""
 
         def parse(stats: Mapping[str, Mapping[str, Any]]) -> dict[str, DistanceStats]:
+            """Create the statistics in a dictionary from JSON values; the keys stay."""
             return {key: DistanceStats(**item) for key, item in stats.items()}
 
         sor, cross = parse(values["sor"]), parse(values["cross"])

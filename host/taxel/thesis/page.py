@@ -41,8 +41,9 @@ HEADINGS: Final = {
 class PageContent:
     """Content of the page of the reproduction.
 
-    summary: of all seeds. tables: of the shown seed. figures: files of the shown seed by figure number. description:
-    sentences on how its datasets were made.
+    summary: results of all seeds. tables: tables of the shown seed. figures: image files of the shown seed by figure
+    number. gap: summary of the gap diagnosis; None: not diagnosed. description: sentences on how the datasets of the
+    shown seed were made.
     """
 
     summary: Summary
@@ -61,7 +62,7 @@ def write_page(path: Path, content: PageContent) -> None:
 
 
 def _build_context(content: PageContent) -> dict[str, Any]:
-    """Return the variables of the page's template; all values are text, names or lists of them."""
+    """Return the variables of the page's template: strings, numbers, and lists and dictionaries of them."""
     summary = content.summary
     skills = summary.skills[summary.shown]
     return {
@@ -87,7 +88,7 @@ def _build_context(content: PageContent) -> dict[str, Any]:
 
 
 def describe_findings(summary: Summary) -> str:
-    """State the number of reproduced findings: of one seed, or median and worst of several."""
+    """State the number of reproduced findings in one phrase: that of a single seed, or median and worst of several."""
     counts = summary.reproduced
     if len(summary.seeds) == 1:
         return f"{counts.median:g} of {summary.counted} findings reproduced"
@@ -98,7 +99,9 @@ def describe_findings(summary: Summary) -> str:
 
 
 def describe_seeds(summary: Summary) -> str:
-    """State the seeds of the results, whether the search of settings used them, and which seed is shown."""
+    """State in sentences the seeds of the results, whether settings were searched with them, and which seed is
+    shown.
+    """
     seeds = [str(result.seed) for result in summary.seeds if result.seed is not None]
     if not seeds:
         return "Existing datasets: one result, without median and worst."
@@ -117,7 +120,7 @@ def describe_seeds(summary: Summary) -> str:
 
 
 def _format_spread(spread: Spread | None, seeds: int, unit: str = "") -> str:
-    """Format median and worst of a number; of one seed only the number. None: none is defined."""
+    """Format a number with the worst value in brackets; without it for a single seed; a dash for None (undefined)."""
     if spread is None:
         return ABSENT
     text = f"{format_number(spread.median)}{unit}"
@@ -125,7 +128,9 @@ def _format_spread(spread: Spread | None, seeds: int, unit: str = "") -> str:
 
 
 def _skill_context(summary: Summary, group: str) -> dict[str, Any]:
-    """Return the variables of the page's template for the skills of one group of tables."""
+    """Return the template variables for the skills of one group of tables: number of entries, and one text per
+    statistic.
+    """
     skills = summary.skills[summary.shown].groups
     entries = next(skill.entries for (name, _), skill in skills.items() if name == group)
     texts = []
@@ -137,7 +142,7 @@ def _skill_context(summary: Summary, group: str) -> dict[str, Any]:
 
 
 def _finding_context(item: FindingSummary) -> dict[str, Any]:
-    """Return the variables of the page's template for one finding."""
+    """Return the template variables for one finding: statement, number and outcome for each object, verdict, reason."""
     finding = item.finding
     unit = "" if finding.statement.unit == "1" else f" {finding.statement.unit}"
     entries = []
@@ -180,7 +185,7 @@ def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
 
 
 def _table_context(table: Table, skills: SkillReport) -> dict[str, Any]:
-    """Return the variables of the page's template for one table. skills: of the shown seed."""
+    """Return the template variables for one table. skills: skills of the shown seed."""
     values = [
         f"{name} {format_number(skill.value)}"
         for column, name in ALL_STATISTICS.items()
@@ -199,7 +204,9 @@ def _table_context(table: Table, skills: SkillReport) -> dict[str, Any]:
 
 
 def _entry_context(row: Row, column: str) -> dict[str, str]:
-    """Format the reproduced value, printed value and their ratio of a table entry; distances in millimetres."""
+    """Format the reproduced value, the printed value and their ratio in one column of a row; distances in
+    millimetres.
+    """
     factor = 1e3 if column in COLUMNS_IN_MM else 1.0
     value, printed = (
         None if item is None else factor * item for item in (row.values.get(column), row.printed_values.get(column))

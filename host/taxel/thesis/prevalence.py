@@ -1,4 +1,4 @@
-"""Where the steps of the treatment act: share of the grasps that a step changes, and lines of the removed points."""
+"""Share of the grasps that a treatment step changes, and electrode lines on which the removed points lie."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ from taxel.types import BoolArray
 
 @dataclass(frozen=True)
 class LineShares:
-    """Whether isolated points lie on the lines of contacts.
+    """How often removed points and inactive taxels share a TX or RX line with a contact.
 
-    removed: share of the points removed by the outlier filter that have a TX or RX line in common with a kept point of
-    the same board and grasp. inactive: the same share of the inactive taxels on the boards of the removed points.
+    removed: share of the points removed by the outlier filter that have a line in common with a kept point of the same
+    board and grasp. inactive: the corresponding share of the inactive taxels on the boards of the removed points.
     """
 
     removed: float
@@ -24,14 +24,14 @@ class LineShares:
 
     @property
     def ratio(self) -> float | None:
-        """Share of the removed points over the share of inactive taxels; None without removed points or lines."""
+        """Share `removed` divided by the share `inactive`; None if `inactive` is 0."""
         return self.removed / self.inactive if self.inactive > 0.0 else None
 
 
 def compute_prevalence(clouds: Mapping[str, ContactCloud]) -> dict[str, float]:
     """Compute the share of the grasps that each step of the treatment changes, by name of the cloud after the step.
 
-    clouds: by name of the step, as in `ObjectClouds`. A grasp is changed if its number of points differs.
+    clouds: clouds by name, as in `ObjectClouds`. A grasp is changed if the step changes its number of points.
     """
     steps = ((REAL, FILTERED), (FILTERED, CLEANED), (SIM, SPREAD))
     return {after: _changed_share(clouds[before], clouds[after]) for before, after in steps}
@@ -49,8 +49,9 @@ def compute_line_shares(
 ) -> LineShares:
     """Compare the lines of the points that the outlier filter removes with those of inactive taxels.
 
-    filtered, cleaned: cloud before and after the outlier filter. taxels: of the dataset. used: taxels that count,
-    bool[n]. Both shares are 0 if no board of a removed point has a kept point in the same grasp.
+    filtered, cleaned: cloud before and after the outlier filter. taxels: taxel table of the dataset. used: bool[n],
+    taxels that the clouds can contain. Boards without a kept point or without an inactive taxel in a grasp are left
+    out; both shares are 0 if no removed point remains.
     """
     kept_keys = set(zip(cleaned.grasp.tolist(), cleaned.taxel.tolist(), strict=True))
     points = list(zip(filtered.grasp.tolist(), filtered.taxel.tolist(), strict=True))

@@ -18,16 +18,17 @@ TITLES: Final = MappingProxyType(dict(zip(OBJECTS, ("Rectangular prism", "Cylind
 """Names of the objects in Tables 5.1 and 5.2, by their names in the appendix."""
 
 STAGES: Final = ("Pre-treatment", "Force filter", "Force+ SOR filters", "Force+ SOR filters+ contact propagation")
-"""Stages of the treatment (Tables I-10 to I-12)."""
+"""Stages of the treatment, as printed in Tables I-10 to I-12."""
 
 ORIGINAL, PROPAGATED = "Original sim", "Sim+ contact propagation"
-"""Simulated clouds (Tables I-7 to I-9)."""
+"""Names of the simulated clouds, as printed in Tables I-7 to I-9."""
 
 PRINTED_SOR: Final = MappingProxyType({"rectangular": (20, 1.0), "cylindrical": (20, 2.0), "triangular": (716, 2.0)})
-"""N and nSigma of Table 5.4."""
+"""N and nSigma that Table 5.4 selects for each object."""
 
 FORCE_FILTER: Final = int(FORCE_FILTER_COUNTS)
-"""Counts; a threshold of 150 on the same scale removes no point (Table 5.3, Tables I-1 to I-3)."""
+"""Threshold of the force filter that the thesis selected, counts. A threshold of 150 counts removes no point (Table
+5.3, Tables I-1 to I-3)."""
 
 INCONSISTENCIES: Final = (
     "Tables I-1 to I-18: mean^2 + std^2 differs from RMS^2. The RMS is that of ICP; mean and std come from another "
@@ -49,7 +50,9 @@ INCONSISTENCIES: Final = (
 
 
 def get_printed_name(name: str) -> str:
-    """Return the name in the thesis of an object of a dataset; the name itself for an object not in the thesis."""
+    """Convert the dataset's name of an object to the printed name; a name that is not in the thesis is returned
+    unchanged.
+    """
     return next((word for word in OBJECTS if name.lower().startswith(word[:3])), name)
 
 
@@ -74,7 +77,7 @@ def get_distances(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _parse_value(text: str) -> Any:
-    """Convert a cell of a printed table to a number if possible, else to text with the spelling of `STAGES`."""
+    """Convert a cell of a printed table to a float if possible, otherwise to a string with the spelling of `STAGES`."""
     try:
         return float(text)
     except ValueError:

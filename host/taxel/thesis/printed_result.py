@@ -19,15 +19,15 @@ from taxel.thesis.printed import (
 
 @cache
 def build_printed_results() -> tuple[ObjectResult, ...]:
-    """Build the results that the thesis prints, for each object in its order.
+    """Build the results that the thesis prints, for each object in the order of its appendix.
 
-    They have no iterations, prevalence and line shares, which the thesis does not print.
+    They contain no iterations, prevalence and line shares.
     """
     return tuple(_build_printed_result(name) for name in OBJECTS)
 
 
 def _build_printed_result(name: str) -> ObjectResult:
-    """Build the results that the thesis prints for one object."""
+    """Build the results that the thesis prints for one object. name: printed name in the appendix."""
     force = {int(row["threshold_counts"]): _parse_stats(row) for row in select_rows("I_1_to_3_force_filter", name)}
     sor = {(int(row["n_neighbors"]), row["n_sigma"]): _parse_stats(row) for row in select_rows("I_4_to_6_sor", name)}
     sim, spread = (_parse_stats(row) for row in select_rows("I_7_to_9_simulation_cad", name))
@@ -60,5 +60,5 @@ def _build_printed_result(name: str) -> ObjectResult:
 
 
 def _parse_stats(row: Mapping[str, Any], points: int | None = None) -> DistanceStats:
-    """Return the statistics of a printed row. points: number of points, for a row without the column."""
+    """Return the statistics of a printed row. points: number of points if the row has no such column."""
     return DistanceStats(int(row["points"]) if points is None else points, **get_distances(row))

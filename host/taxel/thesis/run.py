@@ -51,10 +51,10 @@ SIM_SEED_STEP: Final = 1
 
 @dataclass(frozen=True)
 class Campaign:
-    """The real and the simulated dataset of a reproduction.
+    """The real (or emulated) and the simulated dataset of a reproduction.
 
-    description: sentences for the page on how they were made. seed, settings: with which they were made; None and empty
-    for existing datasets.
+    description: sentences on how the datasets were made. seed, settings: seed and settings with which they were made;
+    None and empty for existing datasets.
     """
 
     real: Path
@@ -112,7 +112,10 @@ def use_existing_campaign(real: Path, sim: Path) -> Campaign:
 def reproduce(
     campaign: Campaign, out: Path, show: ShowStage, *, with_gap: bool = True
 ) -> tuple[Summary, GapSummary | None]:
-    """Write tables, figures, findings and the page of a campaign to the folder `out`. Raises TaxelError."""
+    """Write tables, figures, findings and the page of a campaign to the folder `out`; return the summaries.
+
+    with_gap: whether to diagnose the gap; the second result is None if not. Raises TaxelError.
+    """
     result = analyse(campaign, out, show)
     gap = _diagnose(campaign, out, result.objects, show) if with_gap else None
     return _write_outputs(out, [result], out, gap), gap
@@ -121,8 +124,8 @@ def reproduce(
 def reproduce_seeds(out: Path, seeds: Sequence[int], jobs: int | None, show: ShowStage) -> Summary:
     """Run campaigns and analysis of several seeds, and write the page with their median and worst to `out`.
 
-    Each seed has a folder `seed_N` with its campaigns and its results. A seed with stored results is not run again, and
-    an interrupted one is continued. Raises TaxelError, also for a seed that was used in the search of settings.
+    The folder `seed_N` contains the campaigns and results of seed N. A seed with stored results is not run again, and
+    an interrupted seed is continued. Raises TaxelError, also for a seed that was used in the search of settings.
     """
     searched = [seed for seed in seeds if seed in SEARCH_SEEDS]
     if searched:
@@ -144,16 +147,16 @@ def reproduce_seeds(out: Path, seeds: Sequence[int], jobs: int | None, show: Sho
 
 
 def analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
-    """Compute all results of a campaign, and write its tables, figures and results to a folder. Raises TaxelError.
+    """Compute all results of a campaign, and write its tables, figures and results to the folder `out`.
 
-    The matrices are small: with one thread the analysis takes half of the CPU time.
+    Linear algebra uses one thread: with small matrices, more threads double the CPU time. Raises TaxelError.
     """
     with threadpool_limits(limits=1):
         return _analyse(campaign, out, show)
 
 
 def _analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
-    """Compute all results of a campaign, and write its tables, figures and results to a folder."""
+    """Do the work of `analyse` without a limit of the number of threads."""
     with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
         items = _accumulate_objects(real, sim, show)
     results = _measure_objects(items, show)
@@ -169,9 +172,9 @@ def _analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
 
 
 def _write_outputs(out: Path, results: Sequence[SeedResult], shown_folder: Path, gap: GapSummary | None) -> Summary:
-    """Write the page and the summary of one or more seeds to the folder `out`.
+    """Write the page (thesis.html) and the summary (thesis.json) of one or more seeds to the folder `out`.
 
-    shown_folder: folder with the figures of the shown seed.
+    shown_folder: folder that contains the figures of the shown seed. gap: None: not diagnosed. Returns the summary.
     """
     summary = Summary(results)
     shown = results[summary.shown]

@@ -17,15 +17,16 @@ from taxel.thesis.shape_counts import ShapeCount
 FILE_NAME: Final = "result.json"
 
 UNCHECKED: Final[Mapping[str, Any]] = {}
-"""Settings of a result whose campaign was not made here."""
+"""Settings of a result from existing datasets, whose settings are not known."""
 
 
 @dataclass(frozen=True)
 class SeedResult:
-    """Results of one pair of campaigns.
+    """Results of one pair of campaigns, real (or emulated) and simulated.
 
-    seed: of the campaigns; None for existing datasets. made: sentences on how they were made. settings: with which they
-    were made. objects: in the order of the thesis. shapes: identified ones.
+    seed: seed of the campaigns; None for existing datasets. made: sentences on how the campaigns were made. settings:
+    settings with which they were made. objects: results of the objects in the order of the thesis. shapes: numbers of
+    identified shapes.
     """
 
     seed: int | None
@@ -35,7 +36,7 @@ class SeedResult:
     shapes: tuple[ShapeCount, ...]
 
     def write(self, folder: Path) -> None:
-        """Store the results as `result.json` in a folder; an interrupted call leaves no incomplete file."""
+        """Write the results to `result.json` in a folder; an interrupted call leaves no incomplete file."""
         values = {
             "seed": self.seed,
             "made": self.made,
@@ -47,9 +48,9 @@ class SeedResult:
 
 
 def read_seed_result(folder: Path) -> SeedResult | None:
-    """Read the results of a seed from its folder; None if they are not stored yet.
+    """Read the results of a seed from its folder; return None if they are not stored yet.
 
-    Raises TaxelError for a damaged file and for results that were made with other settings than the present ones.
+    Raises TaxelError for a damaged file, and for results that were made with settings other than the present ones.
     """
     path = folder / FILE_NAME
     if not path.exists():

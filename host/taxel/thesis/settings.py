@@ -24,14 +24,15 @@ EFFECTS: Final = (
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
 )
-"""Slow noise of 50 counts is below the bound that the largest printed distances set (docs/thesis-tails.md). More noise
-of one board, used before, is removed: it activated taxels 50 to 128 mm from the object.
+"""Effects of the emulated hand. The slow noise of 50 counts is below the bound that follows from the largest printed
+distances (docs/thesis-tails.md). A larger noise of one board, which was used before, is removed, because it activated
+taxels 50 to 128 mm from the object.
 """
 
 OBJECT_VARIATION: Final = Variation(object_m=0.1e-3, object_rad=0.002)
 """Variation of the object's pose at the start of a grasp: error of the C-Track measurement together with the arm's
-repeatability. The thesis states an accuracy down to micrometres (5.5); the data sheet of the arm states 0.03 mm. A
-motion of the object during the grasp is a matter of the mechanics, not of this variation.
+repeatability. The thesis states an accuracy down to micrometres (5.5); the data sheet of the arm states 0.03 mm. This
+variation does not contain motions of the object during the grasp.
 """
 
 SIM_VARIATION: Final = NO_VARIATION
@@ -44,7 +45,7 @@ electrodes come as near to the objects as in the thesis.
 """
 
 PROPAGATION: Final = Propagation(min_signal_counts=340.0)
-"""Only taxels under a strong contact activate their neighbours."""
+"""Rule of contact propagation: only taxels under a strong contact activate their neighbours."""
 
 SEARCH_SEEDS: Final = (1, 2, 3, 4, 5)
 """Seeds whose campaigns were compared with the printed results while settings were selected, or while constants of the
@@ -57,7 +58,10 @@ UNSEEN_SEEDS: Final = tuple(range(101, 111))
 
 @dataclass(frozen=True)
 class SearchedSetting:
-    """A setting that was selected by comparison with the printed results. value, state: text."""
+    """A setting that was selected by comparison with the printed results.
+
+    value: selected value with unit. state: whether the setting is still in use, or why it was removed.
+    """
 
     name: str
     value: str

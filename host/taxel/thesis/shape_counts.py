@@ -10,10 +10,10 @@ SINGLE_APPROACHES: Final = "single approaches"
 
 @dataclass(frozen=True)
 class ShapeCount:
-    """Number of identified clouds of one object: real and simulated ones together.
+    """Number of clouds of one object whose shape is identified, real and simulated clouds together.
 
-    group: `WHOLE_CLOUDS` or `SINGLE_APPROACHES`. models: number of candidate models. object: printed name. identified:
-    clouds whose best model is their object, out of `total`.
+    group: `WHOLE_CLOUDS` or `SINGLE_APPROACHES`. models: number of candidate models. object: printed name of the
+    object. identified: number of clouds whose best model is the object. total: number of all clouds.
     """
 
     group: str

@@ -15,15 +15,15 @@ from taxel.thesis.shape_counts import SINGLE_APPROACHES, WHOLE_CLOUDS, ShapeCoun
 from taxel.types import FloatArray
 
 STEPS: Final = 2
-"""Number of calls of `advance` for an object."""
+"""Number of calls of `advance` for each object in `count_identified_shapes`."""
 
 
 def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[], None]) -> list[ShapeCount]:
-    """Count for each object the untreated real and simulated clouds whose object is identified by its shape.
+    """Count for each object the untreated clouds, real and simulated, whose shape is identified correctly.
 
-    The candidate models are the objects of the thesis, and then these with the other built-in shapes. The best model is
-    that of `taxel.cloud.match`, which also aligns the cloud; the alignment is not needed here. advance: called after
-    each cloud.
+    Whole clouds and clouds of single approaches are counted separately, with two sets of candidate models: the objects
+    of the thesis alone, and together with the other built-in shapes. The best model has the largest evidence, as in
+    `taxel.cloud.match`; the alignment that `match` also computes is not needed. advance: called after each whole cloud.
     """
     thesis_models = tuple(item.name for item in items)
     all_models = {**get_builtin_models(), **{item.name: item.mesh for item in items}}
@@ -48,9 +48,10 @@ def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[],
 
 
 def find_best_model(cloud: ContactCloud, likelihoods: Mapping[str, FloatArray], models: Sequence[str]) -> str | None:
-    """Find the model with the largest evidence among `models`; None for a cloud without points.
+    """Return the name of the model with the largest evidence among `models`; None for a cloud without points.
 
-    likelihoods: of each grasp by model (`compute_likelihoods`), also of grasps that the cloud does not contain.
+    likelihoods: log likelihoods of the grasps by model (`compute_likelihoods`), which may include grasps that the cloud
+    does not contain.
     """
     grasps = np.unique(cloud.grasp)
     if not len(grasps):

@@ -1,16 +1,17 @@
-"""Skill of the reproduction: how much nearer its values are to the printed ones than the best single constant is.
+"""Skill of the reproduction: how much nearer the reproduced values are to the printed values than the best constant is.
 
 skill = 1 - mean |ln(value / printed)| / mean |ln(constant / printed)|
 
-The constant is the best one for the entries compared: the median of their logarithms, which minimises the mean
-absolute difference. A skill of 1 is a perfect reproduction, 0 is as good as one constant, negative is worse than it.
-Mean, RMS, maximum, standard deviation and number of points have a skill each.
+The logarithm of the constant is the median of the logarithms of the compared printed values, which minimises the mean
+absolute difference. A skill of 1 is a perfect reproduction; at a skill of 0 the reproduced values are as good as one
+constant, and at a negative skill they are worse. The skill is computed separately for mean, RMS, maximum, standard
+deviation and number of points.
 
-Repeats. The thesis prints many values several times. An entry counts once, in the first table that prints it, if a
-later entry is the same quantity: the same cloud (object, side, treatment), for a distance also the same target. So the
-first rows of Tables I-1 to I-3 and I-7 to I-9 are those of Table 5.3, the own models of Tables I-13 to I-18 are rows of
-Tables I-4 to I-6 and 5.5. A row whose printed values all equal those of an earlier row of the same table is a copy
-of this row, and does not count (Table I-6, N = 143, nSigma = 2).
+Repeats. The thesis prints many values several times. Entries of the same quantity (the same cloud, that is object, side
+and treatment, and for a distance also the same target) are counted once, in the first table that prints it. For
+example, the first rows of Tables I-1 to I-3 and I-7 to I-9 repeat Table 5.3, and the rows of Tables I-13 to I-18 with
+the object's own model repeat rows of Tables I-4 to I-6 and 5.5. A row whose printed values all equal those of an
+earlier row of the same table is a copy and is not counted (Table I-6, N = 143, nSigma = 2).
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -46,19 +47,20 @@ GROUPS: Final = (RAW, FORCE, SOR, PROPAGATION, TO_SIM, CROSS)
 to I-9); real to sim: I-10 to I-12; cross-shape: I-13 to I-18."""
 
 MAX_LOG_RATIO: Final = float(np.log(1000.0))
-"""Largest |ln ratio| of one entry: a value of 0, or one that differs by more than a factor 1000, counts as this factor.
-Chosen; affects only values that are wrong by orders of magnitude."""
+"""Largest |ln ratio| of one entry: values that are 0, or that differ by more than a factor of 1000, are treated as if
+they differed by this factor. Chosen; it affects only values that are wrong by orders of magnitude."""
 
 _MIN_CONSTANT_ERROR: Final = 1e-9
-"""Mean |ln ratio| of the constant below which all entries count as equal, and no skill is defined."""
+"""Mean |ln ratio| of the constant up to which all printed values are treated as equal, so that no skill is defined."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One printed value and the reproduced one.
+    """One printed value of the thesis's tables and the reproduced value.
 
-    table: number. group: of tables. row: text. statistic: column. quantity: the same for entries that are the same
-    quantity. is_copy: the printed row repeats an earlier one.
+    table: number of the table. group: group of tables. row: description of the row. statistic: name of the column.
+    quantity: key that is equal for entries of the same quantity in different tables. is_copy: whether the printed row
+    repeats an earlier row of the same table.
     """
 
     table: str
@@ -72,7 +74,9 @@ class Entry:
 
     @property
     def log_ratio(self) -> float:
-        """|ln(value / printed)|, at most `MAX_LOG_RATIO`."""
+        """|ln(value / printed)|, at most `MAX_LOG_RATIO`; `MAX_LOG_RATIO` for a value that is not above 0 or not
+        finite.
+        """
         if not (np.isfinite(self.value) and self.value > 0.0):
             return MAX_LOG_RATIO
         return min(abs(float(np.log(self.value / self.printed))), MAX_LOG_RATIO)
@@ -80,10 +84,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Skill:
-    """Skill of some entries.
+    """Skill of a set of entries.
 
-    entries: their number. error: mean |ln ratio| of the reproduced values. constant_error: that of the constant.
-    constant: the best one, in metres or points.
+    entries: number of entries. error: mean |ln ratio| of the reproduced values. constant_error: mean |ln ratio| of the
+    best constant. constant: the best constant, metres or points.
     """
 
     entries: int
@@ -93,7 +97,7 @@ class Skill:
 
     @property
     def value(self) -> float | None:
-        """The skill; None for entries that one constant reproduces exactly, such as a single entry."""
+        """The skill; None if one constant reproduces all printed values exactly, as for a single entry."""
         return 1.0 - self.error / self.constant_error if self.constant_error > _MIN_CONSTANT_ERROR else None
 
     def to_json(self) -> dict[str, Any]:
@@ -108,7 +112,7 @@ class Skill:
 
 
 def compute_skill(entries: Sequence[Entry]) -> Skill:
-    """Compute the skill of one or more entries of one statistic."""
+    """Compute the skill of one or more entries of the same statistic."""
     logarithms = np.log([entry.printed for entry in entries])
     constant = float(np.median(logarithms))
     error = float(np.mean([entry.log_ratio for entry in entries]))
@@ -117,7 +121,7 @@ def compute_skill(entries: Sequence[Entry]) -> Skill:
 
 @dataclass(frozen=True)
 class SkillReport:
-    """Skills by group and statistic, and by table and statistic; names of statistics are columns."""
+    """Skills by (group of tables, column), and by (number of the table, column)."""
 
     groups: dict[tuple[str, str], Skill]
     tables: dict[tuple[str, str], Skill]
@@ -133,10 +137,10 @@ class SkillReport:
 
 
 def compute_skills(results: Sequence[ObjectResult]) -> SkillReport:
-    """Compute the skills of all groups and tables.
+    """Compute the skills of all groups of tables and of all single tables.
 
-    A group has one constant for all its tables and objects and counts every quantity once. A table has its own
-    constant; its rows count although another table repeats them, but not if they are copies of a row.
+    The skill of a group uses one constant for all its tables and objects, and contains every quantity once. The skill
+    of a table uses a separate constant, and contains all rows but copies, even rows that another table repeats.
     """
     entries = list_entries(results)
     counted = select_counted(entries)
@@ -156,7 +160,7 @@ def compute_skills(results: Sequence[ObjectResult]) -> SkillReport:
 
 
 def select_counted(entries: Sequence[Entry]) -> list[Entry]:
-    """Return the entries without copied rows and without quantities that an earlier entry has."""
+    """Return the entries without those of copied rows, and with only the first entry of each quantity."""
     result, seen = [], set()
     for entry in entries:
         if not entry.is_copy and entry.quantity not in seen:
@@ -167,10 +171,11 @@ def select_counted(entries: Sequence[Entry]) -> list[Entry]:
 
 @dataclass(frozen=True)
 class _Place:
-    """A printed row: its table, group, text, and what it measures.
+    """Position of a printed row, and the quantity that it contains.
 
-    cloud: side and treatment of the cloud. target: CAD model or cloud to which distances are measured; None: the table
-    prints only the number of points. columns: printed statistics.
+    table: number of the table. group: group of tables. row: description of the row. cloud: side and treatment of the
+    measured cloud. target: CAD model or cloud to which distances are measured; None: the table prints only the number
+    of points. columns: printed statistics.
     """
 
     table: str
@@ -217,23 +222,23 @@ def _make_entries(
 
 
 def _list_rows(result: ObjectResult) -> Iterator[tuple[_Place, DistanceStats]]:
-    """Yield the rows of all tables of one object, with their statistics."""
+    """Yield the rows of all tables for one object, with the statistics of `result`."""
     index = [printed.printed_name for printed in build_printed_results()].index(result.printed_name)
-    own = result.printed_name
+    own_model = result.printed_name
     raw_real: Hashable = (REAL, int(ACTIVE_SIGNAL_COUNTS))
     raw_sim: Hashable = (SIM, "")
     for side, cloud in ((REAL, raw_real), (SIM, raw_sim)):
         yield _Place("5.2", RAW, side, cloud, None, (POINTS,)), result.cad[side]
-        yield _Place("5.3", RAW, side, cloud, own, _DISTANCES), result.cad[side]
+        yield _Place("5.3", RAW, side, cloud, own_model, _DISTANCES), result.cad[side]
     for threshold, stats in result.force.items():
-        yield _Place(f"I-{index + 1}", FORCE, f"{threshold} counts", (REAL, threshold), own, _MATCH), stats
+        yield _Place(f"I-{index + 1}", FORCE, f"{threshold} counts", (REAL, threshold), own_model, _MATCH), stats
     for (n, sigma), stats in result.sor.items():
         selected = (REAL, FORCE_FILTER, n, sigma)
-        yield _Place(f"I-{index + 4}", SOR, f"N {n}, nSigma {sigma:g}", selected, own, _MATCH), stats
+        yield _Place(f"I-{index + 4}", SOR, f"N {n}, nSigma {sigma:g}", selected, own_model, _MATCH), stats
     spread = (SIM, SPREAD)
-    yield _Place(f"I-{index + 7}", RAW, SIM, raw_sim, own, _MATCH), result.cad[SIM]
-    yield _Place(f"I-{index + 7}", PROPAGATION, PROPAGATED, spread, own, _MATCH), result.cad[SPREAD]
-    cleaned = (REAL, FORCE_FILTER, *PRINTED_SOR[own])
+    yield _Place(f"I-{index + 7}", RAW, SIM, raw_sim, own_model, _MATCH), result.cad[SIM]
+    yield _Place(f"I-{index + 7}", PROPAGATION, PROPAGATED, spread, own_model, _MATCH), result.cad[SPREAD]
+    cleaned = (REAL, FORCE_FILTER, *PRINTED_SOR[own_model])
     clouds: tuple[Hashable, ...] = (raw_real, (REAL, FORCE_FILTER), cleaned, cleaned)
     for stage, staged in zip(STAGES, clouds, strict=True):
         target = SPREAD if stage == STAGES[-1] else SIM

@@ -10,12 +10,12 @@ from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.printed import select_rows
 
 PRINTED_RESOLUTION_M: Final = 1e-5
-"""Resolution of the printed distances."""
+"""Resolution of the printed distances, metres."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Setting of the outlier filter. neighbours: N as a number of points or a share of the cloud by name."""
+    """Setting of the outlier filter. neighbours: N, as a number of points or as the name of a share of the cloud."""
 
     neighbours: int | str
     n_sigma: float
@@ -31,9 +31,10 @@ class Setting:
 
 
 def get_setting_rows(result: ObjectResult) -> dict[Setting, DistanceStats]:
-    """Return the rows of Tables I-4 to I-6 of an object by setting; empty without the sweep.
+    """Return the object's distances in Tables I-4 to I-6 by setting; empty for a result without these tables.
 
-    The printed N are numbers of points; the same share of the cloud is another number for each object.
+    The tables print N as a number of points; `Setting` states it as a share of the cloud, which is comparable between
+    objects.
     """
     rules = get_sor_rules(result.printed_name)
     rows = select_rows("I_4_to_6_sor", result.printed_name)
@@ -45,23 +46,25 @@ def get_setting_rows(result: ObjectResult) -> dict[Setting, DistanceStats]:
 def find_best_setting(result: ObjectResult) -> Setting:
     """Find the setting with the smallest mean distance to the CAD model, at the printed resolution.
 
-    The thesis selected by mean and RMS (5.6.2): of equal means the smaller RMS is selected, then the smaller maximum.
+    The thesis selected by mean and RMS (5.6.2): of settings with equal means, the one with the smaller RMS is selected,
+    then the one with the smaller maximum.
     """
     rows = get_setting_rows(result)
     return min(rows, key=lambda setting: _round(rows[setting]))
 
 
 def _round(stats: DistanceStats) -> tuple[int, int, int]:
-    """Return mean, RMS and maximum in units of the printed resolution."""
+    """Round mean, RMS and maximum to the printed resolution; return them as multiples of it."""
     values = (stats.mean_m, stats.rms_m, stats.max_m)
     mean, rms, largest = (round(value / PRINTED_RESOLUTION_M) for value in values)
     return mean, rms, largest
 
 
 def find_common_setting(results: Sequence[ObjectResult]) -> Setting | None:
-    """Find the printed setting whose largest RMS over the objects, relative to the smallest of the object, is smallest.
+    """Find the best setting among those that the thesis prints for all objects; None if there is no such setting.
 
-    Only settings that the thesis prints for all objects take part. Returns None without the sweep.
+    The RMS of each object is divided by its smallest RMS over all settings; the setting with the smallest maximum of
+    this ratio over the objects is the best.
     """
     tables = [get_setting_rows(result) for result in results]
     common = [setting for setting in tables[0] if all(setting in rows for rows in tables[1:])]

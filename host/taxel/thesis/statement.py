@@ -1,4 +1,4 @@
-"""Statements of the thesis, and the evidence on which they are tested."""
+"""Statements of the thesis, and the results on which they are tested."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,7 +9,10 @@ from taxel.thesis.shape_counts import ShapeCount
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the findings are tested on. results: of the objects, in the order of the thesis. shapes: identified ones."""
+    """Results on which the statements are tested.
+
+    results: results of the objects, in the order of the thesis. shapes: numbers of identified shapes; may be empty.
+    """
 
     results: tuple[ObjectResult, ...]
     shapes: tuple[ShapeCount, ...] = ()
@@ -21,15 +24,19 @@ class Evidence:
 
 
 Outcome = tuple[float, bool]
-"""A number, and whether the finding holds for the object."""
+"""Outcome of a statement's test for one object: the number that is shown, and whether the statement holds."""
 
 Test = Callable[[Evidence], Mapping[str, Outcome] | None]
-"""Test of a finding: outcome by printed name of the object; None if the evidence lacks the necessary results."""
+"""Test of a statement: outcome by printed name of the object; None if the evidence lacks the necessary results."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of the thesis. source: section, paragraph and sentence. criterion: the test in words, with `unit`."""
+    """A qualitative statement of the thesis with its test.
+
+    key: identifier. text: the statement. source: section, paragraph and sentence. criterion: the test in words. unit:
+    unit of the number that the test returns, "1" without a unit.
+    """
 
     key: str
     text: str

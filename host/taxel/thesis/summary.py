@@ -1,4 +1,4 @@
-"""Median and worst of the results of several seeds."""
+"""Median and worst result over several seeds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,9 +29,11 @@ class Spread:
 
 @dataclass(frozen=True)
 class FindingSummary:
-    """One finding over all seeds. finding: of the shown seed. reproduced, seeds: numbers of seeds.
+    """One finding over all seeds.
 
-    numbers: median by object. example: first seed in which it is not reproduced; None if there is none.
+    finding: the finding for the shown seed. reproduced: number of seeds that reproduce the finding. seeds: number of
+    all seeds. numbers: median of the finding's number over the seeds, by object. example: the finding for the first
+    seed that does not reproduce it; None if all seeds do.
     """
 
     finding: Finding
@@ -47,11 +49,13 @@ class FindingSummary:
 
     @property
     def reason(self) -> str:
-        """Reason why a seed does not reproduce the finding, or why it is not counted; empty without such a seed."""
+        """Reason why the first such seed does not reproduce the finding, or why it is not counted; "" if all do."""
         return "" if self.example is None else self.example.reason
 
     def to_json(self) -> dict[str, Any]:
-        """Convert to JSON values: those of the shown seed, with the numbers over the seeds."""
+        """Convert to JSON values: those of the shown seed, with medians, numbers of seeds and outcome over all
+        seeds.
+        """
         return {
             **self.finding.to_json(),
             "median_numbers": self.numbers,
@@ -73,19 +77,20 @@ class Summary:
 
     @cached_property
     def reproduced(self) -> Spread:
-        """Number of reproduced findings."""
+        """Number of reproduced findings: median and smallest number over the seeds."""
         return _spread([count_reproduced(findings)[0] for findings in self.findings], min)
 
     @cached_property
     def counted(self) -> int:
-        """Number of findings that count: those that the printed tables do not contradict."""
+        """Number of counted findings: those that the printed tables do not contradict for every object."""
         return count_reproduced(self.findings[0])[1]
 
     @cached_property
     def shown(self) -> int:
-        """Index of the seed whose tables and figures are shown: the median one by number of findings.
+        """Index of the seed whose tables and figures are shown: the first with the median number of reproduced
+        findings.
 
-        Of several such seeds the first one.
+        For an even number of seeds, the median is the smaller of the two middle numbers.
         """
         counts = [count_reproduced(findings)[0] for findings in self.findings]
         return counts.index(median_low(counts))
@@ -97,17 +102,17 @@ class Summary:
 
     @property
     def unseen(self) -> bool:
-        """Whether no seed was used while settings were searched; False for existing datasets."""
+        """Whether no seed of these results was used in the search of settings; False for existing datasets."""
         return all(result.seed is not None and result.seed not in SEARCH_SEEDS for result in self.seeds)
 
     def get_skill(self, group: str, column: str) -> Spread | None:
-        """Return median and worst skill of a group of tables; None where no skill is defined."""
+        """Return median and worst skill of a group of tables in one column; None if no seed has a defined skill."""
         values = [report.groups[group, column].value for report in self.skills if (group, column) in report.groups]
         defined = [value for value in values if value is not None]
         return _spread(defined, min) if defined else None
 
     def summarise_findings(self) -> list[FindingSummary]:
-        """Return every finding over all seeds, in the order of their numbers."""
+        """Summarise every finding over all seeds, in the order of the findings' numbers."""
         result = []
         for finding in self.findings[self.shown]:
             same = [one for findings in self.findings for one in findings if one.number == finding.number]
@@ -118,7 +123,10 @@ class Summary:
         return result
 
     def summarise_shapes(self) -> dict[tuple[str, int], Spread]:
-        """Return the share of identified clouds in percent, by kind of cloud and number of candidate models."""
+        """Return median and worst share of identified clouds, percent, over the seeds.
+
+        Keys: kind of cloud (whole clouds or single approaches) and number of candidate models.
+        """
         keys = dict.fromkeys((count.group, count.models) for result in self.seeds for count in result.shapes)
         shares: dict[tuple[str, int], list[float]] = {key: [] for key in keys}
         for result in self.seeds:
@@ -153,5 +161,5 @@ class Summary:
 
 
 def _spread(values: Sequence[float], worst: Callable[[Sequence[float]], float]) -> Spread:
-    """Return median and worst of one or more numbers."""
+    """Return median and worst of one or more numbers. worst: function that selects the worst number, `min` or `max`."""
     return Spread(float(median(values)), float(worst(values)))

@@ -30,7 +30,8 @@ REMOVED: Final = "removed_percent"
 class Row:
     """A row of a reproduced table.
 
-    key: names of the row. values, printed_values: by column; None where there is none.
+    key: entries of the key columns, which identify the row. values, printed_values: reproduced and printed values by
+    name of the column; None for a missing value.
     """
 
     key: tuple[str, ...]
@@ -38,7 +39,7 @@ class Row:
     printed_values: Mapping[str, float | None]
 
     def ratio(self, column: str) -> float | None:
-        """Return the reproduced value of a column divided by the printed one; None without one of them."""
+        """Return the reproduced value of a column divided by the printed value; None if one of them is missing."""
         value, printed = self.values.get(column), self.printed_values.get(column)
         return value / printed if value is not None and printed else None
 
@@ -47,7 +48,8 @@ class Row:
 class Table:
     """A reproduced table of the thesis.
 
-    number: as in the thesis. keys: headings of the row keys. columns: names of the values, with units.
+    number: number of the table in the thesis. keys: headings of the key columns. columns: names of the columns with
+    values, with units.
     """
 
     number: str
@@ -80,17 +82,17 @@ CSV_KINDS: Final = ("ours", "thesis", "ratio")
 
 
 def build_tables(results: Sequence[ObjectResult]) -> list[Table]:
-    """Build all tables of the reproduction, in the order of the thesis. results: of its objects, in its order."""
+    """Build all tables of the reproduction. results: results of the objects, in the order of the thesis."""
     return [
         _build_grasps(results),
         _build_points(results),
         _build_untreated(results),
-        *(_build_force(result, number) for number, result in _number(results, 1)),
-        *(_build_sor(result, number) for number, result in _number(results, 4)),
+        *(_build_force(result, number) for number, result in _number_tables(results, 1)),
+        *(_build_sor(result, number) for number, result in _number_tables(results, 4)),
         _build_best_sor(results),
-        *(_build_simulation(result, number) for number, result in _number(results, 7)),
+        *(_build_simulation(result, number) for number, result in _number_tables(results, 7)),
         _build_propagation(results),
-        *(_build_to_sim(result, number) for number, result in _number(results, 10)),
+        *(_build_to_sim(result, number) for number, result in _number_tables(results, 10)),
         _build_contributions(results),
         *(
             _build_cross(result, side, cloud, number + position)
@@ -100,15 +102,15 @@ def build_tables(results: Sequence[ObjectResult]) -> list[Table]:
     ]
 
 
-def _number(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, ObjectResult]]:
-    """Yield (table number, result) for each object; first: number of the table of the first object."""
+def _number_tables(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, ObjectResult]]:
+    """Yield (table number, result) for each object. first: number of the table of the thesis's first object."""
     return ((first + OBJECTS.index(result.printed_name), result) for result in results)
 
 
 def _build_grasps(results: Sequence[ObjectResult]) -> Table:
-    """Build Table 5.1 of the thesis: iterations of each approach.
+    """Build Table 5.1 of the thesis: number of grasps (iterations) of each approach.
 
-    The names of the approaches in a dataset are those of the thesis without "face" and the spaces.
+    The dataset's name of an approach is that of the thesis in lower case, without "face" and with "_" for each space.
     """
     rows = []
     for result in results:
@@ -120,7 +122,7 @@ def _build_grasps(results: Sequence[ObjectResult]) -> Table:
 
 
 def _count_or_none(result: ObjectResult, approach: str) -> float | None:
-    """Return the number of grasps of an approach; None for an approach that the dataset does not have."""
+    """Return the number of grasps of an approach; None for an approach that the dataset does not contain."""
     count = result.iterations.get(approach)
     return None if count is None else float(count)
 
@@ -186,12 +188,12 @@ def _build_sor(result: ObjectResult, number: int) -> Table:
 
 
 def _add_removed(stats: DistanceStats, points_before: int) -> dict[str, float | None]:
-    """Return the distances with the share of removed points, percent; points_before: before the filter."""
+    """Return the statistics with the share of removed points in percent. points_before: points before the filter."""
     return {**asdict(stats), REMOVED: 100.0 * (1.0 - stats.points / max(points_before, 1))}
 
 
 def _build_best_sor(results: Sequence[ObjectResult]) -> Table:
-    """Build Table 5.4 of the thesis: the best settings of the outlier filter."""
+    """Build Table 5.4 of the thesis: the outlier filter settings with the smallest mean distance for each object."""
     rows = [
         Row(
             (result.printed_name,),
@@ -220,7 +222,7 @@ def _build_simulation(result: ObjectResult, number: int) -> Table:
 
 
 def _build_propagation(results: Sequence[ObjectResult]) -> Table:
-    """Build Table 5.5 of the thesis: effect of contact propagation on the distances of all objects."""
+    """Build Table 5.5 of the thesis: distances of the simulated clouds to CAD before and after contact propagation."""
     rows = []
     for result in results:
         printed = select_rows("I_7_to_9_simulation_cad", result.printed_name)
@@ -232,7 +234,9 @@ def _build_propagation(results: Sequence[ObjectResult]) -> Table:
 
 
 def _build_to_sim(result: ObjectResult, number: int) -> Table:
-    """Build one of Tables I-10 to I-12 of the thesis: distances from real to simulated cloud of an object."""
+    """Build one of Tables I-10 to I-12 of the thesis: distances from real to simulated cloud at each treatment
+    stage.
+    """
     rows = []
     for row in select_rows("I_10_to_12_sim_to_real", result.printed_name):
         stats = result.to_sim[row["stage"]]
@@ -258,9 +262,9 @@ def _build_contributions(results: Sequence[ObjectResult]) -> Table:
 
 
 def compute_contributions(by_stage: Mapping[str, float]) -> list[float]:
-    """Compute the share of each treatment step in the total decrease of a distance, percent; zeros without a decrease.
+    """Compute the share of each treatment step in the total decrease of a distance, percent, in the order of the steps.
 
-    by_stage: distance by stage of the treatment (`STAGES`).
+    by_stage: distance at each stage of the treatment (`STAGES`). All shares are 0 if the distance does not decrease.
     """
     values = [by_stage[stage] for stage in STAGES]
     total = values[0] - values[-1]
@@ -268,9 +272,10 @@ def compute_contributions(by_stage: Mapping[str, float]) -> list[float]:
 
 
 def _build_cross(result: ObjectResult, side: str, cloud: str, number: int) -> Table:
-    """Build one of Tables I-13 to I-18 of the thesis: distances of a cloud of an object to all CAD models.
+    """Build one of Tables I-13 to I-18 of the thesis: distances of one cloud of an object to the CAD models of all
+    objects.
 
-    side: "real" or "sim". cloud: name of the cloud in the title. number: of the table.
+    side: "real" or "sim". cloud: name of the cloud in the title. number: number of the table.
     """
     rows = []
     for row in select_rows("I_13_to_18_cross_shape", result.printed_name, "cloud_object"):

@@ -40,14 +40,14 @@ OTHER_ACTION: Final = "Inspect the place of the alarm."
 
 @dataclass(frozen=True)
 class ReferenceFile:
-    """Path of the reference dataset and the poses of its conditions."""
+    """Path of the reference dataset, and nominal poses of brackets and object by condition."""
 
     path: Path
     poses: Poses
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> ReferenceFile:
-        """Read the poses of the first contact of each condition. Raises DatasetError."""
+        """Read the poses of each condition from its first contact. Raises DatasetError."""
         with GraspDataset(path) as data:
             poses = {}
             for grasp in data:
@@ -68,10 +68,11 @@ class ReferenceFile:
 def name_cause(
     reference: ReferenceFile, live: Path, records: Sequence[GraspRecord], time_s: float, alarms: Sequence[int]
 ) -> CauseEvent:
-    """Compare the contacts since a change with the reference; return the probabilities of the causes.
+    """Diagnose the contacts since a change against the reference; return the probabilities of the causes.
 
-    live: file to write with the contacts; `taxel gap diagnose LIVE REFERENCE` gives the same probabilities. records:
-    contacts since the change. alarms: their numbers. Raises TaxelError with one line, such as for too few contacts.
+    live: path of the dataset that is written with the contacts; `taxel gap diagnose LIVE REFERENCE` gives the same
+    probabilities. records: contacts since the change. time_s: time of the event. alarms: numbers of the active alarms.
+    Raises TaxelError with a one-line message, for example for too few contacts.
     """
     reference.write_contacts(live, records)
     verdict = diagnose(live, reference.path).verdict

@@ -10,7 +10,7 @@ from taxel.twin.detector import LARGEST, Hypothesis
 from taxel.twin.events import Alarm
 from taxel.twin.null_model import NullModels, log_density
 from taxel.twin.schedule import Condition
-from taxel.twin.statistics import QUANTITIES, Scores
+from taxel.twin.statistics import QUANTITIES, Estimates
 from taxel.types import IntArray
 
 
@@ -18,8 +18,9 @@ from taxel.types import IntArray
 class ClearedTest:
     """Sequential test of the reference value against the changed value of an alarm (see `detector.py`).
 
-    period_s: mean time to a wrong result, seconds. condition: of the contact that raised the alarm, or None. The
-    signals during a contact, unlike relative changes, are compared in this condition only.
+    hypothesis: the change that the alarm reports. period_s: mean time to a wrong result, seconds. condition: condition
+    of the contact that raised the alarm, or None; an alarm of a quantity of `OF_CONDITIONS` is tested in this condition
+    only. evidence: statistic of the test; the fault has been removed at 1.
     """
 
     alarm: Alarm
@@ -28,8 +29,12 @@ class ClearedTest:
     condition: Condition | None = None
     evidence: float = 0.0
 
-    def update(self, estimates: Scores, models: NullModels, level: IntArray, elapsed_s: float) -> bool:
-        """Add the estimates of a step relative to the reference; return whether the fault has been removed."""
+    def update(self, estimates: Estimates, models: NullModels, level: IntArray, elapsed_s: float) -> bool:
+        """Add the estimates of a step relative to the reference; return whether the fault has been removed.
+
+        level: i64[P], level of each place. elapsed_s: seconds since the step before. The result is False for a step
+        without information on the quantity and place of the alarm.
+        """
         quantity = QUANTITIES[self.hypothesis.quantity]
         if quantity.name not in estimates:
             return False

@@ -24,7 +24,7 @@ from taxel.twin.statistics import (
     OF_CONDITIONS,
     OF_CONTACTS,
     QUANTITIES,
-    Scores,
+    Estimates,
     compute_contact_scores,
     compute_missing,
     compute_rest_scores,
@@ -39,20 +39,22 @@ HOURS_PER_FALSE_ALARM: Final = 24.0
 """Default mean time to a false alarm of the whole skin, hours."""
 
 BACKWARDS_S: Final = 1.0
-"""Step back of the time of a stream from which it counts as another clock, seconds; poll cycles may be out of order by
-less than a cycle."""
+"""Step back of a stream's time from which the stream is treated as running on another clock, seconds. Poll cycles may
+be out of order by less than a cycle."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
-    """Results of one step. signals: f64[BINS, n], counts, of a contact; None otherwise. estimates: of each place, by
-    quantity. evidence: sum of the statistics of the detector, an alarm from 1. touched: bool[n], unannounced contact.
-    events: in order of time.
+    """Results of one step.
+
+    signals: f64[BINS, n], counts, signals of the step's contact; None for a step without contact. estimates: estimated
+    changes at all places, by quantity. evidence: sum of the detector's statistics; an alarm is raised from 1. touched:
+    bool[n], taxels in an unannounced contact. events: events of the step, in order of time.
     """
 
     step: Step
     signals: FloatArray | None
-    estimates: Scores
+    estimates: Estimates
     evidence: float
     touched: BoolArray
     events: tuple[Event, ...]
@@ -98,7 +100,8 @@ class Twin:
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[StepResult]:
         """Add poll cycles; return the results of the steps that ended.
 
-        time_s: f64[T], seconds. raw_counts: u16[T, n]. valid: bool[T, s].
+        time_s: f64[T], seconds. raw_counts: u16[T, n] of n taxels. valid: bool[T, s], whether each of the s boards
+        delivered its frame. A step back of the clock gives one result with an `InputFault`.
         """
         results: list[StepResult] = []
         start = 0
@@ -116,7 +119,7 @@ class Twin:
 
     @property
     def contact(self) -> Contact | None:
-        """The announced contact of the current step."""
+        """The announced contact of the current step; None outside a contact."""
         return self._builder.contact
 
     def finish(self) -> list[StepResult]:
@@ -124,12 +127,15 @@ class Twin:
         return [self._process(step) for step in self._builder.finish()]
 
     def _restart(self, time_s: float) -> StepResult:
-        """Continue after a step back of the clock: the steps so far are kept, the current step is discarded."""
+        """Continue after a step back of the clock to `time_s`; return an empty result with the fault of the input.
+
+        The current step and the history are discarded, and all contacts announced so far are ignored.
+        """
         message = f"the clock steps back from {self._newest_s:.3f} s to {time_s:.3f} s; the current step is discarded "
         message += "and announced contacts are ignored; restart the twin with contacts on the new clock"
         fault = InputFault(time_s, "clock", message)
-        own = self.reference
-        self._builder = StepBuilder(self.schedule, own.places.board, own.sensors.s, own.baseline_s)
+        reference = self.reference
+        self._builder = StepBuilder(self.schedule, reference.places.board, reference.sensors.s, reference.baseline_s)
         self._builder.skip_announced()
         self._newest_s, self._last_step_s, self._last_alarm_s = time_s, None, -np.inf
         self.history = StepHistory(self.reference.places)
@@ -137,9 +143,9 @@ class Twin:
         return StepResult(empty, None, {}, 0.0, np.zeros(self.reference.taxels.n, bool), (fault,))
 
     def _process(self, step: Step) -> StepResult:
-        """Test one step."""
-        pressed, near = self.unannounced.find_pressed(step)
-        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, near)
+        """Test one complete step: update the tracked state, the detector and the alarms; return the results."""
+        pressed, on_pressed_board = self.unannounced.find_pressed(step)
+        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, on_pressed_board)
         touched = touched | pressed
         signals = None
         novelty = self._compute_novelty(step)
@@ -147,8 +153,8 @@ class Twin:
             found = compute_contact_scores(step, self.reference, self.live, self._excluded | touched)
             if found is not None:
                 scores.update(found[0])
-                own = self.reference.conditions[step.contact.condition]
-                self.live.add(step.contact.condition, own.mean, np.where(touched, np.nan, found[1]))
+                known = self.reference.conditions[step.contact.condition]
+                self.live.add(step.contact.condition, known.mean, np.where(touched, np.nan, found[1]))
             signals = compute_signals(step)
         condition = step.contact.condition if step.contact is not None else None
         estimates = self.factors.apply(sum_over_places(scores, self.reference), condition, novelty)
@@ -165,19 +171,23 @@ class Twin:
         return StepResult(step, signals, estimates, evidence, touched, tuple(events))
 
     def _compute_novelty(self, step: Step) -> FloatArray:
-        """Variance of the expectation of each place beyond the usual one, relative to that of a contact, f64[P]."""
+        """Compute the excess variance of each place's expected signal, relative to the variance of a contact, f64[P].
+
+        It is above 0 for places that the session is learning again after an alarm, and 0 for a step without a contact
+        of the reference's conditions.
+        """
         places = self.reference.places
         if step.contact is None or step.contact.condition not in self.reference.conditions:
             return np.zeros(len(places))
-        own = self.reference.conditions[step.contact.condition]
-        _, factor = self.live.predict(step.contact.condition, own.mean, own.repeats)
-        usual = 1.0 + self.reference.session_ratio[HOLD].mean() + 1.0 / own.repeats
+        known = self.reference.conditions[step.contact.condition]
+        _, factor = self.live.predict(step.contact.condition, known.mean, known.repeats)
+        usual = 1.0 + self.reference.session_ratio[HOLD].mean() + 1.0 / known.repeats
         members = places.members
         mean = (members @ factor[HOLD].mean(axis=0)) / np.diff(members.indptr)
         return np.asarray(np.maximum(mean - usual, 0.0))
 
-    def _compute_ratios(self, estimates: Scores, condition: Condition | None) -> dict[str, FloatArray]:
-        """Log likelihood ratios by quantity."""
+    def _compute_ratios(self, estimates: Estimates, condition: Condition | None) -> dict[str, FloatArray]:
+        """Compute the log likelihood ratios of all alternatives (see `compute_log_ratios`), by name of the quantity."""
         return {
             quantity.name: compute_log_ratios(
                 quantity,
@@ -191,10 +201,11 @@ class Twin:
         }
 
     def _raise_alarm(self, step: Step) -> Alarm | None:
-        """Create the alarm of the hypothesis with the largest evidence, and expect the new state from now on.
+        """Create the alarm of the hypothesis with the largest evidence; expect the changed state from now on.
 
-        A further change of the response of a board whose response has changed already gives no alarm: a fault such as a
-        weak supply changes each contact in another way.
+        Returns None if active alarms already report a changed response of the same boards: a fault such as a weak
+        supply changes each contact in another way, and must not raise an alarm for each. The detector starts again in
+        both cases.
         """
         hypothesis = self.detector.find_largest()
         if QUANTITIES[hypothesis.quantity].name == "missing":
@@ -233,7 +244,10 @@ class Twin:
         return alarm
 
     def _is_covered(self, hypothesis: Hypothesis) -> bool:
-        """Whether active alarms report a changed response of all boards of a changed response."""
+        """Whether active alarms already report a changed response to contact of all boards of the hypothesis.
+
+        False for a quantity that is not measured in a contact.
+        """
         if QUANTITIES[hypothesis.quantity].name not in OF_CONTACTS:
             return False
         board, boards = self.reference.places.board, self.reference.sensors.s
@@ -241,28 +255,37 @@ class Twin:
         for test in self.active.values():
             if QUANTITIES[test.hypothesis.quantity].name in OF_CONTACTS:
                 covered |= np.bincount(board, self._find_members(test.hypothesis.place), boards) > 0
-        own = np.bincount(board, self._find_members(hypothesis.place), boards) > 0
-        return bool(covered[own].all())
+        concerned = np.bincount(board, self._find_members(hypothesis.place), boards) > 0
+        return bool(covered[concerned].all())
 
     def _adopt(self, step: Step, hypothesis: Hypothesis) -> None:
-        """Expect the changed state of a place from now on, so that further changes are found."""
+        """Expect the changed state of the hypothesis from now on, so that further changes are detected.
+
+        Clears what the session has learnt about the signals and noise of the place, or sets the new share of missing
+        frames.
+        """
         taxels = self._find_members(hypothesis.place)
         if QUANTITIES[hypothesis.quantity].name == "missing":
             self.missing.set_share(hypothesis.place, *compute_missing(step, self.reference))
             return
         self.noise.forget(taxels)
-        # The whole board: its other taxels may have changed less, and a change of some disturbs the common change.
+        # The whole board is learnt again: its other taxels may have changed less, and changed taxels distort the
+        # estimate of the board's common drift.
         boards = np.bincount(self.reference.places.board, taxels, self.reference.sensors.s) > 0
         board = boards[self.reference.places.board]
         self.live.relearn(board)
         self.level.forget(board)
 
     def _find_members(self, place: int) -> BoolArray:
-        """Taxels of a place, bool[n]."""
+        """Return which taxels belong to a place, bool[n]. place: index in `Places`."""
         return self.reference.places.find_members(self.reference.places.places[place])
 
     def _find_cleared(self, step: Step, touched: BoolArray, elapsed_s: float) -> list[Cleared]:
-        """Alarms whose quantity agrees with the reference again."""
+        """Return an event for each alarm whose quantity agrees with the reference again.
+
+        These alarms are no longer active, and their taxels are compared with the reference again. touched: bool[n],
+        taxels in an unannounced contact, which are not compared. elapsed_s: seconds since the step before.
+        """
         if not self.active:
             return []
         estimates = self._compare_with_original(step, touched)
@@ -271,7 +294,7 @@ class Twin:
         for number, test in list(self.active.items()):
             name = QUANTITIES[test.hypothesis.quantity].name
             if name in OF_CONTACTS and not self._is_loaded(step, test.hypothesis.place):
-                continue  # a change of the response shows only where there is a response
+                continue  # a contact on other boards contains no information on the response of these boards
             if name in OF_CONDITIONS and test.condition is not None and test.condition != condition:
                 continue
             if test.update(estimates, self.models, self.reference.places.level, elapsed_s):
@@ -292,8 +315,11 @@ class Twin:
         boards = np.bincount(board, self._find_members(place), self.reference.sensors.s) > 0
         return bool((expected > ACTIVE_SIGNAL_COUNTS)[boards[board]].any())
 
-    def _compare_with_original(self, step: Step, touched: BoolArray) -> Scores:
-        """Estimates of the places relative to the reference, without what the session has added."""
+    def _compare_with_original(self, step: Step, touched: BoolArray) -> Estimates:
+        """Estimate the changes of a step at all places relative to the reference alone, without the session's updates.
+
+        touched: bool[n], taxels that are not compared in a contact. The quantity "rest" is left out.
+        """
         n = self.reference.taxels.n
         noise = self.reference.noise_level.copy()
         scores, _ = compute_rest_scores(step, make_rest_level(self.reference), noise, np.zeros(n, bool))
@@ -308,47 +334,62 @@ class Twin:
 
 
 def make_rest_level(reference: Reference) -> RestLevel:
-    """Create the tracked counts at rest of a new session: the loadings are known, the levels are not."""
-    own = reference.rest_level
+    """Create the tracked counts without contact of a new session.
+
+    The loadings (response of each taxel to the drift of its board) are copied from the reference; the counts are
+    unknown until the first step.
+    """
+    learnt = reference.rest_level
     return RestLevel(
-        own.noise_variance, own.board, own.loading.copy(), own.loading_variance.copy(), settings=own.settings
+        learnt.noise_variance,
+        learnt.board,
+        learnt.loading.copy(),
+        learnt.loading_variance.copy(),
+        settings=learnt.settings,
     )
 
 
 def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> VarianceFactors:
-    """Fit the distributions without fault: each contact of the reference is compared with the others."""
-    samples: list[tuple[Condition | None, Scores]] = []
+    """Fit the null models and variance factors: each contact of the reference is compared with the other contacts.
+
+    progress: called with the number of compared contacts and the number of all contacts.
+    """
+    samples: list[tuple[Condition | None, Estimates]] = []
     session_level: tuple[int, RestLevel] | None = None
     noise = reference.noise_level
     n = reference.taxels.n
-    none = np.zeros(n, dtype=bool)
+    no_taxel = np.zeros(n, dtype=bool)
     for number, (session, step) in enumerate(reference.steps):
         if session_level is None or session_level[0] != session:
             session_level = (session, make_rest_level(reference))
-        scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), none)
-        found = compute_contact_scores(step, _leave_out(reference, step), LiveSession.start(np.zeros(BINS), n), none)
+        scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), no_taxel)
+        others = _leave_out(reference, step)
+        found = compute_contact_scores(step, others, LiveSession.start(np.zeros(BINS), n), no_taxel)
         scores.update(found[0] if found else {})
         condition = step.contact.condition if step.contact is not None else None
         samples.append((condition, sum_over_places(scores, reference)))
         if progress is not None:
             progress(number + 1, len(reference.steps))
-    models = fit_null_models([scores for _, scores in samples], reference.places.level)
+    models = fit_null_models([estimates for _, estimates in samples], reference.places.level)
     return VarianceFactors.learn(samples, models, reference.places.level)
 
 
 def _leave_out(reference: Reference, step: Step) -> Reference:
-    """The reference without one of its contacts."""
+    """Return the condition of one contact as the reference's only condition, with the statistics of its other repeats.
+
+    The reference is returned unchanged for a step without contact and for a condition with a single repeat.
+    """
     if step.contact is None:
         return reference
-    own = reference.conditions[step.contact.condition]
-    if own.repeats < 2:
+    known = reference.conditions[step.contact.condition]
+    if known.repeats < 2:
         return reference
-    deviation = np.nan_to_num(compute_signals(step)) - own.mean
-    others = own.repeats - 1
+    deviation = np.nan_to_num(compute_signals(step)) - known.mean
+    others = known.repeats - 1
     others_only = ConditionReference(
-        own.mean - deviation / others,
-        np.maximum(own.squares - deviation**2 * own.repeats / others, 0.0),
+        known.mean - deviation / others,
+        np.maximum(known.squares - deviation**2 * known.repeats / others, 0.0),
         others,
-        own.scale,
+        known.scale,
     )
     return replace(reference, conditions={step.contact.condition: others_only})

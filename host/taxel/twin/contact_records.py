@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taxel.recording.grasp_format import BASELINE_FRAMES
+from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
 from taxel.recording.grasp_record import GraspRecord
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.types import BoolArray, CountArray, FloatArray
 
 SPARE_FRAMES = 20
-"""Baseline frames of a record beyond those of its baseline: frames of single boards may be missing."""
+"""Number of frames before a contact that a record contains beyond `BASELINE_FRAMES`: single boards may miss frames."""
 
 Poses = Mapping[Condition, tuple[FloatArray, FloatArray]]
 """Nominal poses of the brackets f64[s, 4, 4] and of the object f64[4, 4] by condition."""
@@ -23,7 +23,8 @@ Poses = Mapping[Condition, tuple[FloatArray, FloatArray]]
 class ContactRecorder:
     """Collects the frames of announced contacts from poll cycles in order of time.
 
-    poses: contacts of other conditions are left out. Memory is bounded by one contact and its baseline.
+    poses: nominal poses by condition; contacts of conditions without poses are left out. The recorder never holds more
+    than the frames of one contact and its baseline.
     """
 
     schedule: ContactSchedule
@@ -34,7 +35,10 @@ class ContactRecorder:
     _occurrences: dict[Condition, int] = field(default_factory=dict)
 
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[tuple[Contact, GraspRecord]]:
-        """Add poll cycles f64[T], u16[T, n], bool[T, s]; return the contacts that are complete."""
+        """Add poll cycles f64[T], u16[T, n], bool[T, s]; return the contacts that are complete, with their records.
+
+        After a step back of the clock, all contacts announced so far are left out.
+        """
         done = []
         start = 0
         if time_s[0] < self._last_s or (np.diff(time_s) < 0.0).any():
@@ -58,14 +62,18 @@ class ContactRecorder:
         return done
 
     def _make_record(self, contact: Contact) -> GraspRecord | None:
-        """The record of a contact; None without poses or without enough frames."""
+        """Make the record of a contact from the collected frames.
+
+        Returns None without poses of its condition, with fewer than `BASELINE_FRAMES` frames before the contact, or
+        without a frame in the hold phase. Iteration and session count the contacts of the condition from 0.
+        """
         if contact.condition not in self.poses:
             return None
         time_s, raw, valid = (np.concatenate([part[column] for part in self._parts]) for column in range(3))
         first = int(np.searchsorted(time_s, contact.start_s))
         begin = max(first - BASELINE_FRAMES - SPARE_FRAMES, 0)
         phase = np.array([contact.find_phase(time) for time in time_s[begin:].tolist()], np.uint8)
-        if first - begin < BASELINE_FRAMES or not (phase == 2).any():
+        if first - begin < BASELINE_FRAMES or not (phase == Phase.HOLD).any():
             return None
         number = self._occurrences.get(contact.condition, 0)
         self._occurrences[contact.condition] = number + 1
@@ -84,7 +92,7 @@ class ContactRecorder:
         )
 
     def _forget_old(self) -> None:
-        """Keep the frames that the baseline of the next contact may need."""
+        """Delete all collected frames except those that the baseline of the next contact may need."""
         start = self.schedule[self._number].start_s if self._number < len(self.schedule) else np.inf
         kept, frames = [], 0
         for part in reversed(self._parts):

@@ -29,8 +29,10 @@ LARGEST: Final = 1e200
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: in the unit of the quantity; NaN
-    for an alternative without a fixed amplitude.
+    """A possible change of one quantity at one place.
+
+    quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: size of the change in the unit of the
+    quantity; NaN for an alternative without a fixed amplitude.
     """
 
     quantity: int
@@ -39,7 +41,7 @@ class Hypothesis:
 
 
 class ChangeDetector:
-    """Detector of changes at all places of a skin."""
+    """Detector of changes of all quantities at all places of a skin (statistic: see the top of this file)."""
 
     def __init__(self, places: Places, hours_per_false_alarm: float) -> None:
         """Create a detector. hours_per_false_alarm: T, mean time to a false alarm, hours."""
@@ -48,14 +50,15 @@ class ChangeDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Start again, without evidence."""
+        """Set the evidence for all hypotheses to 0."""
         self.evidence = {name: np.zeros_like(prior) for name, prior in self._prior.items()}
 
     def update(self, elapsed_s: float, log_ratios: dict[str, FloatArray]) -> float:
-        """Add a step; return the sum of all statistics, an alarm if it is at least 1.
+        """Add a step; return the sum of the statistics of all hypotheses. A sum of at least 1 is an alarm.
 
-        elapsed_s: time since the step before. log_ratios: f64[P, G] by quantity; a quantity that the step does not
-        contain keeps its evidence.
+        elapsed_s: time since the step before. log_ratios: log likelihood ratios of the step, f64[P, G] (P places, G
+        alternatives), by quantity. The step does not change the evidence for a quantity that it does not contain, apart
+        from the elapsed time.
         """
         share = elapsed_s / self._period_s
         total = 0.0
@@ -68,7 +71,7 @@ class ChangeDetector:
         return total
 
     def find_largest(self) -> Hypothesis:
-        """The hypothesis with the largest likelihood, whatever its prior; among equals the first."""
+        """Return the hypothesis with the largest ratio of evidence to prior; of equal hypotheses, the first."""
         best, found = -1.0, Hypothesis(0, 0, float("nan"))
         for number, quantity in enumerate(QUANTITIES):
             prior = self._prior[quantity.name]
@@ -76,16 +79,20 @@ class ChangeDetector:
             index = int(evidence.argmax())
             if evidence.flat[index] > best:
                 place, column = divmod(index, evidence.shape[1])
-                own = quantity.amplitudes
-                amplitude = own[column] if column < len(own) else float("nan")
+                fixed = quantity.amplitudes
+                amplitude = fixed[column] if column < len(fixed) else float("nan")
                 best, found = float(evidence.flat[index]), Hypothesis(number, place, amplitude)
         return found
 
 
 def _make_prior(quantity: Quantity, places: Places) -> FloatArray:
-    """Prior probability of each hypothesis of a quantity, f64[P, G]; equal for quantities, levels and amplitudes."""
+    """Return the prior probability of each hypothesis of a quantity, f64[P, G] (P places, G alternatives).
+
+    All quantities have equal probability, as have all tested levels of a quantity, all places of a level and all
+    alternatives. The probability is 0 for places at which the quantity is not tested.
+    """
     tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
-    own = np.where(tested, places.prior, 0.0)
-    own = own / own.sum() if own.sum() else own
+    prior = np.where(tested, places.prior, 0.0)
+    prior = prior / prior.sum() if prior.sum() else prior
     alternatives = count_alternatives(quantity)
-    return np.repeat(own[:, None] / (len(QUANTITIES) * alternatives), alternatives, axis=1)
+    return np.repeat(prior[:, None] / (len(QUANTITIES) * alternatives), alternatives, axis=1)

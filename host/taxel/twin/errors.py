@@ -4,10 +4,12 @@ from taxel.errors import TaxelError
 
 
 class TwinInputError(TaxelError):
-    """A schedule or a reference of the twin that cannot be used; one line with the place and the action."""
+    """A schedule or a reference of the twin that cannot be used; the message is one line with the place and the
+    action.
+    """
 
     def __init__(self, place: str, expected: str, found: str, action: str) -> None:
-        """Create the error. place: file and field. expected, found: what the field should contain and contains."""
+        """Create the error. place: file and field. expected, found: required and actual content of the field."""
         super().__init__(place, expected, found, action)
 
     def __str__(self) -> str:

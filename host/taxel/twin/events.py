@@ -13,9 +13,10 @@ from taxel.twin.places import Place
 class Alarm:
     """A change of a quantity at a place.
 
-    number: from 1, in order of time. time_s: of the alarm. onset_s, onset_ci95: estimated onset with its interval.
-    quantity: of `taxel.twin.statistics.QUANTITIES`. amplitude: in `unit`. size_counts: change of the largest signal at
-    the place, counts; None for a quantity without counts. words: the quantity for people.
+    number: 1 for the first alarm. time_s: time of the alarm. quantity: name of a quantity of
+    `taxel.twin.statistics.QUANTITIES`. amplitude: size of the change in `unit`. size_counts: the same size in counts
+    (`compute_size`); None for a quantity that does not change counts. onset_s, onset_ci95: estimated onset of the
+    change and its 95 % interval, seconds. words: description of the quantity in messages.
     """
 
     number: int
@@ -30,7 +31,7 @@ class Alarm:
     words: str
 
     def to_json(self) -> dict[str, Any]:
-        """The alarm as an event of `taxel twin --json`."""
+        """Return the alarm as an event of `taxel twin --json`."""
         return {
             "time_s": self.time_s,
             "event": "alarm",
@@ -54,7 +55,7 @@ class Alarm:
         )
 
     def _format_amplitude(self) -> str:
-        """The amplitude in the unit of people."""
+        """Format the amplitude with a unit for readers: percent, milliseconds, a factor of the standard deviation."""
         if self.quantity == "missing":
             return f"{100 * self.amplitude:.0f} % missing"
         if self.unit == "1":
@@ -83,7 +84,9 @@ class Cleared:
 
 @dataclass(frozen=True)
 class InputFault:
-    """A fault of the input, which interrupts the comparison but is no change of the skin."""
+    """A fault of the input that interrupts the comparison but is no change of the skin. kind: "gap", "clock",
+    "cause".
+    """
 
     time_s: float
     kind: str
@@ -99,9 +102,11 @@ class InputFault:
 
 @dataclass(frozen=True)
 class CauseEvent:
-    """Probabilities of the causes after a number of contacts since the first alarm.
+    """Probabilities of the causes after a number of contacts since the earliest onset of the active alarms.
 
-    probabilities: of every effect, of an unknown cause and of no gap. headline: one sentence. action: recommended.
+    contacts: number of contacts in the diagnosis. probabilities: probability of every effect, of an unknown cause and
+    of no gap. effects: effects that the diagnosis reports as the cause; empty for no gap. headline: result in one
+    sentence. action: recommended action. alarms: numbers of the active alarms.
     """
 
     time_s: float
@@ -135,7 +140,7 @@ class CauseEvent:
 
 @dataclass(frozen=True)
 class Repaired:
-    """The corrections of the signals have changed. corrections: all that are active, in words."""
+    """A change of the corrections of the signals. corrections: all active corrections, one sentence each."""
 
     time_s: float
     corrections: tuple[str, ...]

@@ -1,4 +1,7 @@
-"""What the contacts of the current session add to the reference: a session differs from the reference as a whole."""
+"""Expected signals of the current session: the reference, corrected by the contacts of the session so far.
+
+All contacts of a session deviate from the reference by a common amount.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,17 @@ from taxel.twin.schedule import Condition
 from taxel.types import BoolArray, FloatArray
 
 RELEARNED: float = 100.0
-"""Variance of a changed taxel's new state relative to the variance between contacts: the first contacts determine the
-new expectation (a hundred: an almost uniform prior)."""
+"""Prior variance of a changed taxel's new expected signal, relative to the variance between contacts. With 100, the
+prior is almost uniform and the first contacts after the change determine the new expectation."""
 
 
 @dataclass(eq=False)
 class LiveSession:
     """Expected signals of a session, updated with every contact (normal model with known variance ratio).
 
-    ratio: f64[BINS, n], variance between sessions relative to the variance between the contacts of a session. The mean
-    of a condition in the reference has an error of its own, which all contacts of the session share: with R repeats, a
-    further variance of 1 / R. Without it, the error of the mean would count as a change.
+    ratio: f64[BINS, n], variance between sessions relative to the variance between the contacts of a session. The error
+    of a condition's mean in the reference, which all contacts of the session share, adds a relative variance of 1 / R
+    for R repeats. Without this term, the error of the mean would be detected as a change.
     """
 
     ratio: FloatArray
@@ -28,13 +31,15 @@ class LiveSession:
 
     @classmethod
     def start(cls, session_ratio: FloatArray, n: int) -> LiveSession:
-        """Start a session. session_ratio: f64[BINS], of the reference."""
+        """Start a session of n taxels. session_ratio: f64[BINS], variance ratio of the reference."""
         return cls(np.repeat(session_ratio[:, None], n, axis=1))
 
     def predict(self, condition: Condition, mean: FloatArray, repeats: int) -> tuple[FloatArray, FloatArray]:
-        """Expected signals f64[BINS, n], and factor of their variance f64[BINS, n].
+        """Return the expected signals of the next contact, f64[BINS, n], counts, and their relative variance f64[BINS,
+        n].
 
-        mean: of the condition in the reference. repeats: contacts in that mean.
+        The relative variance is the variance of the next contact about the expectation, divided by the variance between
+        contacts. mean: f64[BINS, n], mean signals of the condition in the reference. repeats: number of contacts in it.
         """
         ratio = self.ratio + 1.0 / repeats
         if condition not in self._sums:
@@ -44,21 +49,25 @@ class LiveSession:
         return mean + gain * deviation, 1.0 + gain
 
     def add(self, condition: Condition, mean: FloatArray, signal: FloatArray) -> None:
-        """Add the signals f64[BINS, n] of a contact; NaN: no data."""
+        """Add a contact. mean: f64[BINS, n], mean signals of its condition in the reference. signal: f64[BINS, n], NaN:
+        no data.
+        """
         usable = np.isfinite(signal)
         number, deviation = self._sums.setdefault(condition, (np.zeros_like(mean), np.zeros_like(mean)))
         number += usable
         deviation += np.where(usable, signal - mean, 0.0)
 
     def relearn(self, taxels: BoolArray) -> None:
-        """Expect nothing of the taxels bool[n] that have changed: their next contacts define the expectation."""
+        """Discard what is known about the taxels bool[n] that have changed: their next contacts define the
+        expectation.
+        """
         self.ratio[:, taxels] = RELEARNED
         for number, deviation in self._sums.values():
             number[:, taxels] = 0.0
             deviation[:, taxels] = 0.0
 
     def restore(self, session_ratio: FloatArray, taxels: BoolArray) -> None:
-        """Expect the reference again of the taxels bool[n], after a fault has been removed."""
+        """Expect the signals of the reference again at the taxels bool[n], after a fault has been removed."""
         self.ratio[:, taxels] = session_ratio[:, None]
         for number, deviation in self._sums.values():
             number[:, taxels] = 0.0

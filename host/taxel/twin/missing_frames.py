@@ -18,10 +18,11 @@ _AMPLITUDES = np.array(_QUANTITY.amplitudes)
 
 @dataclass(eq=False)
 class MissingFrames:
-    """Usual share of missing frames of each board, f64[s], and how much their number varies beyond a binomial one.
+    """Usual share of missing frames of each of s boards, and its variability.
 
-    share: expected share. dispersion: variance of the number of missing frames relative to a binomial distribution, at
-    least 1: frames are lost in bursts. A log likelihood ratio divided by it still has an expectation below 1.
+    share: f64[s], expected share. dispersion: f64[s], variance of the number of missing frames relative to a binomial
+    distribution, at least 1, because frames are lost in bursts. Log likelihood ratios are divided by it; without a
+    fault, the likelihood ratio then still has an expectation of at most 1, which the detector requires.
     """
 
     share: FloatArray
@@ -30,7 +31,9 @@ class MissingFrames:
 
     @classmethod
     def learn(cls, reference: Reference) -> MissingFrames:
-        """Learn from the contacts of a reference; half a missing frame is added (Jeffreys prior)."""
+        """Learn share and dispersion from the contacts of a reference; half a missing frame is added (Jeffreys
+        prior).
+        """
         missing, expected = reference.missing.T
         share = (missing + 0.5) / (expected + 1.0)
         squares, number = np.zeros(len(share)), 0
@@ -42,7 +45,12 @@ class MissingFrames:
         return cls(share, np.maximum(squares / max(number, 1), 1.0), reference.places)
 
     def compute_log_ratios(self, missing: FloatArray, expected: FloatArray) -> FloatArray:
-        """Log likelihood ratio of each place and amplitude, f64[P, G]. missing, expected: f64[s] of a step."""
+        """Compute the log likelihood ratio of a changed share for each place and alternative, f64[P, G].
+
+        missing, expected: f64[s], numbers of missing and of expected frames of each board in a step. Only boards and
+        the skin can change (0 at other places); the alternatives without a fixed amplitude are impossible (minus
+        infinity).
+        """
         usual = self.share[:, None]
         changed = np.minimum(usual + (1.0 - usual) * _AMPLITUDES, 1.0 - 1e-6)
         lost, arrived = missing[:, None], (expected - missing)[:, None]
@@ -52,18 +60,21 @@ class MissingFrames:
         result[:, : len(_AMPLITUDES)] = 0.0
         for number, place in enumerate(self.places.places):
             if place.level == "board":
-                result[number, : len(_AMPLITUDES)] = ratio[self._column(number)]
+                result[number, : len(_AMPLITUDES)] = ratio[self._find_board(number)]
             elif place.level == "skin":
                 result[number, : len(_AMPLITUDES)] = ratio.sum(axis=0)
         return result
 
     def set_share(self, place: int, missing: FloatArray, expected: FloatArray) -> None:
-        """Expect the share of missing frames of the latest step at a place from now on."""
+        """Expect the share of missing frames of one step at a place (index in `Places`) from now on.
+
+        missing, expected: f64[s], numbers of missing and of expected frames of each board in the step.
+        """
         level = LEVELS[int(self.places.level[place])]
-        columns = np.arange(len(self.share)) if level == "skin" else np.array([self._column(place)])
+        columns = np.arange(len(self.share)) if level == "skin" else np.array([self._find_board(place)])
         self.share[columns] = (missing[columns] + 0.5) / (expected[columns] + 1.0)
 
-    def _column(self, place: int) -> int:
-        """Column of the board of a place."""
+    def _find_board(self, place: int) -> int:
+        """Return the column of the board to which the first taxel of a place belongs."""
         taxel = int(self.places.members.indices[self.places.members.indptr[place]])
         return int(self.places.board[taxel])

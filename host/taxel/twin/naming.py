@@ -17,18 +17,20 @@ from taxel.twin.events import Alarm, CauseEvent, Event, InputFault
 from taxel.twin.schedule import Condition, Contact
 
 NAMED_AFTER: Final = (3, 10, 30, 100, 300, 1000)
-"""Contacts since the first alarm's onset after which a recording's cause is named: a factor of three apart, because a
-naming takes seconds and a recording may contain thousands of contacts."""
+"""Numbers of contacts since the first alarm's onset at which the cause in a recording is named. They are a factor of
+about three apart, because naming a cause takes seconds and a recording may contain thousands of contacts."""
 
 MOST_CONTACTS: Final = 300
-"""Contacts that a naming uses, the latest ones: the probabilities hardly change with more."""
+"""Largest number of contacts from which a cause is named (the latest): the probabilities hardly change with more."""
 
 
 @dataclass(eq=False)
 class CauseNaming:
-    """Collects contacts and names the cause of the active alarms.
+    """Collects contacts and names the cause of the active alarms (runs the diagnosis of `taxel.gap`).
 
-    reference: the reference dataset. is_live: name the newest state whenever the last naming has ended.
+    reference: the reference dataset. is_live: name the cause in a background process, again and again with the newest
+    contacts; False: name it in the foreground when the number of contacts reaches each value of `counts`. show:
+    receives progress messages.
     """
 
     reference: ReferenceFile
@@ -42,13 +44,13 @@ class CauseNaming:
     _pending: Future[CauseEvent] | None = None
 
     def set_alarms(self, alarms: Sequence[Alarm]) -> None:
-        """Set the active alarms. Contacts from the earliest onset on are compared with the reference."""
+        """Set the active alarms. The cause is named from the contacts since their earliest onset."""
         if not alarms:
             self._named = 0
         self._alarms = list(alarms)
 
     def add(self, contacts: Sequence[tuple[Contact, GraspRecord]]) -> list[Event]:
-        """Add complete contacts; return the namings that have ended."""
+        """Add complete contacts with their records; return the events of the diagnoses that have ended."""
         self._contacts += contacts
         del self._contacts[:-MOST_CONTACTS]
         events = self._collect()
@@ -66,7 +68,10 @@ class CauseNaming:
         return events
 
     def finish(self) -> list[Event]:
-        """Name the cause with all contacts since the onset, if alarms are active; end the background process."""
+        """Name the cause from all contacts since the onset, if alarms are active; end the background process.
+
+        Returns the event of a diagnosis that was still running, and that of the last diagnosis.
+        """
         events = self._collect(wait=True)
         if self._alarms and (chosen := self._select()) and len(chosen) != self._named:
             events.append(self._name_now(chosen))
@@ -76,7 +81,10 @@ class CauseNaming:
         return events
 
     def _select(self) -> list[GraspRecord]:
-        """Records of the contacts since the earliest onset; the n-th contact of a condition belongs to session n."""
+        """Return the records of the contacts since the earliest onset.
+
+        The n-th contact of each condition gets the session number and the iteration number n, counted from 0.
+        """
         onset = min(alarm.onset_s for alarm in self._alarms)
         numbers: dict[Condition, int] = {}
         found = []
@@ -87,22 +95,26 @@ class CauseNaming:
         return found
 
     def _start(self, records: list[GraspRecord]) -> Future[CauseEvent]:
-        """Start a naming in the background."""
+        """Start a diagnosis of these contacts in the background process."""
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"))
-        return self._pool.submit(_name, self.reference, records, self._contacts[-1][0].end_s, self._numbers())
+        time_s = self._contacts[-1][0].end_s
+        return self._pool.submit(_diagnose_contacts, self.reference, records, time_s, self._list_alarm_numbers())
 
     def _name_now(self, records: list[GraspRecord]) -> Event:
-        """Name the cause of these contacts."""
+        """Diagnose these contacts in the foreground; return the cause, or an input fault if the diagnosis fails."""
         time_s = self._contacts[-1][0].end_s
         self.show(f"naming the cause of {len(records)} contacts")
         try:
-            return _name(self.reference, records, time_s, self._numbers())
+            return _diagnose_contacts(self.reference, records, time_s, self._list_alarm_numbers())
         except TaxelError as error:
             return InputFault(time_s, "cause", str(error))
 
     def _collect(self, wait: bool = False) -> list[Event]:
-        """Return the event of a naming that has ended."""
+        """Return the event of the background diagnosis if it has ended: its cause, or an input fault if it failed.
+
+        wait: wait for the end. The list is empty if no diagnosis has ended.
+        """
         if self._pending is None or not (wait or self._pending.done()):
             return []
         pending, self._pending = self._pending, None
@@ -111,13 +123,13 @@ class CauseNaming:
         except TaxelError as error:
             return [InputFault(self._contacts[-1][0].end_s, "cause", str(error))]
 
-    def _numbers(self) -> tuple[int, ...]:
+    def _list_alarm_numbers(self) -> tuple[int, ...]:
         return tuple(alarm.number for alarm in self._alarms)
 
 
-def _name(
+def _diagnose_contacts(
     reference: ReferenceFile, records: Sequence[GraspRecord], time_s: float, alarms: tuple[int, ...]
 ) -> CauseEvent:
-    """Name a cause with a temporary dataset of the contacts."""
+    """Write the contacts to a temporary dataset and diagnose it. time_s: time of the event. alarms: alarm numbers."""
     with tempfile.TemporaryDirectory(prefix="taxel-twin-") as folder:
         return name_cause(reference, Path(folder) / "live.h5", records, time_s, alarms)

@@ -19,7 +19,11 @@ LEVELS: Final = ("taxel", "tx", "rx", "board", "skin")
 
 @dataclass(frozen=True)
 class Place:
-    """One place. level: of `LEVELS`. address: of the board, -1 for the skin. number: taxel or line, -1 otherwise."""
+    """One taxel, TX line, RX line or board of a skin, or the whole skin.
+
+    level: one of `LEVELS`. address: I2C address of the board, -1 for the skin. name: name of the board. number: number
+    of the taxel on its board or of the line, -1 for a board and the skin.
+    """
 
     level: str
     address: int = -1
@@ -27,7 +31,7 @@ class Place:
     number: int = -1
 
     def to_json(self) -> dict[str, object]:
-        """The place as an event states it."""
+        """Return the JSON object that states the place in an event."""
         if self.level == "skin":
             return {"level": "skin"}
         found: dict[str, object] = {"level": self.level, "sensor": self.name, "address": format_address(self.address)}
@@ -63,38 +67,42 @@ class Places:
 
     @classmethod
     def of(cls, taxels: TaxelTable, sensors: SensorTable) -> Places:
-        """Places of the skin of a dataset. A line of one taxel is not listed: it cannot be distinguished from it."""
+        """List all places of a skin.
+
+        Lines and boards with a single taxel are left out, because they cannot be distinguished from this taxel; so is
+        the whole skin if it has a single board.
+        """
         board = sensors.index_of(taxels)
         found: list[Place] = []
-        rows: list[IntArray] = []
+        taxels_of_place: list[IntArray] = []
         addresses = sensors.address.tolist()
         for column in range(sensors.s):
-            own = np.flatnonzero(board == column)
-            for number, taxel in enumerate(own.tolist()):
+            on_board = np.flatnonzero(board == column)
+            for number, taxel in enumerate(on_board.tolist()):
                 found.append(Place("taxel", addresses[column], sensors.name[column], number))
-                rows.append(np.array([taxel]))
+                taxels_of_place.append(np.array([taxel]))
         for level, lines in (("tx", taxels.tx), ("rx", taxels.rx)):
             for column in range(sensors.s):
                 for line in np.unique(lines[board == column]).tolist():
-                    own = np.flatnonzero((board == column) & (lines == line))
-                    if len(own) > 1:
+                    on_line = np.flatnonzero((board == column) & (lines == line))
+                    if len(on_line) > 1:
                         found.append(Place(level, addresses[column], sensors.name[column], line))
-                        rows.append(own)
+                        taxels_of_place.append(on_line)
         for column in range(sensors.s):
-            own = np.flatnonzero(board == column)
-            if len(own) > 1:
+            on_board = np.flatnonzero(board == column)
+            if len(on_board) > 1:
                 found.append(Place("board", addresses[column], sensors.name[column]))
-                rows.append(own)
+                taxels_of_place.append(on_board)
         if sensors.s > 1:
             found.append(Place("skin"))
-            rows.append(np.arange(taxels.n))
-        starts = np.concatenate([[0], np.cumsum([len(row) for row in rows])])
-        columns = np.concatenate(rows)
-        members = csr_array((np.ones(len(columns)), columns, starts), shape=(len(rows), taxels.n))
+            taxels_of_place.append(np.arange(taxels.n))
+        starts = np.concatenate([[0], np.cumsum([len(members) for members in taxels_of_place])])
+        columns = np.concatenate(taxels_of_place)
+        members = csr_array((np.ones(len(columns)), columns, starts), shape=(len(taxels_of_place), taxels.n))
         return cls(tuple(found), members, np.array([LEVELS.index(place.level) for place in found]), board)
 
     def find_members(self, place: Place) -> BoolArray:
-        """Taxels of a place, bool[n]."""
+        """Return which taxels belong to a place, bool[n]. Raises ValueError for a place of another skin."""
         row = self.places.index(place)
         taxels = np.zeros(len(self.board), dtype=bool)
         taxels[self.members.indices[self.members.indptr[row] : self.members.indptr[row + 1]]] = True
@@ -105,7 +113,7 @@ class Places:
 
     @cached_property
     def board_members(self) -> csr_array:
-        """Rows of `members` of the boards, f64[s, n], in the order of the sensor table."""
+        """Membership of the taxels in the boards, sparse f64[s, n], boards in the order of the sensor table."""
         boards = int(self.board.max()) + 1
         return csr_array(
             (np.ones(len(self.board)), (self.board, np.arange(len(self.board)))), shape=(boards, len(self.board))
@@ -113,7 +121,7 @@ class Places:
 
     @cached_property
     def prior(self) -> FloatArray:
-        """Prior probability of each place, f64[P]: equal for the levels, and for the places of a level."""
+        """Prior probability of each place, f64[P]: equal for all present levels, and for all places of a level."""
         size = np.bincount(self.level, minlength=len(LEVELS))
         present = int((size > 0).sum())
         return np.asarray(1.0 / (present * size[self.level]))

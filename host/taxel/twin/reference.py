@@ -23,24 +23,26 @@ from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
 from taxel.types import BoolArray, FloatArray, IntArray
 
 PRIOR_DEGREES_OF_FREEDOM: Final = 6.0
-"""Degrees of freedom of the variance that all conditions share, in the variance of one condition. A condition with
-seven repeats weighs its own variance and the shared one equally (chosen; the scale of every statistic is fitted
-afterwards, see `null_model.py`)."""
+"""Weight of the variance that all conditions share in the estimated variance of one condition, as degrees of freedom.
+For a condition with seven repeats (six degrees of freedom), the condition's variance and the shared variance have equal
+weight (chosen; the scale of every statistic is fitted afterwards, see `null_model.py`)."""
 
 LEAST_REPEATS: Final = 3
-"""Repeats of a condition below which its contacts are shown, but not tested: no variance is known."""
+"""Smallest number of repeats of a condition for which its contacts are tested. With fewer repeats the contacts are only
+shown, because no variance is known."""
 
 NEIGHBOUR_PITCHES: Final = 1.6
-"""Distance to which a taxel's neighbours reach, in pitches: the eight taxels around it."""
+"""Largest distance of a taxel's neighbours, in pitches (distance of adjacent taxels): the eight taxels around it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionReference:
-    """Contacts of one condition in the reference.
+    """Statistics of the contacts of one condition in the reference, for each time bin (BINS) and each of n taxels.
 
-    mean: f64[BINS, n], signal, counts. squares: f64[BINS, n], sum of the squared deviations from the mean. repeats:
-    their number. scale: f64[BINS, n], counts: the largest signal in the neighbourhood of a taxel and its change to the
-    neighbouring bins, to which deviations of position, force and time are proportional.
+    mean: f64[BINS, n], mean signal, counts. squares: f64[BINS, n], sum of the squared deviations from the mean.
+    repeats: number of contacts. scale: f64[BINS, n], counts: sum of the largest mean signal among a taxel and its
+    neighbours and of the mean signal's change to the adjacent bins. Deviations caused by position, force and time are
+    proportional to this scale.
     """
 
     mean: FloatArray
@@ -51,14 +53,15 @@ class ConditionReference:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Rest state and contacts of a skin of n taxels.
+    """State without contact, and contacts, of a healthy skin with n taxels and s boards.
 
-    taxels, sensors, places: of the skin. rest: f64[n], mean raw count without contact. noise_variance: f64[n], of one
-    frame. conditions: contacts by condition. relative_variance: f64[BINS], variance of a signal relative to the square
-    of `ConditionReference.scale`. session_ratio: f64[BINS], variance between sessions relative to the variance within
-    a session; 0 for one session. missing: f64[s, 2], missing and expected frames. steps: the contacts themselves, with
-    their session, in order of time. baseline_s: median length of the interval
-    before a contact. rest_level: with the loadings of the taxels. noise_level: of the reference.
+    taxels, sensors, places: tables and places of the skin. rest: f64[n], mean raw count without contact.
+    noise_variance: f64[n], noise variance of one frame, counts^2. conditions: statistics of the contacts, by condition.
+    relative_variance: f64[BINS], variance of a signal relative to the square of `ConditionReference.scale`.
+    session_ratio: f64[BINS], variance between sessions relative to the variance within a session; 0 for one session.
+    missing: f64[s, 2], numbers of missing and expected frames. steps: session number and frame sums of each contact, in
+    order of time. baseline_s: median length of the interval before a contact, seconds. rest_level: model of the drift
+    without contact. noise_level: sums from which the noise variance follows.
     """
 
     taxels: TaxelTable
@@ -77,33 +80,38 @@ class Reference:
 
     @property
     def is_tested(self) -> BoolArray:
-        """Whether each condition, in order, has enough repeats, bool[K]."""
+        """Whether each of the K conditions, in order, has at least `LEAST_REPEATS` repeats, bool[K]."""
         return np.array([one.repeats >= LEAST_REPEATS for one in self.conditions.values()])
 
     def compute_variance(self, condition: Condition, step: Step) -> FloatArray:
-        """Variance of a contact's signals about the true mean of its condition, f64[BINS, n], counts^2.
+        """Compute the variance of a contact's signals about the true mean of its condition, f64[BINS, n], counts^2.
 
-        step: gives the numbers of averaged frames.
+        step: the contact; its numbers of averaged frames determine the part of the variance that is noise.
         """
-        own = self.conditions[condition]
-        shared = PRIOR_DEGREES_OF_FREEDOM * self.relative_variance[:, None] * own.scale**2
-        between = (shared + own.squares) / (PRIOR_DEGREES_OF_FREEDOM + own.repeats - 1)
+        known = self.conditions[condition]
+        shared = PRIOR_DEGREES_OF_FREEDOM * self.relative_variance[:, None] * known.scale**2
+        between = (shared + known.squares) / (PRIOR_DEGREES_OF_FREEDOM + known.repeats - 1)
         return np.asarray(between + self.compute_noise(step))
 
     def compute_noise(self, step: Step) -> FloatArray:
-        """Variance of a step's signals from the noise of its frames, f64[BINS, n], counts^2."""
+        """Compute the noise variance of a step's signals, f64[BINS, n], counts^2; infinite for a bin without frames."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.noise_variance * (1.0 / step.count + 1.0 / step.count[BEFORE]))
 
 
 def compute_signals(step: Step) -> FloatArray:
-    """Signal of each bin: mean raw count before the contact minus mean raw count, f64[BINS, n]; NaN without frames."""
+    """Compute the signal of each time bin, f64[BINS, n]: mean raw count before the contact minus mean count of the bin.
+
+    Bins without a valid frame are NaN.
+    """
     means = step.compute_means()
     return np.asarray(means[BEFORE] - means)
 
 
 def read_reference(path: str | PathLike[str]) -> Reference:
-    """Learn a reference from a grasp dataset of version 1. Raises DatasetError and TwinInputError with one line."""
+    """Learn a reference from a grasp dataset of version 1. Raises DatasetError and TwinInputError with a one-line
+    message.
+    """
     with GraspDataset(path) as data:
         steps = [
             (grasp.session, make_step(grasp, data.sensors.index_of(data.taxels), data.sensors.s)) for grasp in data
@@ -112,7 +120,9 @@ def read_reference(path: str | PathLike[str]) -> Reference:
 
 
 def make_step(grasp: Grasp, taxel_board: IntArray, boards: int) -> Step:
-    """Sums of one grasp of a dataset."""
+    """Sum the frames of one grasp of a dataset. taxel_board: i64[n], column of each taxel's board. boards: their
+    number.
+    """
     contact = find_contact(grasp)
     builder = StepBuilder(ContactSchedule([contact]), taxel_board, boards)
     done = builder.take(grasp.timestamp, grasp.raw_counts, grasp.valid)
@@ -122,7 +132,11 @@ def make_step(grasp: Grasp, taxel_board: IntArray, boards: int) -> Step:
 
 
 def find_contact(grasp: Grasp) -> Contact:
-    """The times of the phases of a grasp. Raises TwinInputError for phases that decrease or a contact without hold."""
+    """Return the times of a grasp's phases as a contact.
+
+    Raises TwinInputError if the first frame is not in the baseline phase, if a phase number decreases, or if there is
+    no hold phase.
+    """
     place = f"/grasps/{grasp.id}/phase"
     phase, time_s = grasp.phase.astype(np.int64), grasp.timestamp
     if (np.diff(phase) < 0).any() or not (phase == Phase.HOLD).any() or phase[0] != Phase.BASELINE:
@@ -141,8 +155,8 @@ def learn_reference(
 ) -> Reference:
     """Learn a reference from contacts.
 
-    steps: session and sums of each contact, in order of time. name: of their source, for messages. Raises
-    TwinInputError if no condition is repeated often enough.
+    steps: session number and frame sums of each contact, in order of time. name: name of the source in messages. Raises
+    TwinInputError if no condition has at least `LEAST_REPEATS` repeats.
     """
     contacts = [(session, step) for session, step in steps if step.contact is not None]
     near = _find_neighbours(taxels, sensors.index_of(taxels))
@@ -155,7 +169,7 @@ def learn_reference(
     for session, step in contacts:
         if step.contact is not None:
             by_condition.setdefault(step.contact.condition, []).append((session, compute_signals(step)))
-    conditions = {key: _learn_condition(own, near) for key, own in sorted(by_condition.items())}
+    conditions = {key: _learn_condition(signals, near) for key, signals in sorted(by_condition.items())}
     tested = {key: one for key, one in conditions.items() if one.repeats >= LEAST_REPEATS}
     if not tested:
         raise TwinInputError(
@@ -189,10 +203,10 @@ def learn_reference(
 
 
 def _learn_rest(contacts: Sequence[tuple[int, Step]], level: RestLevel) -> RestLevel:
-    """Learn the loadings and the variances of the counts at rest from all contacts, in order of time.
+    """Learn the drift of the counts without contact from all contacts, in order of time; return the learnt model.
 
-    The loadings are learnt in a first pass; the changes without their common part, of a second pass, give the
-    variances.
+    A first pass learns the loadings (response of each taxel to the drift of its board). In a second pass, the changes
+    from step to step, minus the common change of the board, give the variances. level: initial model, changed in place.
     """
     _follow_rest(contacts, level)
     second = RestLevel(level.noise_variance, level.board, level.loading.copy(), level.loading_variance.copy())
@@ -205,16 +219,18 @@ def _follow_rest(
 ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
     """Update `level` with every step; return prediction errors, noise variances of the means, and common changes.
 
-    is_naive: every step defines the level, so that the errors are changes from step to step.
+    Each list has one array for each step but the first of a session: f64[n], counts (NaN: unknown); f64[n], counts^2;
+    f64[s], change that all taxels of a board share, counts. is_naive: the counts of every step replace the tracked
+    counts, so that the errors are changes from step to step.
     """
     errors: list[FloatArray] = []
     noise: list[FloatArray] = []
     common: list[FloatArray] = []
     last = None
-    everything = np.ones(len(level.board), dtype=bool)
+    all_taxels = np.ones(len(level.board), dtype=bool)
     for session, step in contacts:
         if session != last:
-            level.forget(everything)
+            level.forget(all_taxels)
         known = level.is_known
         mean, _ = step.compute_rest()
         error, _ = level.update(mean, step.count[REST], ~np.isfinite(mean))
@@ -229,33 +245,40 @@ def _follow_rest(
 
 
 def _learn_condition(signals: Sequence[tuple[int, FloatArray]], near: list[IntArray]) -> ConditionReference:
-    """Mean and squared deviations of the contacts of a condition. near: neighbours of each taxel, with itself."""
+    """Compute the statistics of the contacts of a condition.
+
+    signals: session number and signals f64[BINS, n] of each contact. near: for each taxel, the indices of its
+    neighbours and of the taxel itself.
+    """
     values = np.stack([np.nan_to_num(value) for _, value in signals])
     mean = values.mean(axis=0)
-    largest = np.stack([np.abs(mean[:, own]).max(axis=1) for own in near], axis=1)
+    largest = np.stack([np.abs(mean[:, taxels]).max(axis=1) for taxels in near], axis=1)
     padded = np.vstack([mean[:1], mean, mean[-1:]])
     change = 0.5 * np.abs(padded[2:] - padded[:-2])
     return ConditionReference(mean, ((values - mean) ** 2).sum(axis=0), len(signals), largest + change)
 
 
 def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
-    """Taxels of the same board around each taxel, with itself."""
+    """Return for each taxel the indices of its neighbours on the same board and of the taxel itself."""
     found: list[IntArray] = [np.array([taxel]) for taxel in range(taxels.n)]
     for column in np.unique(board).tolist():
-        own = np.flatnonzero(board == column)
-        if len(own) < 2:
+        members = np.flatnonzero(board == column)
+        if len(members) < 2:
             continue
-        tree = cKDTree(taxels.position[own])
-        nearest = np.asarray(tree.query(taxels.position[own], k=2)[0])
+        tree = cKDTree(taxels.position[members])
+        nearest = np.asarray(tree.query(taxels.position[members], k=2)[0])
         pitch = float(np.median(nearest[:, 1]))
-        around = tree.query_ball_point(taxels.position[own], NEIGHBOUR_PITCHES * pitch)
-        for taxel, near in zip(own.tolist(), around, strict=True):
-            found[taxel] = own[np.array(near)]
+        around = tree.query_ball_point(taxels.position[members], NEIGHBOUR_PITCHES * pitch)
+        for taxel, near in zip(members.tolist(), around, strict=True):
+            found[taxel] = members[np.array(near)]
     return found
 
 
 def _compute_relative_variance(conditions: Iterable[ConditionReference], white: FloatArray) -> FloatArray:
-    """Variance of signals relative to `scale` squared, f64[BINS], beyond the noise of the frames (f64[n])."""
+    """Compute the variance between contacts, without the noise of the frames, relative to `scale` squared, f64[BINS].
+
+    white: f64[n], noise variance of the mean over the hold phase, counts^2.
+    """
     excess, size = np.zeros(BINS), np.zeros(BINS)
     for one in conditions:
         excess += np.maximum(one.squares - (one.repeats - 1) * 2.0 * white, 0.0).sum(axis=1)
@@ -264,7 +287,11 @@ def _compute_relative_variance(conditions: Iterable[ConditionReference], white: 
 
 
 def _compute_session_ratio(conditions: Sequence[Sequence[tuple[int, FloatArray]]]) -> FloatArray:
-    """Variance between sessions relative to the variance within sessions, f64[BINS]; method of moments, at least 0."""
+    """Compute the variance between sessions relative to the variance within sessions, f64[BINS], at least 0.
+
+    conditions: for each condition, session number and signals f64[BINS, n] of each contact. The estimate uses the
+    method of moments; it is 0 if no condition was recorded in two sessions.
+    """
     within, between = np.zeros(BINS), np.zeros(BINS)
     freedom_within = freedom_between = 0
     repeats: list[float] = []
@@ -274,7 +301,7 @@ def _compute_session_ratio(conditions: Sequence[Sequence[tuple[int, FloatArray]]
             continue
         means = []
         for session in sessions:
-            values = np.stack([np.nan_to_num(value) for own, value in signals if own == session])
+            values = np.stack([np.nan_to_num(value) for number, value in signals if number == session])
             within += ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 2))
             freedom_within += len(values) - 1
             means.append(values.mean(axis=0))

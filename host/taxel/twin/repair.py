@@ -14,11 +14,11 @@ from taxel.types import BoolArray, ByteArray, FloatArray, IntArray
 INTERPOLATED: Final = 1
 GAIN: Final = 2
 DELAY: Final = 4
-"""Bits of the flags of a taxel."""
+"""Bits of a taxel's flags that state its corrections."""
 
 DONOR_PITCHES: Final = 2.1
-"""Distance within which intact taxels replace a taxel, in pitches: the next two in each direction, so that a dead line
-has donors on both of its sides."""
+"""Largest distance between a replaced taxel and the intact taxels (donors) from which its signal is interpolated, in
+pitches (distance of adjacent taxels): two taxels in each direction, so that a dead line has donors on both sides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ class Repair:
     def make(
         cls, masked: BoolArray, gain: FloatArray, delay_s: FloatArray, position: FloatArray, board: IntArray
     ) -> Repair:
-        """Create the corrections.
+        """Create the corrections and find the donors of the masked taxels.
 
-        position: f64[n, 3], centres of the taxels in the frame of their board, metres. board: i64[n]. Raises ValueError
-        for a wrong shape or a gain that is not above 0.
+        position: f64[n, 3], centres of the taxels in the frame of their board, metres. board: i64[n], index of each
+        taxel's board. Raises ValueError for different numbers of taxels, and for a gain that is not above 0.
         """
         if not gain.shape == delay_s.shape == masked.shape == board.shape:
             raise ValueError(f"expected {masked.size} taxels, found {gain.size} gains and {delay_s.size} delays")
@@ -65,7 +65,10 @@ class Repair:
         return np.asarray(flags, np.uint8)
 
     def apply(self, signal: FloatArray) -> RepairedSignal:
-        """Correct the signals f64[n] of one frame, counts; NaN is missing. A masked taxel without a donor is NaN."""
+        """Correct the signals f64[n] of one frame, counts; a missing signal is NaN.
+
+        The signal of a masked taxel without a donor is NaN. Raises ValueError for another number of signals.
+        """
         if signal.shape != self.masked.shape:
             raise ValueError(f"signal: expected {self.masked.size} taxels, found shape {signal.shape}")
         scaled = signal / self.gain
@@ -77,18 +80,21 @@ class Repair:
 
 
 def _find_donors(masked: BoolArray, position: FloatArray, board: IntArray) -> csr_array:
-    """Weights of the intact taxels around each masked taxel of the same board: the inverse square of the distance."""
+    """Return the interpolation weights of the intact taxels around each masked taxel, sparse f64[n, n].
+
+    Row: masked taxel; column: intact taxel of the same board. The weight is the inverse square of their distance.
+    """
     rows: list[int] = []
     columns: list[int] = []
     weights: list[float] = []
     for number in np.unique(board[masked]).tolist():
-        own = np.flatnonzero(board == number)
-        intact = own[~masked[own]]
-        if len(own) < 2 or not len(intact):
+        taxels = np.flatnonzero(board == number)
+        intact = taxels[~masked[taxels]]
+        if len(taxels) < 2 or not len(intact):
             continue
-        pitch = float(np.median(np.asarray(cKDTree(position[own]).query(position[own], k=2)[0])[:, 1]))
+        pitch = float(np.median(np.asarray(cKDTree(position[taxels]).query(position[taxels], k=2)[0])[:, 1]))
         tree = cKDTree(position[intact])
-        for taxel in own[masked[own]].tolist():
+        for taxel in taxels[masked[taxels]].tolist():
             near = intact[tree.query_ball_point(position[taxel], DONOR_PITCHES * pitch)]
             distance = np.linalg.norm(position[near] - position[taxel], axis=1)
             rows += [taxel] * len(near)

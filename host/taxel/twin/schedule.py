@@ -15,7 +15,7 @@ from taxel.recording.grasp_format import Phase
 from taxel.twin.errors import TwinInputError
 
 Condition = tuple[str, str]
-"""Object and approach, as in a grasp dataset."""
+"""Names of object and approach, as in a grasp dataset."""
 
 TIME_COLUMNS: Final = ("closing_s", "hold_s", "release_s", "recovery_s", "end_s")
 COLUMNS: Final = (*TIME_COLUMNS, "object", "approach")
@@ -55,20 +55,20 @@ class Contact:
 
 
 class ContactSchedule:
-    """Contacts in order of time; further contacts may be announced until they begin.
+    """Announced contacts in order of time; a further contact may be announced until it begins.
 
-    Raises TwinInputError for contacts that overlap.
+    The constructor and `announce` raise TwinInputError for contacts that overlap.
     """
 
     def __init__(self, contacts: Iterable[Contact] = (), name: str = "contacts") -> None:
-        """Create a schedule. name: of the source, for messages."""
+        """Create a schedule. name: name of the source in error messages."""
         self.name = name
         self._contacts: list[Contact] = []
         for contact in sorted(contacts):
             self.announce(contact)
 
     def announce(self, contact: Contact) -> None:
-        """Append a contact; it begins at or after the end of the last one."""
+        """Append a contact. Raises TwinInputError if it begins before the end of the last contact."""
         if self._contacts and contact.start_s < self._contacts[-1].end_s:
             raise TwinInputError(
                 f"{self.name}: contact at {contact.start_s:g} s",
@@ -105,7 +105,7 @@ def read_schedule(path: str | PathLike[str]) -> ContactSchedule:
 
 
 def _read_rows(rows: csv.DictReader[str], name: str) -> Iterator[Contact]:
-    """Yield the contacts of a CSV file."""
+    """Yield the contacts of a CSV file. name: path in messages. Raises TwinInputError with file and line."""
     missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
     if missing:
         found = ", ".join(rows.fieldnames or ()) or "no header"
@@ -117,7 +117,7 @@ def _read_rows(rows: csv.DictReader[str], name: str) -> Iterator[Contact]:
 
 
 def _parse_row(row: dict[str, str | None], place: str) -> Contact:
-    """Parse one row of a CSV file. place: for messages."""
+    """Parse one row of a CSV file. place: file and line in messages. Raises TwinInputError for an invalid value."""
     times = []
     for column in TIME_COLUMNS:
         try:

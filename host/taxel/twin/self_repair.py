@@ -13,17 +13,17 @@ from taxel.twin.reference import Reference
 from taxel.twin.repair import Repair
 
 WEAKEST: Final = 0.3
-"""Smallest response that is corrected by its gain. The correction of a weaker one would amplify the noise more than
-threefold: the taxel is interpolated."""
+"""Smallest response to contact, relative to the reference, that is corrected by division. The correction of a weaker
+response would amplify the noise more than threefold; such a taxel is interpolated instead."""
 
 STUCK_LN: Final = -3.0
-"""Logarithm of the variance of the noise, relative to the reference, below which a taxel is stuck: 5 % of the variance
-remain."""
+"""Natural logarithm of the noise variance relative to the reference below which a taxel is treated as stuck: less than
+5 % of the variance remain."""
 
 
 @dataclass(frozen=True, eq=False)
 class SelfRepair:
-    """Corrections, and what they are, one sentence each."""
+    """Corrections of a skin, and their description: one sentence for each alarm that led to a correction."""
 
     repair: Repair
     corrections: tuple[str, ...]

@@ -16,15 +16,15 @@ from taxel.twin.self_repair import SelfRepair, plan_repair
 from taxel.twin.sources import Block, Source
 
 SILENCE_S = 1.0
-"""Interval between two poll cycles that counts as a gap of the stream, seconds."""
+"""Interval between two poll cycles above which a fault of the input is reported, seconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """Results of a block.
+    """Results of a block of poll cycles, or of the end of the stream.
 
-    frame: the newest frame beside its prediction. frames: poll cycles in the block. repair: corrections of the signals;
-    None: off.
+    results: steps that ended in the block. frame: the newest frame beside its prediction; None at the end of the
+    stream. frames: number of poll cycles in the block. repair: corrections of the signals; None if corrections are off.
     """
 
     results: tuple[StepResult, ...]
@@ -35,9 +35,10 @@ class Update:
 
 
 class TwinSession:
-    """Runs a twin on a source.
+    """Runs a twin on a source of poll cycles.
 
-    naming: None: causes are not named. repairs: whether active alarms correct the signals.
+    naming: names the causes of alarms; None: causes are not named. repairs: whether corrections of the signals are
+    derived from the active alarms.
     """
 
     def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None, repairs: bool = False) -> None:
@@ -64,7 +65,7 @@ class TwinSession:
         yield Update(tuple(results), tuple(events), None, 0, self._repair)
 
     def take(self, block: Block) -> Update:
-        """Process one block."""
+        """Process one block of poll cycles; return its results."""
         events: list[Event] = list(self._find_gaps(block))
         results = self.twin.take(*block)
         events += [event for result in results for event in result.events]
@@ -86,7 +87,9 @@ class TwinSession:
             yield Repaired(time_s, planned.corrections)
 
     def _find_gaps(self, block: Block) -> Iterator[InputFault]:
-        """Report intervals without frames, if the source has none by its nature."""
+        """Yield a fault for each interval of more than `SILENCE_S` without frames; nothing for a source that may
+        pause.
+        """
         if not self._source.is_continuous:
             return
         times = np.concatenate([[self._last_s], block.time_s])

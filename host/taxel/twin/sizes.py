@@ -10,9 +10,11 @@ from taxel.twin.steps import CLOSING, HOLD
 
 
 def compute_size(reference: Reference, quantity: Quantity, place: int, amplitude: float) -> float | None:
-    """Change of the largest signal of the reference at a place, counts; None for a quantity without counts.
+    """Convert the amplitude of a change to counts; None for a quantity that does not change counts.
 
-    A delay changes the signal by the steepest rise times the delay; noise changes its standard deviation.
+    place: index in `Places`. A change of gain or recovery is the amplitude times the largest expected signal at the
+    place. A delay changes the signal by minus the delay times the steepest rise in the closing phase. A change of the
+    noise is the change of its standard deviation.
     """
     members = reference.places.members
     taxels = members.indices[members.indptr[place] : members.indptr[place + 1]]

@@ -19,14 +19,17 @@ from taxel.twin.schedule import Contact, ContactSchedule
 from taxel.types import BoolArray, CountArray, FloatArray
 
 RECORDED_BLOCK: Final = 256
-"""Poll cycles in a block of a recording: large enough that the work per block does not matter."""
+"""Number of poll cycles in a block of a recording: large enough that the constant effort per block is negligible."""
 
 DATASET_BLOCK: Final = 16
-"""Poll cycles in a block of a dataset: less than a second, so that views show the course of a contact."""
+"""Number of poll cycles in a block of a dataset: less than a second, so that views show the course of a contact."""
 
 
 class Block(NamedTuple):
-    """Poll cycles. time_s: f64[T]. raw_counts: u16[T, n]. valid: bool[T, s], whether each board's frame arrived."""
+    """T consecutive poll cycles of a skin with n taxels and s boards.
+
+    time_s: f64[T], seconds. raw_counts: u16[T, n]. valid: bool[T, s], whether each board's frame arrived.
+    """
 
     time_s: FloatArray
     raw_counts: CountArray
@@ -38,7 +41,7 @@ class Source(Protocol):
 
     @property
     def is_continuous(self) -> bool:
-        """Whether an interval without frames is a fault."""
+        """Whether an interval without frames is a fault of the input."""
         ...
 
     @property
@@ -60,11 +63,11 @@ class SkinSource:
 
     @property
     def is_live(self) -> bool:
-        """Whether the skin is no recording."""
+        """Whether the skin delivers frames in real time; False for a recording."""
         return self.skin.link.is_real_time
 
     def blocks(self) -> Iterator[Block]:
-        """Yield blocks: each poll cycle of a live skin, or many of a recording at once."""
+        """Yield blocks of one poll cycle from a live skin, and of `RECORDED_BLOCK` poll cycles from a recording."""
         hand = self.skin.hand
         columns = np.array([hand.get_slice(board.address).start for board in hand.boards])
         waiting: list[SkinFrame] = []
@@ -77,13 +80,15 @@ class SkinSource:
             yield _to_block(waiting, columns)
 
     def check(self, taxels: TaxelTable, sensors: SensorTable, name: str) -> None:
-        """Raise TwinInputError unless the skin has the taxels of a reference. name: of the reference."""
+        """Raise TwinInputError unless the skin has the boards and taxels of a reference. name: path of the
+        reference.
+        """
         hand = self.skin.hand
-        same = len(hand.sensor) == taxels.n and all(
-            np.array_equal(own, other)
-            for own, other in ((hand.sensor, taxels.sensor), (hand.tx, taxels.tx), (hand.rx, taxels.rx))
+        has_same_taxels = len(hand.sensor) == taxels.n and all(
+            np.array_equal(of_skin, of_reference)
+            for of_skin, of_reference in ((hand.sensor, taxels.sensor), (hand.tx, taxels.tx), (hand.rx, taxels.rx))
         )
-        if not same or [board.address for board in hand.boards] != sensors.address.tolist():
+        if not has_same_taxels or [board.address for board in hand.boards] != sensors.address.tolist():
             raise TwinInputError(
                 f"{name}: /taxels",
                 f"the {hand.n_taxels} taxels of hand '{hand.name}'",
@@ -94,9 +99,11 @@ class SkinSource:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """The contacts of a grasp dataset as one stream: each grasp follows the one before, at its own times.
+    """The contacts of a grasp dataset as one stream.
 
-    Grasps whose times overlap those of the grasp before are moved behind it.
+    A grasp keeps its recorded times, unless they overlap those of the grasp before: it is then moved behind that grasp.
+    schedule: the contacts at the times of the stream. offsets: stream time minus recorded time of each grasp, seconds,
+    by grasp identifier.
     """
 
     path: Path
@@ -107,7 +114,7 @@ class DatasetSource:
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> DatasetSource:
-        """Read the times of all contacts. Raises DatasetError and TwinInputError."""
+        """Read the times of all contacts of a dataset. Raises DatasetError and TwinInputError."""
         schedule = ContactSchedule(name=str(path))
         offsets: dict[str, float] = {}
         end = -np.inf
@@ -122,7 +129,7 @@ class DatasetSource:
         return cls(Path(path), schedule, offsets)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the frames of each grasp."""
+        """Yield the frames of each grasp in blocks of at most `DATASET_BLOCK` poll cycles."""
         with GraspDataset(self.path) as data:
             for grasp in data:
                 times = grasp.timestamp + self.offsets[grasp.id]
@@ -132,7 +139,7 @@ class DatasetSource:
 
 
 def _to_block(scans: list[SkinFrame], columns: np.ndarray) -> Block:
-    """Combine frames of the whole skin. columns: first taxel of each board."""
+    """Combine frames of the whole skin to a block. columns: i64[s], index of the first taxel of each board."""
     return Block(
         np.array([scan.time_s for scan in scans]),
         np.stack([scan.raw_counts for scan in scans]),

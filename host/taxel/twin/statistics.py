@@ -1,8 +1,8 @@
 """Monitored quantities: how one step deviates from the reference, as a score and its information for each taxel.
 
 A quantity is an amplitude b of a pattern a: the deviation r of a value has the expectation b a and the variance v. The
-best estimate over the taxels of a place is the sum of u = a r / v divided by the sum of w = a^2 / v (weighted least
-squares), so that u and w of each taxel are sufficient for every place.
+best estimate over the taxels of a place is the sum of the scores u = a r / v divided by the sum of the information
+w = a^2 / v (weighted least squares), so that u and w of each taxel are sufficient for every place.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from taxel.types import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that can change. name: in events. unit: of its amplitude. levels: of places at which it is tested.
+    """A monitored property of the skin that a fault can change.
 
-    amplitudes: alternatives of the test, a factor of about three apart: a change between two of them loses little
-    power. words: for people, with `{size}`.
+    name: name in events. unit: unit of the amplitude of a change. amplitudes: alternative amplitudes of the test, a
+    factor of about three apart: the power for a change between two of them is hardly smaller. levels: levels of the
+    places at which the quantity is tested (`places.LEVELS`). words: description in messages.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Quantity:
 
     @property
     def is_one_sided(self) -> bool:
-        """Whether only an increase is a change."""
+        """Whether only an increase of the quantity is treated as a change."""
         return min(self.amplitudes) > 0.0
 
 
@@ -64,17 +65,21 @@ QUANTITIES: Final = (
 """All monitored quantities."""
 
 OF_CONTACTS: Final = frozenset(("gain", "offset", "delay", "recovery", "shape"))
-"""Quantities of a contact, whose variance differs between conditions."""
+"""Quantities that are measured in a contact; their variance differs between conditions (object and approach)."""
 
 OF_CONDITIONS: Final = frozenset(("offset", "shape"))
-"""Quantities of a contact whose changes have another size in each condition."""
+"""Quantities of a contact for which one fault causes changes of different size in different conditions."""
 
 Scores = dict[str, tuple[FloatArray, FloatArray]]
-"""Score u and information w of each taxel, f64[n] each, by quantity."""
+"""Score u and information w of each taxel (see the top of this file), f64[n] each, by name of the quantity."""
+
+Estimates = dict[str, tuple[FloatArray, FloatArray]]
+"""Estimated amplitude of the change at each place and its information (inverse variance before the scale of the null
+model), f64[P] each, by name of the quantity."""
 
 LEAST_FREE: Final = 5
-"""Smallest number of taxels without load whose median is subtracted: the median of fewer is no better than one of
-them."""
+"""Smallest number of unloaded taxels whose median is subtracted: the median of fewer taxels is hardly more accurate
+than the value of one taxel."""
 
 SHAPE_VARIANCE: Final = 0.1
 """Variance of the logarithm of a board's mean squared residual, before the fit of the null model (chosen: that of a
@@ -84,18 +89,20 @@ mean of twenty independent squares)."""
 def compute_contact_scores(
     step: Step, reference: Reference, live: LiveSession, excluded: BoolArray
 ) -> tuple[Scores, FloatArray] | None:
-    """Scores of a contact, and its signals f64[BINS, n]; None if the reference does not have its condition.
+    """Compare a contact with the reference; return its scores by quantity, and its signals f64[BINS, n], counts.
 
-    live: earlier contacts of this session. excluded: bool[n], taxels that are not tested.
+    The result is None if the step has no contact, if the reference does not contain its condition, or if the condition
+    has fewer than `LEAST_REPEATS` repeats there. live: earlier contacts of this session. excluded: bool[n], taxels that
+    are not tested; their information is 0.
     """
     if step.contact is None or step.contact.condition not in reference.conditions:
         return None
     condition = step.contact.condition
-    own = reference.conditions[condition]
-    if own.repeats < LEAST_REPEATS:
+    known = reference.conditions[condition]
+    if known.repeats < LEAST_REPEATS:
         return None
     signal = compute_signals(step)
-    expected, factor = live.predict(condition, own.mean, own.repeats)
+    expected, factor = live.predict(condition, known.mean, known.repeats)
     variance = reference.compute_variance(condition, step) * factor
     usable = np.isfinite(signal) & np.isfinite(variance) & ~excluded
     weight = np.where(usable, 1.0 / np.where(usable, variance, 1.0), 0.0)
@@ -104,17 +111,17 @@ def compute_contact_scores(
     scores: Scores = {}
     hold, hold_weight = residual[HOLD].mean(axis=0), _mean_weight(weight[HOLD])
     mean = expected[HOLD].mean(axis=0)
-    # A response is compared where there is one: on the taxels that are active in this condition.
+    # Relative changes need a response: only the taxels that are active in this condition are compared.
     pattern = np.where(mean > ACTIVE_SIGNAL_COUNTS, mean, 0.0)
     scores["gain"] = (pattern * hold * hold_weight, pattern**2 * hold_weight)
     loaded = _find_loaded(mean, board)
-    own_hold = hold - _find_common_offset(hold, hold_weight, pattern, board)[board]
-    scores["offset"] = (own_hold * hold_weight, hold_weight)
-    # Delay and recovery are compared at the size that the contact has on its board.
+    hold_without_drift = hold - _find_common_offset(hold, hold_weight, pattern, board)[board]
+    scores["offset"] = (hold_without_drift * hold_weight, hold_weight)
+    # Delay and recovery are compared after scaling the expectation to the strength of this contact on each board.
     size = _fit_board_size(signal, expected, weight, board)
     rescaled = np.where(usable, signal - size[board] * expected, 0.0)
     scores["delay"] = _compute_delay(rescaled, expected, np.where(pattern > 0.0, weight, 0.0), step)
-    # An active taxel after the release is pressed again by something that nobody has announced.
+    # A taxel that is active after the release is pressed again by an unannounced contact.
     late = rescaled[RECOVERY]
     pressed = np.bincount(board, late > ACTIVE_SIGNAL_COUNTS, len(size)) > 0
     late_weight = np.where(pressed[board], 0.0, weight[RECOVERY])
@@ -126,11 +133,12 @@ def compute_contact_scores(
 def compute_rest_scores(
     step: Step, level: RestLevel, noise: NoiseLevel, excluded: BoolArray, in_contact: BoolArray | None = None
 ) -> tuple[Scores, BoolArray]:
-    """Scores of the interval without contact of a step, and the taxels that something touches, bool[n].
+    """Compare the contact-free interval of a step with the tracked values; return scores by quantity, and bool[n].
 
-    level, noise: tracked counts at rest and noise; both are updated. in_contact: bool[n], taxels of boards that
-    something presses without an announcement, perhaps too lightly to make a taxel active: their count at rest is not
-    compared.
+    The second value marks the taxels that an unannounced contact touches. level, noise: tracked counts without contact
+    and tracked noise; this function updates both. excluded: bool[n], taxels that are not tested. in_contact: bool[n],
+    taxels of boards with an unannounced contact, perhaps too light to make a taxel active: their counts without contact
+    are not compared. Taxels that are not compared have the information 0.
     """
     mean, lowest = step.compute_rest()
     touched = level.find_touched(mean, lowest, ACTIVE_SIGNAL_COUNTS)
@@ -147,9 +155,10 @@ def compute_rest_scores(
 
 
 def _compute_drift(level: RestLevel, elapsed_s: float, usable: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Scores of the common change of each board, on the first taxel of the board.
+    """Compute the score and information, f64[n] each, of the change of the count that all taxels of a board share.
 
-    The change of a temperature is a random walk in short intervals: its variance is proportional to the time.
+    They are stored at the first taxel of the board. The temperature follows a random walk over short intervals, so that
+    the variance of the change is proportional to the time since the last step with data (`level.idle_s`, updated).
     """
     boards = len(level.common)
     has_data = np.bincount(level.board, usable, boards) > 1
@@ -160,7 +169,10 @@ def _compute_drift(level: RestLevel, elapsed_s: float, usable: BoolArray) -> tup
 
 
 def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Scores of boards f64[s] as scores of taxels f64[n]: on the first taxel of each board, 0 on the others."""
+    """Store scores and information of boards, f64[s] each, at the first taxel of each board; return f64[n] each.
+
+    board: i64[n], column of each taxel's board. All other taxels get 0, so that the sum over a board is its own value.
+    """
     first = np.array([np.flatnonzero(board == number)[0] for number in range(len(score))])
     found = np.zeros((2, len(board)))
     found[0, first], found[1, first] = score, information
@@ -168,53 +180,61 @@ def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: IntA
 
 
 def compute_missing(step: Step, reference: Reference) -> tuple[FloatArray, FloatArray]:
-    """Missing and expected frames of each board, f64[s] each."""
+    """Return the numbers of missing and of expected frames of each board in a step, f64[s] each."""
     return (step.expected - step.received).astype(np.float64), step.expected.astype(np.float64)
 
 
 def _find_common_offset(hold: FloatArray, weight: FloatArray, pattern: FloatArray, board: IntArray) -> FloatArray:
-    """Median residual of the taxels of each board that a contact does not load, f64[s]; 0 with few such taxels.
+    """Return the median residual of the taxels of each board that the contact does not load, f64[s], counts.
 
-    The temperature of a board drifts in one direction for minutes, so that this part of successive contacts is not
-    independent.
+    The median is 0 for a board with fewer than `LEAST_FREE` such taxels. The temperature of a board drifts in one
+    direction for minutes; without this correction, its effect would be correlated between successive contacts.
     """
-    free = (weight > 0.0) & (pattern == 0.0)
-    found = np.zeros(int(board.max()) + 1)
-    for column in range(len(found)):
-        own = free & (board == column)
-        if own.sum() >= LEAST_FREE:
-            found[column] = np.median(hold[own])
-    return found
+    is_unloaded = (weight > 0.0) & (pattern == 0.0)
+    offset = np.zeros(int(board.max()) + 1)
+    for column in range(len(offset)):
+        unloaded = is_unloaded & (board == column)
+        if unloaded.sum() >= LEAST_FREE:
+            offset[column] = np.median(hold[unloaded])
+    return offset
 
 
 def _mean_weight(weight: FloatArray) -> FloatArray:
-    """Weight of the mean of bins whose deviations are common to the bins, f64[n]: the mean of the weights."""
+    """Return the weight (inverse variance) of each taxel's mean over time bins, f64[n], from weights f64[bins, n].
+
+    The bins of one contact deviate together, so that averaging them does not reduce the variance: the weight of the
+    mean is the mean of the weights.
+    """
     return np.asarray(weight.mean(axis=0))
 
 
 def _find_loaded(pattern: FloatArray, board: IntArray) -> BoolArray:
-    """Boards that a contact loads: at least one taxel is expected to be active, bool[s]."""
+    """Return whether a contact loads each board, bool[s]: at least one taxel of the board is expected to be active."""
     largest = np.zeros(int(board.max()) + 1)
     np.maximum.at(largest, board, pattern)
     return np.asarray(largest > ACTIVE_SIGNAL_COUNTS)
 
 
 def _fit_board_size(signal: FloatArray, expected: FloatArray, weight: FloatArray, board: IntArray) -> FloatArray:
-    """Size of the contact in the hold relative to the expectation, for each board, f64[s]; near 1 without load."""
-    pattern, own = expected[HOLD].mean(axis=0), _mean_weight(weight[HOLD])
-    value = np.where(own > 0.0, np.nan_to_num(signal[HOLD].mean(axis=0)), 0.0)
+    """Fit the factor between measured and expected signal in the hold phase for each board, f64[s]; near 1 without
+    load.
+    """
+    pattern, hold_weight = expected[HOLD].mean(axis=0), _mean_weight(weight[HOLD])
+    value = np.where(hold_weight > 0.0, np.nan_to_num(signal[HOLD].mean(axis=0)), 0.0)
     boards = int(board.max()) + 1
-    product = np.bincount(board, pattern * value * own, boards)
-    square = np.bincount(board, pattern**2 * own, boards)
+    product = np.bincount(board, pattern * value * hold_weight, boards)
+    square = np.bincount(board, pattern**2 * hold_weight, boards)
     return np.asarray((product + 1.0) / (square + 1.0))
 
 
 def _compute_delay(
     residual: FloatArray, expected: FloatArray, weight: FloatArray, step: Step
 ) -> tuple[FloatArray, FloatArray]:
-    """Scores of a delay: the pattern is minus the slope of the expected signal, counts per second.
+    """Compute the scores and the information of a delay, f64[n] each; 0 for a step without contact.
 
-    weight: f64[BINS, n], 0 for taxels that are not active in this condition, whose slopes are those of noise.
+    A small delay changes the signal by the delay times minus the slope of the expected signal (counts per second).
+    residual: f64[BINS, n], measured minus expected signal. weight: f64[BINS, n], 0 for taxels that are not active in
+    this condition: the slope of their expected signal is only noise.
     """
     score, information = np.zeros(residual.shape[1]), np.zeros(residual.shape[1])
     if step.contact is None:
@@ -232,7 +252,11 @@ def _compute_delay(
 def _compute_shape(
     residual: FloatArray, weight: FloatArray, loaded: BoolArray, board: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Scores of the residual pattern of each loaded board: log of its mean square, on the first taxel of the board."""
+    """Compute the scores and the information, f64[n] each, of a change of the contact pattern on each loaded board.
+
+    The estimate of a board is the logarithm of its mean squared residual (residual: f64[n], counts; weight: f64[n],
+    inverse variance). It is stored at the first taxel of the board; the other taxels get 0.
+    """
     boards = len(loaded)
     used = np.bincount(board, weight > 0.0, boards)
     square = np.bincount(board, residual**2 * weight, boards)
@@ -241,11 +265,14 @@ def _compute_shape(
     return _put_on_first_taxels(value * information, information, board)
 
 
-def sum_over_places(scores: Mapping[str, tuple[FloatArray, FloatArray]], reference: Reference) -> Scores:
-    """Estimate and information of each place, f64[P] each, by quantity; the estimate is 0 without information."""
+def sum_over_places(scores: Mapping[str, tuple[FloatArray, FloatArray]], reference: Reference) -> Estimates:
+    """Combine the scores of the taxels of each place to the estimate of its change; the estimate is 0 without
+    information.
+    """
     members = reference.places.members
-    found: Scores = {}
+    estimates: Estimates = {}
     for name, (score, information) in scores.items():
         total, weight = members @ score, members @ information
-        found[name] = (np.asarray(np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), 0.0)), weight)
-    return found
+        estimate = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), 0.0)
+        estimates[name] = (np.asarray(estimate), weight)
+    return estimates

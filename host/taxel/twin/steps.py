@@ -19,8 +19,8 @@ REST_S: Final = 10.0
 time; a longer interval delays alarms, a shorter one gives correlated steps (the 1/f noise of the front end)."""
 
 BINS_PER_PHASE: Final = (1, 4, 2, 2, 1)
-"""Intervals of equal length in each phase of a contact: baseline, closing, hold, release, recovery. The closing and the
-release resolve delays of a fraction of their length."""
+"""Number of time bins of equal length in each phase of a contact: baseline, closing, hold, release, recovery. Several
+bins in the closing and release phases resolve delays that are a fraction of these phases."""
 
 REST: Final = 0
 CLOSING: Final = slice(1, 5)
@@ -29,20 +29,22 @@ RELEASE: Final = slice(7, 9)
 RECOVERY: Final = 9
 BEFORE: Final = 10
 BINS: Final = sum(BINS_PER_PHASE) + 1
-"""The bin `BEFORE` repeats the frames of the last seconds of the bin `REST`: the baseline of the contact. Drift between
-the baseline and the contact is a part of the variance of a signal, so that the baseline has the same length in the
-reference and in the stream."""
+"""Indices of the time bins of a contact, and their number. The bin `REST` contains all frames before the contact. The
+bin `BEFORE` contains the last seconds of these frames once more: the baseline of the contact. Drift between the
+baseline and the contact adds to the variance of a signal; therefore the baseline has the same length in the reference
+and in the stream."""
 
 
 @dataclass(eq=False)
 class Step:
     """Sums over the frames of one step; n taxels, s boards.
 
-    start_s, end_s: interval of the stream, seconds. contact: the announced contact, or None. count: i64[BINS, n], valid
-    frames; an interval without contact has only the bin `REST`. total: i64[BINS, n], sum of the raw counts.
-    squared_difference: i64[n], sum of the squared differences of consecutive raw counts in the bin `REST`. pairs:
-    i64[n], their number. received, expected: i64[s], frames of each board, and poll cycles. seconds: sum and number of
-    the valid frames of each second of the bin `REST`, i64[n] each.
+    start_s, end_s: interval of the stream, seconds. contact: the announced contact, or None. count: i64[BINS, n],
+    number of valid frames; an interval without contact has only the bin `REST`. total: i64[BINS, n], sum of the raw
+    counts. squared_difference: i64[n], sum of the squared differences of consecutive raw counts in the bin `REST`.
+    pairs: i64[n], number of these differences. received, expected: i64[s], number of received frames of each board, and
+    number of poll cycles. seconds: for each second of the bin `REST`, sum of the raw counts and number of valid frames,
+    i64[n] each.
     """
 
     start_s: float
@@ -78,9 +80,10 @@ class Step:
         self.seconds = [*other.seconds, *self.seconds]
 
     def compute_rest(self) -> tuple[FloatArray, FloatArray]:
-        """Median and smallest mean raw count of the seconds without announced contact, f64[n] each; NaN without frames.
+        """Return the median and the minimum of the one-second means of the raw count without announced contact, f64[n].
 
-        A touch of less than half of the interval does not move the median, and lowers the smallest mean.
+        Both are NaN without frames. A touch during less than half of the interval does not change the median, but
+        lowers the minimum.
         """
         if not self.seconds:
             unknown = np.full(self.count.shape[1], np.nan)
@@ -92,7 +95,7 @@ class Step:
         return np.where(known, np.nanmedian(filled, axis=0), np.nan), np.where(known, np.nanmin(filled, axis=0), np.nan)
 
     def compute_means(self) -> FloatArray:
-        """Mean raw count of each bin, f64[BINS, n]; NaN without a valid frame."""
+        """Compute the mean raw count of each time bin, f64[BINS, n]; NaN for a bin without a valid frame."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.total / self.count)
 
@@ -101,12 +104,12 @@ class Step:
 class StepBuilder:
     """Divides a stream into steps.
 
-    schedule: the announced contacts. taxel_board: i64[n], column of each taxel's board. boards: their number.
+    schedule: the announced contacts. taxel_board: i64[n], column of each taxel's board. boards: number of boards.
     baseline_s: length of the baseline of a contact, seconds.
 
-    The interval before a contact ends when its closing phase begins. If it is shorter than `REST_S`, the complete
-    interval before it, after the previous contact, is added to it: the baseline of every contact then has enough
-    frames.
+    The contact-free interval before a contact ends when the closing phase begins and belongs to the step of the
+    contact. The complete interval before it, if one has ended since the previous contact, is added to this step: every
+    contact then has enough frames without contact.
     """
 
     schedule: ContactSchedule
@@ -123,8 +126,8 @@ class StepBuilder:
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[Step]:
         """Add poll cycles in order of time; return the steps that are complete.
 
-        time_s: f64[T], finite. raw_counts: u16[T, n]. valid: bool[T, s]. Raises ValueError for a time that is not
-        finite.
+        time_s: f64[T], seconds. raw_counts: u16[T, n]. valid: bool[T, s], whether each board delivered its frame.
+        Raises ValueError for a time that is not finite.
         """
         if not np.isfinite(time_s).all():
             raise ValueError("time_s: expected finite times")
@@ -155,11 +158,11 @@ class StepBuilder:
 
     @property
     def contact(self) -> Contact | None:
-        """The contact of the current step."""
+        """The announced contact of the current step; None outside a contact."""
         return self._current.contact if self._current else None
 
     def _open(self, time_s: float) -> Step:
-        """Return the current step, and open one at `time_s` if there is none."""
+        """Return the current step; without one, start a step at `time_s` and skip contacts that have begun by then."""
         if self._current is None:
             while self._next < len(self.schedule) and self.schedule[self._next].start_s <= time_s:
                 self._next += 1  # began before the stream, or in a gap of the stream
@@ -174,7 +177,9 @@ class StepBuilder:
         return float(min(step.start_s + REST_S, due))
 
     def _close(self, step: Step) -> None:
-        """End the current step and open the next one at its end."""
+        """End the current step and start the next step at its end; a contact that begins now continues the same
+        step.
+        """
         limit = self._limit(step)
         self._current = None
         if step.contact is None and self._next < len(self.schedule) and self.schedule[self._next].start_s <= limit:
@@ -187,13 +192,16 @@ class StepBuilder:
         self._current = Step.empty(limit, len(self.taxel_board), self.boards)
 
     def _skip_gap(self, time_s: float) -> None:
-        """Open no steps for an interval without frames. time_s: of the next frame."""
+        """Discard the empty current step if no frame arrives for at least `REST_S`. time_s: time of the next frame."""
         step = self._current
         if step is not None and not step.expected.any() and time_s >= self._limit(step) + REST_S:
             self._current = self._earlier = None
 
     def _begin_contact(self, step: Step) -> None:
-        """Continue the interval without contact as the baseline of the contact that begins."""
+        """Turn an interval without contact into the step of the next announced contact, whose baseline it becomes.
+
+        The interval before it, if there is one, is added.
+        """
         if self._earlier is not None:
             step.add(self._earlier)
         step.contact = self.schedule[self._next]
@@ -202,7 +210,7 @@ class StepBuilder:
         self._current = step
 
     def _add(self, step: Step, time_s: FloatArray, raw: CountArray, valid: BoolArray) -> None:
-        """Add poll cycles that belong to one step."""
+        """Add poll cycles that all belong to `step`. raw: u16[T, n]. valid: bool[T, s]."""
         wide = valid[:, self.taxel_board]
         step.received += valid.sum(axis=0)
         step.expected += len(time_s)
@@ -219,25 +227,32 @@ class StepBuilder:
 
     @staticmethod
     def _add_seconds(step: Step, time_s: FloatArray, raw: CountArray, wide: BoolArray) -> None:
-        """Add poll cycles to the seconds of a step."""
+        """Add poll cycles to the one-second sums of a step. wide: bool[T, n], whether each taxel's frame is valid."""
         number = np.floor(time_s - step.start_s).astype(np.int64)
         for second in np.unique(number).tolist():
             while len(step.seconds) <= second:
                 step.seconds.append((np.zeros(raw.shape[1], np.int64), np.zeros(raw.shape[1], np.int64)))
-            rows = number == second
+            cycles = number == second
             total, count = step.seconds[second]
-            total += np.where(wide[rows], raw[rows], 0).sum(axis=0, dtype=np.int64)
-            count += wide[rows].sum(axis=0)
+            total += np.where(wide[cycles], raw[cycles], 0).sum(axis=0, dtype=np.int64)
+            count += wide[cycles].sum(axis=0)
 
     @staticmethod
-    def _add_to_bin(step: Step, number: int, rows: BoolArray, raw: CountArray, wide: BoolArray) -> None:
-        """Add the frames `rows` bool[T] to a bin."""
-        if rows.any():
-            step.count[number] += wide[rows].sum(axis=0)
-            step.total[number] += np.where(wide[rows], raw[rows], 0).sum(axis=0, dtype=np.int64)
+    def _add_to_bin(step: Step, number: int, cycles: BoolArray, raw: CountArray, wide: BoolArray) -> None:
+        """Add the poll cycles that `cycles` bool[T] selects to the time bin `number` of a step.
+
+        wide: bool[T, n], whether each taxel's frame is valid.
+        """
+        if cycles.any():
+            step.count[number] += wide[cycles].sum(axis=0)
+            step.total[number] += np.where(wide[cycles], raw[cycles], 0).sum(axis=0, dtype=np.int64)
 
     def _add_differences(self, step: Step, raw: CountArray, wide: BoolArray) -> None:
-        """Add the squared differences of consecutive frames, across the borders of the blocks in which they arrive."""
+        """Add the squared differences of consecutive frames to a step.
+
+        The first frame is compared with the last frame of the previous call, so that the sums do not depend on the
+        blocks in which frames arrive. wide: bool[T, n], whether each taxel's frame is valid.
+        """
         if self._previous is not None and self._previous_valid is not None:
             raw = np.vstack([self._previous, raw])
             wide = np.vstack([self._previous_valid, wide])
@@ -249,7 +264,7 @@ class StepBuilder:
 
 
 def find_bins(contact: Contact | None, time_s: FloatArray) -> IntArray:
-    """Number of the bin of each time, i64[T]. contact: None: all in the bin `REST`."""
+    """Return the index of the time bin of each time, i64[T]; without a contact, all times are in the bin `REST`."""
     if contact is None:
         return np.zeros(len(time_s), np.int64)
     edges: list[float] = []

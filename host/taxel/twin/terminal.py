@@ -18,17 +18,20 @@ from taxel.twin.prediction import TwinFrame
 from taxel.twin.session import TwinSession, Update
 
 DRAWS_HZ: Final = 5.0
+"""Largest rate at which the screen is drawn, hertz; events are drawn at once."""
 
 BARS: Final = " ▁▂▃▄▅▆▇█"
+"""Characters of a bar chart, from 0 to the largest value."""
 
 RESIDUAL_FLOORS: Final = 3.0
 """Residual, in floors, from which a board is highlighted: three standard deviations between repeats."""
 
 SHOWN_EVENTS: Final = 8
+"""Number of the latest events on the screen."""
 
 
 class TwinScreen:
-    """Text of the current state of a twin. title: of the first line."""
+    """Formats the current state of a twin as text. title: text of the first line."""
 
     def __init__(self, session: TwinSession, title: str) -> None:
         """Create the screen of a session."""
@@ -40,7 +43,7 @@ class TwinScreen:
         self._evidence = 0.0
 
     def take(self, update: Update) -> None:
-        """Add an update."""
+        """Add the results of an update to the state that is drawn."""
         if update.frame is not None and np.isfinite(update.frame.rms):
             self._history.append(update.frame.rms)
         self._events += [str(event) for event in update.events]
@@ -69,27 +72,27 @@ class TwinScreen:
         return Text(f"{'board':<24s}{names}  (largest signal, counts; RMS, floors)", style="bold")
 
     def _draw_board(self, number: int, frame: TwinFrame) -> Text:
-        """One line of a board."""
+        """Format the line of a board: largest measured and predicted signal, and RMS of its residual."""
         reference = self._session.twin.reference
-        own = reference.places.board == number
+        on_board = reference.places.board == number
         address = format_address(int(reference.sensors.address[number]))
         name = f"{reference.sensors.name[number].replace('_', ' ')} {address}"
-        residual = frame.residual[own]
+        residual = frame.residual[on_board]
         known = residual[np.isfinite(residual)]
         rms = float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
         style = "bold red" if rms > RESIDUAL_FLOORS else ""
-        measured, predicted = _largest(frame.measured[own]), _largest(frame.predicted[own])
+        measured, predicted = _format_largest(frame.measured[on_board]), _format_largest(frame.predicted[on_board])
         return Text(f"{name:<24s}{measured:>10s}{predicted:>10s}{rms:10.1f}", style=style)
 
     def _draw_history(self, width: int) -> Text:
-        """The history of the residual as bars of text."""
+        """Format the RMS residuals of the latest `width` frames as a bar chart of one line."""
         values = list(self._history)[-max(width, 1) :]
         top = max([RESIDUAL_FLOORS, *values])
         return Text("".join(BARS[round((len(BARS) - 1) * min(value / top, 1.0))] for value in values))
 
 
 def show_on_terminal(updates: Iterator[Update], session: TwinSession, console: Console, title: str) -> None:
-    """Show the updates until the stream ends. The newest frame is drawn; frames between two drawings are not."""
+    """Show the updates until the stream ends; frames that arrive between two drawings of the screen are not shown."""
     screen = TwinScreen(session, title)
     due = 0.0
     newest: TwinFrame | None = None
@@ -104,7 +107,7 @@ def show_on_terminal(updates: Iterator[Update], session: TwinSession, console: C
             live.update(screen.draw(newest, console.width), refresh=True)
 
 
-def _largest(values: np.ndarray) -> str:
-    """The largest finite value, or "-"."""
+def _format_largest(values: np.ndarray) -> str:
+    """Format the largest finite value without decimals; "-" if there is none."""
     known = values[np.isfinite(values)]
     return f"{known.max():.0f}" if known.size else "-"

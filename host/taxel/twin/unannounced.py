@@ -1,4 +1,4 @@
-"""Contacts without an announcement, also those that are too light to make a taxel active."""
+"""Contacts without an announcement, including contacts that are too light to make a taxel active."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from taxel.twin.steps import REST, Step
 from taxel.types import BoolArray, FloatArray, IntArray
 
 LONGEST_S: Final = 4.0 * 3600.0
-"""Longest contact, seconds. A taxel whose count stays low for longer has changed."""
+"""Longest duration of a contact, seconds. A count that stays low for longer is treated as a change of the taxel."""
 
 
 @dataclass(eq=False)
 class UnannouncedContacts:
     """Contacts between the announced ones, found by the tracked baseline of `taxel.signal`.
 
-    noise_variance: f64[n], of one frame, counts^2. board: i64[n], column of each taxel's board.
+    noise_variance: f64[n], noise variance of one frame, counts^2. board: i64[n], column of each taxel's board.
     """
 
     noise_variance: FloatArray
@@ -28,9 +28,9 @@ class UnannouncedContacts:
     _end_s: float = 0.0
 
     def find_pressed(self, step: Step) -> tuple[BoolArray, BoolArray]:
-        """Taxels pressed during the part of a step without announced contact, and taxels of their boards.
+        """Find the taxels pressed in the part of a step without announced contact, and all taxels of their boards.
 
-        Returns bool[n] each.
+        Returns bool[n] for each of the two. Both are all False until every taxel has delivered a frame.
         """
         found = np.zeros(len(self.board), dtype=bool)
         if self._tracked is None:

@@ -1,10 +1,11 @@
-"""Factors of the variance for each condition and place, learnt from the reference.
+"""Factors that correct the variance for each condition and place, learnt from the reference.
 
 The Student t distribution of `null_model.py` is the mixture of normal distributions whose variances differ from
 condition to condition and place to place: with the degrees of freedom nu, the variance relative to the model has a
 scaled inverse chi-square distribution. The statistics z of the repeats of one condition at one place (in standard
-deviations of the model) determine its own factor: (nu + sum of z squared) / (nu + number of z) (Gelman et al., Bayesian
-Data Analysis, 2013, section 2.6). A contact at the edge of two boards, for example, varies more than others.
+deviations of the model) determine the factor of this place and condition: (nu + sum of z squared) / (nu + number of z)
+(Gelman et al., Bayesian Data Analysis, 2013, section 2.6). A contact at the edge of two boards, for example, varies
+more than others.
 """
 
 from __future__ import annotations
@@ -16,18 +17,19 @@ import numpy as np
 
 from taxel.twin.null_model import NullModel, NullModels
 from taxel.twin.schedule import Condition
-from taxel.twin.statistics import OF_CONTACTS, Scores
+from taxel.twin.statistics import OF_CONTACTS, Estimates
 from taxel.types import FloatArray, IntArray
 
 Key = tuple[str, Condition]
-"""Quantity and condition."""
+"""Name of the quantity, and condition."""
 
 
 @dataclass(eq=False)
 class VarianceFactors:
-    """Factors of the variances. squares, number: f64[P], sum of z squared and number of z, by quantity and condition.
+    """Sums from which the factors of the variances follow, for P places.
 
-    models: of the statistics. level: i64[P].
+    models: null models of the statistics. level: i64[P], level of each place. squares, number: f64[P], sum of z squared
+    and number of z, by quantity and condition.
     """
 
     models: NullModels
@@ -37,20 +39,22 @@ class VarianceFactors:
 
     @classmethod
     def learn(
-        cls, samples: Sequence[tuple[Condition | None, Scores]], models: NullModels, level: IntArray
+        cls, samples: Sequence[tuple[Condition | None, Estimates]], models: NullModels, level: IntArray
     ) -> VarianceFactors:
-        """Learn the factors from the statistics of the steps of a reference, with their conditions."""
+        """Learn the factors from the steps of a reference. samples: condition (None: no contact) and estimates of
+        each.
+        """
         found = cls(models, level)
-        for condition, scores in samples:
-            for name, (estimate, information) in scores.items():
+        for condition, estimates in samples:
+            for name, (estimate, information) in estimates.items():
                 if condition is None or name not in OF_CONTACTS:
                     continue
                 key = (name, condition)
                 squares = found.squares.setdefault(key, np.zeros(len(level)))
                 number = found.number.setdefault(key, np.zeros(len(level)))
-                for rows, model in found._divide(name, information):
-                    squares[rows] += (estimate[rows] / model.compute_deviation(information[rows])) ** 2
-                    number[rows] += 1.0
+                for places, model in found._split_by_level(name, information):
+                    squares[places] += (estimate[places] / model.compute_deviation(information[places])) ** 2
+                    number[places] += 1.0
         for key, number in found.number.items():
             # Each repeat was compared with the mean of the others: one degree of freedom is lost.
             share = np.maximum(number - 1.0, 0.0) / np.maximum(number, 1.0)
@@ -58,31 +62,38 @@ class VarianceFactors:
             found.number[key] = number * share
         return found
 
-    def apply(self, scores: Scores, condition: Condition | None, novelty: FloatArray) -> Scores:
-        """Return the statistics of a step, f64[P] each, with the information that corresponds to their own variance.
+    def apply(self, estimates: Estimates, condition: Condition | None, novelty: FloatArray) -> Estimates:
+        """Return the estimates of a step with their information corrected by the factors of the step's condition.
 
-        novelty: f64[P], variance of the error of the expected signal relative to that of a contact, beyond the usual
-        one: a place that has been learnt again has an expectation from few contacts, whose common error counts too.
+        novelty: f64[P], excess variance of the expected signal's error relative to the variance of a contact: the
+        expectation of a place that has been learnt again comes from few contacts, whose common error adds to the
+        variance.
         """
-        result: Scores = {}
-        for name, (estimate, information) in scores.items():
-            own = information.copy()
+        result: Estimates = {}
+        for name, (estimate, information) in estimates.items():
+            corrected = information.copy()
             if condition is not None and (key := (name, condition)) in self.squares:
-                for rows, model in self._divide(name, information):
+                for places, model in self._split_by_level(name, information):
                     nu = model.degrees_of_freedom
-                    factor = (nu + self.squares[key][rows]) / (nu + self.number[key][rows])
-                    # The model adds its common variance once: the part of it beyond that is added here.
-                    beyond = (np.maximum(factor, 1.0) * (1.0 + novelty[rows]) - 1.0) * model.common
-                    own[rows] = 1.0 / (factor / information[rows] + beyond)
-            result[name] = (estimate, own)
+                    factor = (nu + self.squares[key][places]) / (nu + self.number[key][places])
+                    # The null model adds its common variance once; only the excess over it is added here.
+                    excess = (np.maximum(factor, 1.0) * (1.0 + novelty[places]) - 1.0) * model.common
+                    corrected[places] = 1.0 / (factor / information[places] + excess)
+            result[name] = (estimate, corrected)
         return result
 
     def get_repeats(self, name: str, condition: Condition | None) -> FloatArray | None:
-        """Number of statistics of each place from which its factor is known, f64[P]; None: unknown."""
+        """Return from how many statistics the factor of each place was learnt, f64[P]; None if no factor was learnt.
+
+        name: name of the quantity.
+        """
         return None if condition is None else self.number.get((name, condition))
 
-    def _divide(self, name: str, information: FloatArray) -> list[tuple[IntArray, NullModel]]:
-        """Rows with information, with the model of their level."""
+    def _split_by_level(self, name: str, information: FloatArray) -> list[tuple[IntArray, NullModel]]:
+        """Return for each level of places the indices of the places with information, and the level's null model.
+
+        name: name of the quantity.
+        """
         return [
             (np.flatnonzero((self.level == number) & (information > 0.0)), model)
             for number, model in self.models.get(name, {}).items()

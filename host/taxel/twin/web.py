@@ -28,20 +28,23 @@ from taxel.twin.prediction import TwinFrame
 from taxel.twin.session import TwinSession, Update
 
 SENDS_HZ: Final = 5.0
+"""Largest rate at which the state is sent to a page, hertz."""
 
 SHOWN_EVENTS: Final = 100
+"""Number of the latest events that the server keeps."""
 
 MAX_CLIENTS: Final = 32
-"""Open pages; each needs a thread."""
+"""Largest number of open pages; each needs a thread."""
 
 HISTORY: Final = 300
+"""Number of the latest RMS residuals in the history that a page shows."""
 
 
 class TwinPage:
-    """Server of the page. url: address with its token."""
+    """Server of the page. url: address of the page with the access token."""
 
     def __init__(self, session: TwinSession, port: int = 0) -> None:
-        """Create the server on 127.0.0.1. port: 0: a free port. Raises TwinInputError for a port in use."""
+        """Create the server on 127.0.0.1. port: 0 selects a free port. Raises TwinInputError for a port in use."""
         self._session = session
         self._token = secrets.token_urlsafe(24)
         self._events: deque[dict[str, Any]] = deque(maxlen=SHOWN_EVENTS)
@@ -70,7 +73,9 @@ class TwinPage:
         self._server.server_close()
 
     def follow(self, updates: Iterator[Update]) -> Iterator[Update]:
-        """Yield the updates, and publish the newest state some times in a second."""
+        """Yield the updates unchanged; publish the newest state at most `SENDS_HZ` times a second, and with every
+        event.
+        """
         due = 0.0
         newest: TwinFrame | None = None
         for update in updates:
@@ -84,12 +89,12 @@ class TwinPage:
                 due = time.monotonic() + 1.0 / SENDS_HZ
 
     def wait(self) -> None:
-        """Keep the page until Ctrl-C."""
+        """Block until the program is interrupted (Ctrl-C), so that the page stays available."""
         while True:
             time.sleep(0.5)
 
     def _publish(self, frame: TwinFrame) -> None:
-        """Store the state that the clients get."""
+        """Store the state with the newest frame, which `send_events` sends to all clients."""
         state = {
             "time_s": frame.time_s,
             "condition": frame.condition,
@@ -103,20 +108,23 @@ class TwinPage:
         self._state = json.dumps(state, allow_nan=False).encode()
 
     def is_permitted(self, host: str, query: dict[str, list[str]]) -> bool:
-        """Whether a request names this server and contains the token."""
+        """Whether a request's Host header names this server and its query contains the token."""
         token = query.get("token", [""])[-1]
         hosts = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
         return host in hosts and hmac.compare_digest(token.encode(), self._token.encode())
 
     def render(self) -> bytes:
-        """The page with layout and current state, so that it is complete before the first event."""
+        """Render the page with layout and current state, so that it is complete before the first server-sent event."""
         text = resources.files("taxel.twin").joinpath("twin.html").read_bytes()
         for name, value in ((b"{{layout}}", self._layout), (b"{{state}}", self._state)):
             text = text.replace(name, value.replace(b"<", b"\\u003c"))
         return text
 
     def send_events(self, handler: BaseHTTPRequestHandler) -> None:
-        """Send the state whenever it changes, until the client leaves."""
+        """Send the state whenever it changes, until the client disconnects or the server ends.
+
+        The client gets the status 503 if `MAX_CLIENTS` pages are open already.
+        """
         if not self._clients.acquire(blocking=False):
             handler.send_error(HTTPStatus.SERVICE_UNAVAILABLE)
             return
@@ -132,47 +140,49 @@ class TwinPage:
                     handler.wfile.write(b"data: " + last + b"\n\n")
                     handler.wfile.flush()
         except OSError:
-            pass  # the client has left
+            pass  # the client has disconnected
         finally:
             self._clients.release()
 
 
 def make_layout(session: TwinSession) -> dict[str, Any]:
-    """Place and name of each taxel and board, as JSON values. Positions are those of the lines of a board."""
+    """Return name, address and taxels of each board as JSON values; row and column of a taxel are its TX and RX
+    line.
+    """
     reference = session.twin.reference
     boards = []
     for number, (address, name) in enumerate(
         zip(reference.sensors.address.tolist(), reference.sensors.name, strict=True)
     ):
-        own = np.flatnonzero(reference.places.board == number)
+        taxels = np.flatnonzero(reference.places.board == number)
         boards.append(
             {
                 "name": name.replace("_", " "),
                 "address": format_address(address),
-                "taxels": own.tolist(),
-                "row": reference.taxels.tx[own].tolist(),
-                "column": reference.taxels.rx[own].tolist(),
+                "taxels": taxels.tolist(),
+                "row": reference.taxels.tx[taxels].tolist(),
+                "column": reference.taxels.rx[taxels].tolist(),
             }
         )
     return {"boards": boards}
 
 
 def _to_list(values: np.ndarray, digits: int = 0) -> list[float | None]:
-    """Rounded values; None where unknown."""
+    """Round the values to `digits` decimals; values that are not finite become None."""
     rounded = np.round(values, digits).tolist()
     return [value if known else None for value, known in zip(rounded, np.isfinite(values).tolist(), strict=True)]
 
 
 def _make_handler(page: TwinPage) -> type[BaseHTTPRequestHandler]:
-    """Handler class of the requests to a page."""
+    """Create the class that handles the requests to a page."""
 
     class Handler(BaseHTTPRequestHandler):
-        """Answers GET requests with the token."""
+        """Answers GET requests that contain the token of the page; refuses others with the status 403."""
 
         timeout = 30
 
         def do_GET(self) -> None:
-            """Send the page or its events."""
+            """Send the page (path /) or the stream of its states (path /events); other paths get the status 404."""
             parts = urlsplit(self.path)
             if not page.is_permitted(self.headers.get("Host", ""), parse_qs(parts.query)):
                 self.send_error(HTTPStatus.FORBIDDEN)
@@ -184,6 +194,7 @@ def _make_handler(page: TwinPage) -> type[BaseHTTPRequestHandler]:
                 self.send_error(HTTPStatus.NOT_FOUND)
 
         def _send_page(self) -> None:
+            """Send the rendered page with headers that forbid caching and foreign content."""
             body = page.render()
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/html; charset=utf-8")

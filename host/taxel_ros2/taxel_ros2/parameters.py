@@ -10,12 +10,13 @@ URL: Final = "Source of the frames: serial:///dev/ttyUSB0, i2c:///dev/i2c-1, emu
 
 @dataclass(frozen=True)
 class SkinParameters:
-    """Values of the parameters at the transition to the state inactive.
+    """Values of the node's parameters, as read at the transition `configure`.
 
     url: source of the frames. hand: name or file of a hand description; "": that of the source. joint_topic: topic of
     sensor_msgs/JointState with the joint angles; "": all angles are 0 and the node publishes /joint_states.
-    baseline_frames: scans of the baseline. threshold_counts: signal from which a taxel is active, counts.
-    proximity_file: calibration of proximity; "": no targets are estimated.
+    baseline_frames: number of first scans that form the baseline. threshold_counts: signal from which a taxel is
+    active, counts. proximity_file: calibration of `taxel proximity calibrate`; "": targets before contact are not
+    estimated.
     """
 
     url: str

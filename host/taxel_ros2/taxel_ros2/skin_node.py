@@ -68,7 +68,10 @@ class SkinNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
-        """Open the skin and start to publish; FAILURE with one line in the log if the skin cannot be opened."""
+        """Open the skin and start publishing; FAILURE with one line in the log if the skin cannot be opened.
+
+        FAILURE also for an invalid calibration of proximity, or for a joint topic with a hand without geometry.
+        """
         assert self._values is not None
         self._stop.clear()
         try:
@@ -91,7 +94,7 @@ class SkinNode(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Stop to publish and close the skin."""
+        """Stop publishing, and close the skin."""
         self._finish_reading()
         return super().on_deactivate(state)
 
@@ -120,14 +123,18 @@ class SkinNode(LifecycleNode):
     def listen_to_joints(self, topic: str, callback: Any) -> None:
         """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
 
-        def take(message: Any) -> None:
+        def pass_joints(message: Any) -> None:
+            """Call the callback with the names and angles of a message."""
             callback(list(message.name), list(message.position))
 
         message_class = self._messages.load_class("sensor_msgs/JointState")
-        self._subscription = self.create_subscription(message_class, topic, take, QUEUE_LENGTH)
+        self._subscription = self.create_subscription(message_class, topic, pass_joints, QUEUE_LENGTH)
 
     def _read(self, skin: Skin, watch: ProximityWatch | None) -> None:
-        """Publish until the node leaves the state active or the skin ends; runs in a thread of its own."""
+        """Read the skin and publish its topics until the node leaves the state active or the skin ends.
+
+        Runs in a separate thread, and closes the skin at the end. An error of the skin is one line in the log.
+        """
         topics: SkinTopics | None = None
         pace = Pace(1.0 if skin.link.is_recorded else None)
         try:
@@ -146,9 +153,9 @@ class SkinNode(LifecycleNode):
             self.get_logger().error(str(error))
 
     def _make_topics(self, skin: Skin, watch: ProximityWatch | None, first_s: float) -> SkinTopics:
-        """Make the converter of a skin with a new baseline.
+        """Make a converter from the skin's frames to ROS messages, which measures a new baseline.
 
-        first_s: time of the next frame, seconds; the first frame of a recording gets the present time.
+        first_s: time of the next frame, seconds. This frame of a recording gets the present time as its time stamp.
         """
         assert self._values is not None
         is_live = skin.link.is_real_time and has_arrivals(skin.link)
@@ -157,14 +164,14 @@ class SkinNode(LifecycleNode):
         return SkinTopics(skin.hand, skin.hub, offset_ns, self._joints, *counts, proximity=watch)
 
     def _publish(self, messages: Iterable[TopicMessage]) -> None:
-        """Publish messages; the first message of a topic creates its publisher."""
+        """Publish messages; joint states are not published if another node sends them (parameter joint_topic)."""
         assert self._values is not None
         for message in messages:
             if not (self._values.joint_topic and message.topic == "/joint_states"):
                 self._get_publisher(message).publish(self._messages.convert(message))
 
     def _get_publisher(self, message: TopicMessage) -> Any:
-        """Return the publisher of the topic of a message."""
+        """Return the publisher of the message's topic, which the first message of the topic creates."""
         if message.topic not in self._topic_publishers:
             self._topic_publishers[message.topic] = self.create_publisher(
                 self._messages.load_class(message.type), message.topic, make_qos_profile(message.is_latched)
@@ -172,12 +179,12 @@ class SkinNode(LifecycleNode):
         return self._topic_publishers[message.topic]
 
     def _check_thread(self) -> None:
-        """Return to the state inactive after the skin has ended; a timer calls the method in the node's executor."""
+        """Return to the state inactive if the skin has ended; called by a timer in the node's executor."""
         if self._thread is not None and not self._thread.is_alive() and not self._stop.is_set():
             self.trigger_deactivate()
 
     def _finish_reading(self) -> None:
-        """Stop the thread; the thread closes the skin."""
+        """Stop the thread that reads the skin, and wait until it has closed the skin."""
         self._stop.set()
         if self._timer is not None:
             self.destroy_timer(self._timer)
@@ -187,7 +194,10 @@ class SkinNode(LifecycleNode):
             self._thread = None
 
     def _restart_baseline(self, request: Any, response: Any) -> Any:
-        """Answer the service: measure the baseline again from the next frame on; fails if the node is not active."""
+        """Answer the service `~/restart_baseline`: measure the baseline again from the next frame on.
+
+        The response states success; False with a message if the node is not active.
+        """
         response.success = self._thread is not None and self._thread.is_alive()
         response.message = "nothing may touch the skin" if response.success else "the node is not active"
         if response.success:

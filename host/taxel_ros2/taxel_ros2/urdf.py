@@ -8,7 +8,10 @@ from taxel.ros.tf_tree import FrameTree
 
 
 def main() -> int:
-    """Print the URDF of the hand that the only argument names; exit status 1 with one line for an invalid hand."""
+    """Print the URDF of the hand that the only command-line argument names, and return the exit status.
+
+    0: printed; 1: invalid hand, with a one-line message; 2: wrong number of arguments.
+    """
     if len(sys.argv) != 2:
         print("skin_urdf: expected the name or file of a hand description, such as original", file=sys.stderr)
         return 2

@@ -30,14 +30,18 @@ def poll_emulated_links_slowly(monkeypatch):
 
 
 def make_bench_url(*lines: str, address: int = ADDRESS, wire: str = "hub", seed: int = 1) -> str:
-    """URL of an emulated bench with one board, and additional lines of its world file."""
+    """Create the URL of an emulated bench with one board, and additional lines of its world file."""
     return f"emulator:?hand=allegro&board=0x{address:02X}&wire={wire}&seed={seed}" + "".join(
         f"&word={quote(line)}" for line in lines
     )
 
 
 def make_short_plan(*phases: str, **replacements: str) -> Plan:
-    """The default plan with shorter durations; with phases named, only these and the merging phase."""
+    """Create the default plan with shorter durations.
+
+    phases: only these and the merging phase; none for all phases. replacements: further texts of the plan and their
+    replacements.
+    """
     text = (resources.files("taxel_tools.bench") / "plans" / "default.toml").read_text()
     for old, new in (SHORT_DURATIONS | replacements).items():
         assert old in text
@@ -63,6 +67,7 @@ class Bench:
         return EmulatedProbe(self.world, self.board.kind, 0, 0.005)
 
     def run(self, plan: Plan, report: Callable[[str, float], None] = lambda phase, fraction: None) -> TestRecord:
+        """Run a test plan on the board, and return its record."""
         return running.run_board_test(plan, self.board, running.RecordLabels("T-1", "tester", "bench"), report)
 
 
@@ -72,6 +77,10 @@ def benches() -> Iterator[Callable[..., Bench]]:
     with ExitStack() as stack:
 
         def make(*lines: str, probe: str | None = None, **options) -> Bench:
+            """Create a bench with an emulated board.
+
+            lines: additional lines of its world file. probe: URL of the probe. options: of `make_bench_url`.
+            """
             wire, emulated = stack.enter_context(running.open_bench(make_bench_url(*lines, **options)))
             board = open_board(wire, options.get("address", ADDRESS), load_hand("allegro"))
             board.draws_pictures = False
@@ -82,17 +91,20 @@ def benches() -> Iterator[Callable[..., Bench]]:
 
 
 def list_faults(record: TestRecord) -> list[tuple[str, str]]:
-    """Faults and places, in order of decreasing severity."""
+    """List the faults and places, in order of decreasing severity."""
     return [(finding.fault, finding.place) for finding in record.findings()]
 
 
 def find_phase(record: TestRecord, name: str) -> PhaseRecord:
-    """Record of a phase."""
+    """Find the record of a phase."""
     return next(phase for phase in record.phases if phase.name == name)
 
 
 def find_value(record: TestRecord, phase: str, measurement: str, location: str = "") -> float | str | None:
-    """Value of a measurement."""
+    """Find the value of a measurement of a phase.
+
+    location: place of the measurement; "" for the first measurement with this name.
+    """
     return next(
         measurement_record.value
         for measurement_record in find_phase(record, phase).measurements

@@ -52,6 +52,7 @@ class FakeGantry:
         return answer
 
     def _move(self, line):
+        """Move to the position in a line of G-code, and report the position and the force to `on_press`."""
         axes = {axis: float(value) for axis, value in re.findall(r"([XYZ])(-?[\d.]+)", line)}
         if axes.keys() & {"X", "Y"}:
             assert self.position["Z"] > TOUCH_Z  # The tip must never move across the board while it touches.
@@ -77,6 +78,7 @@ class PtyGantry(FakeGantry):
         self._thread.start()
 
     def _serve(self):
+        """Execute the lines that arrive at the pseudo-terminal, until the gantry is closed."""
         received = b""
         while self.is_open:
             if not select.select([self._master], [], [], 0.02)[0]:
@@ -94,10 +96,11 @@ class PtyGantry(FakeGantry):
 
 
 def press_with(kind, probe):
-    """Callback for `on_press` that applies the force with a probe on an emulated board."""
+    """Return a callback for `on_press` that applies the force with a probe on an emulated board of a kind."""
     taxel_at = {(int(tx), int(rx)): taxel for taxel, (tx, rx) in enumerate(zip(kind.tx, kind.rx, strict=True))}
 
     def apply_force(x, y, force):
+        """Apply a force at a position in mm to the nearest taxel, or release the board for a force of 0."""
         if force > 0.0:
             probe.press(taxel_at[round((x - X) / PITCH_MM), round((y - Y) / PITCH_MM)], force, 3e-3)
         else:

@@ -35,12 +35,14 @@ axes = st.sampled_from(list(Axis))
 
 
 def list_faults(kind, hardware, rng):
-    """(fault, location) of the line faults found from hardware counts of the taxels."""
+    """List the (fault, place) pairs of the line faults found in hardware counts f64[taxels] that are measured with
+    noise.
+    """
     return [(fault.name, fault.place) for fault in find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)[0]]
 
 
 def sample_line(data, kind, axis):
-    """A TX or RX line that has taxels, drawn by Hypothesis."""
+    """Sample the number of a TX or RX line that has taxels; Hypothesis chooses it."""
     return data.draw(st.sampled_from(sorted(set(get_lines_of_taxels(kind, axis).tolist()))))
 
 
@@ -105,7 +107,7 @@ def test_shorted_lines_at_the_full_scale_count_are_reported():
 
 @property_settings
 @given(st.data(), kinds, axes, seeds)
-def test_swapped_lines_or_their_missing_crossings_are_reported(data, kind, axis, seed):
+def test_swapped_lines_have_a_fault_unless_both_lines_have_the_same_crossings(data, kind, axis, seed):
     first_line = sample_line(data, kind, axis)
     second_line = data.draw(st.sampled_from([line for line in range(kind.crossings.shape[axis]) if line != first_line]))
     rng = np.random.default_rng(seed)
@@ -172,4 +174,8 @@ def test_the_standard_error_of_a_mean_includes_slow_noise():
     slow = (white + np.repeat(rng.normal(0.0, 10.0, (10, 30)), 100, axis=0)).round().astype(np.uint16)
     assert compute_standard_error(white) == pytest.approx(4.0 / np.sqrt(1000), rel=0.5)
     assert compute_standard_error(slow) == pytest.approx(10.0 / np.sqrt(10), rel=0.5)
-    assert compute_standard_error(white[:20]) == pytest.approx(4.0 / np.sqrt(20), rel=0.8)
+
+
+def test_the_standard_error_of_a_short_record_is_that_of_white_noise():
+    record = np.random.default_rng(1).normal(2000.0, 4.0, (20, 30)).round().astype(np.uint16)
+    assert compute_standard_error(record) == pytest.approx(4.0 / np.sqrt(20), rel=0.8)

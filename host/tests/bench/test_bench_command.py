@@ -6,7 +6,6 @@ import sqlite3
 import sys
 import xml.etree.ElementTree as ET
 from contextlib import contextmanager
-from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -60,7 +59,7 @@ def run(folder, capsys):
 
 
 def read_refusal(result):
-    """The single error line of a command that was refused before any test."""
+    """Read the single error line of a command that was refused before any test."""
     status, out, err = result
     assert (status, out) == (2, "")
     lines = err.splitlines()
@@ -216,16 +215,28 @@ def test_an_invalid_plan_is_refused_before_the_bus_is_opened(run, folder, old, n
     assert not (folder / "out").exists()
 
 
-def test_the_emulated_probe_refuses_a_physical_board(run, monkeypatch):
+@pytest.fixture
+def physical_url(monkeypatch):
+    """URL of a board that the command takes for a physical one, because its emulated bench is hidden."""
+
     @contextmanager
     def open_without_bench(url):
         with running.open_emulated(make_bench_url()) as (wire, _):
             yield wire
 
     monkeypatch.setattr(running, "open_wire", open_without_bench)
-    message = read_refusal(run("--probe", "emulated", url="serial:///dev/ttyNONE"))
+    return "serial:///dev/ttyNONE"
+
+
+def test_the_emulated_probe_refuses_a_physical_board(run, physical_url):
+    message = read_refusal(run("--probe", "emulated", url=physical_url))
     assert message == "--probe: 'emulated' requires an emulated board, found a physical one; choose another probe"
-    assert run("--phase", "presses", url="serial:///dev/ttyNONE")[0] == 2  # The default is no probe.
+
+
+def test_a_physical_board_has_no_probe_by_default(run, physical_url):
+    status, out, _ = run("--phase", "presses", url=physical_url)
+    assert status == 2
+    assert "cannot run: no probe; choose one with --probe" in out
 
 
 class Terminal(io.StringIO):
@@ -298,5 +309,8 @@ def test_a_serial_number_cannot_leave_the_output_folder(tmp_path):
     record = TestRecord("../../etc/x", "", "", "p", "1", "", {}, "", "2026-01-02T03:04:05.678Z", Outcome.SKIP, [], 0.0)
     folder = save_record(record, tmp_path / "out", tmp_path / "history.sqlite")
     assert folder == tmp_path / "out" / "______etc_x-20260102T030405"
-    unnamed = save_record(replace(record, serial_number=""), tmp_path / "out", tmp_path / "h.sqlite")
-    assert unnamed.name.startswith("board-2026")
+
+
+def test_the_folder_of_a_record_without_serial_number_is_named_board(tmp_path):
+    record = TestRecord("", "", "", "p", "1", "", {}, "", "2026-01-02T03:04:05.678Z", Outcome.SKIP, [], 0.0)
+    assert save_record(record, tmp_path / "out", tmp_path / "h.sqlite").name == "board-20260102T030405"

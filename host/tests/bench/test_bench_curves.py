@@ -14,7 +14,7 @@ FORCE = 50.0 * (np.arange(13) / 12.0) ** 2
 
 
 def make_curve(loading, unloading=None, taxels=10):
-    """A loading curve with equal relative counts of all taxels; by default, unloading equals loading."""
+    """Create a loading curve with equal relative counts of all taxels; by default, unloading equals loading."""
     branch = np.tile(loading, (taxels, 1))
     return Curve(FORCE, branch, branch if unloading is None else np.tile(unloading, (taxels, 1)))
 
@@ -57,7 +57,7 @@ def test_a_gap_in_the_frames_does_not_change_the_slope():
     assert fit_drift(counts, time).board == pytest.approx(120.0, rel=0.02)
 
 
-def test_an_ideal_curve_has_no_hysteresis_and_saturates():
+def test_an_ideal_curve_is_monotonic_without_hysteresis_and_saturates_at_the_computed_force():
     ideal = make_curve(1.0 - 0.6 * FORCE / (FORCE + 5.0))
     assert (ideal.hysteresis, ideal.area, ideal.spread) == (0.0, 0.0, pytest.approx(0.0, abs=1e-12))
     assert ideal.is_monotonic
@@ -69,13 +69,18 @@ def test_hysteresis_is_the_largest_distance_relative_to_the_range():
     loading = 1.0 - FORCE / 100.0
     unloading = loading - 0.1 * (FORCE[6] == FORCE)
     assert make_curve(loading, unloading).hysteresis == pytest.approx(0.1 / 0.5)
-    assert make_curve(loading, loading).area == 0.0
-    assert not make_curve(loading[::-1]).is_monotonic
 
 
-def test_a_constant_taxel_has_no_curve():
+def test_a_curve_whose_counts_increase_with_the_force_is_not_monotonic():
+    assert not make_curve(0.5 + FORCE / 100.0).is_monotonic
+
+
+def test_hysteresis_area_and_saturation_of_a_constant_curve_are_not_defined():
     constant = make_curve(np.ones(13))
     assert np.isnan([constant.hysteresis, constant.area, constant.saturation_n]).all()
+
+
+def test_the_spread_of_a_single_taxel_is_not_defined():
     assert np.isnan(make_curve(np.ones(13), taxels=1).spread)
 
 
@@ -92,10 +97,17 @@ def test_without_a_signal_no_force_is_detectable():
     forces = np.array([0.01, 0.02])
     assert np.isnan(extrapolate_detectable_force(forces, -forces, 1.0))
     assert np.isnan(find_first_detected_force(forces, 0.0 * forces, 1.0))
-    assert find_first_detected_force(forces, np.array([9.0, 9.0]), 1.0) == 0.01
+
+
+def test_the_smallest_force_is_detected_if_all_signals_exceed_three_sigmas():
+    assert find_first_detected_force(np.array([0.01, 0.02]), np.array([9.0, 9.0]), 1.0) == 0.01
 
 
 def sample_rest_counts(rng, taxels=64, spread=180.0, noise=4.0, frames=200):
+    """Sample raw counts u16[frames, taxels] of an untouched board: a level per taxel, and white noise.
+
+    spread: standard deviation of the levels between taxels; noise: standard deviation of the noise; both in counts.
+    """
     level = 2440.0 + spread * rng.standard_normal(taxels)
     return (level + noise * rng.standard_normal((frames, taxels))).round().astype(np.uint16)
 

@@ -38,7 +38,7 @@ def tool():
 
 
 def sample_severity(number):
-    """Severity from 1.5 to 10, uniform on a logarithmic scale."""
+    """Sample a severity from 1.5 to 10, uniformly distributed on a logarithmic scale."""
     return 1.5 * (10.0 / 1.5) ** random.Random(f"{SEED} {number}").random()
 
 

@@ -34,6 +34,7 @@ class FollowingOperatorInput(io.StringIO):
         return True
 
     def readline(self, *size):
+        """Carry out the last instruction on the screen, and confirm it with Enter."""
         text = self.screen.getvalue()
         press_instructions, release_position = list(INDENTATION.finditer(text)), text.rfind("release the probe")
         if release_position > (press_instructions[-1].start() if press_instructions else -1):
@@ -56,6 +57,7 @@ def guide(tmp_path, monkeypatch):
     original_open_probe = cli_bench.open_probe
 
     def open_probe(url, board, emulated, operator):
+        """Open the requested probe, and let gantry and operator act on the emulated board."""
         operator_input.probe = EmulatedProbe(emulated.world, board.kind, 0, 0.005)
         gantry.on_press = press_with(board.kind, operator_input.probe)
         return original_open_probe(url, board, emulated, operator)
@@ -63,6 +65,7 @@ def guide(tmp_path, monkeypatch):
     monkeypatch.setattr(cli_bench, "open_probe", open_probe)
 
     def run(line):
+        """Run one command line of the guide, and return its exit status."""
         if "--probe operator" in line:
             monkeypatch.setattr(cli_bench, "Console", lambda **options: console)
             monkeypatch.setattr(sys, "stdin", operator_input)

@@ -45,12 +45,13 @@ def pty_gantries():
 
 
 def format_gantry_url(gantry, **options):
+    """Format the URL of a probe on a fake gantry. options: values that replace the defaults."""
     values = {"x": X, "y": Y, "touch_z": TOUCH_Z, "spring_n_mm": SPRING, "tip": 3} | options
     return f"gcode://{gantry.port}?" + "&".join(f"{name}={value}" for name, value in values.items())
 
 
 def open_probe(gantry, operator=None, kind=KIND, **options):
-    """A probe on a gantry, by default over the smallest board."""
+    """Open a probe on a fake gantry, by default over the smallest board. options: values of the URL."""
     url = format_gantry_url(gantry, **options)
     return open_gcode_probe(ProbeRequest(url, kind, PITCH_MM * 1e-3, operator or NoOperator(), ADDRESS))
 

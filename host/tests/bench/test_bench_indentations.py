@@ -27,13 +27,14 @@ axes = st.sampled_from(list(Axis))
 
 
 def list_faults(kind, response, rng):
+    """List the (fault, place) pairs found in a response matrix f64[taxels, taxels] that is measured with noise."""
     return [
         (fault.name, fault.place) for fault in find_response_faults(measure_indentations(kind, response, rng), LIMIT)
     ]
 
 
 def apply_to_rows(change, kind, response, *arguments):
-    """Response matrix measured through a fault of the board."""
+    """Apply a fault of the board (`change`) to each row of a response matrix; a row is one indentation."""
     return np.array([change(kind, row, *arguments) for row in response])
 
 
@@ -108,7 +109,7 @@ def test_a_board_without_response_has_one_fault(kind, seed):
 
 
 @pytest.mark.parametrize(("counts", "name", "severity"), [(100.0, "low gain", 4.0), (2400.0, "high gain", 2.0)])
-def test_the_gain_is_that_of_the_median_response(counts, name, severity):
+def test_a_median_response_outside_its_range_is_a_gain_fault(counts, name, severity):
     rng = np.random.default_rng(1)
     kind = KINDS["palm"]
     response = sample_responses(kind, rng, counts, spread=0.02)
@@ -116,12 +117,13 @@ def test_the_gain_is_that_of_the_median_response(counts, name, severity):
     fault = find_gain_fault(indentations, indentations.median_response, 400.0, 1200.0)
     assert (fault.name, fault.place) == (name, "board")
     assert fault.severity == pytest.approx(severity, rel=0.05)
-    assert (
-        find_gain_fault(
-            measure_indentations(kind, response, rng, force_n=float("nan")), indentations.median_response, 400.0, 1200.0
-        )
-        is None
-    )
+
+
+def test_the_gain_is_not_judged_if_the_force_is_unknown():
+    kind, rng = KINDS["palm"], np.random.default_rng(1)
+    weak_response = sample_responses(kind, rng, counts=100.0)
+    indentations = measure_indentations(kind, weak_response, rng, force_n=float("nan"))
+    assert find_gain_fault(indentations, indentations.median_response, minimum=400.0, maximum=1200.0) is None
 
 
 @pytest.mark.parametrize(

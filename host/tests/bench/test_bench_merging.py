@@ -16,11 +16,11 @@ def make_fault(name, location, severity=2.0):
 
 
 def merge_to_pairs(rest_faults, response_faults):
-    """(fault, location) of the merged faults. response_faults: None without indentations."""
+    """List the (fault, place) pairs of the merged faults. response_faults: None without indentations."""
     return [(fault.name, fault.place) for fault in merge_faults(KIND, rest_faults, response_faults)]
 
 
-def test_a_location_is_converted_to_its_taxels():
+def test_the_taxels_of_a_line_a_line_pair_a_taxel_and_the_board_are_found():
     assert (find_taxels(KIND, "TX 3") == (KIND.tx == 3)).all()
     assert (find_taxels(KIND, "RX 1 and RX 10") == ((KIND.rx == 1) | (KIND.rx == 10))).all()
     assert np.flatnonzero(find_taxels(KIND, "taxel 17")).tolist() == [17]
@@ -65,7 +65,7 @@ def test_low_gain_explains_a_deviating_level_at_rest():
     assert merge_to_pairs([make_fault("rest level", "board")], []) == [("rest level", "board")]
 
 
-def test_a_short_without_evidence_from_indentations_is_not_reported():
+def test_a_short_at_rest_is_reported_only_if_indentations_show_a_fault_of_its_lines():
     assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], []) == []
     assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], [make_fault("open line", "TX 3")])[0] == (
         "short",

@@ -24,7 +24,7 @@ KIND = KINDS["back_of_hand"]
 
 
 def sample_pink_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """1/f noise with a standard deviation of 1 between 0.06 and 8 Hz."""
+    """Sample 1/f noise with a standard deviation of 1 between 0.06 and 8 Hz."""
     frames = 8 * shape[0]
     frequency = np.fft.rfftfreq(frames, 1.0 / RATE_HZ)[1:, None]
     density = 1.0 / np.log(8.0 / 0.06) / frequency
@@ -34,7 +34,7 @@ def sample_pink_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.nd
 
 
 def sample_record(rng: np.random.Generator, kind=KIND, frames: int = FRAMES, **counts: float) -> np.ndarray:
-    """u16[frames, taxels]: raw counts of an untouched board with these noise components, in counts."""
+    """Sample raw counts u16[frames, taxels] of an untouched board with these noise components, in counts."""
     taxels = kind.taxel_count
     raw_counts = (
         2400.0 + 100.0 * rng.standard_normal(taxels) + counts.get("white", 0.0) * rng.standard_normal((frames, taxels))

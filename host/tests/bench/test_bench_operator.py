@@ -27,6 +27,7 @@ class FollowingOperator:
         bench.board.probe = ManualProbe(bench.board.kind, self.operator)
 
     def __call__(self, text):
+        """Carry out an instruction; the first request of a missed taxel indents the previous taxel instead."""
         if text == "release the probe":
             self.probe.release()
             return

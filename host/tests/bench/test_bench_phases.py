@@ -85,7 +85,7 @@ def test_a_fault_is_reported_at_its_location(benches, wire, effect, fault):
         (f"drift warm_up {BOARD} counts=600 seconds=60", ("drift", "board"), ["drift"]),
     ],
 )
-def test_faults_of_single_phases_are_reported(benches, effect, fault, phases):
+def test_a_fault_is_reported_by_the_phases_that_detect_it(benches, effect, fault, phases):
     record = benches(f"effect {effect}").run(make_short_plan(*phases))
     assert (record.outcome, list_faults(record)) == (Outcome.FAIL, [fault])
 
@@ -235,7 +235,12 @@ def test_a_kind_that_is_not_in_the_hand_description_is_refused():
     plan = parse_plan(text.encode(), "plan.toml")
     with pytest.raises(PlanError, match=r"kinds\.plam: expected a kind of board, found an unknown one; .*palm"):
         running.load_plan_phases(plan, ["palm", "fingertip"])
-    running.load_plan_phases(plan)
+
+
+def test_kinds_are_not_checked_without_a_hand_description():
+    text = MERGING_PLAN.format(phases="[phases.rest]\n[phases.faults]\n[kinds.plam.rest]\nseconds = 1.0")
+    phases = running.load_plan_phases(parse_plan(text.encode(), "plan.toml"))
+    assert [phase.name for phase in phases] == ["rest", "faults"]
 
 
 def test_a_board_at_the_address_of_another_kind_is_noted(benches):

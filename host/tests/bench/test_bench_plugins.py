@@ -29,6 +29,7 @@ def open_quiet_probe(request):
 
 
 def make_plan(name="warmup"):
+    """Create a plan with a phase and the limit of its measurement `change`, and the merging phase."""
     text = f'taxel_test_plan = 1\nname = "x"\nversion = "1"\n[phases.{name}]\n[phases.{name}.limits]\n'
     return parse_plan((text + "change = { max = 50 }\n[phases.faults]\n").encode(), "plan.toml")
 
@@ -118,6 +119,9 @@ def test_an_unusable_probe_gives_one_error_line_with_its_package(benches, tmp_pa
         benches(probe="quiet")
 
 
-def test_every_name_of_the_project_can_be_loaded():
+def test_every_phase_of_the_project_can_be_loaded():
     assert [phase.name for phase in registry.load_phases(registry.list_phase_names())] == list(registry.PHASES)
+
+
+def test_the_probe_named_none_is_opened():
     assert isinstance(registry.open_probe(registry.ProbeRequest("none", None, 0.005, NoOperator(), 0x2C)), NoProbe)

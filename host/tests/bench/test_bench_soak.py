@@ -10,11 +10,15 @@ from taxel_tools.testing.record import Outcome
 
 
 def run_soak(bench, faults, minutes=0.4):
-    """Record of a soak during which faults are injected: {fraction of the soak: fault}."""
+    """Run a soak during which faults are injected, and return its record.
+
+    faults: name of a fault of the emulator, by the fraction of the soak at which it is injected.
+    """
     bench.board.draws_pictures = True
     pending = dict(faults)
 
     def report(phase, fraction):
+        """Inject each fault once its fraction of the soak has elapsed."""
         for share in [share for share in pending if phase == "soak" and fraction >= share]:
             bench.world.inject(pending.pop(share), ADDRESS)
 
@@ -24,7 +28,7 @@ def run_soak(bench, faults, minutes=0.4):
 
 
 def list_counts(record):
-    """Counts of a soak: (silences, restarts)."""
+    """Return the counts that a soak has measured: (silences, restarts)."""
     return find_value(record, "soak", "silences"), find_value(record, "soak", "restarts")
 
 
@@ -59,7 +63,7 @@ def test_a_board_that_stays_unplugged_is_reported(benches):
 
 
 def make_clock(seconds):
-    """Value of the board's 32-bit microsecond clock, which wraps after 4295 s."""
+    """Compute the value of the board's 32-bit microsecond clock, which wraps after 4295 s."""
     return round(seconds * 1e6) % 2**32
 
 
@@ -68,16 +72,32 @@ def test_a_clock_wrap_is_not_a_restart():
     for time_s in range(0, 9000, 5):
         soak_log.add_clock(float(time_s), make_clock(1.02 * time_s + 4000.0))
     assert soak_log.restarts == 0
-    soak_log.add_clock(9000.0, make_clock(3.0))
-    soak_log.add_clock(9005.0, make_clock(8.0))
+
+
+def test_a_clock_that_begins_again_is_one_restart():
+    soak_log = SoakLog()
+    for time_s, clock_s in ((8995.0, 4000.0), (9000.0, 3.0), (9005.0, 8.0)):
+        soak_log.add_clock(time_s, make_clock(clock_s))
     assert soak_log.restarts == 1
 
 
-def test_a_long_silence_counts_once():
+def make_capture(sequence):
+    """Create a capture with the given sequence numbers, one frame per second, counts 0 on two taxels."""
+    frames, times = len(sequence), np.arange(float(len(sequence)))
+    return Capture(np.zeros((frames, 2), np.uint16), times, times, np.array(sequence))
+
+
+def test_successive_silences_count_once_until_frames_arrive():
     soak_log = SoakLog()
-    capture = Capture(np.zeros((3, 2), np.uint16), np.arange(3.0), np.arange(3.0), np.array([1, 2, 5]))
     for _ in range(4):
         soak_log.add_silence()
-    soak_log.add_part(10.0, capture)
+    assert soak_log.silences == 1
+    soak_log.add_part(10.0, make_capture(sequence=[1, 2, 3]))
     soak_log.add_silence()
-    assert (soak_log.silences, soak_log.missed_scans, soak_log.time_s) == (2, 2, [10.0])
+    assert soak_log.silences == 2
+
+
+def test_the_missed_scans_of_a_part_are_counted():
+    soak_log = SoakLog()
+    soak_log.add_part(10.0, make_capture(sequence=[1, 2, 5]))
+    assert soak_log.missed_scans == 2

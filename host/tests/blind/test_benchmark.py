@@ -20,16 +20,17 @@ from taxel.recording.grasp_dataset import GraspDataset
 
 
 def shrink_worlds(patch):
-    """Let worlds have as few indentations as possible."""
+    """Patch the sampling so that every world has 16 indentations, to save time."""
     for name, value in (("APPROACHES", (8, 8)), ("SESSIONS", (2, 2)), ("REPEATS", (1, 1)), ("INDENTATIONS", (16, 16))):
         patch.setattr(sampling, name, value)
 
 
 def answer(truth, kind, ratio=3.0, **probabilities):
-    return ScoredAnswer(frozenset(truth), kind, "indentations", probabilities, ratio, 1.0)
+    """Make the answer of a diagnosis for a world with these true causes. ratio: gap divided by the floor."""
+    return ScoredAnswer(frozenset(truth), kind, "indentations", probabilities, ratio, seconds=1.0)
 
 
-def test_named_first_and_exact_set_are_strict():
+def test_single_causes_are_scored_by_first_name_and_exact_set_in_clear_worlds():
     answers = [
         answer(["noise"], "single", noise=0.9, unknown=0.1),
         answer(["noise"], "single", noise=0.9, unknown=0.6),
@@ -43,29 +44,39 @@ def test_named_first_and_exact_set_are_strict():
     assert score["wrong at 0.8"] == pytest.approx(2 / 4)
 
 
-def test_several_outside_and_none_are_scored_by_their_own_measures():
+def test_several_causes_are_scored_by_micro_f1():
+    score = score_answers([answer(["noise", "latency"], "several", noise=0.9, latency=0.4)])
+    assert score["several: micro-F1"] == pytest.approx(2 / 3)  # one of two causes is named
+
+
+def test_causes_outside_the_catalogue_are_scored_by_unknown_causes_and_wrongly_named_effects():
     score = score_answers(
         [
-            answer(["noise", "latency"], "several", noise=0.9, latency=0.4),
             answer(["unknown"], "outside", unknown=0.9),
             answer(["unknown"], "outside", unknown=0.7, noise=0.9),
-            answer([], "none", no_gap=0.9, noise=0.2),
-            answer([], "none", no_gap=0.1, noise=0.6),
         ]
     )
-    assert score["several: micro-F1"] == pytest.approx(2 / 3)
     assert (score["outside: unknown listed"], score["outside: unknown alone"]) == (1.0, 0.5)
     assert score["outside: effect at 0.8"] == 0.5
+
+
+def test_worlds_without_a_cause_are_scored_by_causes_with_a_probability_of_a_half():
+    score = score_answers(
+        [answer([], "none", no_gap=0.9, noise=0.2), answer([], "none", no_gap=0.1, noise=0.6)],
+    )
     assert score["none: any cause at 0.5"] == 0.5
-    assert score["single: named first"] is None
 
 
-def test_no_probable_cause_with_a_gap_counts_as_unknown():
+def test_measure_without_worlds_is_none():
+    assert score_answers([answer([], "none", no_gap=0.9)])["single: named first"] is None
+
+
+def test_answer_with_a_gap_and_without_a_probable_cause_names_an_unknown_cause():
     assert answer(["unknown"], "outside", noise=0.3, no_gap=0.1).listed == {"unknown"}
     assert answer([], "none", noise=0.3, no_gap=0.6).listed == frozenset()
 
 
-def test_calibration_error_is_the_distance_of_stated_and_true_shares():
+def test_calibration_error_is_the_difference_between_stated_probability_and_true_share():
     answers = [answer(["noise"] if index < 3 else [], "single", noise=0.75) for index in range(4)]
     assert score_answers(answers)["calibration error"] == pytest.approx(0.0)
     answers = [answer([], "none", noise=0.75) for _ in range(4)]
@@ -74,7 +85,7 @@ def test_calibration_error_is_the_distance_of_stated_and_true_shares():
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    """A simulated dataset of a small world."""
+    """Make a small world; return the path of its simulated dataset."""
     with pytest.MonkeyPatch.context() as patch:
         shrink_worlds(patch)
         folder = tmp_path_factory.mktemp("benchmark")
@@ -84,7 +95,7 @@ def simulated(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_changes_one_grasp_and_the_file_stays_readable(fault, tmp_path, simulated):
+def test_fault_changes_the_counts_of_exactly_the_returned_grasp(fault, tmp_path, simulated):
     path = Path(shutil.copy(simulated, tmp_path / "sim.h5"))
     with h5py.File(path) as file:
         before = {name: group["raw_counts"][...] for name, group in file["grasps"].items()}
@@ -94,18 +105,26 @@ def test_a_fault_changes_one_grasp_and_the_file_stays_readable(fault, tmp_path, 
     assert changed == [grasp]
 
 
-def test_equal_seeds_give_equal_worlds_and_some_simulators_are_faulty():
+def test_equal_seeds_give_equal_worlds():
     first, second = (sample_benchmark(40, seed=3) for _ in range(2))
     assert [world.to_json() for world in first] == [world.to_json() for world in second]
-    indentations = [world for world in first if world.family == INDENTATIONS]
-    assert sum(bool(world.fault) for world in first) == round(0.15 * len(indentations))
-    assert {world.family for world in first} == set(FAMILIES)
-    assert [world.number for world in first] == list(range(40))
-    assert sum(world.family == GRASPS for world in first) == 6
+
+
+def test_fifteen_percent_of_the_worlds_of_indentations_have_a_faulty_simulator_file():
+    worlds = sample_benchmark(40, seed=3)
+    indentations = [world for world in worlds if world.family == INDENTATIONS]
+    assert sum(bool(world.fault) for world in worlds) == round(0.15 * len(indentations))
+
+
+def test_worlds_are_numbered_and_have_all_families_in_their_proportions():
+    worlds = sample_benchmark(40, seed=3)
+    assert [world.number for world in worlds] == list(range(40))
+    assert {world.family for world in worlds} == set(FAMILIES)
+    assert sum(world.family == GRASPS for world in worlds) == 6  # 15 % of 40
 
 
 class InOneProcess:
-    """Replaces the pool of processes, which would not see changed settings."""
+    """Replaces the pool of processes, because other processes would not see the patches of a test."""
 
     def __init__(self, *_, **__) -> None: ...
 
@@ -117,7 +136,9 @@ class InOneProcess:
     map = staticmethod(map)
 
 
-def test_run_scores_every_entry_and_continues_an_interrupted_run(tmp_path, monkeypatch):
+@pytest.fixture
+def guesses(monkeypatch):
+    """Replace all diagnoses by one that always names noise; return the list of the datasets that it has diagnosed."""
     shrink_worlds(monkeypatch)
     calls = []
 
@@ -127,27 +148,37 @@ def test_run_scores_every_entry_and_continues_an_interrupted_run(tmp_path, monke
 
     monkeypatch.setattr(run, "ProcessPoolExecutor", InOneProcess)
     monkeypatch.setattr(run, "load_entry", lambda name: guess)
+    return calls
+
+
+def test_run_writes_and_returns_the_score_and_does_not_repeat_stored_diagnoses(guesses, tmp_path):
     score = run.run_benchmark(tmp_path / "out", 1, 5, ["guess"], [INDENTATIONS])
-    assert len(calls) == 1
-    assert run.run_benchmark(tmp_path / "out", 1, 5, ["guess"], [INDENTATIONS]) == score
-    assert len(calls) == 1
     assert score["guess"]["all"]["worlds"] == 1
     assert json.loads((tmp_path / "out" / "score.json").read_text())["score"] == score
+    assert run.run_benchmark(tmp_path / "out", 1, 5, ["guess"], [INDENTATIONS]) == score
+    assert len(guesses) == 1
+
+
+def test_run_in_a_folder_with_answers_of_another_seed_is_refused(guesses, tmp_path):
+    run.run_benchmark(tmp_path / "out", 1, 5, ["guess"], [INDENTATIONS])
     with pytest.raises(TaxelError, match="another seed"):
         run.run_benchmark(tmp_path / "out", 1, 6, ["guess"], [INDENTATIONS])
 
 
-def test_unknown_entries_and_wrong_answers_give_one_line():
+def test_unknown_diagnosis_is_refused_with_the_known_names():
     with pytest.raises(PluginError, match="--entry: expected one of diagnosis, check list"):
         load_entry("oracle")
+
+
+def test_answer_with_an_unknown_effect_or_a_probability_above_one_is_refused():
     with pytest.raises(PluginError, match="expected names of effects"):
         check_answer({"gremlins": 1.0}, "mine")
     with pytest.raises(PluginError, match="expected a probability"):
         check_answer({"noise": 1.5}, "mine")
 
 
-def test_least_squares_names_a_clear_cause(simulated):
-    """The simulated dataset against itself with a smaller signal: a gain, and nothing else."""
+def test_least_squares_names_an_effect_of_the_response_for_a_signal_reduced_to_60_percent(simulated):
+    """The real dataset is the simulated dataset with a smaller signal."""
     real = simulated.with_name("softer.h5")
     shutil.copy(simulated, real)
     with h5py.File(real, "r+") as file:

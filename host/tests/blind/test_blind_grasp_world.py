@@ -17,44 +17,59 @@ from taxel.hand import load_hand
 
 
 def make_loads(*addresses: int) -> SimulatedLoads:
-    """Loads of a campaign in which all taxels of some boards have a signal; no address: those of all boards."""
+    """Make the loads of a campaign that loads all taxels of the boards with these addresses; of all boards without
+    one.
+    """
     table = Setup().taxel_table()
     is_loaded = np.isin(table.sensor, addresses) if addresses else np.ones(len(table.sensor), bool)
     return SimulatedLoads(table, np.where(is_loaded, 1000.0, 0.0))
 
 
 def sample(seed: int | None = None, loads: SimulatedLoads | None = None) -> grasp_world.GraspWorld:
+    """Sample a world of the demonstration. loads: None: all boards are loaded."""
     return GraspWorldSampler(seed).sample(make_loads() if loads is None else loads)
 
 
 def list_conditions(plan):
-    """All pairs of object and approach in the plan."""
+    """Return the set of pairs of object and approach in a plan."""
     return {(planned.object, planned.approach) for planned in plan}
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_both_sides_have_two_approaches_of_every_object(seed):
+def test_both_sides_have_the_same_two_approaches_of_every_object(seed):
     real, sim = make_small_plans(seed)
     assert list_conditions(real) == list_conditions(sim)
     assert Counter(object_name for object_name, _ in list_conditions(real)) == dict.fromkeys(
         ("cylinder", "rectangular_prism", "triangular_prism"), grasp_world.APPROACHES_PER_OBJECT
     )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_approach_is_emulated_once_per_session_and_simulated_eight_times(seed):
+    real, sim = make_small_plans(seed)
     assert Counter((grasp.object, grasp.approach, grasp.session) for grasp in real).most_common(1)[0][1] == 1
     assert {grasp.session for grasp in real} == set(range(grasp_world.SESSIONS))
     repeats = Counter((grasp.object, grasp.approach) for grasp in sim)
     assert repeats == dict.fromkeys(list_conditions(real), grasp_world.SIM_REPEATS)
-    for plan in (real, sim):
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_identifiers_of_the_grasps_of_a_plan_are_unique_and_ascending(seed):
+    for plan in make_small_plans(seed):
         ids = [grasp.id for grasp in plan]
         assert ids == sorted(set(ids))
 
 
-def test_a_seed_determines_the_world_and_unseeded_worlds_differ():
+def test_world_is_determined_by_the_seed():
     assert sample(4) == sample(4)
+
+
+def test_worlds_without_a_seed_differ():
     worlds = [sample() for _ in range(4)]
     assert len({commitment(world.to_json()) for world in worlds}) == 4
 
 
-def test_every_form_of_every_effect_and_no_effect_and_pairs_are_hidden():
+def test_400_worlds_hide_every_form_of_every_effect_none_and_pairs_of_different_effects():
     worlds = [sample(seed) for seed in range(400)]
     causes = [cause for world in worlds for cause in world.hidden.causes]
     assert {cause.emulator_effect for cause in causes} == {one.emulator_effect for one in CATALOGUE_CAUSES}
@@ -63,7 +78,7 @@ def test_every_form_of_every_effect_and_no_effect_and_pairs_are_hidden():
         assert len({cause.name for cause in world.hidden.causes}) == len(world.hidden.causes)
 
 
-def test_causes_of_some_boards_are_where_the_grasps_load_the_skin():
+def test_cause_of_some_boards_acts_on_at_least_one_board_that_the_grasps_load():
     hand, addresses = load_hand("original"), (0x15, 0x1C)
     worlds = [sample(seed, make_loads(*addresses)) for seed in range(60)]
     causes = [cause for world in worlds for cause in world.hidden.causes]
@@ -79,7 +94,7 @@ def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path,
     assert not (tmp_path / "demo").exists()
 
 
-def test_the_size_of_each_cause_is_measured_without_it_on_the_first_session(monkeypatch, tmp_path):
+def test_size_of_each_cause_is_measured_by_repeating_the_first_session_without_the_cause(monkeypatch, tmp_path):
     causes = tuple(Cause(name, name, (f"{name} x=1",)) for name in ("noise", "latency"))
     world = grasp_world.GraspWorld(3, HiddenCauses("several", causes, ("gain electrode log_std=0.01",)), "")
     runs, shown = [], []

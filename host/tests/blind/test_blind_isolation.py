@@ -98,7 +98,10 @@ SEALED_MODULES = [
 
 @pytest.fixture(scope="module", params=["landlock", pytest.param("audit hook only", marks=pytest.mark.slow)])
 def report(request, tmp_path_factory):
-    """Results of the access attempts of an isolated process."""
+    """Run a process that isolates itself and tries forbidden accesses; return the error of each attempt.
+
+    Further keys: enforcing mechanism, requested mechanism, permitted accesses, loaded modules.
+    """
     if request.param == "landlock" and not landlock.version():
         pytest.skip("the kernel has no Landlock")
     base = tmp_path_factory.mktemp("isolation")
@@ -128,28 +131,31 @@ def report(request, tmp_path_factory):
 
 
 def find_contact_library() -> Path:
-    """Path of the shared library of the emulated contact."""
+    """Return the path of the shared library of the emulated contact."""
     folders = (Path(path).parent / "native" for path in taxel.emulated.__path__)
     packaged = [Path(path) / "native" for path in taxel.__path__]
     return next(path / "libtaxel_contact.so" for path in (*packaged, *folders) if path.exists())
 
 
-def test_the_isolation_states_its_mechanism(report):
+def test_isolation_states_whether_landlock_enforces_it(report):
     expected = "landlock and audit hook" if report["requested"] == "landlock" else "audit hook"
     assert report["mechanism"] == expected
 
 
-def test_sealed_modules_files_and_programs_are_inaccessible(report):
+def test_every_attempt_to_access_modules_files_programs_or_networks_fails(report):
     assert [name for name, error in report["errors"].items() if not error] == []
+
+
+def test_errors_of_forbidden_accesses_state_that_the_resource_is_sealed(report):
     sealed = [name for name in report["errors"] if name.startswith(("taxel.", "keys", "folder", "program", "fork"))]
     assert all("sealed while" in report["errors"][name] for name in sealed if not name.endswith("by C"))
 
 
-def test_no_sealed_module_stays_loaded(report):
+def test_no_forbidden_module_is_loaded_after_the_isolation(report):
     assert [name for name in report["modules"] if is_forbidden(name)] == []
 
 
-def test_the_folder_of_the_process_is_readable_and_writable(report):
+def test_folder_of_the_isolated_process_is_readable_and_writable(report):
     assert report["allowed"][:2] == ["own text", "own text"]
     assert report["allowed"][2] == ["here.txt", "link", "written.txt"]
 
@@ -163,7 +169,7 @@ def test_module_names_are_compared_by_whole_components():
     assert not is_forbidden("other.blind.catalogue_causes")
 
 
-def test_the_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_path):
+def test_diagnosing_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_path):
     job = json.dumps({"real": "no.h5", "sim": "no.h5", "without": [], "seed": 0, "out": "report.json"})
     result = subprocess.run(
         [sys.executable, "-m", "taxel.blind.diagnosis_process", str(tmp_path)],

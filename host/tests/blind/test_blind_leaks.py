@@ -29,7 +29,10 @@ SEED = 3
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """Folders of the same world without a cause, with two causes on one board, and with a board that is silent."""
+    """Make the datasets of one world without a cause, with two causes on one board, and with a silent board.
+
+    Returns the folder of each variant by the kind of its causes.
+    """
     world = replace(sample_worlds(1, 0, SEED)[0], size=CampaignSize(approaches=8, sessions=1, repeats=1))
     hidden = {
         "none": (),
@@ -49,14 +52,16 @@ def folders(tmp_path_factory):
 
 
 def read_content(path: Path) -> Iterator[tuple[str, Any]]:
-    """Everything in a file except the counts, but including their type and shape."""
+    """Yield name and content of everything in a file except the counts, of which only type and shape are included."""
 
     def read_attributes(name: str, item: Any) -> Iterator[tuple[str, Any]]:
+        """Yield the attributes of a group or dataset with their types."""
         for key, value in item.attrs.items():
             kind = item.attrs.get_id(key)
             yield f"{name}@{key}", (value if isinstance(value, str) else np.asarray(value).tolist(), kind.dtype.str)
 
     def read_datasets(name: str, item: Any) -> Iterator[tuple[str, Any]]:
+        """Yield attributes, storage and values of a dataset, or of all datasets of a group, in order of creation."""
         yield from read_attributes(name, item)
         if isinstance(item, h5py.Dataset):
             yield name, (item.shape, item.dtype.str, item.chunks, item.compression, item.compression_opts)
@@ -72,22 +77,22 @@ def read_content(path: Path) -> Iterator[tuple[str, Any]]:
 
 
 def read_counts(path: Path) -> np.ndarray:
-    """Raw counts of all grasps of a file, u16[T, n]."""
+    """Read the raw counts of all grasps of a file, u16[T, n]."""
     with h5py.File(path) as file:
         return np.concatenate([grasp["raw_counts"][()] for grasp in file["grasps"].values()])
 
 
-def test_file_names_are_equal(folders):
+def test_file_names_do_not_depend_on_the_causes(folders):
     assert {tuple(sorted(path.name for path in folder.iterdir())) for folder in folders.values()} == {
         ("real.h5", "sim.h5")
     }
 
 
-def test_the_simulated_datasets_are_bit_identical(folders):
+def test_simulated_datasets_are_bit_identical(folders):
     assert len({(folder / "sim.h5").read_bytes() for folder in folders.values()}) == 1
 
 
-def test_the_real_datasets_differ_only_in_counts(folders):
+def test_real_datasets_differ_only_in_counts(folders):
     for (key, value), (other_key, other) in zip(
         read_content(folders["none"] / "real.h5"), read_content(folders["several"] / "real.h5"), strict=True
     ):
@@ -96,7 +101,7 @@ def test_the_real_datasets_differ_only_in_counts(folders):
     assert (read_counts(folders["none"] / "real.h5") != read_counts(folders["several"] / "real.h5")).any()
 
 
-def test_a_silent_board_changes_only_lost_frames_and_times_of_polls(folders):
+def test_silent_board_changes_only_lost_frames_and_times_of_polls(folders):
     # The hub polls the other boards earlier if it does not wait for a board: a physical consequence, not a label.
     different = [
         key.rpartition("/")[2]
@@ -126,8 +131,8 @@ def test_no_text_of_a_file_contains_a_name_or_a_digest_of_the_causes(folders):
         ]
 
 
-def test_without_counts_the_file_sizes_are_equal(folders, tmp_path):
-    """Counts are compressed and influence the size; with equal counts all sizes must be equal."""
+def test_file_sizes_are_equal_after_all_counts_are_set_to_zero(folders, tmp_path):
+    """Counts are compressed and influence the size of a file."""
     sizes = set()
     for name in ("none", "several"):
         with h5py.File(folders[name] / "real.h5") as file, h5py.File(tmp_path / f"{name}.h5", "w") as copy:
@@ -145,7 +150,7 @@ def test_without_counts_the_file_sizes_are_equal(folders, tmp_path):
 
 
 def test_counts_of_boards_without_a_cause_are_equal(folders):
-    """Causes on other boards take no numbers from the noise streams of these boards."""
+    """Causes on other boards must not consume random numbers of these boards."""
     with h5py.File(folders["none"] / "real.h5") as file:
         is_unaffected = np.asarray(file["taxels"]["sensor"]) != 0x53
     counts_without_cause, counts_with_causes = (

@@ -25,7 +25,10 @@ LOADED_TAXEL = 3
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A check of one world without a report; in its simulation one taxel has a signal of 400 counts."""
+    """Make the folder of a check of one world without a report.
+
+    In the simulated dataset of the world, only the taxel `LOADED_TAXEL` has a signal, 400 counts.
+    """
     out = tmp_path_factory.mktemp("check")
     world_folder = out / WORLDS / "0000"
     world_folder.mkdir(parents=True)
@@ -77,7 +80,7 @@ def folder(tmp_path_factory):
 
 
 def find_unobservable_causes(folder, *locations: FaultLocation) -> tuple[str, ...]:
-    """Unobservable causes of a world with a dropout at the given locations and white noise."""
+    """Return the unobservable causes of a world with a dropout at the given locations and white noise."""
     causes = (Cause("dropout", "line open", (), locations), Cause("noise", "noise white", ()))
     (result,) = read_results(folder, [World(0, "rig4", 1, HiddenCauses("several", causes, ()), "00")])
     return result.unobservable_causes
@@ -93,11 +96,11 @@ def find_unobservable_causes(folder, *locations: FaultLocation) -> tuple[str, ..
     ((FaultLocation(0x50, "taxel", 1),), False),
     ((FaultLocation(0x51),), True),  # a board that stops responding is observable without a load
 ])  # fmt: skip
-def test_one_of_several_causes_is_unobservable_if_no_location_is_loaded(folder, locations, is_loaded):
+def test_one_of_several_causes_is_unobservable_if_none_of_its_locations_is_loaded(folder, locations, is_loaded):
     assert find_unobservable_causes(folder, *locations) == (() if is_loaded else ("dropout",))
 
 
-def test_the_location_of_a_single_unloaded_cause_is_not_expected(folder):
+def test_location_of_a_single_cause_that_is_not_loaded_is_not_expected_in_the_report(folder):
     causes = (Cause("dropout", "line open", (), (FaultLocation(0x50, "tx", 0),)),)
     (result,) = read_results(folder, [World(0, "rig4", 1, HiddenCauses("single", causes, ()), "00")])
     assert result.unobservable_causes == ()
@@ -110,7 +113,7 @@ def test_the_location_of_a_single_unloaded_cause_is_not_expected(folder):
     ([], [1], False),
     ([[0x50, "rx", 0]], [], False),
 ])  # fmt: skip
-def test_the_only_observable_taxel_of_a_line_is_accepted_as_its_location(folder, lines, taxels, is_found):
+def test_location_is_found_if_the_verdict_names_the_line_or_its_only_observable_taxel(folder, lines, taxels, is_found):
     causes = (Cause("dropout", "line open", (), (FaultLocation(0x50, "rx", 1),)),)
     world = World(0, "rig4", 1, HiddenCauses("single", causes, ()), "00")
     location = {"sensors": [], "lines": lines, "taxels": taxels}

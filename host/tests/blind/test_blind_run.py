@@ -20,7 +20,7 @@ from taxel.blind.version import compute_diagnosis_version
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 
 SEED = 121
-"""World 0 hides a lag, whose true parameters no definition fixes, and is withheld; world 1 has no cause and a decoy."""
+"""World 0 hides a lag, whose true parameters are found by a fit, and is withheld; world 1 has no cause and a decoy."""
 
 SHORT_CATALOGUE = {"noise", "gain_mismatch", "baseline_drift", "latency"}
 """Effects in the catalogue of these diagnoses."""
@@ -36,7 +36,7 @@ def read_json(path) -> dict:
 
 @pytest.fixture(scope="module")
 def small_worlds():
-    """Worlds of 18 indentations, one further analysis seed and a few effects."""
+    """Patch the run to worlds of 18 indentations, one further analysis seed and a short catalogue."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in (
             ("APPROACHES", (6, 6)),
@@ -54,7 +54,7 @@ def small_worlds():
 
 
 class FastRunner(SandboxedRunner):
-    """A runner with a short catalogue, for which a diagnosis takes a third of the time."""
+    """A runner with a short catalogue of effects, with which a diagnosis takes a third of the time."""
 
     def diagnose(self, real, sim, out, without=(), seed=0):
         super().diagnose(real, sim, out, sorted({*without, *OWN_EFFECTS} - (SHORT_CATALOGUE - set(without))), seed)
@@ -71,7 +71,10 @@ class InterruptedRunner(FastRunner):
 
 @pytest.fixture(scope="module")
 def interrupted(small_worlds, tmp_path_factory):
-    """A check of two worlds, interrupted after the first report of the first world."""
+    """Run a check of two worlds that is interrupted after the first report of the first world.
+
+    Returns a copy of its folder in this state; the fixture `check` resumes the original.
+    """
     out = tmp_path_factory.mktemp("blind") / "check"
     withheld_world, world_without_cause = seal_worlds(out, 2, 0, SEED)
     assert (withheld_world.hidden.names, withheld_world.is_withheld, withheld_world.is_repeated) == (
@@ -90,7 +93,7 @@ def interrupted(small_worlds, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def check(small_worlds, interrupted):
-    """The same check after the command has resumed it."""
+    """Resume the interrupted check with the command; return its folder."""
     out = interrupted.parent / "check"
     options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # one job avoids the start of a second process
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
@@ -115,7 +118,7 @@ def test_each_world_has_the_diagnoses_that_it_was_sampled_with(check):
     }
 
 
-def test_reports_state_the_isolation_and_the_baseline_verdicts(check):
+def test_reports_state_the_isolation_and_the_baseline_verdicts_but_no_path_of_the_check(check):
     for path in check.glob("worlds/*/report.json"):
         report = read_json(path)
         assert report["blindfold"] in ("landlock and audit hook", "audit hook")
@@ -138,7 +141,7 @@ def test_all_datasets_state_the_same_creation_time(check):
     assert len(times) == 1
 
 
-def test_the_score_and_its_sheet_are_written(check):
+def test_score_of_the_two_worlds_is_written(check):
     score = read_json(check / "score.json")
     assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
     assert score["rig4"]["false_alarms"] == {
@@ -150,22 +153,29 @@ def test_the_score_and_its_sheet_are_written(check):
     assert score["rig4"]["counts"]["single"] == {"worlds": 1, "clear": 1}
     assert score["rig4"]["single_first"]["right"] == 1
     assert score["rig4"]["unknown_withheld"]["of"] == 1
+
+
+def test_score_sheet_states_command_and_version_and_is_copied_to_the_page(check):
     text = (check / "score.md").read_text()
     provenance = "written by `taxel gap blind --worlds 2`; 2 worlds gave a report. Measured version of the diagnosis: "
     assert f"{provenance}{compute_diagnosis_version()} (" in text
     assert (check.parent / "page" / "score.md").read_text() == text
 
 
-def test_a_finished_check_is_only_scored_again(check, monkeypatch, capsys):
-    monkeypatch.setattr(run, "SandboxedRunner", None)
+def test_command_on_a_finished_check_prints_its_score_without_a_diagnosis(check, monkeypatch, capsys):
+    monkeypatch.setattr(run, "SandboxedRunner", None)  # a diagnosis would fail
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
     assert json.loads(capsys.readouterr().out) == read_json(check / "score.json")
 
 
-def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, capsys):
+def test_results_of_both_worlds_are_written_with_the_version_of_the_diagnosis(check):
+    results = read_records(check / RECORDS)
+    assert [result.world.number for result in results] == [0, 1]
+    assert {result.diagnosis_version for result in results} == {compute_diagnosis_version()}
+
+
+def test_results_of_a_check_are_rejected_as_results_of_a_further_run(check, capsys):
     path = check / RECORDS
-    assert [result.world.number for result in read_records(path)] == [0, 1]
-    assert {result.diagnosis_version for result in read_records(path)} == {compute_diagnosis_version()}
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--add-answers", path) == 1
     assert "expected results of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
 
@@ -178,7 +188,7 @@ def test_results_of_another_version_are_rejected_before_a_world_is_made(check, t
     assert not (tmp_path / "new").exists()
 
 
-def test_an_interrupted_world_is_repeated_with_the_same_datasets(check, interrupted):
+def test_interrupted_world_is_repeated_with_the_same_datasets(check, interrupted):
     interrupted_world, resumed_world = (folder / "worlds" / "0000" for folder in (interrupted, check))
     assert {path.name for path in interrupted_world.iterdir()} == {"real.h5", "sim.h5", "report.json"}
     for name in ("real.h5", "sim.h5"):
@@ -188,7 +198,10 @@ def test_an_interrupted_world_is_repeated_with_the_same_datasets(check, interrup
 
 
 class FakeRunner:
-    """Records its requests and answers at once; in the fifth world only after the run was interrupted."""
+    """Records its requests and answers at once; in the fifth world only after the run was interrupted.
+
+    requests: "WORLD/REPORT" of each diagnosis. is_interrupted: set when the pool of threads is shut down.
+    """
 
     requests: ClassVar[list[str]] = []
     is_interrupted = threading.Event()
@@ -215,7 +228,7 @@ class SignallingPool(ThreadPoolExecutor):
         super().shutdown(wait)
 
 
-def test_a_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(monkeypatch, tmp_path):
+def test_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(monkeypatch, tmp_path):
     monkeypatch.setattr(FakeRunner, "requests", [])
     monkeypatch.setattr(FakeRunner, "is_interrupted", threading.Event())
     monkeypatch.setattr(run, "SandboxedRunner", FakeRunner)
@@ -229,6 +242,7 @@ def test_a_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(m
     progress = []
 
     def interrupt(done: int, total: int) -> None:
+        """Interrupt the run after four finished worlds, while the fifth runs."""
         progress.append((done, total))
         if done == 4:
             raise KeyboardInterrupt
@@ -247,9 +261,12 @@ def test_a_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(m
     assert progress[5:] == [(done, 9) for done in range(len(finished), 10)]
 
 
-def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(check, tmp_path, capsys):
+def test_another_number_of_worlds_than_in_the_folder_is_rejected(check, capsys):
     assert run_taxel("gap", "blind", "--worlds", 3, "--out", check) == 1
     assert capsys.readouterr().err.strip().endswith("choose another --out")
+
+
+def test_check_with_a_changed_key_is_rejected_without_a_traceback(check, tmp_path, capsys):
     copy = tmp_path / "check"
     shutil.copytree(check, copy)
     keys = read_json(copy / "sealed" / "keys.json")
@@ -264,16 +281,19 @@ def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(che
 @pytest.mark.parametrize(
     ("option", "value"), [("--worlds", 0), ("--full-hand-worlds", -1), ("--seed", -1), ("--jobs", 0)]
 )
-def test_an_invalid_number_is_rejected_in_one_line(option, value, capsys, tmp_path):
+def test_option_out_of_range_is_rejected_before_a_folder_is_made(option, value, capsys, tmp_path):
     assert run_taxel("gap", "blind", "--worlds", 1, option, value, "--out", tmp_path / "check") == 2
     assert f"'{option}': {value}" in capsys.readouterr().err
     assert not (tmp_path / "check").exists()
 
 
-def test_a_check_without_time_scores_no_world(tmp_path, capsys):
+def test_check_with_a_time_limit_of_0_minutes_scores_no_world(tmp_path, capsys):
     out = tmp_path / "check"
     assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
     assert read_json(out / "score.json")["worlds"] == 0
     assert "0 worlds gave a report" in " ".join(capsys.readouterr().out.split())
-    assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 2
+
+
+def test_negative_time_limit_is_rejected(tmp_path, capsys):
+    assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", tmp_path / "check") == 2
     assert "'--minutes': -1" in capsys.readouterr().err

@@ -23,12 +23,12 @@ WORLD_COUNT = sum(KIND_COUNTS.values())
 
 @pytest.fixture(scope="module")
 def all_worlds():
-    """The worlds of the full score on the rig."""
+    """Sample as many worlds on the rig of four boards as the full score has."""
     return sample_worlds(WORLD_COUNT, 0, seed=3)
 
 
 def select_hidden(worlds, kind):
-    """Hidden causes of the worlds of a kind."""
+    """Return the hidden causes of the worlds of a kind."""
     return [world.hidden for world in worlds if world.hidden.kind == kind]
 
 
@@ -37,14 +37,14 @@ def test_kinds_have_the_configured_counts(all_worlds):
 
 
 @pytest.mark.parametrize("count", range(1, 30))
-def test_fewer_worlds_keep_the_proportions(count):
+def test_fewer_worlds_keep_the_proportions_of_the_kinds_within_two_and_a_half_worlds(count):
     kinds = Counter(world.hidden.kind for world in sample_worlds(count, 0, seed=count))
     assert sum(kinds.values()) == count
     assert all(abs(kinds[kind] - count * number / WORLD_COUNT) <= 2.5 for kind, number in KIND_COUNTS.items())
 
 
 def test_every_effect_and_every_cause_type_of_the_catalogue_occurs_equally_often(all_worlds):
-    assert set(EFFECT_NAMES) == set(OWN_EFFECTS) - {"nonlinearity"}  # for data without forces only
+    assert set(EFFECT_NAMES) == set(OWN_EFFECTS) - {"nonlinearity"}  # which needs data without forces
     causes = [hidden.causes[0] for hidden in select_hidden(all_worlds, "single")]
     assert Counter(cause.name for cause in causes) == dict.fromkeys(EFFECT_NAMES, 20)
     occurrences = Counter(cause.emulator_effect for cause in causes)
@@ -61,7 +61,7 @@ def test_every_out_of_catalogue_cause_occurs_equally_often(all_worlds):
     assert all(hidden.names == (UNKNOWN,) for hidden in select_hidden(all_worlds, "outside"))
 
 
-def test_two_or_three_causes_have_different_effects(all_worlds):
+def test_worlds_with_several_causes_have_two_or_three_causes_of_different_effects(all_worlds):
     several = select_hidden(all_worlds, "several")
     assert {len(hidden.causes) for hidden in several} == {2, 3}
     for hidden in several:
@@ -69,11 +69,14 @@ def test_two_or_three_causes_have_different_effects(all_worlds):
         assert len({line.split()[0] for cause in hidden.causes for line in cause.lines}) == len(hidden.causes)
 
 
-def test_each_effect_is_withheld_equally_often_and_there_are_as_many_decoys(all_worlds):
+def test_each_effect_is_withheld_from_the_catalogue_equally_often(all_worlds):
     withheld = Counter(world.hidden.names[0] for world in all_worlds if world.is_withheld)
     assert withheld == dict.fromkeys(EFFECT_NAMES, WITHHELD_PER_EFFECT)
+
+
+def test_as_many_worlds_of_all_kinds_have_a_decoy_that_is_not_hidden_as_worlds_are_withheld(all_worlds):
     decoys = [world for world in all_worlds if world.decoy]
-    assert len(decoys) == sum(withheld.values())
+    assert len(decoys) == sum(world.is_withheld for world in all_worlds)
     assert {world.hidden.kind for world in decoys} == set(KIND_COUNTS)
     assert not any(world.is_withheld or world.decoy in world.hidden.names for world in decoys)
 
@@ -98,7 +101,7 @@ def test_strengths_of_sampled_causes_are_spread_evenly_over_the_range_of_gaps(mo
     assert np.bincount(strata).tolist() == [12] * 20  # 12 effects with 20 worlds each: one world per stratum
 
 
-def test_a_cause_type_depends_on_the_strength_and_samples_its_own_effect():
+def test_every_cause_type_samples_its_effect_with_parameters_that_depend_on_the_strength():
     hand = load_hand("rig4")
     without_strength = ("silent from", "line open", "line short", "exchange lines")
     for cause_type in (*CATALOGUE_CAUSES, *OUT_OF_CATALOGUE):
@@ -110,21 +113,21 @@ def test_a_cause_type_depends_on_the_strength_and_samples_its_own_effect():
 
 
 def test_no_cause_acts_only_on_boards_that_another_cause_silences(all_worlds):
-    """Five samples of sixty worlds with several causes, so that such a combination would occur."""
+    """Five samples of sixty worlds with several causes contain more than 20 worlds with a silent board."""
     silenced = 0
     for world in [*all_worlds, *(world for seed in range(4) for world in sample_worlds(WORLD_COUNT, 0, seed=seed))]:
         silent = [cause for cause in world.hidden.causes if cause.emulator_effect == "silent from"]
         arguments = {f"board=0x{location.address:02X}" for cause in silent for location in cause.locations}
-        audible = [cause for cause in world.hidden.causes if cause not in silent]
-        silenced += bool(silent and audible)
-        assert not any(all(arguments & set(line.split()) for line in cause.lines) for cause in audible)
-        for cause in audible if silent else ():
+        others = [cause for cause in world.hidden.causes if cause not in silent]
+        silenced += bool(silent and others)
+        assert not any(all(arguments & set(line.split()) for line in cause.lines) for cause in others)
+        for cause in others if silent else ():
             assert {location.address for location in cause.locations} != {silent[0].locations[0].address}
     assert silenced > 20
 
 
-def test_the_largest_gain_of_a_board_does_not_saturate_its_counter():
-    """Above a factor of 1.35 the counter reads 0, like that of a board that does not respond."""
+def test_gain_factor_of_a_board_is_at_most_1_35_and_at_least_0_55_at_full_strength():
+    """Above a factor of 1.35, the counter saturates and reads 0, like that of a board that does not respond."""
     (cause_type,) = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect == "gain idac"]
     hand = load_hand("rig4")
     causes = [cause_type.sample(np.random.default_rng(seed), hand, 1.0) for seed in range(20)]
@@ -133,7 +136,7 @@ def test_the_largest_gain_of_a_board_does_not_saturate_its_counter():
     assert min(factors) == pytest.approx(np.exp(-0.6), abs=1e-4)
 
 
-def test_the_emulator_accepts_every_effect_line(all_worlds):
+def test_emulator_accepts_every_effect_line(all_worlds):
     setup = Setup(load_hand("rig4"), {})
     for line in {tuple(line.split()[:2]): line for world in all_worlds for line in world.hidden.lines}.values():
         effects = () if line.split()[0].endswith("_offset") else (line,)
@@ -147,7 +150,7 @@ def test_every_world_has_the_same_kinds_of_nuisances(all_worlds):
         assert set(world.hidden.nuisances) < {*world.hidden.lines, ""}
 
 
-def test_the_true_gain_variation_includes_the_nuisance_of_the_same_emulator_effect():
+def test_true_gain_variation_includes_the_variance_of_the_nuisance_of_the_same_emulator_effect():
     cause = Cause("gain_mismatch", "gain electrode", ("gain electrode log_std=0.3",), (), {"log_std": 0.3})
     board_gain = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.2 board=0x20",), (), {"scale@32": 1.2})
     hidden = HiddenCauses(
@@ -157,17 +160,20 @@ def test_the_true_gain_variation_includes_the_nuisance_of_the_same_emulator_effe
     assert hidden.true_parameters(board_gain) == {"scale@32": 1.2}
 
 
-def test_campaign_sizes_are_within_limits_and_independent_of_the_kind(all_worlds):
+def test_campaign_sizes_vary_within_their_limits(all_worlds):
     assert all(INDENTATIONS[0] <= world.size.indentations <= INDENTATIONS[1] for world in all_worlds)
     assert len({world.size for world in all_worlds}) > 8
+
+
+def test_mean_number_of_indentations_does_not_depend_on_the_kind_of_world(all_worlds):
     counts = [[world.size.indentations for world in all_worlds if world.hidden.kind == kind] for kind in KIND_COUNTS]
     means = [np.mean(of_kind) for of_kind in counts]
     errors = [np.std(of_kind) / np.sqrt(len(of_kind)) for of_kind in counts]
     assert np.ptp(means) < 4 * max(errors)
 
 
-def test_order_and_seeds_are_independent_of_the_kind(all_worlds):
-    """Position in the order, upper half and lowest bit of the seeds, within 4 standard errors."""
+def test_order_and_seeds_do_not_depend_on_the_kind_of_world(all_worlds):
+    """Position in the order, upper half and lowest bit of the seeds are equal within 4 standard errors."""
     assert len({world.seed for world in all_worlds}) == WORLD_COUNT
     single = np.array([world.hidden.kind == "single" for world in all_worlds])
     for flags in (
@@ -179,9 +185,12 @@ def test_order_and_seeds_are_independent_of_the_kind(all_worlds):
         assert abs(flags[single].mean() - flags[~single].mean()) < 4 * standard_error
 
 
-def test_a_seed_determines_the_worlds_and_unseeded_samples_differ():
+def test_worlds_are_determined_by_the_seed():
     assert sample_worlds(12, 1, seed=5) == sample_worlds(12, 1, seed=5)
     assert sample_worlds(12, 0, seed=5) != sample_worlds(12, 0, seed=6)
+
+
+def test_worlds_without_a_seed_differ_between_two_samples():
     first_sample, second_sample = sample_worlds(12), sample_worlds(12)
     assert {world.seed for world in first_sample}.isdisjoint(world.seed for world in second_sample)
     assert [world.hidden for world in first_sample] != [world.hidden for world in second_sample]
@@ -194,7 +203,7 @@ def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
     assert {world.size.approaches for world in worlds[5:]} == {24}
 
 
-def test_every_fortieth_world_is_diagnosed_with_further_seeds(all_worlds):
+def test_every_fortieth_world_is_diagnosed_with_further_analysis_seeds(all_worlds):
     numbers = [world.number for world in all_worlds if world.is_repeated]
     assert numbers[0] == 0
     assert {later - earlier for earlier, later in pairwise(numbers)} == {40}

@@ -12,22 +12,29 @@ from taxel.blind.world import World
 
 
 def make_world(number: int, kind: str, *names: str, effect: str = "some effect", hand: str = "rig4") -> World:
+    """Make a world that hides the named causes."""
     causes = tuple(Cause(name, effect, (f"{effect} counts=1",)) for name in names)
     return World(number, hand, 1, HiddenCauses(kind, causes, ()), "00")
 
 
 def make_result(world: World, *effects: str, status: str = "explained", ratio: float = 3.0, **fields) -> WorldResult:
+    """Make the result of a world whose verdict names `effects`.
+
+    ratio: gap divided by the floor. confounded: effects that are confounded with the first effect.
+    """
     verdict = ReportedVerdict(status, effects, fields.pop("confounded", ()))
     return WorldResult(world, verdict, gap=10.0 * ratio, floor=10.0, **fields)
 
 
 def make_single_result(name: str, *effects: str, **fields) -> WorldResult:
+    """Make the result of a world that hides the single cause `name`."""
     return make_result(make_world(0, "single", name), *effects, **fields)
 
 
 def make_parameter(
     estimate: float, truth: float = 1.0, low: float | None = None, high: float | None = None, **fields
 ) -> ParameterComparison:
+    """Make the comparison of a parameter, by default of white noise; low, high: bounds of the interval."""
     values = {
         "effect": "noise",
         "emulator_effect": "noise white",
@@ -39,7 +46,7 @@ def make_parameter(
 
 
 def score_on_rig(*results: WorldResult) -> dict:
-    """Figures of the worlds of the test rig."""
+    """Return the figures of the worlds on the rig of four boards."""
     return score(results)["rig4"]
 
 
@@ -52,21 +59,24 @@ def score_on_rig(*results: WorldResult) -> dict:
     (0, 20, 0.0, 0.1611),
     (1, 29, 0.0061, 0.1718),
 ])  # fmt: skip
-def test_the_wilson_interval_agrees_with_published_values(right, of, low, high):
+def test_wilson_interval_agrees_with_published_values(right, of, low, high):
     assert compute_wilson_interval(right, of) == pytest.approx([low, high], abs=1e-4)
 
 
-def test_a_share_counts_true_values():
+def test_share_states_true_values_total_ratio_and_interval():
     assert share([True, False, True, True]) == {
         "right": 3,
         "of": 4,
         "share": 0.75,
         "ci95": compute_wilson_interval(3, 4),
     }
+
+
+def test_share_without_values_has_no_ratio():
     assert share([])["share"] is None
 
 
-def test_a_single_cause_is_correct_if_it_is_first_or_confounded_with_the_first():
+def test_single_cause_is_correct_if_it_is_first_or_confounded_with_the_first():
     figures = score_on_rig(
         make_single_result("noise", "noise"),
         make_single_result("noise", "noise", "latency"),
@@ -80,7 +90,7 @@ def test_a_single_cause_is_correct_if_it_is_first_or_confounded_with_the_first()
     assert figures["single_each"]["latency"]["of"] == 0
 
 
-def test_accuracy_refers_to_clear_gaps_and_is_grouped_by_gap_over_floor():
+def test_accuracy_is_computed_for_gaps_from_two_floors_and_also_by_ratio_of_gap_to_floor():
     figures = score_on_rig(
         make_single_result("noise", "noise", ratio=2.0), make_single_result("noise", status="no_gap", ratio=1.9)
     )
@@ -90,7 +100,7 @@ def test_accuracy_refers_to_clear_gaps_and_is_grouped_by_gap_over_floor():
     assert by_ratio == {0.0: (0, 0), 1.0: (0, 1), 2.0: (1, 1), 3.0: (0, 0), 4.0: (0, 0), 6.0: (0, 0)}
 
 
-def test_a_world_without_a_report_is_wrong_in_every_figure():
+def test_world_without_a_report_is_counted_as_wrong_in_every_figure():
     failed = ReportedVerdict("error", ())
     results = [
         replace(make_result(make_world(number, kind, *names)), verdict=failed, gap=0.0, floor=1.0, error="KeyError: 3")
@@ -110,7 +120,7 @@ def test_a_world_without_a_report_is_wrong_in_every_figure():
     assert figures["single_by_ratio"][0]["of"] == 0
 
 
-def test_false_alarms_refer_to_worlds_without_a_cause_for_any_gap():
+def test_named_effect_or_unknown_cause_in_a_world_without_a_cause_is_a_false_alarm_for_any_gap():
     world_without_cause = make_world(0, "none")
     figures = score_on_rig(
         make_result(world_without_cause, status="no_gap", ratio=0.5),
@@ -121,7 +131,7 @@ def test_false_alarms_refer_to_worlds_without_a_cause_for_any_gap():
     assert (figures["false_alarms"]["right"], figures["false_alarms"]["of"]) == (2, 4)
 
 
-def test_causes_outside_or_removed_from_the_catalogue_must_be_unknown():
+def test_only_an_unknown_cause_is_correct_for_causes_outside_or_removed_from_the_catalogue():
     outside = make_world(0, "outside", "unknown", effect="stuck_bit")
     figures = score_on_rig(
         make_result(outside, "unknown", status="unknown"),
@@ -141,7 +151,7 @@ def test_causes_outside_or_removed_from_the_catalogue_must_be_unknown():
     }
 
 
-def test_a_decoy_must_not_change_the_first_effect():
+def test_decoy_is_scored_by_whether_the_first_effect_is_still_the_hidden_cause():
     figures = score_on_rig(
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("noise",))),
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("latency",))),
@@ -171,7 +181,7 @@ def test_unobservable_causes_are_neither_required_nor_wrong():
         assert (unobservable["precision"], unobservable["recall"]) == (1.0, 1.0)
 
 
-def test_the_confusion_table_counts_the_first_effect():
+def test_confusion_table_counts_the_first_effect_of_clear_worlds_with_at_most_one_cause():
     figures = score_on_rig(
         make_single_result("noise", "noise"),
         make_single_result("noise", "latency", "noise"),
@@ -187,7 +197,7 @@ def test_the_confusion_table_counts_the_first_effect():
     }
 
 
-def test_parameter_errors_are_grouped_by_emulator_effect_and_limited_for_defined_units():
+def test_parameter_errors_are_medians_by_emulator_effect_and_parameter_with_a_limit_for_certain_units():
     figures = score_on_rig(
         make_single_result("noise", "noise", parameters=(make_parameter(1.1), make_parameter(0.7))),
         make_single_result(
@@ -204,7 +214,7 @@ def test_parameter_errors_are_grouped_by_emulator_effect_and_limited_for_defined
     assert figures["others"] == pytest.approx(0.75)
 
 
-def test_coverage_refers_to_parameters_with_an_interval():
+def test_coverage_is_the_share_of_true_parameters_within_their_interval_without_parameters_lacking_one():
     rows = (
         make_parameter(1.0, low=0.9, high=1.1),
         make_parameter(2.0, low=1.5, high=2.5),
@@ -215,7 +225,7 @@ def test_coverage_refers_to_parameters_with_an_interval():
     assert (figures["right"], figures["of"]) == (2, 3)
 
 
-def test_the_error_of_the_shrink_is_in_percentage_points():
+def test_error_of_the_shrink_is_in_percentage_points():
     figures = score_on_rig(
         make_single_result("noise", "noise", shrink=(0.80, 0.74)),
         make_single_result("noise", "noise", shrink=(0.5, 0.52)),
@@ -244,7 +254,7 @@ def test_reference_diagnosers_and_exchanged_simulations_are_scored():
     assert figures["shuffled_says_unknown_or_no_gap"]["right"] == 2
 
 
-def test_the_whole_hand_is_scored_separately():
+def test_whole_hand_is_scored_separately():
     figures = score(
         [make_single_result("noise", "noise"), make_result(make_world(1, "single", "noise", hand="allegro"), "latency")]
     )
@@ -254,6 +264,7 @@ def test_the_whole_hand_is_scored_separately():
 
 
 def compute_full_score() -> dict:
+    """Compute the score of six worlds of different kinds, one of them without a report."""
     shrink, landlock = (0.8, 0.7), "landlock and audit hook"
     parameters = (make_parameter(1.0, low=0.9, high=1.1),)
     seeds = (ReportedVerdict("no_gap", ()),) * 9
@@ -269,7 +280,7 @@ def compute_full_score() -> dict:
     ])  # fmt: skip
 
 
-def test_the_sheet_marks_met_and_missed_limits():
+def test_sheet_marks_met_and_missed_limits():
     text = score_sheet(compute_full_score(), "Made by `taxel gap blind --worlds 6`.")
     rows = {line.split(" | ")[0].removeprefix("| "): line for line in text.splitlines() if line.startswith("| ")}
     assert rows["single effect named first"] == (
@@ -283,7 +294,7 @@ def test_the_sheet_marks_met_and_missed_limits():
 
 
 @pytest.mark.parametrize(("right", "of", "mark"), [(8, 8, ""), (7, 8, ""), (10, 10, "**missed**"), (9, 10, "met")])
-def test_the_coverage_of_few_intervals_is_not_judged(right, of, mark):
+def test_coverage_is_compared_with_its_limit_from_ten_intervals_on(right, of, mark):
     figures = compute_full_score()
     coverage = figures["rig4"]["coverage"]
     figures["rig4"]["coverage"] = {**coverage, "right": right, "of": of, "share": right / of, "ci95": (0.5, 1.0)}
@@ -291,7 +302,7 @@ def test_the_coverage_of_few_intervals_is_not_judged(right, of, mark):
     assert line.split("|")[-2].strip() == mark
 
 
-def test_the_sheet_states_command_isolation_and_errors():
+def test_sheet_states_command_isolation_and_errors():
     text = score_sheet(compute_full_score(), "Made by `taxel gap blind --worlds 6`.")
     assert text.startswith("# Blind check: score sheet\n\nMade by `taxel gap blind --worlds 6`.\n")
     assert "landlock and audit hook, 4 worlds; audit hook, 1 worlds" in text
@@ -306,7 +317,7 @@ def test_every_line_of_a_table_has_the_same_number_of_columns():
         assert len({line.count("|") for line in table.splitlines()}) == 1, table
 
 
-def test_a_sheet_without_worlds_has_no_missing_values():
+def test_sheet_without_worlds_contains_neither_missed_limits_nor_nan_nor_none():
     text = score_sheet(score([]), "")
     assert "missed" not in text
     assert "nan" not in text

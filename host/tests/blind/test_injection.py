@@ -1,8 +1,6 @@
-"""Injected causes: every form changes the signal by its strength, and a world has the wanted gap."""
+"""Injected causes: every form changes the signal according to its strength, and a world has the required gap."""
 
 from __future__ import annotations
-
-import shutil
 
 import h5py
 import numpy as np
@@ -14,14 +12,17 @@ from taxel.blind.hidden import UNKNOWN
 from taxel.blind.injection.forms import INJECTED_FORMS
 from taxel.blind.injection.inject import inject_causes
 from taxel.blind.injection.skin_counts import GraspSignal, SkinTable
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS
+from taxel.gap.features.metric import measure_gap
 from taxel.recording.grasp_format import Phase
 
 SIDE, FRAMES, SEED = 5, 120, 7
 
 
 def make_skin() -> SkinTable:
-    """Two flat boards of 5 x 5 taxels."""
+    """Make the table of two flat boards of 5 x 5 taxels, both at the same position in their bracket frames."""
     number = np.arange(2 * SIDE * SIDE)
     tx, rx = (number % (SIDE * SIDE)) // SIDE, number % SIDE
     position = np.column_stack([0.005 * tx, 0.005 * rx, np.zeros(len(number))])
@@ -29,7 +30,7 @@ def make_skin() -> SkinTable:
 
 
 def make_grasp(skin: SkinTable) -> GraspSignal:
-    """A contact in the middle of the first board, and a light one on the second."""
+    """Make a grasp of 6 s with a contact in the middle of the boards: baseline, closing, hold, release, recovery."""
     centre = np.exp(-np.sum((skin.position - skin.position[12]) ** 2, axis=1) / 0.006**2)
     time = 0.05 * np.arange(FRAMES)
     level = np.clip((time - 2.0) / 0.5, 0.0, 1.0) - np.clip((time - 4.5) / 0.5, 0.0, 1.0)
@@ -40,53 +41,91 @@ def make_grasp(skin: SkinTable) -> GraspSignal:
 
 
 @pytest.mark.parametrize("form", INJECTED_FORMS, ids=lambda form: f"{form.name}-{form.form}")
-def test_a_form_changes_nothing_at_strength_0_and_more_with_the_strength(form):
+def get_form_id(form) -> str:
+    return f"{form.name}-{form.form}"
+
+
+def compute_change(form, strength: float) -> np.ndarray:
+    """Return the change of the signal by a form at a strength, f64[T, n], counts."""
     print("seed", SEED)
     skin = make_skin()
     inject = form.sample(skin, np.random.default_rng(SEED))
-    plain = make_grasp(skin).signal
-    none, some, much = (inject(make_grasp(skin), strength) - plain for strength in (0.0, 0.3, 1.0))
+    return inject(make_grasp(skin), strength) - make_grasp(skin).signal
+
+
+@pytest.mark.parametrize("form", INJECTED_FORMS, ids=get_form_id)
+def test_form_changes_the_signal_by_less_than_2_counts_at_strength_0_and_more_with_the_strength(form):
+    none, some, much = (compute_change(form, strength) for strength in (0.0, 0.3, 1.0))
     assert np.abs(none).max() < 2.0
     assert np.isfinite(much).all()
     assert 0.0 < np.sqrt(np.mean(some**2)) <= 1.05 * np.sqrt(np.mean(much**2))
-    rest = make_grasp(skin).phase == Phase.BASELINE
-    if form.name in ("gain_mismatch", "stiffness", "saturation", "contact_propagation", "electrode_crosstalk"):
-        assert np.abs(much[rest]).max() < 2.0
 
 
-def test_forms_have_names_of_the_catalogue_or_are_unknown():
+NEEDS_CONTACT = ("gain_mismatch", "stiffness", "saturation", "contact_propagation", "electrode_crosstalk")
+"""Effects that only change the signals of a contact."""
+
+
+@pytest.mark.parametrize("form", [form for form in INJECTED_FORMS if form.name in NEEDS_CONTACT], ids=get_form_id)
+def test_form_of_an_effect_that_needs_contact_leaves_the_baseline_phase_unchanged(form):
+    is_baseline = make_grasp(make_skin()).phase == Phase.BASELINE
+    assert np.abs(compute_change(form, 1.0)[is_baseline]).max() < 2.0
+
+
+def test_forms_cover_all_effects_but_pose_error_and_nonlinearity_and_causes_outside_the_catalogue():
     assert {form.name for form in INJECTED_FORMS} == {*set(OWN_EFFECTS) - {"pose_error", "nonlinearity"}, UNKNOWN}
+
+
+def test_pairs_of_effect_and_form_are_unique():
     labels = [(form.name, form.form) for form in INJECTED_FORMS]
     assert len(set(labels)) == len(labels)
 
 
-def test_injected_worlds_share_bases_and_have_the_sampled_causes():
+def test_six_injected_worlds_share_a_base():
     worlds = sample_benchmark(60, 3, [INJECTED])
     assert len({world.source[0] for world in worlds}) == 10
-    for world in worlds:
+
+
+def test_injected_worlds_have_a_form_and_a_gap_for_each_hidden_cause():
+    for world in sample_benchmark(60, 3, [INJECTED]):
         assert [label.split(":")[0] for label in world.forms] == list(world.truth)
         assert len(world.floors) == len(world.truth)
         assert (world.kind == "none") == (not world.truth)
 
 
-@pytest.mark.slow
-def test_an_injected_cause_has_the_wanted_gap_and_a_base_is_made_once(tmp_path):
-    base = BasePair(INDENTATION, 5)
-    real, sim = base.provide(tmp_path / "bases")
-    times = [path.stat().st_mtime_ns for path in (real, sim)]
-    assert [path.stat().st_mtime_ns for path in base.provide(tmp_path / "bases")] == times
-    (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
-    (strength,) = inject_causes(real, sim, tmp_path / "real.h5", [form], [3.0], 1)
-    assert strength > 0.0
-    from taxel.gap.data.pair import read_pair
-    from taxel.gap.data.prepare import prepare_pair
-    from taxel.gap.features.metric import measure_gap
+BASE = BasePair(INDENTATION, 5)
 
+
+@pytest.fixture(scope="module")
+def bases(tmp_path_factory):
+    """Folder that contains the datasets of `BASE`."""
+    folder = tmp_path_factory.mktemp("bases")
+    BASE.provide(folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_existing_base_is_not_made_again(bases):
+    times = [path.stat().st_mtime_ns for path in BASE.provide(bases)]
+    assert [path.stat().st_mtime_ns for path in BASE.provide(bases)] == times
+
+
+@pytest.mark.slow
+def test_injected_cause_of_3_floors_gives_a_gap_of_about_3_3_floors(bases, tmp_path):
+    """The base pair itself has a gap of about one floor, which increases the gap of the cause, 3 floors."""
+    real, sim = BASE.provide(bases)
+    (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
+    inject_causes(real, sim, tmp_path / "real.h5", [form], floors=[3.0], seed=1)
     fit_data = prepare_pair(read_pair(tmp_path / "real.h5", sim))
     gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
     assert gap.gap.value / gap.floor == pytest.approx(3.3, rel=0.3)
-    shutil.copy(tmp_path / "real.h5", tmp_path / "again.h5")
-    inject_causes(real, sim, tmp_path / "again.h5", [form], [3.0], 1)
-    with h5py.File(tmp_path / "real.h5") as first, h5py.File(tmp_path / "again.h5") as second:
+
+
+@pytest.mark.slow
+def test_injection_is_determined_by_its_seed(bases, tmp_path):
+    real, sim = BASE.provide(bases)
+    (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
+    for name in ("first.h5", "second.h5"):
+        inject_causes(real, sim, tmp_path / name, [form], floors=[3.0], seed=1)
+    with h5py.File(tmp_path / "first.h5") as first, h5py.File(tmp_path / "second.h5") as second:
         for name in first["grasps"]:
             assert np.array_equal(first["grasps"][name]["raw_counts"][...], second["grasps"][name]["raw_counts"][...])

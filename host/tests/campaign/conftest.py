@@ -21,13 +21,13 @@ def timeline() -> Timeline:
 
 @pytest.fixture(scope="session")
 def plan() -> tuple[PlannedGrasp, ...]:
-    """One grasp of the cylinder in each of two sessions."""
+    """Return two grasps of the cylinder: the first one, other than from the top, in each of the sessions 0 and 1."""
     grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder" and planned.approach != "top"]
     return tuple(next(planned for planned in grasps if planned.session == session) for session in (0, 1))
 
 
 @pytest.fixture(scope="session")
 def two_of_one_session() -> tuple[PlannedGrasp, ...]:
-    """The first two grasps of the cylinder in session 0."""
+    """Return the first two grasps of the cylinder in session 0."""
     grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder" and planned.session == 0]
     return tuple(grasps[:2])

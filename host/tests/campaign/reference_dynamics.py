@@ -45,8 +45,8 @@ from taxel.types import FloatArray
 class ReferenceObject:
     """Pose, inertia and support of a free object. Coordinates: motion of the centre of mass and rotation, world.
 
-    The points of the object that touch the stand are its vertices. Each vertex is a spring across the plane, sticks
-    to the plane, and slides where the force along the plane exceeds the friction coefficient times the force across.
+    The object touches the stand with its vertices. Each vertex is a spring normal to the plane of the stand. It sticks
+    to the plane, and slides where the force along the plane exceeds the friction coefficient times the normal force.
 
     Attributes:
         pose: f64[4, 4], object frame in the world.
@@ -65,13 +65,19 @@ class ReferenceObject:
         self._steadied_pose, self._steadying = pose.copy(), 1.0
 
     def steady(self, firmness: float) -> None:
-        """Set how firmly the experimenter steadies the object, 0 to 1; a new hold is at the present pose."""
+        """Set how firmly the experimenter's hand steadies the object, 0 (not at all) to 1.
+
+        If the value rises from 0, the experimenter holds the object at its present pose from now on.
+        """
         if self._steadying == 0.0 and firmness > 0.0:
             self._steadied_pose = self.pose.copy()
         self._steadying = firmness
 
     def compute_steadying(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Force f64[6] of the experimenter's hand (N, Nm about the centre of mass), stiffness and damping f64[6]."""
+        """Compute the load of the experimenter's hand on the object, and its stiffness and its damping, each f64[6].
+
+        The load is a force in N and a moment in Nm about the centre of mass; stiffness and damping are per coordinate.
+        """
         firmness = self._steadying
         motion = np.zeros(6)
         if firmness == 0.0:
@@ -89,15 +95,16 @@ class ReferenceObject:
         return np.asarray(self.pose[:3, :3] @ self._centre + self.pose[:3, 3])
 
     def compute_mass_matrix(self) -> FloatArray:
-        """Mass matrix f64[6, 6] for the velocity of the centre of mass and the angular velocity, world."""
+        """Compute the mass matrix f64[6, 6] for the velocity of the centre of mass and the angular velocity, world."""
         matrix = np.diag(np.repeat([self._mass_kg, 0.0], 3))
         matrix[3:, 3:] = self.pose[:3, :3] @ self._inertia @ self.pose[:3, :3].T
         return matrix
 
     def compute_support(self) -> tuple[FloatArray, FloatArray]:
-        """Weight and force of the stand, f64[6] (N, Nm about the centre of mass), and its stiffness f64[6, 6].
+        """Compute the load of weight and stand on the object, f64[6], and the stand's stiffness f64[6, 6].
 
-        The points where the object sticks to the stand follow. Call it once per time step.
+        The load is a force in N and a moment in Nm about the centre of mass. The call also moves the points at which
+        sliding vertices stick to the stand, so call it once per time step.
         """
         load, stiffness = np.zeros(6), np.zeros((6, 6))
         load[2] = -self._mass_kg * GRAVITY_M_PER_S2
@@ -154,7 +161,7 @@ class ReferenceHand:
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
-        """Create the dynamics of a hand at rest; arguments as for the class. Earlier contacts are forgotten."""
+        """Create the dynamics of a hand at rest; arguments as for the class. Clears the contact solver's contacts."""
         self._kinematics = Kinematics(robot, hand)
         self._contact, self._index, self._item = contact, object_index, item
         self._wrist, self._wrist_before = wrist_pose, wrist_pose
@@ -179,7 +186,7 @@ class ReferenceHand:
         return self._velocity[: self._joints].copy()
 
     def object_pose(self) -> FloatArray:
-        """Pose f64[4, 4] of the object in the world."""
+        """Return the pose f64[4, 4] of the object in the world."""
         return self._item.pose.copy()
 
     def bracket_poses(self) -> FloatArray:
@@ -187,11 +194,11 @@ class ReferenceHand:
         return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._angles))
 
     def hold_wrist(self, pose: FloatArray) -> None:
-        """Set the pose of the wrist, f64[4, 4], in world coordinates; it moves there during the next step."""
+        """Set the pose of the wrist, f64[4, 4], world. The wrist moves to it at constant speed during the next step."""
         self._wrist_before, self._wrist = self._wrist, pose
 
     def steady_object(self, firmness: float) -> None:
-        """Set how firmly the experimenter steadies the object, 0 to 1."""
+        """Set how firmly the experimenter's hand steadies the object, 0 (not at all) to 1."""
         self._item.steady(firmness)
 
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
@@ -212,7 +219,7 @@ class ReferenceHand:
         """Integrate over one implicit Euler step with the contact forces of the skin; return its duration, seconds.
 
         The new velocity v solves (mass / dt + damping + dt stiffness) v = mass v_old / dt + force. torque_nm: motor
-        torques f64[j]. longest: longest duration. wrist_speed: f64[3], m/s, world.
+        torques f64[j]. longest: longest permitted duration, seconds. wrist_speed: f64[3], m/s, world.
         """
         joints = self._joints
         links = self._wrist @ self._kinematics.compute_link_poses(self._angles)
@@ -220,7 +227,7 @@ class ReferenceHand:
         load = self._contact.compute_load(self._index, self._item.pose, brackets, advance=True)
         self.touched_count = load.touched_board_count
         true = brackets @ self._offsets
-        jacobian = self._jacobian(links, true)
+        jacobian = self._compute_jacobian(links, true)
         dt = self._choose_duration(load, jacobian, true, longest, wrist_speed)
         weight, support = self._item.compute_support()
         steadying, rate, damping = self._item.compute_steadying()
@@ -252,9 +259,10 @@ class ReferenceHand:
         shift: FloatArray,
         force: FloatArray,
     ) -> None:
-        """Add the change of the contact forces by the motion of the wrist in this time step to `force`, in place.
+        """Add to `force`, in place, the change of the contact forces that the wrist's motion in this step causes.
 
-        true: actual poses of the brackets. loaded: boards in contact. flat: their Jacobian. shift: f64[3], metres.
+        true: actual poses f64[s, 4, 4] of the brackets. loaded: indices of the boards in contact. flat: rows of the
+        Jacobian for these boards. shift: motion of the wrist f64[3], metres.
         """
         motion = np.zeros((len(loaded), 6))
         motion[:, :3] = np.einsum("sji,j->si", true[loaded, :3, :3], shift)
@@ -263,9 +271,10 @@ class ReferenceHand:
     def _choose_duration(
         self, load: ContactLoad, jacobian: FloatArray, true: FloatArray, longest: float, wrist_speed: FloatArray
     ) -> float:
-        """Choose the duration of the next time step, so that no board near the object moves too far.
+        """Choose the duration of the next time step, seconds, so that no board near the object moves too far.
 
-        load: of the contact. jacobian, true: of all brackets. longest: remaining time, seconds.
+        load: load of the contact. jacobian, true: Jacobian and actual poses of all brackets. longest: remaining time,
+        seconds. wrist_speed: f64[3], m/s, world.
         """
         motion = jacobian @ self._velocity
         separates = np.einsum("si,si->s", load.wrench, motion) > 0.0
@@ -277,7 +286,10 @@ class ReferenceHand:
         return float(longest / np.ceil(longest / max(limit, MIN_SUBSTEP_S) - 1e-9))
 
     def _resist_joints(self) -> tuple[FloatArray, FloatArray]:
-        """Torque f64[j] of dry friction and of the stops of the joints, and its stiffness f64[j], Nm and Nm/rad."""
+        """Compute the torque f64[j] of dry friction and joint stops, Nm, and its stiffness f64[j], Nm/rad.
+
+        The call also moves the rest angles of the friction springs, so call it once per time step.
+        """
         rate = JOINT_FRICTION_NM / JOINT_BREAKAWAY_RAD
         bend = (self._angles - self._rest_angles).clip(-JOINT_BREAKAWAY_RAD, JOINT_BREAKAWAY_RAD)
         self._rest_angles = self._angles - bend
@@ -288,7 +300,7 @@ class ReferenceHand:
         torque = -rate * bend - stop * beyond - np.where(beyond * speed > 0.0, JOINT_STOP_NM_S_PER_RAD * speed, 0.0)
         return torque, np.where(slides, 0.0, rate) + stop
 
-    def _jacobian(self, links: FloatArray, brackets: FloatArray) -> FloatArray:
+    def _compute_jacobian(self, links: FloatArray, brackets: FloatArray) -> FloatArray:
         """Compute the Jacobian f64[s, 6, j + 6] of the motion of the brackets relative to the object, bracket frames.
 
         Rows: translation, then rotation of a bracket. Columns: speeds of the j joints, then the velocity and the

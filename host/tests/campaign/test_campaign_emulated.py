@@ -39,10 +39,11 @@ run_emulated(sys.argv[1], {plan}, EmulatedSettings(timeline={timeline}), jobs=1,
 
 
 def read_content(path) -> dict[str, object]:
-    """All datasets and attributes of a file except the creation time."""
+    """Read the datasets and attributes of a file, by name, without the creation time and the content of strings."""
     items: dict[str, object] = {}
 
     def visit(name: str, item) -> None:
+        """Add the attributes and the values of one item of the file to `items`."""
         items.update({f"{name}@{key}": str(value) for key, value in item.attrs.items() if key != "created"})
         if isinstance(item, h5py.Dataset):
             items[name] = (item.dtype.str, item.shape, np.asarray(item[()]).tobytes() if item.dtype.kind != "O" else 0)
@@ -60,13 +61,13 @@ def settings(timeline):
 
 @pytest.fixture(scope="module")
 def complete_campaign(setup, plan, settings, tmp_path_factory):
-    """(the dataset of both sessions, made in one process; the reported progress)."""
+    """Run a campaign of both sessions in one process; return the path of its dataset and the reported progress."""
     path, progress = tmp_path_factory.mktemp("complete") / "real.h5", []
     run_emulated(path, plan, settings, setup, jobs=1, progress=lambda *counts: progress.append(counts))
     return path, progress
 
 
-def test_the_file_is_a_real_dataset_of_the_plan(complete_campaign, plan, setup):
+def test_the_file_is_a_real_dataset_of_the_plan_and_progress_is_reported(complete_campaign, plan, setup):
     path, progress = complete_campaign
     with GraspDataset(path) as data:
         data.check()
@@ -86,7 +87,7 @@ def test_only_the_grasped_object_has_contact_points(complete_campaign):
 
 
 @pytest.mark.slow
-def test_one_and_two_processes_make_the_same_content(complete_campaign, plan, settings, tmp_path):
+def test_one_and_two_processes_make_files_with_the_same_content(complete_campaign, plan, settings, tmp_path):
     run_emulated(tmp_path / "real.h5", plan, settings, jobs=2)
     assert read_content(tmp_path / "real.h5") == read_content(complete_campaign[0])
 
@@ -115,7 +116,7 @@ def test_a_killed_campaign_leaves_a_valid_file_and_resumes_to_the_same_content(
 
 
 def format_plan(plan) -> str:
-    """Python source of the grasps of a plan."""
+    """Format the grasps of a plan as Python source."""
     return "".join(
         f"PlannedGrasp({item.id!r}, {item.object!r}, {item.approach!r}, {item.iteration}, {item.session}), "
         for item in plan
@@ -152,12 +153,14 @@ def _fail_on_progress(done: int, total: int) -> None:
 
 
 def kill_process(setup, part: int, settings: float) -> int:
+    """Kill the worker process at part 1; return any other part."""
     if part == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     return part
 
 
 def touch_file(setup, part: int, folder: str) -> int:
+    """Create a file with the number of the part as its name, so that the test can count the processed parts."""
     time.sleep(0.02)
     Path(folder, str(part)).touch()
     return part
@@ -167,7 +170,7 @@ def raise_error(setup, part: int, settings: None) -> int:
     raise TaxelError(f"part {part}")
 
 
-def test_a_killed_worker_process_raises_an_error_of_one_line(setup):
+def test_a_killed_worker_process_raises_an_error_with_a_one_line_message(setup):
     with pytest.raises(ProcessLostError, match="continue with resume") as caught:
         list(map_in_processes(kill_process, setup, [0, 1, 2, 3], 0.0, 2))
     assert "\n" not in str(caught.value)
@@ -180,7 +183,7 @@ def test_an_error_in_a_worker_process_is_raised_in_the_caller(setup):
 
 @pytest.mark.slow
 def test_results_are_ordered_and_closing_the_iterator_cancels_the_remaining_parts(setup, tmp_path):
-    parts = map_in_processes(touch_file, setup, range(500), str(tmp_path), 2)
-    assert [next(parts) for _ in range(3)] == [0, 1, 2]
-    parts.close()
+    results = map_in_processes(touch_file, setup, range(500), str(tmp_path), 2)
+    assert [next(results) for _ in range(3)] == [0, 1, 2]
+    results.close()
     assert len(list(tmp_path.iterdir())) < 100

@@ -24,13 +24,14 @@ NM_PER_COUNT = MAX_TORQUE_NM / FULL_PWM
 CHANNELS = itertools.count()
 BRIEF = Timeline(baseline_s=0.1, closing_s=0.1, hold_s=0.1, release_s=0.1, recovery_s=0.0)
 FULL_TORQUE = Timeline(baseline_s=0.4, closing_s=1.0, hold_s=0.5, release_s=0.4, recovery_s=0.2)
-"""Closing and hold are as long as all fingers need to reach their planned torques."""
+"""Timeline whose closing and hold phases are long enough for all fingers to reach their planned torques."""
 
 
 class RecordingDynamics:
     """Joint dynamics that record the torque, the angles and the end time (seconds) of each step."""
 
     def __init__(self, inner) -> None:
+        """Wrap the dynamics `inner`, which compute the motion."""
         self._inner = inner
         self.torques: list[np.ndarray] = []
         self.angle_log: list[np.ndarray] = []
@@ -40,12 +41,16 @@ class RecordingDynamics:
         return getattr(self._inner, name)
 
     def select_steps(self, begin_s: float, log: JointLog) -> slice:
-        """Steps in the period that begins at `begin_s` of the grasp; the last step ends the last period of the log."""
+        """Select the recorded steps in the control period that begins `begin_s` seconds after the grasp's start.
+
+        log: joint angles of the grasp; the last recorded step ends together with the last period of this log.
+        """
         offset_s = self.ends[-1] - (log.time_s[-1] + PERIOD_S)
         ends = np.array(self.ends) - offset_s
         return slice(*np.searchsorted(ends, [begin_s + 1e-6, begin_s + PERIOD_S + 1e-6]).tolist())
 
     def step(self, torque_nm: np.ndarray, dt_s: float) -> np.ndarray:
+        """Compute the motion of one step, record it and return the joint angles."""
         self.torques.append(torque_nm.copy())
         self.ends.append((self.ends[-1] if self.ends else 0.0) + dt_s)
         self.angle_log.append(self._inner.step(torque_nm, dt_s))
@@ -56,6 +61,7 @@ class RecordingController(GraspController):
     """A controller that records its torques."""
 
     def compute_torque(self, t: float, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Compute the torques as the base class does, and append them to `commanded`."""
         torque_nm = super().compute_torque(t, angles, velocities)
         self.commanded.append(torque_nm)
         return torque_nm
@@ -73,11 +79,12 @@ def controller(setup, plan, timeline):
 
 @pytest.fixture(scope="module")
 def grasp_motion(setup, plan, timeline):
-    """(dynamics, motion, controller) of one grasp."""
+    """Simulate one grasp; return its recording dynamics, its motion and its recording controller."""
     pose, approach = setup.object_pose("cylinder"), setup.approach(plan[0])
     with SkinContact(format_scene(setup.hand, EmulatedScene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
 
         def compute_wrist_poses(times_s: np.ndarray) -> np.ndarray:
+            """Compute the planned poses of the wrist at times since the start of the grasp, seconds."""
             return np.stack(
                 [pose @ approach.compute_palm_pose_at(timeline.get_withdrawal(time)) for time in times_s.tolist()]
             )
@@ -90,7 +97,9 @@ def grasp_motion(setup, plan, timeline):
         return dynamics, simulate_grasp_motion(dynamics, controller, timeline, compute_wrist_poses), controller
 
 
-def test_the_record_starts_before_closing_and_ends_with_the_release(grasp_motion, timeline):
+def test_the_motion_is_recorded_every_three_periods_from_before_closing_to_the_end_of_the_release(
+    grasp_motion, timeline
+):
     _, motion, _ = grasp_motion
     assert motion.time_s[0] == pytest.approx(timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
     assert timeline.get_end_s(Phase.RELEASE) - motion.time_s[-1] <= (RECORD_PERIODS + 0.5) * PERIOD_S
@@ -100,7 +109,7 @@ def test_the_record_starts_before_closing_and_ends_with_the_release(grasp_motion
     assert motion.bracket_poses.shape == (count, 17, 4, 4)
 
 
-def test_encoder_angles_match_the_true_angles_within_one_count_and_one_period(grasp_motion):
+def test_encoder_angles_match_the_true_angles_within_half_a_count_and_one_period(grasp_motion):
     dynamics, motion, _ = grasp_motion
     log = motion.joints
     for time_s, angles in zip(log.time_s[1:].tolist(), log.angles[1:], strict=True):
@@ -108,7 +117,7 @@ def test_encoder_angles_match_the_true_angles_within_one_count_and_one_period(gr
         assert np.abs(true_angles - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT
 
 
-def test_torques_are_quantised_to_pwm_counts(grasp_motion):
+def test_applied_torques_differ_from_the_commanded_torques_by_at_most_half_a_pwm_count(grasp_motion):
     dynamics, motion, controller = grasp_motion
     log = motion.joints
     assert len(controller.commanded) == len(log.time_s)
@@ -117,7 +126,7 @@ def test_torques_are_quantised_to_pwm_counts(grasp_motion):
             assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)
 
 
-def test_the_end_of_the_hold_applies_the_planned_torques(grasp_motion, timeline):
+def test_the_mean_commanded_torques_at_the_end_of_the_hold_are_those_of_the_plan(grasp_motion, timeline):
     _, motion, controller = grasp_motion
     end_s = timeline.get_end_s(Phase.HOLD)
     hold = (motion.joints.time_s > end_s - 0.1) & (motion.joints.time_s < end_s)
@@ -126,37 +135,42 @@ def test_the_end_of_the_hold_applies_the_planned_torques(grasp_motion, timeline)
     assert mean == pytest.approx(controller.approach.torque[free], abs=0.05)
 
 
-def test_the_object_is_displaced_by_the_grasp(grasp_motion, setup):
+def test_the_grasp_displaces_the_object_by_less_than_50_mm(grasp_motion, setup):
     _, motion, _ = grasp_motion
     displacement_m = np.linalg.norm(motion.object_poses[:, :3, 3] - setup.object_pose("cylinder")[:3, 3], axis=1)
     assert 5e-5 < displacement_m.max() < 5e-2
 
 
-def test_a_joint_log_interpolates_and_is_constant_beyond_its_ends():
+def test_a_joint_log_interpolates_the_angles_and_is_constant_beyond_its_ends():
     log = JointLog(np.array([0.0, 1.0]), np.array([[0.0, 4.0], [1.0, 2.0]]))
     assert log.interpolate(np.array([-1.0, 0.5, 3.0])).tolist() == [[0.0, 4.0], [0.5, 3.0], [1.0, 2.0]]
 
 
 @pytest.fixture
 def free_hand() -> Iterator[tuple[VirtualAllegro, AllegroHand]]:
+    """Yield a virtual hand that moves freely, and its driver."""
     channel = f"campaign-test-{next(CHANNELS)}"
     with can.Bus(channel, "virtual") as host_bus, can.Bus(channel, "virtual") as hand_bus:
         virtual = VirtualAllegro(hand_bus, FreeJoints())
         yield virtual, AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step)
 
 
-def count_periods(virtual: VirtualAllegro, stride: int = 1):
-    """A wait function that advances the virtual hand by `stride` periods at each call and returns the period number."""
+def make_wait_for_period(virtual: VirtualAllegro, stride: int = 1):
+    """Make a function that advances the virtual hand by `stride` control periods and returns the number of the period.
+
+    A stride above 1 emulates missed periods.
+    """
     number = itertools.count(step=stride)
 
     def wait() -> int:
+        """Advance the virtual hand and return the number of the period."""
         virtual.step(stride * PERIOD_S)
         return next(number)
 
     return wait
 
 
-def test_a_fault_of_the_hand_is_raised_and_clears_the_torques(free_hand, controller):
+def test_a_fault_of_the_hand_is_raised_clears_the_torques_and_closing_switches_the_servos_off(free_hand, controller):
     virtual, hand = free_hand
 
     def on_period(time_s: float) -> None:
@@ -165,7 +179,7 @@ def test_a_fault_of_the_hand_is_raised_and_clears_the_torques(free_hand, control
 
     with hand:
         with pytest.raises(AllegroTemperatureError, match="90 C"):
-            control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
+            control_grasp(hand, controller, 0.0, 3.0, make_wait_for_period(virtual), on_period)
         virtual.step(0.001)
         assert not virtual.torque_command.any()
     virtual.step(0.001)
@@ -179,7 +193,7 @@ def test_a_hand_that_stops_responding_raises_the_error_of_the_driver(free_hand, 
         virtual.faults.is_silent = time_s > 0.5
 
     with hand, pytest.raises(AllegroSilentError, match="no pose of"):
-        control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
+        control_grasp(hand, controller, 0.0, 3.0, make_wait_for_period(virtual), on_period)
 
 
 def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
@@ -191,7 +205,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
 
     with hand:
         with pytest.raises(KeyboardInterrupt):
-            control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
+            control_grasp(hand, controller, 0.0, 3.0, make_wait_for_period(virtual), on_period)
         assert virtual.torque_command.any()
         virtual.step(0.001)
         assert not virtual.torque_command.any()
@@ -200,7 +214,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
 def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
     virtual, hand = free_hand
     with hand:
-        control_grasp(hand, controller, 0.9, 1.4, count_periods(virtual))
+        control_grasp(hand, controller, 0.9, 1.4, make_wait_for_period(virtual))
         virtual.step(0.001)
         assert not virtual.torque_command.any()
 
@@ -211,7 +225,7 @@ def test_missed_periods_do_not_lengthen_the_grasp(free_hand, setup, plan):
     times: list[float] = []
     with hand:
         start_s = virtual.time_s
-        log = control_grasp(hand, controller, 0.0, BRIEF.duration_s, count_periods(virtual, 4), times.append)
+        log = control_grasp(hand, controller, 0.0, BRIEF.duration_s, make_wait_for_period(virtual, 4), times.append)
         assert virtual.time_s - start_s == pytest.approx(BRIEF.duration_s, abs=8 * PERIOD_S)
     assert log.time_s.tolist() == times
     assert np.diff(log.time_s) == pytest.approx(4 * PERIOD_S)
@@ -223,6 +237,7 @@ def test_control_starts_when_every_finger_has_reported(free_hand, controller):
     waits: list[int] = []
 
     def wait() -> int:
+        """Return the number of the call; the hand reports no angles before the sixth call."""
         waits.append(len(waits))
         if len(waits) > 5:  # no time passes before the sixth call
             virtual.step(PERIOD_S)

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.session import _scene
+from taxel.campaign.session import _make_scene
 from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
@@ -22,7 +22,7 @@ LINES = (
 
 def test_offset_lines_move_the_scene_and_other_lines_are_effects():
     settings = EmulatedSettings(variation=NO_VARIATION, effects=LINES)
-    scene = _scene(Setup(), settings, 0)
+    scene = _make_scene(Setup(), settings, 0)
     assert settings.world_effect_lines() == [LINES[0]]
     assert scene.bracket_offsets["palm"][0, 3] == pytest.approx(0.001)
     assert scene.bracket_offsets["palm"][1, 0] == pytest.approx(np.sin(0.02))
@@ -31,13 +31,13 @@ def test_offset_lines_move_the_scene_and_other_lines_are_effects():
 
 
 @pytest.mark.parametrize("line", ["bracket_offset palm 1 2 3", "bracket_offset", "object_offset cylinder a b c d e f"])
-def test_an_offset_without_six_numbers_is_rejected_in_one_line(line):
+def test_an_offset_without_six_numbers_is_rejected(line):
     settings = EmulatedSettings(effects=(line,))
     with pytest.raises(OffsetLineError, match="six numbers"):
-        _scene(Setup(), settings, 0)
+        _make_scene(Setup(), settings, 0)
 
 
-def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose():
+def test_a_calibration_moves_only_the_calibrated_brackets_and_objects():
     planned = Setup()
     palm = planned.hand.find_board("palm")
     index = planned.hand.boards.index(palm)
@@ -49,11 +49,10 @@ def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose(
     measured = Setup(calibration=calibration)
     assert measured.object_pose("cylinder")[0, 3] == pytest.approx(0.6)
     assert np.array_equal(measured.object_pose("triangular_prism"), planned.object_pose("triangular_prism"))
-    change = measured.kinematics.compute_sensor_poses(np.zeros(22)) - planned.kinematics.compute_sensor_poses(
-        np.zeros(22)
-    )
-    assert np.linalg.norm(change[index, :3, 3]) == pytest.approx(0.0009)
-    assert np.abs(np.delete(change, index, axis=0)).max() < 1e-12
+    measured_poses, planned_poses = (each.kinematics.compute_sensor_poses(np.zeros(22)) for each in (measured, planned))
+    difference = measured_poses - planned_poses
+    assert np.linalg.norm(difference[index, :3, 3]) == pytest.approx(0.0009)
+    assert np.abs(np.delete(difference, index, axis=0)).max() < 1e-12
 
 
 def test_a_calibration_of_an_unknown_bracket_is_rejected():
@@ -61,7 +60,7 @@ def test_a_calibration_of_an_unknown_bracket_is_rejected():
         Setup(calibration=Calibration(objects={}, brackets={"elbow": make_pose_estimate([0, 0, 0], [1, 0, 0, 0])}))
 
 
-def test_the_dataset_stores_the_calibration_and_the_source_date_epoch(tmp_path, monkeypatch):
+def test_the_dataset_stores_the_calibration_and_the_source_date_epoch_and_is_reproducible(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     setup = Setup(
         calibration=Calibration(objects={"cylinder": make_pose_estimate([0.6, 0.1, 0.1], [1, 0, 0, 0])}, brackets={})

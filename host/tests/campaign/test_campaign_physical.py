@@ -31,7 +31,8 @@ CHANNELS = itertools.count()
 LONG_TIMELINE = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
 SHORT_TIMELINE = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
 SILENCE_LIMIT_S = 3.0
-"""Long limit of the driver, because a loaded machine can suspend the thread of the virtual hand."""
+"""Time without reports after which the driver raises an error; long, because a loaded machine can suspend the thread
+of the virtual hand."""
 
 
 @dataclass
@@ -45,7 +46,7 @@ class Rig:
 
 @contextmanager
 def open_rig(setup, silence_limit_s: float = SILENCE_LIMIT_S) -> Iterator[Rig]:
-    """A workstation with a virtual hand in its own thread and an emulated skin in real time."""
+    """Open a workstation with a virtual hand in its own thread, an emulated skin in real time and a simulated arm."""
     channel, stop = f"physical-test-{next(CHANNELS)}", threading.Event()
     with can.Bus(channel, "virtual") as host_bus, can.Bus(channel, "virtual") as hand_bus:
         virtual = VirtualAllegro(hand_bus, FreeJoints())
@@ -64,7 +65,7 @@ def open_rig(setup, silence_limit_s: float = SILENCE_LIMIT_S) -> Iterator[Rig]:
 
 
 def is_eventually(condition: Callable[[], bool]) -> bool:
-    """True if the condition is fulfilled within 12 s."""
+    """Return whether the condition is fulfilled within 30 s."""
     end = time.monotonic() + 10 * SILENCE_LIMIT_S
     while not condition() and time.monotonic() < end:
         time.sleep(0.005)
@@ -73,7 +74,7 @@ def is_eventually(condition: Callable[[], bool]) -> bool:
 
 @pytest.fixture(scope="module")
 def finished_campaign(setup, plan, tmp_path_factory):
-    """(file of two grasps, confirmed placements, the rig afterwards)."""
+    """Run a campaign of two grasps; yield its file, the confirmed placements and the rig, which is still open."""
     path, placements = tmp_path_factory.mktemp("physical") / "real.h5", []
     with open_rig(setup) as rig:
         run_physical(path, plan, rig.station, PhysicalSettings(LONG_TIMELINE, placements.append), setup)
@@ -91,7 +92,7 @@ def test_the_file_has_the_grasps_with_their_phases(finished_campaign, plan):
             assert grasp.timestamp[-1] - grasp.timestamp[0] < LONG_TIMELINE.duration_s
 
 
-def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished_campaign):
+def test_most_frames_of_an_untouched_skin_are_valid_with_counts_above_1000_and_ascending_times(finished_campaign):
     with GraspDataset(finished_campaign[0]) as data:
         for grasp in data:
             assert grasp.valid.mean() > 0.9
@@ -99,7 +100,7 @@ def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished_camp
             assert (np.diff(grasp.sensor_time, axis=0) >= 0).all()
 
 
-def test_joint_angles_are_those_of_the_arm_and_the_hand(finished_campaign, setup, plan):
+def test_the_arm_is_withdrawn_in_the_baseline_and_at_the_object_at_the_end_of_the_hold(finished_campaign, setup, plan):
     with GraspDataset(finished_campaign[0]) as data:
         for planned, grasp in zip(plan, data, strict=True):
             approach, object_pose = setup.approach(planned), setup.object_pose(planned.object)
@@ -108,14 +109,25 @@ def test_joint_angles_are_those_of_the_arm_and_the_hand(finished_campaign, setup
             assert np.abs(withdrawn).max() < 1e-8
             at_object = setup.wrist_poses(grasp.joint_position[grasp.phase == Phase.HOLD][-1:, :6])[0]
             assert at_object == pytest.approx(object_pose @ approach.compute_palm_pose_at(0.0), abs=1e-6)
+
+
+def test_fingers_close_in_the_hold(finished_campaign, setup, plan):
+    """The virtual hand meets no object, so every joint with a closing torque bends far."""
+    with GraspDataset(finished_campaign[0]) as data:
+        for planned, grasp in zip(plan, data, strict=True):
             closing = setup.approach(planned).torque > 0
-            hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
-            assert (hold[closing] > 0.3).all()  # without an object, the fingers close fully
+            fingers = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
+            assert (fingers[closing] > 0.3).all()
+
+
+def test_sensor_poses_are_those_of_the_mean_joint_angles_in_hold(finished_campaign, setup):
+    with GraspDataset(finished_campaign[0]) as data:
+        for grasp in data:
             mean = grasp.joint_position[grasp.phase == Phase.HOLD].mean(axis=0)
             assert grasp.sensor_pose == pytest.approx(setup.kinematics.compute_sensor_poses(mean))
 
 
-def test_the_placement_is_confirmed_before_each_session(finished_campaign, plan):
+def test_the_placement_is_confirmed_before_the_grasp_of_each_session(finished_campaign, plan):
     assert finished_campaign[1] == list(plan)
 
 
@@ -131,6 +143,10 @@ def test_a_resumed_campaign_does_not_repeat_a_grasp(finished_campaign, plan, set
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == tuple(planned.id for planned in plan)
+
+
+def test_an_existing_file_is_rejected_without_resume(finished_campaign, plan, setup):
+    path, _, rig = finished_campaign
     with pytest.raises(DatasetError):
         run_physical(path, plan, rig.station, PhysicalSettings(LONG_TIMELINE), setup)
 
@@ -159,6 +175,7 @@ def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup
         joint_angles = rig.arm.read_joint_angles
 
         def read_angles_with_fault() -> np.ndarray:
+            """Read the arm's angles; as soon as the hand has torques, one of its fingers stops responding."""
             if rig.virtual.torque_command.any():
                 rig.virtual.faults.dropped_fingers = {2}
             return joint_angles()
@@ -174,7 +191,7 @@ def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup
         assert data.ids == ()
 
 
-def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tmp_path):
+def test_a_lost_skin_ends_the_campaign_with_a_one_line_error_and_without_torques(setup, plan, tmp_path):
     with open_rig(setup) as rig:
         settings = PhysicalSettings(SHORT_TIMELINE, lambda _: rig.station.skin.link._process.kill())
         with pytest.raises(TaxelError) as caught:
@@ -183,7 +200,7 @@ def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tm
         assert is_eventually(lambda: not rig.virtual.torque_command.any())
 
 
-def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tmp_path, monkeypatch):
+def test_an_arm_that_does_not_reach_its_target_is_stopped_and_ends_the_campaign(setup, plan, tmp_path, monkeypatch):
     monkeypatch.setattr(planned_motion, "ARM_TIMEOUT_S", 0.2)
     stops = []
 
@@ -240,6 +257,7 @@ def test_a_missing_skin_leaves_the_hand_switched_off(setup, tmp_path, monkeypatc
 def test_an_infeasible_motion_is_reported_before_anything_moves(angles, shift_m, expected, plan, tmp_path):
     class ShiftedSetup(Setup):
         def object_pose(self, name: str) -> np.ndarray:
+            """Return the planned pose, shifted away from the arm."""
             pose = super().object_pose(name).copy()
             pose[0, 3] += shift_m
             return pose

@@ -13,7 +13,11 @@ PERIOD_S = 0.05
 
 
 def make_frame(address: int, cycle: int, count: int | None = None, clock_us: int | None = None) -> TaxelFrame:
-    """A frame of cycle number `cycle` before any wrap; every count of it is `count`."""
+    """Make a frame of a board. cycle: number of its poll cycle, without wraps.
+
+    count: value of all counts of the frame; None: a value that depends on cycle and board. clock_us: time of the
+    board's clock, without wraps; None: `PERIOD_S` per cycle.
+    """
     size = HAND.get_board(address).kind.taxel_count
     value = cycle % 1000 + address if count is None else count
     clock = round(cycle * PERIOD_S * 1e6) if clock_us is None else clock_us
@@ -28,18 +32,24 @@ def make_frame(address: int, cycle: int, count: int | None = None, clock_us: int
     )
 
 
-def read_board_columns(rows: PollCycles, address: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(counts of the first taxel, valid, clock) of a board."""
+def read_board_columns(grouped: PollCycles, address: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the counts of a board's first taxel, the validity and the clock of the board, for each poll cycle.
+
+    Asserts that all taxels of the board have equal counts.
+    """
     taxels, column = HAND.get_slice(address), ADDRESSES.index(address)
-    counts = rows.raw_counts[:, taxels]
+    counts = grouped.raw_counts[:, taxels]
     assert (counts == counts[:, :1]).all()
-    return counts[:, 0], rows.valid[:, column], rows.sensor_time[:, column]
+    return counts[:, 0], grouped.valid[:, column], grouped.sensor_time[:, column]
 
 
 def group_frame_by_frame(frames: list[TaxelFrame], cycles: list[int]) -> PollCycles:
-    """Reference for `group_by_poll_cycle`. cycles: the true cycle number of each frame."""
+    """Group frames by poll cycle with a simple loop, as a reference for `group_by_poll_cycle`.
+
+    cycles: the true cycle number of each frame.
+    """
     present = sorted(set(cycles))
-    rows = PollCycles(
+    grouped = PollCycles(
         np.full(len(present), np.inf),
         np.zeros((len(present), HAND.n_taxels), np.uint16),
         np.zeros((len(present), len(ADDRESSES)), bool),
@@ -55,26 +65,26 @@ def group_frame_by_frame(frames: list[TaxelFrame], cycles: list[int]) -> PollCyc
                 step_us = 0 if previous_us is None else (frame.board_time_us - previous_us) % CLOCK_MODULUS_US
                 clock = frame.board_time_us * 1e-6 if previous_us is None else clock + step_us * 1e-6
                 previous_us = frame.board_time_us
-                rows.valid[row, column] = True
-                rows.time_s[row] = min(rows.time_s[row], frame.time_s)
-            rows.raw_counts[row, HAND.get_slice(address)] = counts
-            rows.sensor_time[row, column] = clock
-    return rows
+                grouped.valid[row, column] = True
+                grouped.time_s[row] = min(grouped.time_s[row], frame.time_s)
+            grouped.raw_counts[row, HAND.get_slice(address)] = counts
+            grouped.sensor_time[row, column] = clock
+    return grouped
 
 
-def test_no_frames_give_no_rows():
-    rows = group_by_poll_cycle(HAND, [])
-    assert rows.time_s.shape == (0,)
-    assert rows.raw_counts.shape == (0, HAND.n_taxels)
-    assert rows.valid.shape == rows.sensor_time.shape == (0, len(ADDRESSES))
+def test_no_frames_give_no_poll_cycles():
+    grouped = group_by_poll_cycle(HAND, [])
+    assert grouped.time_s.shape == (0,)
+    assert grouped.raw_counts.shape == (0, HAND.n_taxels)
+    assert grouped.valid.shape == grouped.sensor_time.shape == (0, len(ADDRESSES))
 
 
-def test_a_row_is_one_cycle_and_its_time_is_that_of_the_first_scan():
-    rows = group_by_poll_cycle(HAND, [make_frame(address, cycle) for cycle in range(3) for address in ADDRESSES])
-    assert rows.valid.all()
-    assert rows.time_s == pytest.approx(np.arange(3) * PERIOD_S + min(ADDRESSES) * 1e-5)
+def test_the_frames_of_a_cycle_are_grouped_with_the_time_of_the_first_scan():
+    grouped = group_by_poll_cycle(HAND, [make_frame(address, cycle) for cycle in range(3) for address in ADDRESSES])
+    assert grouped.valid.all()
+    assert grouped.time_s == pytest.approx(np.arange(3) * PERIOD_S + min(ADDRESSES) * 1e-5)
     for address in ADDRESSES:
-        assert read_board_columns(rows, address)[0].tolist() == [address, address + 1, address + 2]
+        assert read_board_columns(grouped, address)[0].tolist() == [address, address + 1, address + 2]
 
 
 def test_a_missing_frame_repeats_the_latest_counts_and_is_not_valid():
@@ -88,22 +98,22 @@ def test_a_missing_frame_repeats_the_latest_counts_and_is_not_valid():
     assert clock == pytest.approx([0.0, 0.05, 0.05, 0.15, 0.15])
 
 
-def test_a_cycle_without_frames_gives_no_row():
-    rows = group_by_poll_cycle(HAND, [make_frame(ADDRESSES[0], cycle) for cycle in (0, 1, 4)])
-    assert len(rows.time_s) == 3
-    assert rows.valid[:, 0].all()
-    assert not rows.valid[:, 1:].any()
+def test_a_cycle_without_frames_is_omitted():
+    grouped = group_by_poll_cycle(HAND, [make_frame(ADDRESSES[0], cycle) for cycle in (0, 1, 4)])
+    assert len(grouped.time_s) == 3
+    assert grouped.valid[:, 0].all()
+    assert not grouped.valid[:, 1:].any()
 
 
-def test_rows_are_contiguous_across_a_wrap_of_the_cycle_number():
+def test_no_cycle_is_lost_when_the_cycle_number_wraps():
     first_cycle = CYCLE_MODULUS - 2
     frames = [make_frame(address, cycle) for cycle in range(first_cycle, first_cycle + 5) for address in ADDRESSES]
-    rows = group_by_poll_cycle(HAND, frames)
-    assert rows.valid.all()
-    assert np.diff(rows.time_s) == pytest.approx([PERIOD_S] * 4)
+    grouped = group_by_poll_cycle(HAND, frames)
+    assert grouped.valid.all()
+    assert np.diff(grouped.time_s) == pytest.approx([PERIOD_S] * 4)
 
 
-def test_the_first_frame_of_a_board_after_the_wrap_is_in_the_right_cycle():
+def test_a_board_whose_first_frame_arrives_after_the_wrap_is_in_the_correct_cycles():
     early_board, late_board = ADDRESSES[3], ADDRESSES[0]
     first_cycle = CYCLE_MODULUS - 2
     frames = [make_frame(early_board, cycle) for cycle in range(first_cycle, first_cycle + 6)]
@@ -121,21 +131,21 @@ def test_boards_without_a_common_cycle_keep_their_order():
     frames = [make_frame(first_board, cycle) for cycle in cycles[:5]] + [
         make_frame(second_board, cycle) for cycle in cycles[5:]
     ]
-    rows = group_by_poll_cycle(HAND, frames)
-    assert read_board_columns(rows, first_board)[1].tolist() == [True] * 5 + [False] * 5
-    assert read_board_columns(rows, second_board)[1].tolist() == [False] * 5 + [True] * 5
-    assert (np.diff(rows.time_s) > 0).all()
+    grouped = group_by_poll_cycle(HAND, frames)
+    assert read_board_columns(grouped, first_board)[1].tolist() == [True] * 5 + [False] * 5
+    assert read_board_columns(grouped, second_board)[1].tolist() == [False] * 5 + [True] * 5
+    assert (np.diff(grouped.time_s) > 0).all()
 
 
-def test_a_restarted_hub_overwrites_no_row():
+def test_frames_of_a_restarted_hub_overwrite_no_earlier_frames():
     address = ADDRESSES[0]
     frames = [make_frame(address, cycle) for cycle in range(1000, 1005)]
     frames += [make_frame(address, cycle)._replace(cycle=cycle - 1005) for cycle in range(1005, 1010)]
-    rows = group_by_poll_cycle(HAND, frames)
-    assert read_board_columns(rows, address)[0].tolist() == [frame.raw_counts[0] for frame in frames]
+    grouped = group_by_poll_cycle(HAND, frames)
+    assert read_board_columns(grouped, address)[0].tolist() == [frame.raw_counts[0] for frame in frames]
 
 
-def test_the_clock_of_a_board_wraps_and_steps_back_at_a_restart():
+def test_the_time_of_a_board_continues_across_a_wrap_and_steps_back_at_a_restart():
     address = ADDRESSES[2]
 
     def read_board_clock(clocks_us: list[int]) -> np.ndarray:
@@ -147,13 +157,13 @@ def test_the_clock_of_a_board_wraps_and_steps_back_at_a_restart():
     assert read_board_clock([9_000_000, 40_000]) == pytest.approx([9.0, 0.04])
 
 
-def test_between_selects_rows_by_time():
-    rows = group_by_poll_cycle(HAND, [make_frame(ADDRESSES[0], cycle) for cycle in range(10)])
-    selection = rows.between(rows.time_s[2], rows.time_s[5])
-    assert selection.time_s.tolist() == rows.time_s[2:5].tolist()
-    assert selection.raw_counts.tolist() == rows.raw_counts[2:5].tolist()
+def test_between_selects_poll_cycles_by_time():
+    grouped = group_by_poll_cycle(HAND, [make_frame(ADDRESSES[0], cycle) for cycle in range(10)])
+    selection = grouped.between(grouped.time_s[2], grouped.time_s[5])
+    assert selection.time_s.tolist() == grouped.time_s[2:5].tolist()
+    assert selection.raw_counts.tolist() == grouped.raw_counts[2:5].tolist()
     assert len(selection.valid) == len(selection.sensor_time) == 3
-    assert len(rows.between(100.0, 200.0).time_s) == 0
+    assert len(grouped.between(100.0, 200.0).time_s) == 0
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -169,8 +179,8 @@ def test_random_losses_agree_with_the_frame_by_frame_reference(seed):
                 clock = int(clocks[column]) + (cycle - first_cycle) * 53_000_000
                 frames.append(make_frame(address, cycle, int(rng.integers(0, 65536)), clock))
                 cycles.append(cycle)
-    rows, reference = group_by_poll_cycle(HAND, frames), group_frame_by_frame(frames, cycles)
-    assert rows.time_s.tolist() == reference.time_s.tolist()
-    assert (rows.raw_counts == reference.raw_counts).all()
-    assert (rows.valid == reference.valid).all()
-    assert rows.sensor_time == pytest.approx(reference.sensor_time)
+    grouped, reference = group_by_poll_cycle(HAND, frames), group_frame_by_frame(frames, cycles)
+    assert grouped.time_s.tolist() == reference.time_s.tolist()
+    assert (grouped.raw_counts == reference.raw_counts).all()
+    assert (grouped.valid == reference.valid).all()
+    assert grouped.sensor_time == pytest.approx(reference.sensor_time)

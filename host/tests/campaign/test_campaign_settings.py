@@ -18,7 +18,7 @@ def test_effects_are_parsed_from_a_preset_name_or_from_lines():
 
 
 @pytest.mark.parametrize("text", ["", ";", "best", "none", "noise white counts=1;spread"])
-def test_a_text_that_is_neither_preset_nor_lines_is_rejected_in_one_line(text):
+def test_a_string_that_is_neither_a_preset_nor_effect_lines_is_rejected_with_a_one_line_message(text):
     with pytest.raises(UnknownPresetError, match=r"^effects: expected thesis or lines such as .*$") as caught:
         parse_effects(text)
     assert "\n" not in str(caught.value)

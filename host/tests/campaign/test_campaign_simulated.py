@@ -1,4 +1,4 @@
-"""A campaign in the simulator: dataset, levels of sensing, and conversion of force into counts."""
+"""A campaign in the simulator: dataset, sensing levels, and conversion of force into counts."""
 
 from dataclasses import replace
 
@@ -19,10 +19,11 @@ from taxel.sim.sensor_model import SimSensor
 
 
 def read_grasps(path) -> dict[str, bytes]:
-    """Content of the grasps and of the sensor model of a file."""
+    """Read the numeric datasets of a file, and the attributes of everything below its root, by name."""
     items: dict[str, bytes] = {}
 
     def visit(name: str, item) -> None:
+        """Add the attributes and the values of one item of the file to `items`."""
         items.update({f"{name}@{key}": np.asarray(value).tobytes() for key, value in item.attrs.items() if name})
         if isinstance(item, h5py.Dataset) and item.dtype.kind != "O":
             items[name] = np.asarray(item[()]).tobytes()
@@ -39,6 +40,7 @@ def settings(timeline):
 
 @pytest.fixture(scope="module")
 def complete_file(setup, plan, settings, tmp_path_factory):
+    """Simulate the plan in one process; return the path of its dataset."""
     path = tmp_path_factory.mktemp("complete") / "sim.h5"
     run_simulated(path, plan, settings, setup, jobs=1)
     return path
@@ -53,6 +55,9 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(complete_file, plan, timeli
             assert grasp.phase.tolist() == timeline.find_phases(grasp.timestamp).tolist()
             assert grasp.valid.all()
             assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
+
+
+def test_the_grasped_cylinder_has_contact_points(complete_file):
     assert count_contact_points(complete_file)["cylinder"].points > 20
 
 
@@ -76,8 +81,8 @@ def test_counts_agree_with_the_stated_sensor_model_and_noise(complete_file):
     assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
 
 
-def test_loaded_taxels_are_indented(complete_file):
-    """Separation is measured at the centre of a taxel, force over its square: they disagree only at edges."""
+def test_taxels_with_force_are_indented_and_indented_taxels_have_force(complete_file):
+    """Separation is measured at a taxel's centre and force over its whole square: they disagree only at edges."""
     with GraspDataset(complete_file) as data:
         for grasp in data:
             assert grasp.contact_force.min() >= 0
@@ -89,7 +94,7 @@ def test_loaded_taxels_are_indented(complete_file):
             assert force[separation < 2e-4].sum() > 0.85 * force.sum()
 
 
-def test_one_and_two_processes_make_the_same_content(complete_file, plan, settings, tmp_path):
+def test_one_and_two_processes_make_files_with_the_same_content(complete_file, plan, settings, tmp_path):
     run_simulated(tmp_path / "sim.h5", plan, settings, jobs=2)
     assert read_grasps(tmp_path / "sim.h5") == read_grasps(complete_file)
 
@@ -121,7 +126,7 @@ def test_an_interrupted_campaign_leaves_a_valid_file_and_resumes_to_the_same_con
 
 
 @pytest.mark.parametrize("options", [{"resume": True}, {}])
-def test_an_existing_file_and_a_file_of_other_settings_are_rejected(options, complete_file, plan, settings, setup):
+def test_a_file_of_other_settings_is_rejected_with_and_without_resume(options, complete_file, plan, settings, setup):
     with pytest.raises(DatasetError) as caught:
         run_simulated(complete_file, plan, replace(settings, seed=2), setup, **options)
     assert "\n" not in str(caught.value)
@@ -152,12 +157,16 @@ def test_noise_depends_only_on_seed_and_grasp(setup, plan, settings):
 
 @pytest.fixture(scope="module")
 def displaced_settings(settings):
-    """The object is placed 30 mm beside its pose on each axis: one of two grasps fails in its first attempt."""
+    """Return settings that place the object 30 mm beside its pose on each axis.
+
+    With this seed, one of the two grasps fails in its first attempt.
+    """
     return replace(settings, variation=replace(NO_VARIATION, object_m=0.03), seed=8)
 
 
 @pytest.fixture(scope="module")
 def displaced_file(setup, plan, displaced_settings, tmp_path_factory):
+    """Simulate the plan with displaced objects in one process; return the path of its dataset."""
     path = tmp_path_factory.mktemp("displaced") / "sim.h5"
     run_simulated(path, plan, displaced_settings, setup, jobs=1)
     return path

@@ -19,7 +19,7 @@ def test_an_existing_file_is_rejected_resumed_or_overwritten_as_requested(setup,
     assert path.read_bytes() != content
 
 
-def test_a_file_of_another_campaign_is_rejected_in_one_line_and_unchanged(setup, tmp_path):
+def test_a_file_of_another_campaign_is_rejected_with_a_one_line_message_and_unchanged(setup, tmp_path):
     path = tmp_path / "real.h5"
     open_campaign_writer(path, "real", setup, 20.0, "settings a").close()
     content = path.read_bytes()
@@ -29,7 +29,7 @@ def test_a_file_of_another_campaign_is_rejected_in_one_line_and_unchanged(setup,
     assert path.read_bytes() == content
 
 
-def test_a_file_that_is_not_a_dataset_is_rejected(setup, tmp_path):
+def test_a_file_that_is_not_a_dataset_is_rejected_and_unchanged(setup, tmp_path):
     path = tmp_path / "real.h5"
     path.write_text("something else")
     with pytest.raises(DatasetError, match=r"real\.h5"):

@@ -23,7 +23,7 @@ TOLERANCE = 1e-10
 
 
 def make_offset(rng: np.random.Generator, metres: float, radians: float) -> np.ndarray:
-    """A random small rigid motion f64[4, 4]."""
+    """Make a random small rigid motion f64[4, 4]. metres, radians: standard deviations per axis."""
     offset = from_rotation_vector(rng.normal(scale=radians, size=3))
     offset[:3, 3] = rng.normal(scale=metres, size=3)
     return offset
@@ -31,7 +31,7 @@ def make_offset(rng: np.random.Generator, metres: float, radians: float) -> np.n
 
 @pytest.fixture(scope="module")
 def contacts(setup) -> Iterator[tuple[SkinContact, SkinContact]]:
-    """Two contacts of the same skin with the same objects, because each contact contains the state of one hand."""
+    """Yield two contact solvers of the same skin with the same objects; each one contains the state of one hand."""
     rng = np.random.default_rng(2)
     brackets = {board.name: make_offset(rng, 2e-4, 0.01) for board in setup.hand.boards}
     shapes = {name: item.shape for name, item in setup.objects.items()}
@@ -48,7 +48,7 @@ def rng(request) -> np.random.Generator:
 
 @pytest.fixture
 def random_object(rng, setup):
-    """An object and its reference in the same random pose, with the name of the object."""
+    """Return the name of a random object, and this object and its reference in the same random pose."""
     name = sorted(setup.objects)[int(rng.integers(len(setup.objects)))]
     shape, pose = setup.objects[name].shape, setup.object_pose(name) @ make_offset(rng, 1e-3, 0.02)
     item, reference = FreeObject(shape, pose), ReferenceObject(shape, pose)
@@ -57,7 +57,7 @@ def random_object(rng, setup):
     return name, item, reference
 
 
-def test_support_and_motion_of_an_object_agree(random_object, rng):
+def test_support_and_motion_of_an_object_agree_with_the_reference(random_object, rng):
     _, item, reference = random_object
     for _ in range(40):
         velocity = rng.normal(scale=[0.02, 0.02, 0.02, 0.3, 0.3, 0.3]) - [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
@@ -68,7 +68,7 @@ def test_support_and_motion_of_an_object_agree(random_object, rng):
             assert found == pytest.approx(expected, abs=1e-7 * max(1.0, np.abs(expected).max()))
 
 
-def test_the_steadying_of_an_object_agrees(random_object, rng):
+def test_the_load_of_the_steadying_hand_agrees_with_the_reference(random_object, rng):
     _, item, reference = random_object
     for firmness in (1.0, 0.4, 0.0, 0.0, 0.7, 1.0):
         velocity = rng.normal(scale=[0.5, 0.5, 0.5, 20.0, 20.0, 20.0])
@@ -79,7 +79,7 @@ def test_the_steadying_of_an_object_agrees(random_object, rng):
             assert found == pytest.approx(expected, abs=1e-9 * max(1.0, np.abs(expected).max()))
 
 
-def test_the_motion_of_a_closing_hand_agrees(random_object, rng, setup, contacts):
+def test_the_motion_of_a_closing_hand_agrees_with_the_reference(random_object, rng, setup, contacts):
     """The wrist moves, the experimenter lets go, the fingers close, and random torques disturb them."""
     name, item, reference_item = random_object
     approaches = setup.approaches_to(name)
@@ -118,7 +118,7 @@ def test_arguments_of_another_shape_are_rejected(setup, contacts):
         item.move(np.zeros(3), PERIOD_S)
 
 
-def test_a_closed_contact_is_reported(setup):
+def test_a_step_with_a_closed_contact_solver_raises_an_error(setup):
     name = next(iter(setup.objects))
     world = format_scene(setup.hand, EmulatedScene({name: setup.objects[name].shape}))
     contact = SkinContact(world)

@@ -33,16 +33,21 @@ def test_each_source_keeps_only_its_own_variation():
     assert variations["grip"] == replace(NO_VARIATION, grip=full.grip)
     assert variations["mounting"] == replace(NO_VARIATION, remount_m=full.remount_m, remount_rad=full.remount_rad)
     assert variations["finger bases"] == variations["noise"] == NO_VARIATION
+
+
+def test_all_sources_together_leave_the_settings_unchanged():
+    settings = EmulatedSettings(effects=("noise white counts=8", "spread film length_m=0.002"))
     assert isolate_source(settings, ALL) == settings
 
 
 def test_only_the_source_noise_has_noise_and_all_sources_have_the_other_effects():
-    settings = EmulatedSettings(effects=("noise white counts=8", "spread film length_m=0.002"))
+    noise, spread = "noise white counts=8", "spread film length_m=0.002"
+    settings = EmulatedSettings(effects=(noise, spread))
     for source in SOURCES:
         isolated = isolate_source(settings, source)
         has_noise = source == "noise"
         assert isolated.noise_counts == (settings.noise_counts if has_noise else 0.0)
-        assert len(isolated.effects) == (2 if has_noise else 1)
+        assert isolated.effects == ((noise, spread) if has_noise else (spread,))
 
 
 def test_one_grasp_of_each_condition_and_session_is_selected_with_equal_finger_bases():
@@ -56,7 +61,7 @@ def test_one_grasp_of_each_condition_and_session_is_selected_with_equal_finger_b
 
 
 def write_signals(path, signals: np.ndarray) -> None:
-    """A dataset with one grasp per session; signals: mean signal of all taxels in each session, counts."""
+    """Write a dataset with one grasp per session. signals: signal of all taxels in each session's hold, counts."""
     record = make_record(0)
     frames = len(record.phase)
     phase = np.repeat([0, 2], [frames // 2, frames - frames // 2]).astype(np.uint8)
@@ -83,13 +88,13 @@ def test_floors_of_sources_are_standard_errors_of_the_mean_over_sessions(tmp_pat
 
 
 def test_the_interval_of_the_floor_is_that_of_the_chi_squared_distribution():
-    """Quantiles 0.05 and 0.95 with 5 degrees of freedom: 1.145 and 11.070 (any statistical table)."""
+    """Six sessions have 5 degrees of freedom, with the quantiles 1.1455 (0.05) and 11.070 (0.95) in any table."""
     part = FloorComponents(10, {"grip": 3.0}, 10.0, (0.0, 0.0))
     pooled = pool([part], sessions=6)
     assert pooled.interval == pytest.approx((10.0 * np.sqrt(5 / 11.070), 10.0 * np.sqrt(5 / 1.1455)), rel=1e-3)
 
 
-def test_conditions_are_pooled_by_the_mean_of_their_squares():
+def test_floors_of_conditions_are_pooled_by_their_root_mean_square():
     parts = [FloorComponents(10, {"grip": 3.0}, 6.0, (0.0, 0.0)), FloorComponents(20, {"grip": 4.0}, 8.0, (0.0, 0.0))]
     pooled = pool(parts, sessions=6)
     assert pooled.taxels == 30

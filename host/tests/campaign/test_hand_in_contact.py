@@ -24,6 +24,7 @@ BRACKET_OFFSET[:3, 3] = 2e-4, -1e-4, 3e-4
 
 @pytest.fixture(scope="module")
 def contact(setup) -> Iterator[SkinContact]:
+    """Yield a contact solver of the cylinder and a skin whose brackets are all displaced."""
     brackets = {board.name: BRACKET_OFFSET for board in setup.hand.boards}
     scene = EmulatedScene({"cylinder": setup.objects["cylinder"].shape}, brackets)
     with SkinContact(format_scene(setup.hand, scene)) as skin_contact:
@@ -37,9 +38,10 @@ def approach(setup, plan):
 
 @pytest.fixture(scope="module")
 def open_hand(setup, contact, approach):
-    """Function that makes an open hand around the cylinder; with index -1 no object is present."""
+    """Return a function that makes an open hand around the cylinder."""
 
     def make(index: int = 0) -> HandInContact:
+        """Make the hand. index: number of the object that the skin can touch; -1: none."""
         pose = setup.object_pose("cylinder")
         wrist = pose @ approach.palm_pose
         item = FreeObject(setup.objects["cylinder"].shape, pose)
@@ -49,7 +51,7 @@ def open_hand(setup, contact, approach):
 
 
 def close_hand(dynamics: HandInContact, approach, seconds: float, timeline: Timeline = CLOSED) -> np.ndarray:
-    """Close and hold the hand; returns the last torque."""
+    """Control the hand for a time, seconds, in which it closes and holds; return the last torques f64[16]."""
     controller, torque = GraspController(approach, timeline), np.zeros(16)
     for tick in range(round(seconds / PERIOD_S)):
         dynamics.steady_object(timeline.get_steadying(tick * PERIOD_S))
@@ -60,12 +62,14 @@ def close_hand(dynamics: HandInContact, approach, seconds: float, timeline: Time
 
 @pytest.fixture(scope="module")
 def hand_at_rest(open_hand, approach):
+    """Return a hand that has held the cylinder long enough to come to rest, and its last torques."""
     dynamics = open_hand()
     return dynamics, close_hand(dynamics, approach, 3.5)
 
 
 @pytest.fixture(scope="module")
 def closed_hand(open_hand, approach):
+    """Return a hand that has closed around the cylinder for 1.2 s."""
     dynamics = open_hand()
     close_hand(dynamics, approach, 1.2)
     return dynamics
@@ -83,7 +87,7 @@ def test_the_hand_grasps_the_object_and_comes_to_rest(hand_at_rest, contact):
 
 
 def test_at_rest_contact_and_torques_balance_within_joint_friction(hand_at_rest, contact, setup, approach):
-    """Virtual work of the contact on all boards for a small rotation of each joint."""
+    """The contact torque about each joint is computed from the virtual work of a small rotation of this joint."""
     dynamics, torque = hand_at_rest
     kinematics = Kinematics(setup.wrist_robot, setup.hand)
     wrist = setup.object_pose("cylinder") @ approach.palm_pose
@@ -123,7 +127,7 @@ def test_the_same_torques_give_bit_identical_motion(closed_hand, open_hand, appr
 
 
 def test_halving_the_time_step_hardly_changes_the_final_forces(open_hand, approach, contact, monkeypatch):
-    """The fingers close as slowly as in a grasp: fingers that strike the object slip by chance."""
+    """The fingers close as slowly as in a grasp, because fingers that strike an object slip unpredictably."""
     forces = []
     for divisor in (1, 2):
         monkeypatch.setattr(hand_in_contact, "SUBSTEP_S", SUBSTEP_S / divisor)
@@ -148,7 +152,7 @@ def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
     assert dynamics.touched_count == 0
 
 
-def test_without_torque_and_contact_the_hand_does_not_move(open_hand, setup):
+def test_without_torque_and_contact_neither_hand_nor_object_moves(open_hand, setup):
     dynamics = open_hand(-1)
     initial_angles = dynamics.angles
     dynamics.step(np.zeros(16), 0.3)
@@ -161,7 +165,7 @@ def test_an_object_that_nothing_touches_stands_still_without_a_hand_that_steadie
     away = setup.object_pose("cylinder").copy()
     away[2, 3] += 1.0
     dynamics.hold_wrist(away)
-    dynamics.hold_wrist(away)
+    dynamics.hold_wrist(away)  # twice, so that the wrist does not move there during the first step
     dynamics.steady_object(0.0)
     for _ in range(100):
         dynamics.step(np.zeros(16), PERIOD_S)

@@ -11,16 +11,18 @@ from taxel.campaign.session import LEAD_IN_S
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 
-TIMELINE = Timeline(0.6, 0.8, 0.5, 0.5, 0.4)
+TIMELINE = Timeline(baseline_s=0.6, closing_s=0.8, hold_s=0.5, release_s=0.5, recovery_s=0.4)
 SLEEVE = 0x53
+"""Address of the board "sleeve" of the rig."""
 FREE_CLOSING_S = 0.22
-"""Part of the closing phase in which the object certainly does not touch the skin."""
+"""Time from the start of the closing phase in which the object certainly does not touch the skin."""
 
 
 class Counts(NamedTuple):
-    """Results of one session.
+    """Counts of one session of I indentations on n taxels.
 
-    hold, recovery: mean signal f64[indentations, taxels] in these phases. baseline: mean raw counts, same shape.
+    hold, recovery: mean signal f64[I, n] in these phases: baseline minus raw counts. baseline: mean raw counts f64[I,
+    n] in the baseline. records: dataset records of the indentations.
     """
 
     hold: np.ndarray
@@ -40,6 +42,7 @@ def plan(hand):
 
 
 def run_session_with(plan, *effects: str) -> Counts:
+    """Run one session of the plan without noise on an emulated skin with the given effects."""
     settings = indentation_settings(plan.hand, effects=effects, noise_counts=0.0)
     records = run_indentation_session(plan.setup, plan.indentations, EmulatedCampaign(plan, settings))
     baseline, hold, recovery = (
@@ -51,16 +54,19 @@ def run_session_with(plan, *effects: str) -> Counts:
 
 @pytest.fixture(scope="module")
 def ideal(plan) -> Counts:
+    """Return the counts of a skin without effects."""
     return run_session_with(plan)
 
 
 @pytest.fixture(scope="module")
 def loaded(ideal):
+    """Return which taxels have a clear signal in each indentation of a skin without effects, bool[I, n]."""
     return ideal.hold > 100.0
 
 
 @pytest.fixture(scope="module")
 def unloaded(ideal):
+    """Return which taxels have practically no signal in each indentation of a skin without effects, bool[I, n]."""
     return ideal.hold < 2.0
 
 
@@ -79,7 +85,7 @@ def test_spread_gives_a_signal_on_unloaded_taxels(plan, unloaded):
     assert run_session_with(plan, "spread film length_m=0.005").hold[unloaded].max() > 50.0
 
 
-def test_coupling_changes_the_counts_of_unloaded_taxels(plan, ideal, unloaded):
+def test_coupling_changes_the_signal_of_unloaded_taxels_and_the_baseline(plan, ideal, unloaded):
     result = run_session_with(plan, "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800")
     assert compute_rms(result.hold[unloaded] - ideal.hold[unloaded]) > 0.5
     assert compute_rms(result.baseline - ideal.baseline) > 5.0
@@ -112,19 +118,20 @@ def test_a_delay_shifts_the_signal_in_time_but_keeps_its_level(plan, ideal, load
         assert onset_s[1] - onset_s[0] == pytest.approx(0.15, abs=0.08)
 
 
-def test_frames_of_a_board_that_stopped_responding_are_not_valid(plan):
-    result = run_session_with(plan, f"silent from board=0x{SLEEVE:02X} seconds={LEAD_IN_S + TIMELINE.duration_s + 0.5}")
+def test_frames_of_a_board_that_stopped_responding_are_invalid(plan):
+    in_second_indentation_s = LEAD_IN_S + TIMELINE.duration_s + 0.5
+    result = run_session_with(plan, f"silent from board=0x{SLEEVE:02X} seconds={in_second_indentation_s}")
     valid = [record.valid.all(axis=0).tolist() for record in result.records]
     assert valid[0] == [True] * 4
     assert all(boards == [True, True, True, False] for boards in valid[2:])
 
 
-def test_drift_changes_the_baseline_between_indentations(plan, ideal):
+def test_drift_moves_the_baseline_further_in_each_indentation(plan, ideal):
     baseline = run_session_with(plan, "drift warm_up counts=300 seconds=20").baseline
     assert (np.diff(np.abs(baseline - ideal.baseline).mean(axis=1)) > 1.0).all()
 
 
-def test_saturation_clips_the_signal(plan, ideal, loaded):
+def test_saturation_clips_large_signals_and_leaves_small_ones_unchanged(plan, ideal, loaded):
     result = run_session_with(plan, "saturation clip counts=300")
     assert ideal.hold.max() > 600.0 > 302.0 > result.hold.max()
     is_unclipped = loaded & (ideal.hold < 250.0)
@@ -137,11 +144,11 @@ def test_proximity_changes_the_counts_before_contact(plan, ideal):
     for index, record in enumerate(result.records):
         free_end_s = ideal.records[index].timestamp[0] + TIMELINE.baseline_s + FREE_CLOSING_S
         is_before_contact = (record.phase == Phase.CLOSING) & (record.timestamp < free_end_s)
-        change = np.abs(record.raw_counts[is_before_contact].astype(float) - result.baseline[index]).max()
-        assert change > 20.0
+        counts = record.raw_counts[is_before_contact].astype(float)
+        assert np.abs(counts - result.baseline[index]).max() > 20.0
 
 
-def test_an_open_line_has_no_signal(plan, hand, ideal):
+def test_an_open_line_has_no_signal_and_leaves_the_other_boards_unchanged(plan, hand, ideal):
     result = run_session_with(plan, f"line open board=0x{SLEEVE:02X} axis=0 index=2")
     line = (hand.sensor == SLEEVE) & (hand.tx == 2)
     assert ideal.hold[:, line].max() > 100.0 > 10.0 > result.hold[:, line].max()
@@ -156,7 +163,7 @@ def test_a_displaced_bracket_changes_only_the_indentations_of_its_board(plan, ha
     assert result.hold[~is_on_sleeve] == pytest.approx(ideal.hold[~is_on_sleeve], abs=2.0)
 
 
-def test_a_displaced_object_changes_only_its_own_indentations(plan, ideal):
+def test_a_displaced_object_changes_only_the_indentations_with_this_object(plan, ideal):
     name = plan.indentations[0].approach.object
     result = run_session_with(plan, f"object_offset {name} 0.001 0.001 0 0.02 0.02 0")
     is_displaced = np.array([indentation.approach.object == name for indentation in plan.indentations])

@@ -29,6 +29,7 @@ def plan(hand):
 
 @pytest.fixture(scope="module")
 def contact(hand, plan):
+    """Yield a contact solver of the emulated skin without variation."""
     with SkinContact(
         format_session_world(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)
     ) as skin_contact:
@@ -36,6 +37,7 @@ def contact(hand, plan):
 
 
 def build_emulated_equilibrium(plan, contact, approach):
+    """Build the solver for an approach against the emulated skin."""
     index, centre = list(plan.objects).index(approach.object), plan.centre(approach.object)
     return EmulatedEquilibrium(
         contact, index, plan.bracket_poses, plan.mount, centre, approach.touch_pose, approach.direction
@@ -43,19 +45,22 @@ def build_emulated_equilibrium(plan, contact, approach):
 
 
 def build_simulated_equilibrium(plan, approach):
+    """Build the solver for an approach against the simulated layer."""
     layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw())
     shape = plan.objects[approach.object].shape
     return SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose, approach.direction)
 
 
 def compute_mount_displacement(plan, approach, pose):
-    """Displacement f64[3] of the mount's point from the touch pose."""
+    """Compute how far the point at which the mount holds the object has moved from the touch pose, f64[3], metres."""
     centre = np.append(plan.centre(approach.object), 1.0)
     return ((pose - approach.touch_pose) @ centre)[:3]
 
 
 @pytest.mark.parametrize("number", range(8))
-def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number):
+def test_the_emulated_skin_balances_the_mount_and_the_travel_includes_the_compression_of_its_spring(
+    plan, contact, number
+):
     approach = plan.approaches[number]
     path = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     load = contact.compute_load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
@@ -70,7 +75,7 @@ def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number
 
 
 def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
-    """The remaining difference is that of the discretisations: 16 elements and 25 springs per taxel."""
+    """They differ only by their discretisation: 16 contact elements or 25 springs per taxel."""
     differences = []
     for approach in plan.approaches:
         index = list(plan.objects).index(approach.object)
@@ -101,13 +106,13 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
 
 
 def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
-    """Many springs at points approach the columns of `taxel.sim.soft_contact`, which carry mean pressures."""
+    """With many springs, the fixed layer approaches the columns of `taxel.sim.soft_contact` with mean pressures."""
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
         expected = SoftContact(plan.hand, shape, LayerLaw()).compute_taxel_forces(
             plan.bracket_poses, approach.held_pose
         )
-        layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), 12)
+        layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), springs_per_side=12)
         forces = layer.taxel_forces(layer.near(shape, approach.held_pose), shape, approach.held_pose)
         assert expected.sum() > 1.0
         assert forces == pytest.approx(expected, abs=0.05 * expected.max())
@@ -115,7 +120,7 @@ def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
 
 
 @pytest.mark.parametrize("number", [0, 5])
-def test_interpolation_between_the_solved_levels_is_accurate_to_the_noise(plan, number):
+def test_signals_interpolated_between_the_solved_forces_are_accurate_to_4_counts(plan, number):
     approach = plan.approaches[number]
     equilibrium = build_simulated_equilibrium(plan, approach)
     coarse = equilibrium.solve_path(approach.force_n)

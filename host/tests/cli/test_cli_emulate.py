@@ -1,4 +1,4 @@
-"""`taxel emulate`: a virtual serial port of the project's own hub, or of the original one."""
+"""`taxel emulate`: a virtual serial port of this project's hub, or of the original hub."""
 
 import io
 import os
@@ -21,7 +21,7 @@ from taxel.link.errors import LinkError
 
 
 def read_port(arguments: list[str], size: int) -> bytes:
-    """The first `size` bytes of the virtual serial port of `taxel emulate` with these arguments."""
+    """Run `taxel emulate ARGUMENTS`, and read at least `size` bytes from its virtual serial port, for at most 10 s."""
     command = [str(Path(sys.executable).with_name("taxel")), "emulate", *arguments]
     data = b""
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -39,8 +39,9 @@ def read_port(arguments: list[str], size: int) -> bytes:
 
 def test_the_port_of_the_original_hub_sends_messages_without_a_command():
     data = read_port(["--hand", "original", "--protocol", "original", "--seconds", "10"], 3000)
-    taxels_of_the_palm, palm = 121, 0x15
-    assert bytes([0x01, 2 * taxels_of_the_palm + 8, palm]) in data
+    palm_address, palm_taxels = 0x15, 121
+    message_start = bytes([0x01, 2 * palm_taxels + 8, palm_address])  # start byte, length, address
+    assert message_start in data
 
 
 def test_an_unknown_protocol_is_rejected_with_the_known_ones(capsys):
@@ -70,7 +71,7 @@ def test_a_wrong_effect_of_a_url_is_quoted_without_a_temporary_file():
     assert "world.txt" not in str(caught.value)
 
 
-def test_on_a_terminal_the_port_is_printed_with_its_use(capsys, monkeypatch):
+def test_the_port_is_printed_with_its_use_on_a_terminal_and_alone_in_a_pipe(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     print_port("original", "/dev/pts/7")
     assert "taxel monitor serial:///dev/pts/7" in capsys.readouterr().out
@@ -79,7 +80,7 @@ def test_on_a_terminal_the_port_is_printed_with_its_use(capsys, monkeypatch):
     assert capsys.readouterr().out == "/dev/pts/7\n"
 
 
-def test_a_recording_of_known_length_has_a_bar(monkeypatch):
+def test_the_progress_bar_of_a_recording_shows_elapsed_and_total_seconds(monkeypatch):
     text = io.StringIO()
     console = Console(file=text, force_terminal=True, width=80)
     monkeypatch.setattr(progress, "_stderr_console", lambda: console)

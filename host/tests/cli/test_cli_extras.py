@@ -1,4 +1,4 @@
-"""Commands in an installation without optional packages."""
+"""Commands in an installation without optional packages: they run, or name the extra that contains the packages."""
 
 import json
 import re
@@ -20,7 +20,7 @@ IMPORT_NAMES = {
     "python-can": {"can"},
     "ur-rtde": {"rtde_control", "rtde_receive"},
 }
-"""Import names of the distributions for which they are not the name of the distribution."""
+"""Distribution -> names of the modules that it contains, where they differ from the name of the distribution."""
 
 HELP_NEEDS_EXTRA = {
     "demo": "all",
@@ -59,9 +59,9 @@ print(json.dumps(outcomes))
 def run_commands(
     folder: Path, commands: Collection[tuple[str, ...]], installed: Collection[str] = ()
 ) -> list[tuple[int, str]]:
-    """Run commands in one process as if no optional packages but `installed` were installed.
+    """Run commands in one process as if only the optional packages `installed` were installed.
 
-    Returns exit status and standard error of each command.
+    Return (exit status, standard error) of each command.
     """
     missing = sorted(set(EXTRA_OF_PACKAGE) - set(installed))
     program = [sys.executable, "-c", PROGRAM, json.dumps(missing), json.dumps([*commands])]
@@ -71,7 +71,7 @@ def run_commands(
 
 
 def list_packages(extra: str) -> set[str]:
-    """Import names of the packages of an extra."""
+    """Return the import names of the packages that an extra of pyproject.toml contains, also through other extras."""
     packages: set[str] = set()
     for requirement in PROJECT["optional-dependencies"][extra]:
         if requirement.startswith("taxel["):
@@ -106,7 +106,7 @@ def test_the_extra_that_a_message_names_is_sufficient_for_the_command(tmp_path, 
     assert dict(zip(commands, outcomes, strict=True)) == dict.fromkeys(commands, (0, ""))
 
 
-def test_the_blind_check_names_the_extra_with_emulator_and_simulator(tmp_path):
+def test_the_blind_check_with_only_the_extra_gap_names_the_extra_all(tmp_path):
     command = ("gap", "blind", "--worlds", "1", "--out", "blind")
     ((status, error),) = run_commands(tmp_path, [command], installed=list_packages("gap"))
     assert status == 1

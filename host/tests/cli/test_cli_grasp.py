@@ -65,7 +65,7 @@ def test_an_invalid_option_gives_one_error_line_and_creates_no_file(arguments, e
         ),
     ],
 )
-def test_wrong_options_of_a_motion_check_give_one_line(arguments, expected, capsys):
+def test_wrong_options_of_a_motion_check_give_one_error_line(arguments, expected, capsys):
     assert run_refused_command(capsys, "grasp", *arguments) == expected
 
 
@@ -107,7 +107,7 @@ def test_source_both_creates_no_file_if_one_of_its_files_exists(capsys, tmp_path
 
 @pytest.fixture(scope="module")
 def short_grasps():
-    """Both generators make grasps of 2.1 s, the sum of the durations of SHORT."""
+    """Let the emulator and the simulator make grasps of 2.1 s, the sum of the durations of SHORT."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("EmulatedSettings", "SimSettings"):
             patch.setattr(grasp, name, partial(getattr(grasp, name), timeline=SHORT))
@@ -116,7 +116,7 @@ def short_grasps():
 
 @pytest.fixture(scope="module")
 def paired_campaign(short_grasps, tmp_path_factory) -> tuple[Path, str]:
-    """The folder of a campaign of two grasps with --source both, and the standard output of the command."""
+    """Folder of a campaign of two grasps with --source both, and the standard output of the command."""
     out = tmp_path_factory.mktemp("campaign") / "new" / "folder"
     options = ["--source", "both", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--json"]
     with redirect_stdout(io.StringIO()) as standard_output:
@@ -165,7 +165,7 @@ def test_show_prints_the_failed_grasps_of_a_campaign(paired_campaign, capsys, tm
 
 
 def rename_grasps(path: Path, out: Path) -> Path:
-    """A copy of a dataset in which the id of every grasp begins with x."""
+    """Copy a dataset, and put an x before the id of every grasp. Return the path of the copy."""
     shutil.copyfile(path, out)
     with h5py.File(out, "a") as file:
         for name in list(file["grasps"]):
@@ -173,27 +173,28 @@ def rename_grasps(path: Path, out: Path) -> Path:
     return out
 
 
-def test_show_draws_a_common_condition_of_datasets_without_common_ids(paired_campaign, tmp_path, monkeypatch):
+def test_show_draws_the_same_condition_of_datasets_without_common_ids(paired_campaign, tmp_path, monkeypatch):
     real, sim = (paired_campaign[0] / f"{source}.h5" for source in ("real", "sim"))
     with GraspDataset(sim) as data:
         ids = {grasp.id for grasp in data}
     chosen = []
     monkeypatch.setattr(show, "save_grasp", lambda paths, out, grasps: chosen.append(grasps))
     renamed = rename_grasps(sim, tmp_path / "renamed.h5")
-    assert run_taxel("show", real, renamed, "--out", tmp_path) == 0
+    assert run_taxel("show", real, renamed, "--out", tmp_path) == 0  # the condition: object, approach, iteration
     ((first, second),) = chosen
     assert first in ids
     assert second == f"x{first}"
 
 
 def test_the_original_sensing_writes_a_dataset_of_the_original_hand(tmp_path):
+    taxels_of_the_original_hand = 1037
     out = tmp_path / "original.h5"
     options = ("--source", "sim", "--sensing", "original", "--grasps", "1", "--jobs", "1")
     assert run_taxel("grasp", *options, "--out", out) == 0
     with GraspDataset(out) as data:
         data.check()
         assert "original sensing" in data.generator
-        assert data[data.ids[0]].raw_counts.shape[1] == 1037
+        assert data[data.ids[0]].raw_counts.shape[1] == taxels_of_the_original_hand
 
 
 def test_the_original_sensing_is_refused_for_another_source(tmp_path, capsys):

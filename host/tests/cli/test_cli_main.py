@@ -13,13 +13,13 @@ from taxel.cli.main import build_app
 from taxel.cli.renamed_options import RENAMED
 
 
-def command_names(app: typer.Typer) -> set[str]:
-    """Names of the top-level commands."""
+def list_command_names(app: typer.Typer) -> set[str]:
+    """Return the names of the top-level commands."""
     return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
 def is_loaded(app: typer.Typer, name: str) -> bool:
-    """True if a command has its own options, not those of the summary on the help page."""
+    """Return whether a command has its real options or subcommands; a command that is not loaded has none."""
     command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
     return bool(getattr(command, "commands", None) or command.params)
 
@@ -28,14 +28,14 @@ def test_only_the_requested_command_is_loaded():
     app = build_app("record")
     assert is_loaded(app, "record")
     assert not is_loaded(app, "monitor")
-    assert command_names(app) == command_names(build_app(loads_all=True))
+    assert list_command_names(app) == list_command_names(build_app(loads_all=True))
 
 
 def test_the_help_page_lists_all_commands_without_loading_one():
     for argument in ("", "--help", "no_such_command"):
         app = build_app(argument)
-        assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= command_names(app)
-        assert not any(is_loaded(app, name) for name in command_names(app))
+        assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= list_command_names(app)
+        assert not any(is_loaded(app, name) for name in list_command_names(app))
 
 
 def test_the_summary_of_a_command_is_the_first_line_of_its_help():
@@ -85,7 +85,7 @@ def test_the_gap_command_does_not_load_matplotlib_or_other_commands():
 
 
 def test_a_command_restores_the_signal_handlers_of_its_caller(capsys):
-    """Otherwise child processes that are forked later treat SIGTERM like Ctrl-C and do not end."""
+    # Otherwise, child processes that are forked later treat SIGTERM like Ctrl-C and do not end.
     before = signal.getsignal(signal.SIGTERM)
     assert run_taxel("cloud", "convert", "none.ply", "out.ply") == 1
     assert signal.getsignal(signal.SIGTERM) is before

@@ -42,7 +42,7 @@ def needs_simulator():
     pass
 """
 TARGETS = {"printname": "my_commands:printname", "several": "my_commands:app"}
-UNUSABLE = {
+UNUSABLE = {  # source of a module whose command or importer `x` cannot be used: expected text of the error
     "x = 3": "expected a function or a typer.Typer, found an object of type int",
     "def x(value: complex): pass": "complex",
     "import no_such_module": "cannot be loaded (ModuleNotFoundError: No module named 'no_such_module')",
@@ -51,7 +51,8 @@ UNUSABLE = {
 
 
 @contextlib.contextmanager
-def example_package(folder):
+def install_guide_package(folder):
+    """Make the package of the guide available inside the `with` block."""
     folder.mkdir()
     with installed_package(folder, "taxel_compressed", FILES["taxel_compressed.py"], ENTRY_POINTS):
         yield
@@ -59,7 +60,7 @@ def example_package(folder):
 
 @pytest.fixture
 def arrays(tmp_path):
-    """A folder of .npy files with the arrays of one grasp."""
+    """Folder of .npy files with the arrays of one grasp."""
     arrays = {
         "source": "real",
         "hand": "allegro",
@@ -101,7 +102,7 @@ def test_the_link_of_the_guide_plays_a_compressed_capture(tmp_path, capsys):
     compressed.write_bytes(gzip.compress(capture.read_bytes()))
     capsys.readouterr()
     outputs = []
-    with example_package(tmp_path / "package"):
+    with install_guide_package(tmp_path / "package"):
         for url in (f"file:{capture}", f"gz:{compressed}"):
             assert run_taxel("monitor", url, "--once", "--baseline-frames", 10) == 0
             outputs.append(MONITOR_LINE.search(capsys.readouterr().out).groups())
@@ -118,7 +119,7 @@ def test_the_link_of_the_guide_plays_a_compressed_capture(tmp_path, capsys):
 
 
 def test_the_importer_of_the_guide_is_a_command_of_taxel_import(tmp_path, capsys, arrays):
-    with example_package(tmp_path / "package"):
+    with install_guide_package(tmp_path / "package"):
         assert run_taxel("import", "--help") == 0
         assert re.search(r"npy +Import a folder of \.npy files", capsys.readouterr().out)
         assert run_taxel("import", "npy", "--help") == 0
@@ -172,7 +173,7 @@ def test_commands_of_another_package_run_and_are_listed_without_being_loaded(tmp
 
 
 @pytest.mark.parametrize("source", UNUSABLE)
-def test_an_unusable_command_gives_one_line_and_leaves_the_others_usable(tmp_path, capsys, source):
+def test_an_unusable_command_gives_one_error_line_and_leaves_the_others_usable(tmp_path, capsys, source):
     with installed_package(tmp_path, "my_commands", source, {COMMANDS: {"broken": "my_commands:x"}}):
         line = run_refused_command(capsys, "broken", "--option", "value")
         assert line.startswith("taxel: entry point 'broken' of group 'taxel.commands' in package 'my_commands' cannot")
@@ -182,7 +183,7 @@ def test_an_unusable_command_gives_one_line_and_leaves_the_others_usable(tmp_pat
 
 
 @pytest.mark.parametrize("source", UNUSABLE)
-def test_an_unusable_importer_gives_one_line_and_is_listed_with_its_error(tmp_path, capsys, source):
+def test_an_unusable_importer_gives_one_error_line_and_leaves_the_others_usable(tmp_path, capsys, source):
     with installed_package(tmp_path, "my_importers", source, {IMPORTERS: {"broken": "my_importers:x"}}):
         line = run_refused_command(capsys, "import", "broken", "file", "--option", "value")
         assert line.startswith("taxel: entry point 'broken' of group 'taxel.importers' in package 'my_importers' canno")
@@ -210,7 +211,7 @@ def test_a_command_that_needs_an_optional_library_names_its_extra(tmp_path, caps
         (LINKS, "serial", ("monitor", "serial:///dev/none", "--once")),
     ],
 )
-def test_a_name_in_two_packages_gives_one_line_with_both(tmp_path, capsys, group, name, arguments):
+def test_a_name_in_two_packages_gives_one_error_line_with_both_packages(tmp_path, capsys, group, name, arguments):
     with installed_package(tmp_path, "my_package", "x = None", {group: {name: "my_package:x"}}):
         line = run_refused_command(capsys, *arguments)
     assert f"entry point '{name}' of group '{group}' is in two packages, 'taxel' and 'my_package'" in line

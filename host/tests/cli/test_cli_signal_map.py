@@ -12,6 +12,7 @@ from taxel.skin import open_skin
 
 
 def print_map(signals: LargestSignals, width: int = 100) -> list[str]:
+    """Print the map on a terminal of `width` characters, and return its lines."""
     console = Console(file=io.StringIO(), width=width, color_system=None, legacy_windows=False)
     signals.print(console)
     return console.file.getvalue().splitlines()
@@ -19,7 +20,7 @@ def print_map(signals: LargestSignals, width: int = 100) -> list[str]:
 
 @pytest.fixture(scope="module")
 def signals():
-    """Signals of an untouched skin, and of the palm with one pressed taxel."""
+    """Largest signals of 9 s of an emulated skin; from 8 s on, taxel 3 of the palm has 400 counts less."""
     with open_skin("emulator:?speed=max&duration_s=9") as skin:
         found = LargestSignals(skin.hand)
         for frame in skin:
@@ -31,14 +32,14 @@ def signals():
 
 
 @pytest.mark.parametrize("width", [100, 80, 40])
-def test_map_fits_the_width_and_names_the_boards(signals, width):
+def test_map_fits_the_width_and_names_the_palm(signals, width):
     _, *lines = print_map(signals, width)
     text = "\n".join(lines)
     assert "palm" in text
     assert max(map(len, lines)) <= width
 
 
-def test_first_line_states_active_taxels_and_the_largest_signal(signals):
+def test_first_line_states_the_number_of_active_taxels_and_the_largest_signal(signals):
     text = print_map(signals, 200)[0]
     assert text.startswith("largest signal of each taxel after the first 100 frames; 1 taxels were active, 4")
 

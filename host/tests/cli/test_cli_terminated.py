@@ -9,6 +9,7 @@ from pathlib import Path
 
 TIMEOUT_S = 60.0
 
+# Programs of the tests: each prints "waiting" when SIGTERM may be sent.
 WAITING_IN_C = """
 import ctypes, sys
 from taxel.cli.termination import interrupted_by_sigterm
@@ -51,6 +52,7 @@ def test_sigterm_ends_the_emulator_and_removes_its_files(tmp_path):
 
 
 def start_program(text):
+    """Start a Python program, wait until it prints "waiting", and return its process."""
     process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "waiting\n"

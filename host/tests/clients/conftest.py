@@ -19,7 +19,10 @@ finally:
 
 
 def skip_if_missing(function, *arguments):
-    """Result of a function; a missing compiler or interpreter skips the test, with one line for all tests."""
+    """Return the result of a function, or skip the test if a compiler or an interpreter is missing.
+
+    All tests are skipped with the same line.
+    """
     try:
         return function(*arguments)
     except programs.ProgramMissingError as error:
@@ -27,5 +30,8 @@ def skip_if_missing(function, *arguments):
 
 
 def run_client(language, *arguments, text="", name="dump"):
-    """Lines that the program of a client prints."""
+    """Run a program of the client in a language, and return the lines that it prints.
+
+    arguments, text: arguments and standard input of the program. name: name of the program.
+    """
     return programs.run_program([*skip_if_missing(programs.build_program, language, name), *arguments], text)

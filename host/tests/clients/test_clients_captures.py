@@ -52,6 +52,7 @@ def test_the_dissector_shows_the_same_frames_and_losses(folder, expected, kind):
     end = next(line for line in expected[kind] if line.startswith("end "))
 
     def pick(name):
+        """Return the values of a field in the expected lines that contain it."""
         return [line.partition(f" {name}=")[2].partition(" ")[0] for line in frames if f" {name}=" in line]
 
     assert columns[0] == pick("sequence")

@@ -14,7 +14,7 @@ from taxel.link.emulator import find_emulator_program
 
 
 def cut_before_last_delimiter(path):
-    """Cut a capture before the delimiter of its last taxel frame."""
+    """Cut a capture before the delimiter of its last taxel frame, whose end is then not yet received."""
     data = reference.read_stream(path)
     lines = reference.format_stream(reference.Stream("cut", reference.TO_HOST, data), has_wire=True)
     wire = bytes.fromhex([line for line in lines if "TAXELS" in line][-1].rpartition("wire=")[2])
@@ -65,7 +65,7 @@ def test_the_live_example_starts_a_hub_on_a_serial_port_and_stops_it(tmp_path, b
 
 
 @pytest.mark.parametrize("arguments", [[], ["/dev/null", "5"], ["/dev/ttyNONE", "5"]])
-def test_the_live_example_ends_with_one_line_without_a_port(arguments):
+def test_the_live_example_ends_with_one_error_line_without_a_serial_port(arguments):
     command = skip_if_missing(programs.build_program, "cpp", "live_frames")
     with pytest.raises(subprocess.CalledProcessError) as failure:
         programs.run_program([*command, *arguments])

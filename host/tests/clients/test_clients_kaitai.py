@@ -26,7 +26,10 @@ def parse(open_description):
 
 
 def reduced(lines):
-    """Frame lines of the Python decoder without the content of compact snapshots, which has a separate test."""
+    """Return the frame lines of the Python decoder without the content of compact snapshots.
+
+    A separate test checks this content.
+    """
     return kaitai_frames.shorten(lines)
 
 

@@ -34,13 +34,14 @@ def make_header(types):
 
 
 def make_message(types, name, **fields):
+    """Create a ROS message of the package. fields: values by name; bytes become an array."""
     kind = types.types[f"{PACKAGE}/msg/{name}"]
     values = {key: np.frombuffer(v, np.uint8) if isinstance(v, bytes) else v for key, v in fields.items()}
     return kind(**values)
 
 
 def build(types, frame_type, sequence, payload):
-    """The message of a frame that is no taxel frame."""
+    """Build the ROS message of a frame that is no taxel frame."""
     fields, rest = unpack(FRAMES[frame_type].payload, payload)
     name = "".join(part.capitalize() for part in frame_type.name.lower().split("_"))
     if frame_type == FrameType.ACKNOWLEDGE:
@@ -68,7 +69,7 @@ def test_every_frame_survives_serialisation(types):
             assert (found.tobytes().hex() if isinstance(found, np.ndarray) else found) == value, vector["name"]
 
 
-def test_every_named_code_is_a_constant_of_its_message(types):
+def test_a_named_code_is_a_constant_of_its_message(types):
     text = (FOLDER / PACKAGE / "msg" / "BoardFault.msg").read_text()
     assert "uint8 FAULT_SDA_STUCK=4\n" in text
     kind = types.types[f"{PACKAGE}/msg/BoardFault"]

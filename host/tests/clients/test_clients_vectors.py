@@ -30,7 +30,7 @@ def expected(streams):
 
 
 def without_wire(line):
-    """A line without the re-encoded frame, which a client without encoder does not print."""
+    """Return a line without the re-encoded frame, which a client without encoder does not print."""
     return line.partition(" wire=")[0]
 
 

@@ -28,7 +28,7 @@ OBJECT_POSE = make_pose([0.4, -0.1, 0.2], [0.6, 0.0, 0.8, 0.0])
 
 
 def build_taxel_table() -> TaxelTable:
-    """Four boards of 6 x 5 taxels at a pitch of 5 mm; the thesis does not use the last two."""
+    """Make the table of four boards of 6 x 5 taxels at a 5 mm pitch; the thesis does not use the last two boards."""
     number = np.arange(4 * BOARD) % BOARD
     tx, rx = number // COLUMNS, number % COLUMNS
     return TaxelTable(
@@ -43,9 +43,10 @@ def build_taxel_table() -> TaxelTable:
 
 @dataclass(frozen=True)
 class PlannedGrasp:
-    """A grasp of a dataset.
+    """A grasp to write to a dataset.
 
-    signals: taxels with their signals in counts. missing_boards: boards without valid frames.
+    signals: numbers of taxels and their signals in counts; the others have the signal 0. missing_boards: numbers of
+    boards without valid frames. has_baseline: whether the frames of the baseline phase are valid.
     """
 
     object_name: str = "cylinder"
@@ -57,7 +58,7 @@ class PlannedGrasp:
 
 
 def write_dataset(path, grasps, source="real"):
-    """Write a dataset whose board b lies at x = 0.1 m * b in the frame of the object."""
+    """Write a dataset of planned grasps; board b lies at x = 0.1 m * b in the frame of the object. Return its path."""
     sensors = SensorTable(np.arange(0x20, 0x24).astype(np.uint8), NAMES, KINDS, np.full(4, 6.0))
     meshes = {
         name: ObjectMesh(mesh.vertices, mesh.faces.astype(np.int32)) for name, mesh in get_builtin_models().items()
@@ -106,7 +107,7 @@ def write_dataset(path, grasps, source="real"):
 
 @pytest.fixture
 def dataset(tmp_path):
-    """Function that writes grasps, given by the fields of `PlannedGrasp`, to a file."""
+    """Return a function that writes grasps, given by the fields of `PlannedGrasp`, to a file and returns its path."""
 
     def write(*grasps, source="real"):
         return write_dataset(tmp_path / f"{source}.h5", [PlannedGrasp(**grasp) for grasp in grasps], source)
@@ -116,14 +117,17 @@ def dataset(tmp_path):
 
 @pytest.fixture(scope="session")
 def surface_cloud():
-    """Function that builds clouds on built-in shapes, see `build_surface_cloud`."""
+    """Return the function `build_surface_cloud`, which builds clouds on built-in shapes."""
     return build_surface_cloud
 
 
 def build_surface_cloud(
     name: str, count: int = 400, noise_m: float = 0.0005, seed: int = 1, grasps: int = 8
 ) -> ContactCloud:
-    """Random points on a built-in shape with normal noise, assigned to random grasps of two approaches."""
+    """Build a cloud of random points on a built-in shape, with noise, assigned to random grasps of two approaches.
+
+    noise_m: standard deviation of each coordinate. grasps: number of grasps. The cloud has no inactive points.
+    """
     mesh = get_builtin_models()[name]
     rng = np.random.default_rng([seed, len(name)])
     points = mesh.sample(count, seed) + rng.normal(0.0, noise_m, (count, 3))

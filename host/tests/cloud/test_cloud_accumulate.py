@@ -11,10 +11,11 @@ from taxel.cloud.propagation import Propagation
 from taxel.recording import GraspDataset
 
 BOARD, COLUMNS = 30, 5
-"""Taxels and columns of a board of the dataset."""
+"""Numbers of taxels and of columns of a board in the dataset."""
 
 
 def accumulate_file(path, name="cylinder", *arguments, **options):
+    """Accumulate the cloud of an object from a dataset file."""
     with GraspDataset(path) as data:
         return accumulate(data, name, *arguments, **options)
 
@@ -35,7 +36,7 @@ def test_cloud_has_the_active_taxels_of_all_grasps_in_the_object_frame(dataset):
     assert cloud.points == pytest.approx(np.array(expected), abs=1e-12)
 
 
-def test_a_taxel_at_the_threshold_is_not_active(dataset):
+def test_only_taxels_above_the_threshold_are_active(dataset):
     path = dataset({"signals": ((0, 150), (1, 151), (2, 190), (3, 191))})
     assert accumulate_file(path).taxel.tolist() == [1, 2, 3]
     assert accumulate_file(path, "cylinder", 190.0).taxel.tolist() == [3]
@@ -62,7 +63,7 @@ def test_a_grasp_without_a_baseline_is_left_out(dataset):
     assert cloud.taxel.tolist() == [1]
 
 
-def test_number_of_points_equals_the_contact_point_count_of_table_5_2(dataset):
+def test_cloud_has_as_many_points_as_the_campaign_counts_contact_points(dataset):
     path = dataset({"signals": ((0, 400), (1, 100))}, {"signals": ((2 * BOARD, 400), (4, 300))})
     assert count_contact_points(path)["cylinder"].points == len(accumulate_file(path)) == 2
 
@@ -87,7 +88,7 @@ def test_progress_counts_the_grasps_of_the_object(dataset):
     assert calls == [(1, 2), (2, 2)]
 
 
-def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest(dataset):
+def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest_active_one(dataset):
     strongest = 2 * COLUMNS + 2
     cloud = accumulate_file(
         dataset({"signals": ((strongest, 400), (strongest + 2, 300))}, source="sim"), propagation=Propagation()
@@ -95,17 +96,22 @@ def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest(
     counts = dict(zip(cloud.taxel.tolist(), cloud.counts.tolist(), strict=True))
     neighbours = {strongest - 1, strongest + 1, strongest - COLUMNS, strongest + COLUMNS}
     assert set(counts) == neighbours | {strongest, strongest + 2, strongest + 2 - COLUMNS, strongest + 2 + COLUMNS}
-    assert counts[strongest - 1] == counts[strongest + 1] == 400.0
+    assert counts[strongest - 1] == counts[strongest + 1] == 400.0  # taxel strongest + 1 is between both
     assert counts[strongest + 2 + COLUMNS] == 300.0
-    assert 4 * BOARD - 1 not in cloud.taxel
 
 
-def test_propagation_stays_on_the_board_and_follows_its_reach(dataset):
-    path = dataset({"signals": ((BOARD - 1, 400),)}, source="sim")
-    short_reach = accumulate_file(path, propagation=Propagation())
-    assert set(short_reach.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS}
-    long_reach = accumulate_file(path, propagation=Propagation(reach_m=0.0075))
-    assert set(long_reach.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS, BOARD - 2 - COLUMNS}
+def test_propagation_from_the_corner_of_a_board_stays_on_this_board(dataset):
+    corner = BOARD - 1
+    path = dataset({"signals": ((corner, 400),)}, source="sim")
+    adjacent_only = accumulate_file(path, propagation=Propagation())
+    assert set(adjacent_only.taxel) == {corner, corner - 1, corner - COLUMNS}
+
+
+def test_propagation_with_a_reach_of_one_and_a_half_pitches_activates_diagonal_neighbours(dataset):
+    corner = BOARD - 1
+    path = dataset({"signals": ((corner, 400),)}, source="sim")
+    with_diagonals = accumulate_file(path, propagation=Propagation(reach_m=0.0075))
+    assert set(with_diagonals.taxel) == {corner, corner - 1, corner - COLUMNS, corner - 1 - COLUMNS}
 
 
 def test_only_taxels_above_the_minimum_signal_propagate(dataset):
@@ -114,11 +120,15 @@ def test_only_taxels_above_the_minimum_signal_propagate(dataset):
     assert set(cloud.taxel) == {7, 22, 21, 23, 17, 27}
 
 
-def test_selected_approach_keeps_its_inactive_taxels(dataset):
+def test_selected_approach_has_the_active_and_inactive_taxels_of_its_grasps_only(dataset):
     path = dataset({"signals": ((0, 400),)}, {"approach": "top", "signals": ((1, 400), (2, 400))})
     top_cloud = accumulate_file(path).select_approach("top")
     assert top_cloud.taxel.tolist() == [1, 2]
     assert len(top_cloud.inactive_points) == 2 * BOARD - 2
+
+
+def test_selection_of_an_unknown_approach_is_refused_in_one_line(dataset):
+    path = dataset({"signals": ((0, 400),)}, {"approach": "top", "signals": ((1, 400),)})
     with pytest.raises(CloudError, match="approach: expected one of side_1, top, found under"):
         accumulate_file(path).select_approach("under")
 

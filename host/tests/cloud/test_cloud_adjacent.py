@@ -9,18 +9,21 @@ from taxel.recording.grasp_tables import TaxelTable
 
 
 def make_table(hand: Hand) -> TaxelTable:
+    """Make the taxel table of a hand."""
     size = np.full(hand.n_taxels, hand.size_m)
     return TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, size)
 
 
-def test_on_a_grid_of_5_mm_the_adjacent_taxels_are_the_four_neighbours() -> None:
+def test_adjacent_taxels_on_a_5_mm_grid_are_the_four_neighbours() -> None:
     table = make_table(load_hand("flat8"))
     adjacent = Propagation().find_neighbours(table).toarray()
     assert np.array_equal(adjacent, Propagation(reach_m=0.0055).find_neighbours(table).toarray())
 
 
 @pytest.mark.parametrize("name", ["palm", "back_of_hand", "fingertip_index", "proximal_front_index"])
-def test_adjacent_taxels_of_the_original_hand_are_neighbours_in_its_layout(name: str) -> None:
+def test_more_than_nine_in_ten_adjacent_taxels_of_the_original_hand_are_layout_neighbours_and_vice_versa(
+    name: str,
+) -> None:
     hand = load_hand("original")
     board = hand.find_board(name)
     taxels = hand.get_slice(board.address)
@@ -29,12 +32,11 @@ def test_adjacent_taxels_of_the_original_hand_are_neighbours_in_its_layout(name:
         np.subtract.outer(board.kind.column, board.kind.column)
     )
     in_layout = steps == 1
-    assert adjacent[in_layout].mean() > 0.9  # a few neighbours of the layout lie across a bend or a step
+    assert adjacent[in_layout].mean() > 0.9  # a few neighbours in the layout lie on two sides of a bend or a step
     assert in_layout[adjacent > 0].mean() > 0.9
-    assert 2.5 < adjacent.sum(axis=1).mean() < 4.0
 
 
-def test_taxels_across_a_gap_are_not_adjacent() -> None:
+def test_adjacent_taxels_of_the_palm_are_less_than_9_5_mm_apart_although_its_board_has_gaps() -> None:
     hand = load_hand("original")
     board = hand.find_board("palm")
     adjacent = Propagation().find_neighbours(make_table(hand)).toarray()

@@ -1,4 +1,4 @@
-"""The commands of `taxel cloud`, and the input that they refuse in one line."""
+"""The commands of `taxel cloud`, and the input that they refuse with a one-line message."""
 
 import csv
 import json
@@ -14,12 +14,12 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import get_builtin_models
 
 BOARD = 30
-"""Taxels of a board of the dataset."""
+"""Number of taxels of a board in the dataset."""
 
 
 @pytest.fixture
 def run(capsys):
-    """Function that runs `taxel cloud` and returns its output. The test fails if the command fails."""
+    """Return a function that runs `taxel cloud` and returns its output; it fails the test if the command fails."""
 
     def call(*arguments) -> str:
         status = run_taxel("cloud", *arguments)
@@ -32,7 +32,7 @@ def run(capsys):
 
 @pytest.fixture
 def refused(capsys):
-    """Function that runs `taxel cloud` and returns its one-line error."""
+    """Return a function that runs `taxel cloud`, which must fail, and returns its one-line error."""
 
     def call(*arguments) -> str:
         return run_refused_command(capsys, "cloud", *arguments)
@@ -42,7 +42,7 @@ def refused(capsys):
 
 @pytest.fixture
 def cylinder_file(tmp_path, surface_cloud):
-    """File with a cloud of 600 points of the cylinder."""
+    """Write a cloud of 600 points of the cylinder to a PLY file; return its path."""
     path = tmp_path / "cylinder.ply"
     write_cloud(surface_cloud("cylinder", 600), path)
     return path
@@ -50,7 +50,9 @@ def cylinder_file(tmp_path, surface_cloud):
 
 @pytest.fixture
 def dataset_file(dataset):
-    """Grasp dataset of two approaches to the cylinder."""
+    """Write a dataset of four grasps of the cylinder in two approaches, with all used taxels active; return its
+    path.
+    """
     rng = np.random.default_rng(1)
     signals = [tuple((int(taxel), int(rng.integers(160, 500))) for taxel in range(2 * BOARD)) for _ in range(4)]
     approaches = ("side_1", "top", "side_1", "top")
@@ -62,7 +64,7 @@ def test_every_command_has_help_with_an_example(run, name):
     assert "Example: taxel cloud" in run(name, "--help")
 
 
-def test_dataset_is_accumulated_and_filtered(run, dataset_file, tmp_path):
+def test_cloud_is_made_from_a_dataset_and_filtered(run, dataset_file, tmp_path):
     raw, clean = tmp_path / "raw.ply", tmp_path / "deep" / "clean.pcd"
     result = json.loads(run("make", dataset_file, "--object", "cylinder", "--out", raw, "--json"))
     assert result == {"file": str(raw), "points": 4 * 2 * BOARD, "grasps": 4}
@@ -72,28 +74,34 @@ def test_dataset_is_accumulated_and_filtered(run, dataset_file, tmp_path):
     assert out == f"{clean}: {len(cloud)} points of 4 grasps\n"
 
 
-def test_one_approach_with_fusion_and_propagation(run, dataset_file, tmp_path):
+def test_fused_cloud_of_one_approach_has_at_most_one_point_for_each_taxel(run, dataset_file, tmp_path):
     out = tmp_path / "top.xyz"
     options = ("--approach", "top", "--fuse", "--threshold-counts", 300, "--propagate-mm", 5.5)
     result = json.loads(run("make", dataset_file, "--object", "cylinder", "--out", out, *options, "--json"))
     assert result["points"] == len(read_cloud(out)) <= 2 * BOARD
 
 
-def test_distances_to_a_shape_a_mesh_and_a_cloud(run, cylinder_file, tmp_path):
-    shape = json.loads(run("distance", cylinder_file, "cylinder", "--json"))
-    assert shape["points"] == 600
-    assert shape["mean_m"] == pytest.approx(0.0004, rel=0.1)
+def test_mean_distance_to_a_shape_is_that_of_the_noise(run, cylinder_file):
+    result = json.loads(run("distance", cylinder_file, "cylinder", "--json"))
+    assert result["points"] == 600
+    assert result["mean_m"] == pytest.approx(0.0005 * np.sqrt(2.0 / np.pi), rel=0.1)  # normal noise of 0.5 mm
+
+
+def test_distance_to_a_mesh_file_in_millimetres_equals_that_to_the_same_built_in_shape(run, cylinder_file, tmp_path):
     mesh = get_builtin_models()["cylinder"]
     write_mesh(TriangleMesh("cloud", 1e3 * mesh.vertices, mesh.faces), tmp_path / "model.stl")
-    assert json.loads(run("distance", cylinder_file, tmp_path / "model.stl", "--unit", "mm", "--json"))[
-        "mean_m"
-    ] == pytest.approx(shape["mean_m"], rel=1e-5)
-    to_itself = run("distance", cylinder_file, cylinder_file)
-    assert to_itself.endswith("600 points, mean 0.000, standard deviation 0.000, largest 0.000, RMS 0.000 mm\n")
+    to_shape = json.loads(run("distance", cylinder_file, "cylinder", "--json"))
+    to_file = json.loads(run("distance", cylinder_file, tmp_path / "model.stl", "--unit", "mm", "--json"))
+    assert to_file["mean_m"] == pytest.approx(to_shape["mean_m"], rel=1e-5)
+
+
+def test_distance_of_a_cloud_file_to_itself_is_zero(run, cylinder_file):
+    out = run("distance", cylinder_file, cylinder_file)
+    assert out.endswith("600 points, mean 0.000, standard deviation 0.000, largest 0.000, RMS 0.000 mm\n")
 
 
 @pytest.mark.parametrize("options", [(), ("--sample-mesh",), ("--anywhere",)], ids=["surface", "samples", "anywhere"])
-def test_aligned_cloud_is_written(run, cylinder_file, tmp_path, options):
+def test_aligned_cloud_is_the_moved_cloud_mapped_by_the_reported_transform(run, cylinder_file, tmp_path, options):
     out = tmp_path / "aligned.ply"
     cloud = read_cloud(cylinder_file)
     moved_file = tmp_path / "moved.ply"
@@ -107,18 +115,22 @@ def test_aligned_cloud_is_written(run, cylinder_file, tmp_path, options):
     assert (read_cloud(out).grasp == cloud.grasp).all()
 
 
-def test_cloud_is_aligned_to_a_cloud(run, cylinder_file, tmp_path):
-    write_cloud(
-        replace(read_cloud(cylinder_file), points=read_cloud(cylinder_file).points + 0.0005), tmp_path / "moved.xyz"
-    )
+def test_displaced_cloud_is_aligned_to_the_original_cloud_with_an_rms_of_zero(run, cylinder_file, tmp_path):
+    cloud = read_cloud(cylinder_file)
+    write_cloud(replace(cloud, points=cloud.points + 0.0005), tmp_path / "moved.xyz")
     assert "RMS 0.000 mm" in run("align", tmp_path / "moved.xyz", cylinder_file)
 
 
-def test_cloud_file_is_matched_with_a_shape_and_a_mesh_file(run, cylinder_file, tmp_path):
+def test_cylinder_is_matched_with_the_built_in_cylinder_rather_than_with_a_mesh_file_of_a_cone(
+    run, cylinder_file, tmp_path
+):
     write_mesh(get_builtin_models()["cone"], tmp_path / "model.obj")
     result = json.loads(run("match", cylinder_file, "--model", "cylinder", "--model", tmp_path / "model.obj", "--json"))
     assert [fit["model"] for fit in result["matches"][0]["fits"]] == ["cylinder", str(tmp_path / "model.obj")]
     assert result["matches"][0]["confidence"]["cylinder"] == 1.0
+
+
+def test_table_of_matches_names_the_cloud_file(run, cylinder_file):
     assert "cylinder.ply" in run("match", cylinder_file)
 
 
@@ -131,22 +143,29 @@ def test_dataset_is_matched_as_a_whole_and_by_approach(run, dataset_file):
     assert "single approaches identified: " in run("match", dataset_file, "--each-approach", "--resamples", 0)
 
 
-def test_sweep_writes_both_tables(run, dataset_file, tmp_path):
+def test_sweep_writes_eleven_rows_for_the_force_filter_and_for_the_outlier_filter_of_a_cylinder(
+    run, dataset_file, tmp_path
+):
     out = tmp_path / "sweep"
     result = json.loads(run("sweep", dataset_file, "--object", "cylinder", "--out", out, "--json"))
-    assert len(result["force_filter"]) == len(list(csv.reader((out / "force_filter.csv").open()))) - 1 == 11
-    assert len(result["sor"]) == len(list(csv.reader((out / "sor.csv").open()))) - 1 == 11
+    for name in ("force_filter", "sor"):
+        header_and_rows = list(csv.reader((out / f"{name}.csv").open()))
+        assert len(result[name]) == len(header_and_rows) - 1 == 11
     assert "outlier filter" in run("sweep", dataset_file, "--object", "cylinder", "--out", out, "--overwrite")
 
 
-def test_cloud_and_mesh_are_converted(run, cylinder_file, tmp_path):
+def test_converted_cloud_has_the_same_points(run, cylinder_file, tmp_path):
     run("convert", cylinder_file, tmp_path / "cloud.pcd")
     assert (read_cloud(tmp_path / "cloud.pcd").points == read_cloud(cylinder_file).points).all()
-    write_mesh(get_builtin_models()["cone"], tmp_path / "cone.stl")
-    assert "128 triangles" in run("convert", tmp_path / "cone.stl", tmp_path / "cone.ply")
 
 
-def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, cylinder_file, tmp_path):
+def test_conversion_of_a_mesh_prints_its_number_of_triangles(run, tmp_path):
+    mesh = get_builtin_models()["cone"]
+    write_mesh(mesh, tmp_path / "cone.stl")
+    assert f"{len(mesh.faces)} triangles" in run("convert", tmp_path / "cone.stl", tmp_path / "cone.ply")
+
+
+def test_no_cloud_file_is_overwritten_without_the_option(refused, dataset_file, cylinder_file):
     content = cylinder_file.read_bytes()
     for arguments in (
         ("make", dataset_file, "--object", "cylinder", "--out", cylinder_file),
@@ -156,16 +175,23 @@ def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, c
     ):
         assert refused(*arguments).endswith("found one that exists; choose another name or --overwrite")
     assert cylinder_file.read_bytes() == content
-    (tmp_path / "sor.csv").write_text("cloud")
-    assert "sor.csv: file: expected a new file" in refused(
-        "sweep", dataset_file, "--object", "cylinder", "--out", tmp_path
-    )
+
+
+def test_sweep_writes_no_file_if_one_of_its_files_exists(refused, dataset_file, tmp_path):
+    (tmp_path / "sor.csv").write_text("existing")
+    message = refused("sweep", dataset_file, "--object", "cylinder", "--out", tmp_path)
+    assert "sor.csv: file: expected a new file" in message
+    assert (tmp_path / "sor.csv").read_text() == "existing"
     assert not (tmp_path / "force_filter.csv").exists()
+
+
+def test_filtered_cloud_replaces_its_file_with_the_option_overwrite(run, cylinder_file):
     run("filter", cylinder_file, "--out", cylinder_file, "--threshold-counts", 190, "--overwrite")
+    assert read_cloud(cylinder_file).counts.min() > 190.0
 
 
 def write_open_mesh(tmp_path):
-    """Path of a mesh of the cone without its first face."""
+    """Write a mesh of the cone without its first face; return its path."""
     mesh, path = get_builtin_models()["cone"], tmp_path / "open.obj"
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces[1:] + 1).tolist()]
@@ -173,7 +199,7 @@ def write_open_mesh(tmp_path):
     return path
 
 
-def test_invalid_input_is_refused_in_one_line(refused, dataset_file, cylinder_file, tmp_path):
+def test_invalid_input_is_refused_in_one_line_without_writing_a_file(refused, dataset_file, cylinder_file, tmp_path):
     out = tmp_path / "out.ply"
     empty, line = tmp_path / "empty.ply", tmp_path / "line.xyz"
     empty.write_text(
@@ -214,7 +240,9 @@ def test_invalid_input_is_refused_in_one_line(refused, dataset_file, cylinder_fi
     ("command", "option", "value"),
     [("make", "--threshold-counts", -1), ("make", "--propagate-mm", -1), ("match", "--resamples", -1)],
 )
-def test_option_out_of_range_is_refused_in_one_line(capsys, dataset_file, tmp_path, command, option, value):
+def test_option_out_of_range_is_refused_in_one_line_that_names_it(
+    capsys, dataset_file, tmp_path, command, option, value
+):
     extra = ("--object", "cylinder", "--out", tmp_path / "out.ply") if command == "make" else ()
     assert run_taxel("cloud", command, dataset_file, *extra, option, value) == 2
     lines = capsys.readouterr().err.splitlines()
@@ -222,7 +250,9 @@ def test_option_out_of_range_is_refused_in_one_line(capsys, dataset_file, tmp_pa
     assert option in lines[0]
 
 
-def test_mesh_in_another_unit_is_refused_in_one_line(refused, cylinder_file, tmp_path):
+def test_mesh_that_is_a_thousand_times_larger_than_the_cloud_is_refused_with_the_option_unit(
+    refused, cylinder_file, tmp_path
+):
     mesh = get_builtin_models()["cylinder"]
     write_mesh(TriangleMesh("cloud", 1e3 * mesh.vertices, mesh.faces), tmp_path / "model.obj")
     for name in ("distance", "align"):

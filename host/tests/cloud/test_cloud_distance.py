@@ -17,23 +17,25 @@ NUMBERS = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
 
 
 def build_motion(numbers):
+    """Build a rigid transform from a rotation vector (a third of it, radians) and a shift (metres)."""
     transform = from_rotation_vector(3.0 * np.array(numbers[:3]))
     transform[:3, 3] = numbers[3:]
     return transform
 
 
 def sample_points(count=300, seed=2):
+    """Sample random points around the built-in shapes, f64[count, 3]."""
     return np.random.default_rng(seed).uniform(-0.12, 0.12, (count, 3)) + np.array([0.0, 0.0, 0.05])
 
 
-def test_distances_to_a_box_equal_its_formula():
+def test_unsigned_and_signed_distances_to_a_box_mesh_equal_the_formula_of_a_box():
     mesh, points = TriangleMesh("box", *BOX.mesh()), sample_points()
     assert compute_distances_to_mesh(points, mesh) == pytest.approx(np.abs(BOX.signed_distance(points)), abs=1e-12)
     assert mesh.compute_signed_distance(points) == pytest.approx(BOX.signed_distance(points), abs=1e-12)
 
 
 @pytest.mark.parametrize("name", get_builtin_models())
-def test_points_on_a_surface_have_distance_zero(name):
+def test_points_sampled_on_a_surface_have_a_distance_of_zero_to_it(name):
     mesh = get_builtin_models()[name]
     assert compute_distances_to_mesh(mesh.sample(500), mesh).max() < 1e-11  # metres: rounding
 
@@ -58,14 +60,14 @@ def test_distance_of_a_cloud_to_itself_is_zero():
     assert (compute_distances_to_cloud(sample_points(), sample_points()) == 0.0).all()
 
 
-def test_statistics_of_three_distances():
+def test_statistics_of_three_distances_have_the_population_standard_deviation():
     stats = DistanceStats.from_distances(np.array([0.001, 0.002, 0.003]))
     assert (stats.points, stats.mean_m, stats.max_m) == (3, pytest.approx(0.002), 0.003)
     assert stats.std_m == pytest.approx(np.sqrt(2.0 / 3.0) * 1e-3)
     assert stats.rms_m**2 == pytest.approx(stats.mean_m**2 + stats.std_m**2)
 
 
-def test_empty_cloud_is_refused_in_one_line():
+def test_empty_cloud_and_empty_target_are_refused_in_one_line():
     empty, line = np.empty((0, 3)), "points: expected 1 or more, found none: the cloud is empty"
     with pytest.raises(CloudError, match=f"cloud: {line}"):
         compute_distances_to_mesh(empty, get_builtin_models()["cone"], "cloud")

@@ -16,10 +16,11 @@ from taxel.cloud.pose_average import POSE_STD_M, average_over_poses
 from taxel.hand.transforms import apply, from_rotation_vector
 
 LAYER_M = 0.002
+"""Largest distance between an active taxel and the object in simulated grasps."""
 
 
 def build_sheet(centre, along, across, rows=17, columns=12):
-    """Taxels at a pitch of 5 mm around a point, f64[rows * columns, 3]."""
+    """Build the positions of taxels at a 5 mm pitch around a point, f64[rows * columns, 3]."""
     x, y = np.meshgrid(0.005 * (np.arange(rows) - rows // 2), 0.005 * (np.arange(columns) - columns // 2))
     return centre + x.reshape(-1, 1) * np.array(along) + y.reshape(-1, 1) * np.array(across)
 
@@ -35,7 +36,10 @@ SHEETS = np.concatenate(
 
 
 def simulate_grasps(mesh: TriangleMesh, displacement_m: float, grasps: int = 3, seed: int = 1) -> ContactCloud:
-    """Grasps of an object with a random displacement in each grasp; taxels within the layer are active."""
+    """Simulate grasps of an object with a random displacement in each grasp; taxels within the layer are active.
+
+    displacement_m: standard deviation of the shifts, and of the rotations times a lever arm of 75 mm.
+    """
     rng = np.random.default_rng(seed)
     active_points, inactive_points = [], []
     for _ in range(grasps):
@@ -56,7 +60,7 @@ def simulate_grasps(mesh: TriangleMesh, displacement_m: float, grasps: int = 3, 
 
 
 @pytest.mark.parametrize("name", ["cylinder", "triangular_prism"])
-def test_bins_contain_the_signed_distance(name):
+def test_distance_bins_agree_with_the_signed_distance_within_0_2_mm_rms_and_1_mm_at_most(name):
     mesh = get_builtin_models()[name]
     grid = DistanceGrid.from_mesh(mesh)
     rng = np.random.default_rng(1)
@@ -90,7 +94,7 @@ def test_active_and_inactive_points_are_rotated_shifted_and_counted_separately()
     assert abs(counted[1, BIN_COUNT:-1].argmax() - above) <= 2  # 5 mm above the top
 
 
-def test_large_mesh_gets_a_coarser_grid(monkeypatch):
+def test_grid_becomes_coarser_instead_of_exceeding_its_largest_size(monkeypatch):
     monkeypatch.setattr(distance_grid, "MAX_CELLS", 100_000)
     monkeypatch.setattr(distance_grid, "MAX_SAMPLES", 20_000)
     grid = DistanceGrid.from_mesh(get_builtin_models()["cylinder"])
@@ -99,15 +103,16 @@ def test_large_mesh_gets_a_coarser_grid(monkeypatch):
 
 
 @pytest.mark.parametrize("deviation_m", [0.0004, 0.002])
-def test_average_over_poses_equals_the_analytical_integral(deviation_m):
-    """The likelihood is normal around a pose at which the prior has few samples."""
+def test_average_over_poses_of_a_normal_likelihood_far_from_the_prior_mean_equals_the_analytical_integral(deviation_m):
     true = np.array([0.003, -0.002, 0.004, 0.001, -0.003, 0.002])
 
     def log_likelihood(poses):
+        """Return the log likelihood for two settings, of which the second is smaller by 3 everywhere."""
         logs = -0.5 * (((poses - true) / deviation_m) ** 2).sum(axis=1)
         return np.stack([logs, logs - 3.0], axis=1)
 
     def compute_integral(scale):
+        """Compute the log of the likelihood's mean over a normal prior of this standard deviation."""
         variance = deviation_m**2 + scale**2
         return 6.0 * np.log(deviation_m / np.sqrt(variance)) - 0.5 * (true**2).sum() / variance
 
@@ -122,12 +127,16 @@ def test_average_of_a_constant_likelihood_is_the_constant():
     assert average_over_poses(lambda poses: np.full((len(poses), 2), -5.0), 1) == pytest.approx([-5.0, -5.0], abs=0.05)
 
 
-def test_samples_are_balanced_and_determined_by_the_seed():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        first = average_over_poses(lambda poses: -1e6 * (poses**2), 77)
+def test_average_over_poses_is_determined_by_the_seed():
+    first = average_over_poses(lambda poses: -1e6 * (poses**2), 77)
     assert (first == average_over_poses(lambda poses: -1e6 * (poses**2), 77)).all()
     assert (first != average_over_poses(lambda poses: -1e6 * (poses**2), 78)).any()
+
+
+def test_sampling_of_poses_raises_no_warning_of_an_unbalanced_sobol_sequence():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        average_over_poses(lambda poses: -1e6 * (poses**2), 79)  # a seed without cached samples
 
 
 THESIS_OBJECTS = ("rectangular_prism", "cylinder", "triangular_prism")
@@ -135,7 +144,7 @@ THESIS_OBJECTS = ("rectangular_prism", "cylinder", "triangular_prism")
 
 @pytest.mark.parametrize("displacement_m", [0.0, 0.0035])
 @pytest.mark.parametrize("name", THESIS_OBJECTS)
-def test_shape_is_identified_with_a_displaced_object_in_every_grasp(name, displacement_m):
+def test_evidence_of_the_true_shape_exceeds_that_of_others_by_20_even_if_the_object_is_displaced(name, displacement_m):
     cloud = simulate_grasps(get_builtin_models()[name], displacement_m)
     likelihoods = {
         model: get_shape_likelihood(get_builtin_models()[model]).compute_by_grasp(cloud) for model in THESIS_OBJECTS
@@ -147,7 +156,6 @@ def test_shape_is_identified_with_a_displaced_object_in_every_grasp(name, displa
 def test_likelihood_of_a_grasp_does_not_depend_on_other_grasps():
     cloud = simulate_grasps(get_builtin_models()["cylinder"], 0.002)
     all_grasps = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(cloud)
-    assert all_grasps.shape[0] == 3
     single = cloud.select(cloud.grasp == 1)
     single = replace(
         single,
@@ -156,10 +164,16 @@ def test_likelihood_of_a_grasp_does_not_depend_on_other_grasps():
     )
     by_grasp = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(single)
     assert (by_grasp[1] == all_grasps[1]).all()
+
+
+def test_log_likelihood_of_a_grasp_without_an_active_taxel_is_zero():
+    cloud = simulate_grasps(get_builtin_models()["cylinder"], 0.002)
+    cloud = cloud.select(cloud.grasp == 1)
+    by_grasp = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(cloud)
     assert (by_grasp[[0, 2]] == 0.0).all()
 
 
-def test_evidence_averages_over_settings_and_multiplies_over_grasps():
+def test_evidence_averages_over_reach_and_blur_and_multiplies_over_grasps():
     by_grasp = np.log(np.array([[0.5, 0.1], [0.2, 0.4]]))
     assert compute_evidence(by_grasp) == pytest.approx([np.log(0.5 * (0.5 * 0.2 + 0.1 * 0.4))])
     grasp_weights = np.array([[2.0, 0.0], [1.0, 1.0]])
@@ -177,7 +191,7 @@ def test_distant_inactive_taxels_do_not_change_the_likelihood():
     assert (likelihood.compute_by_grasp(extended) == likelihood.compute_by_grasp(cloud)).all()
 
 
-def test_likelihood_is_computed_once_for_each_mesh():
+def test_shape_likelihood_is_created_once_for_each_mesh_object():
     mesh = build_sphere(0.02)
     assert get_shape_likelihood(mesh) is get_shape_likelihood(mesh)
     assert get_shape_likelihood(mesh) is not get_shape_likelihood(build_sphere(0.02))

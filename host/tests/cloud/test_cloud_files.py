@@ -44,7 +44,9 @@ def name_sample(sample):
 
 @pytest.mark.parametrize("ending", CLOUDS)
 @pytest.mark.parametrize("has_counts", [True, False], ids=["counts", "no counts"])
-def test_cloud_is_restored_from_its_file(tmp_path, surface_cloud, ending, has_counts):
+def test_points_and_counts_are_restored_from_every_format_and_grasps_from_ply_and_pcd(
+    tmp_path, surface_cloud, ending, has_counts
+):
     cloud = surface_cloud("cone")
     if not has_counts:
         cloud = replace(cloud, counts=np.full(len(cloud), np.nan))
@@ -61,7 +63,7 @@ def test_cloud_is_restored_from_its_file(tmp_path, surface_cloud, ending, has_co
 
 
 def add_inactive(cloud):
-    """The cloud with five inactive taxels in two of its grasps."""
+    """Return the cloud with five inactive taxels in two of its grasps."""
     return replace(cloud, inactive_points=np.arange(15.0).reshape(5, 3) / 7.0, inactive_grasp=np.array([1, 1, 6, 6, 6]))
 
 
@@ -98,7 +100,7 @@ def test_damaged_rows_of_inactive_taxels_are_refused_in_one_line(tmp_path, surfa
         read_cloud(path)
 
 
-def test_rows_of_inactive_taxels_are_ignored_without_names_of_grasps(tmp_path, surface_cloud):
+def test_inactive_taxels_are_neither_read_nor_written_without_names_of_grasps(tmp_path, surface_cloud):
     path = tmp_path / "cloud.ply"
     write_cloud(add_inactive(surface_cloud("cone")), path)
     path.write_text("".join(line for line in path.read_text().splitlines(True) if not line.startswith("comment")))
@@ -120,16 +122,22 @@ def test_coordinates_are_restored_exactly(points, name):
 
 @pytest.mark.parametrize("ending", MESHES)
 @pytest.mark.parametrize("name", get_builtin_models())
-def test_mesh_is_restored_from_its_file(tmp_path, ending, name):
+def test_written_mesh_is_read_with_the_same_number_of_vertices_and_the_same_area(tmp_path, ending, name):
     mesh, path = get_builtin_models()[name], tmp_path / f"mesh{ending}"
     write_mesh(mesh, path)
-    assert has_triangles(path)
     restored = read_mesh(path)
     assert len(restored.vertices) == len(mesh.vertices)
     assert restored.areas.sum() == pytest.approx(mesh.areas.sum(), rel=1e-6 if ending == ".stl" else 1e-12)
 
 
-def test_mesh_file_in_millimetres(tmp_path):
+@pytest.mark.parametrize("ending", MESHES)
+def test_mesh_file_is_recognised_as_a_file_with_triangles(tmp_path, ending):
+    path = tmp_path / f"mesh{ending}"
+    write_mesh(get_builtin_models()["cone"], path)
+    assert has_triangles(path)
+
+
+def test_mesh_file_in_millimetres_is_read_in_metres(tmp_path):
     mesh = get_builtin_models()["cone"]
     write_mesh(TriangleMesh("cone", 1e3 * mesh.vertices, mesh.faces), tmp_path / "cone.obj")
     assert read_mesh(tmp_path / "cone.obj", 1e-3).bounds == pytest.approx(mesh.bounds)
@@ -146,7 +154,10 @@ def test_existing_file_is_not_overwritten_without_the_option(tmp_path, surface_c
 
 
 def read_refusal(read, data: bytes) -> str:
-    """Error message of a reader for a file; empty if the reader accepts it. Any error but a TaxelError is a failure."""
+    """Return the error message of a reader for a file, or "" if the reader accepts it.
+
+    Exceptions other than TaxelError are not caught and fail the test.
+    """
     try:
         read(Source("cloud", data))
     except TaxelError as error:
@@ -155,7 +166,7 @@ def read_refusal(read, data: bytes) -> str:
 
 
 @pytest.mark.parametrize("sample", SAMPLES["valid"], ids=name_sample)
-def test_valid_file_is_read(sample):
+def test_valid_file_is_read_with_the_expected_content(sample):
     content = Source("cloud", sample["content"].encode("latin-1"))
     if "corners" in sample:
         vertices, faces = READERS[sample["kind"]](content)
@@ -173,6 +184,7 @@ def test_valid_file_is_read(sample):
 @pytest.mark.parametrize("sample", SAMPLES["malformed"], ids=name_sample)
 def test_malformed_file_is_refused_in_one_line(sample):
     def read(source):
+        """Read a cloud or a mesh; check the mesh."""
         contents = READERS[sample["kind"]](source)
         return TriangleMesh(source.name, *contents) if isinstance(contents, tuple) else contents
 
@@ -182,7 +194,7 @@ def test_malformed_file_is_refused_in_one_line(sample):
     assert "\n" not in message
 
 
-def test_text_mesh_with_faces_is_recognised_as_a_mesh():
+def test_ply_file_has_faces_only_if_it_is_a_mesh():
     contents = {sample["name"]: sample["content"].encode("latin-1") for sample in SAMPLES["valid"]}
     assert ply.has_faces(Source("cloud", contents["text mesh"]))
     assert not ply.has_faces(Source("cloud", contents["text cloud with counts, grasps and silent taxels"]))
@@ -210,7 +222,7 @@ def test_file_with_one_changed_byte_is_read_or_refused_in_one_line(position, val
         assert "\n" not in read_refusal(read, bytes(written))
 
 
-def test_too_large_file_is_not_read(tmp_path, monkeypatch):
+def test_too_large_and_empty_files_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("taxel.cloud.files.source.MAX_FILE_BYTES", 100)
     path = tmp_path / "cloud.xyz"
     path.write_text("1 2 3\n" * 100)
@@ -230,7 +242,7 @@ def test_text_with_too_many_words_is_not_split(monkeypatch):
     )
 
 
-def test_nan_in_a_file_is_refused_in_one_line(tmp_path):
+def test_nan_in_a_cloud_file_and_in_a_mesh_file_is_refused_in_one_line(tmp_path):
     (tmp_path / "cloud.xyz").write_text("1 2 nan\n")
     with pytest.raises(CloudError, match=r"cloud.xyz: points: expected finite coordinates, found 1 with NaN"):
         read_cloud(tmp_path / "cloud.xyz")
@@ -240,7 +252,7 @@ def test_nan_in_a_file_is_refused_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["cloud", "cloud.pickle", "cloud.las"])
-def test_unknown_suffix_is_refused_in_one_line(tmp_path, surface_cloud, name):
+def test_unknown_suffix_is_refused_for_reading_and_writing_in_one_line(tmp_path, surface_cloud, name):
     with pytest.raises(
         CloudFileError, match=r"name: expected a cloud that ends in .ply, .pcd, .xyz, .asc, .txt, found"
     ):
@@ -249,7 +261,7 @@ def test_unknown_suffix_is_refused_in_one_line(tmp_path, surface_cloud, name):
         write_cloud(surface_cloud("cone"), tmp_path / name)
 
 
-def test_inconsistent_names_of_grasps_are_refused_in_one_line():
+def test_references_to_approaches_and_grasps_without_a_name_are_refused_in_one_line():
     comments = "comment taxel.approach 0 side\ncomment taxel.grasp 0 {} a\n"
     text = (
         START_OF_PLY.decode().replace("element", comments + "element", 1) + "property int grasp\nend_header\n1 2 3 {}\n"

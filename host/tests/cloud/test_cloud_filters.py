@@ -26,13 +26,13 @@ CLOUDS = hnp.arrays(np.float64, st.tuples(st.integers(5, 40), st.just(3)), eleme
 
 
 def compute_by_definition(points, k, n_sigma):
-    """Mean neighbour distances and inliers, computed from all pairs of points."""
+    """Compute mean neighbour distances f64[N] and inliers bool[N] from the distances of all pairs of points."""
     mean = np.sort(cdist(points, points), axis=1)[:, 1:k].mean(axis=1)
     return mean, mean <= mean.mean() + n_sigma * np.sqrt(np.mean((mean - mean.mean()) ** 2))
 
 
 @pytest.mark.parametrize("k", [2, 6, 20, MAX_TREE_NEIGHBOURS + 1, 600])
-def test_filter_agrees_with_its_definition_point_by_point(k):
+def test_outlier_filter_agrees_with_its_definition_for_every_point(k):
     seed = 3
     points = np.random.default_rng(seed).normal(0.0, 0.02, (600, 3))
     mean, is_inlier = compute_by_definition(points, k, 1.0)
@@ -40,7 +40,7 @@ def test_filter_agrees_with_its_definition_point_by_point(k):
     assert (find_inliers(points, k, 1.0) == is_inlier).all(), f"seed {seed}"
 
 
-def test_several_k_at_once_give_the_result_of_each_k():
+def test_mean_distances_for_several_k_at_once_equal_those_for_each_k():
     points = np.random.default_rng(4).normal(0.0, 0.02, (500, 3))
     ks = [250, 20, 499, 20]
     together = compute_mean_neighbour_distances(points, ks)
@@ -50,7 +50,7 @@ def test_several_k_at_once_give_the_result_of_each_k():
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(CLOUDS, st.floats(0.0, 3.0), st.floats(0.0, 3.0))
-def test_more_sigmas_keep_more_points(points, first, second):
+def test_larger_sigma_keeps_all_points_of_a_smaller_sigma(points, first, second):
     low, high = sorted((first, second))
     assert not (find_inliers(points, 5, low) & ~find_inliers(points, 5, high)).any()
 
@@ -69,13 +69,13 @@ def test_equal_distances_give_no_outlier():
     assert find_inliers(points, 5, 0.0).all()
 
 
-def test_isolated_point_is_removed(surface_cloud):
+def test_only_an_isolated_point_is_removed(surface_cloud):
     cloud = surface_cloud("cylinder", noise_m=0.0)
+    isolated = 17
     points = cloud.points.copy()
-    points[17] += 0.2
-    clean = remove_outliers(replace(cloud, points=points), 20, 2.0)
-    assert len(clean) == len(cloud) - 1
-    assert 0.2 not in clean.points[:, 0].round(1)
+    points[isolated] += 0.2
+    clean = remove_outliers(replace(cloud, points=points), k=20, n_sigma=2.0)
+    assert (clean.points == np.delete(points, isolated, axis=0)).all()
 
 
 def test_coincident_points_are_not_outliers():
@@ -94,7 +94,7 @@ def test_n_below_two_is_refused_in_one_line():
         find_inliers(np.eye(3), 1, 1.0)
 
 
-def test_filter_uses_the_population_standard_deviation():
+def test_outlier_filter_uses_the_population_standard_deviation():
     # Standard deviation: population 0.433, sample 0.5. At 1.6 sigma, only the former excludes the last value.
     mean = np.array([1.0, 1.0, 1.0, 2.0])
     assert select_inliers(mean, 1.6).tolist() == [True, True, True, False]
@@ -105,11 +105,15 @@ def test_force_filter_keeps_signals_above_the_threshold(surface_cloud):
     strong = filter_by_force(cloud, 190.0)
     assert len(strong) == (cloud.counts > 190.0).sum()
     assert strong.counts.min() > 190.0
+
+
+def test_force_filter_of_a_cloud_without_counts_is_refused_in_one_line(surface_cloud):
+    cloud = surface_cloud("cylinder")
     with pytest.raises(CloudError, match="counts: expected a signal for each point, found 400 without"):
         filter_by_force(replace(cloud, counts=np.full(len(cloud), np.nan)), 190.0)
 
 
-def test_outlier_filter_settings_of_the_thesis_by_shape():
+def test_outlier_filter_has_the_settings_of_table_5_4_and_a_default_for_other_objects():
     assert get_outlier_filter("rectangular_prism") == OutlierFilter(20.0, 1.0)
     assert get_outlier_filter("mug") == DEFAULT_OUTLIER_FILTER
     assert get_outlier_filter("triangular_prism").count_neighbours(2866) == 716

@@ -10,7 +10,10 @@ POINTS = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.002], [0.1, 0.0, 0.0], [0.0, 0.
 
 
 def build_cloud() -> ContactCloud:
-    """Taxel 7 in two repeats of "side" and in "top", taxel 8 in one repeat of "side", none in its third repeat."""
+    """Build a cloud of three repeats of "side" (grasps a, b, d) and one grasp of "top" (grasp c).
+
+    Taxel 7 is active in two repeats of "side" and in "top", taxel 8 in one repeat of "side", taxel 9 in "top".
+    """
     return ContactCloud(
         "cloud",
         POINTS,
@@ -25,24 +28,23 @@ def build_cloud() -> ContactCloud:
     )
 
 
-def test_positions_and_counts_are_means_over_the_repeats():
+def test_fused_positions_and_counts_are_means_over_the_repeats_with_an_active_taxel():
     fused = fuse_repeats(build_cloud())
     assert list(zip(fused.approach.tolist(), fused.taxel.tolist(), strict=True)) == [(0, 7), (0, 8), (1, 7), (1, 9)]
     assert fused.points.tolist() == [[0.0, 0.0, 0.001], [0.1, 0.0, 0.0], [0.0, 0.0, 0.004], [0.2, 0.0, 0.0]]
     assert fused.counts.tolist() == [250.0, 160.0, 400.0, 500.0]
 
 
-def test_contact_of_too_few_repeats_is_left_out():
-    assert fuse_repeats(build_cloud(), 0.5).taxel.tolist() == [7, 7, 9]  # two of three repeats of "side"
-    assert fuse_repeats(build_cloud(), 0.7).taxel.tolist() == [7, 9]
-    assert fuse_repeats(build_cloud(), 1.0).taxel.tolist() == [7, 9]
+def test_contact_in_less_than_the_minimum_share_of_repeats_is_left_out():
+    assert fuse_repeats(build_cloud(), min_share=0.5).taxel.tolist() == [7, 7, 9]  # taxel 7: two of three repeats
+    assert fuse_repeats(build_cloud(), min_share=0.7).taxel.tolist() == [7, 9]  # of "top", which has one repeat
+    assert fuse_repeats(build_cloud(), min_share=1.0).taxel.tolist() == [7, 9]
 
 
-def test_inactive_taxels_and_grasps_are_not_changed():
+def test_fusion_changes_neither_inactive_taxels_nor_grasps():
     fused = fuse_repeats(build_cloud())
     assert fused.grasps == ("a", "b", "c", "d")
     assert (fused.inactive_points == POINTS[:2]).all()
-    assert fused.select_approach("top").taxel.tolist() == [7, 9]
 
 
 def test_fusing_a_fused_cloud_does_not_change_it(surface_cloud):

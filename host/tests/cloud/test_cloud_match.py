@@ -14,12 +14,10 @@ from taxel.hand.transforms import apply, from_rotation_vector
 
 
 @pytest.mark.parametrize("name", get_builtin_models())
-def test_shape_of_a_cloud_is_identified(name, surface_cloud):
+def test_shape_of_a_cloud_without_inactive_taxels_is_identified_with_a_margin_above_1_5(name, surface_cloud):
     result = match(surface_cloud(name), get_builtin_models())
-    assert result.best == name
+    assert result.best == result.best_by_mean == name
     assert result.margin > 1.5
-    assert result.best_by_mean == name
-    assert np.isnan(result.lead)
     assert result.confidence[name] == 1.0
     assert {fit.model for fit in result.fits} == set(get_builtin_models())
 
@@ -35,7 +33,7 @@ def test_shape_of_a_cloud_in_an_unknown_pose_is_identified(name, surface_cloud):
 
 
 def build_top_cloud(has_inactive: bool) -> ContactCloud:
-    """A cloud on the top face of the triangular prism, with or without inactive taxels around the face."""
+    """Build a cloud on the top face of the triangular prism, with or without inactive taxels around the face."""
     mesh = get_builtin_models()["triangular_prism"]
     top = mesh.sample(6000, seed=2)
     top = top[(top[:, 2] > 0.215 - 1e-9)]
@@ -54,16 +52,26 @@ def test_inactive_taxels_distinguish_shapes_that_contacts_do_not():
     models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
     contacts_only = match(build_top_cloud(has_inactive=False), models)
     with_inactive = match(build_top_cloud(has_inactive=True), models)
-    assert max(fit.distances.mean_m for fit in contacts_only.fits) < 1e-6
-    assert np.isnan(contacts_only.lead)
+    assert max(fit.distances.mean_m for fit in contacts_only.fits) < 1e-6  # both shapes contain all contacts
     assert with_inactive.best == "triangular_prism"
     assert with_inactive.lead > 10.0
-    assert with_inactive.lead == with_inactive.fits[0].evidence - with_inactive.fits[1].evidence
 
 
-def test_likelihoods_of_a_cloud_can_be_used_for_its_parts():
+def test_lead_is_the_difference_of_the_two_largest_evidences():
+    models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
+    result = match(build_top_cloud(has_inactive=True), models)
+    assert result.lead == result.fits[0].evidence - result.fits[1].evidence
+
+
+def test_lead_of_a_cloud_without_inactive_taxels_is_nan():
+    models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
+    assert np.isnan(match(build_top_cloud(has_inactive=False), models).lead)
+
+
+def build_cloud_of_two_approaches() -> ContactCloud:
+    """Build a cloud of two approaches with one grasp each, with the same active and inactive taxels."""
     single_approach = build_top_cloud(has_inactive=True)
-    two_approaches = replace(
+    return replace(
         single_approach,
         points=np.tile(single_approach.points, (2, 1)),
         counts=np.tile(single_approach.counts, 2),
@@ -75,17 +83,26 @@ def test_likelihoods_of_a_cloud_can_be_used_for_its_parts():
         inactive_points=np.tile(single_approach.inactive_points, (2, 1)),
         inactive_grasp=np.repeat([0, 1], len(single_approach.inactive_points)),
     )
+
+
+def test_match_of_one_approach_with_the_likelihoods_of_the_whole_cloud_equals_a_separate_match():
+    two_approaches = build_cloud_of_two_approaches()
     models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
     likelihoods = compute_likelihoods(two_approaches, models)
     top_cloud = two_approaches.select_approach("top")
     reused, computed = match(top_cloud, models, likelihoods=likelihoods), match(top_cloud, models)
     assert [fit.to_json() for fit in reused.fits] == [fit.to_json() for fit in computed.fits]
     assert reused.lead == computed.lead
-    assert reused.confidence is None
+
+
+def test_confidence_is_computed_from_given_likelihoods():
+    two_approaches = build_cloud_of_two_approaches()
+    models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
+    likelihoods = compute_likelihoods(two_approaches, models)
     assert set(match(two_approaches, models, likelihoods=likelihoods, bootstrap_samples=10).confidence) == set(models)
 
 
-def test_confidence_is_a_bootstrap_over_whole_grasps():
+def test_confidence_is_the_share_of_bootstrap_samples_of_whole_grasps_and_depends_on_the_seed():
     """One grasp on the cylinder and nine on the cone: samples with few cone grasps select the cylinder."""
     points_on = {name: get_builtin_models()[name].sample(60, seed=5) for name in ("cylinder", "cone")}
     points = np.concatenate([points_on["cylinder"]] + [points_on["cone"]] * 9)
@@ -98,7 +115,11 @@ def test_confidence_is_a_bootstrap_over_whole_grasps():
     assert 0.5 < first.confidence["cone"] < 1.0
     assert sum(first.confidence.values()) == pytest.approx(1.0)
     assert match(cloud, models, seed=4).confidence != first.confidence
-    assert match(cloud, models, bootstrap_samples=0).confidence is None
+
+
+def test_match_without_bootstrap_samples_has_no_confidence(surface_cloud):
+    models = {name: get_builtin_models()[name] for name in ("cylinder", "cone")}
+    assert match(surface_cloud("cone"), models, bootstrap_samples=0).confidence is None
 
 
 def test_one_grasp_has_no_confidence_and_one_model_has_no_margin(surface_cloud):
@@ -106,13 +127,17 @@ def test_one_grasp_has_no_confidence_and_one_model_has_no_margin(surface_cloud):
     result = match(cloud, {"cone": get_builtin_models()["cone"]})
     assert result.confidence is None
     assert np.isnan(result.margin)
+
+
+def test_json_of_a_match_contains_null_for_nan_and_the_distances_of_each_fit(surface_cloud):
+    result = match(surface_cloud("cone"), {"cone": get_builtin_models()["cone"]})
     values = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert values["margin"] is None
     assert values["lead"] is None
     assert values["fits"][0]["mean_m"] == result.fits[0].distances.mean_m
 
 
-def test_transform_maps_the_cloud_to_the_model(surface_cloud):
+def test_distances_of_a_fit_are_those_of_the_cloud_mapped_by_its_transform(surface_cloud):
     cloud = surface_cloud("triangular_prism")
     fit = match(cloud, get_builtin_models()).fits[0]
     mesh = get_builtin_models()["triangular_prism"]

@@ -12,23 +12,23 @@ VERTICES, FACES = ConvexPolytope.box(0.06, 0.04, 0.1).mesh()
 
 
 def build_box(vertices=VERTICES, faces=FACES) -> TriangleMesh:
-    """A box of 60 x 40 x 100 mm, or a mesh with other vertices or faces."""
+    """Build a box of 60 x 40 x 100 mm, or a mesh with other vertices or faces."""
     return TriangleMesh("box", vertices, faces)
 
 
-def test_areas_and_bounds_of_a_box():
+def test_areas_and_bounds_of_a_box_mesh_equal_those_of_the_box():
     mesh = build_box()
     assert mesh.areas.sum() == pytest.approx(2 * (0.06 * 0.04 + 0.06 * 0.1 + 0.04 * 0.1))
     assert mesh.bounds == pytest.approx(np.array([[-0.03, -0.02, 0.0], [0.03, 0.02, 0.1]]))
 
 
-def test_mesh_with_inward_faces_is_reversed():
+def test_mesh_with_inward_faces_is_turned_inside_out():
     mesh = build_box(faces=FACES[:, ::-1])
     assert mesh.compute_signed_distance(np.array([[0.0, 0.0, 0.05]])) == pytest.approx(-0.02)
     assert (mesh.normals == build_box().normals).all()
 
 
-def test_hole_is_refused_in_one_line():
+def test_mesh_with_a_hole_is_refused_in_one_line():
     with pytest.raises(MeshError, match="box: faces: expected a closed surface, found 3 edges of one face only; close"):
         build_box(faces=FACES[1:])
 
@@ -47,7 +47,7 @@ def test_edge_of_more_than_two_faces_is_refused_in_one_line():
         build_box(faces=np.concatenate([FACES, FACES]))
 
 
-def test_nan_is_refused_in_one_line():
+def test_vertex_with_nan_is_refused_in_one_line():
     vertices = VERTICES.copy()
     vertices[2, 1] = np.nan
     with pytest.raises(MeshError, match="box: vertices: expected finite coordinates, found 1 with NaN or infinity"):
@@ -79,29 +79,32 @@ def test_samples_are_uniform_and_determined_by_the_seed():
     assert on_top == pytest.approx(0.06 * 0.04 / mesh.areas.sum(), abs=0.01)
 
 
-def test_nearest_points_on_faces_edges_and_corners():
+def test_nearest_points_are_classified_as_points_on_faces_edges_and_corners():
+    before_face, beside_edge, beside_corner = [0.05, 0.003, 0.041], [0.04, 0.03, 0.04], [0.04, 0.03, 0.12]
     mesh = build_box()
-    closest = mesh.find_closest(
-        np.array([[0.05, 0.003, 0.041], [0.04, 0.03, 0.04], [0.04, 0.03, 0.12], [0.03, 0.0, 0.053]])
+    edge, direction, corner = mesh.find_edges_and_corners(
+        mesh.find_closest(np.array([before_face, beside_edge, beside_corner]))
     )
-    edge, direction, corner = mesh.find_edges_and_corners(closest)
     assert edge.tolist() == [1]
     assert np.abs(direction[0]) == pytest.approx([0.0, 0.0, 1.0])
     assert corner.tolist() == [2]
-    assert closest.normal[0] == pytest.approx([1.0, 0.0, 0.0])
-    assert closest.normal[3] == pytest.approx([1.0, 0.0, 0.0])  # a point on the surface has the normal of its face
-    assert closest.distance[3] < 1e-15
+
+
+def test_points_before_and_on_a_face_have_the_normal_of_the_face():
+    closest = build_box().find_closest(np.array([[0.05, 0.003, 0.041], [0.03, 0.0, 0.053]]))
+    assert closest.distance == pytest.approx([0.02, 0.0], abs=1e-15)
+    assert closest.normal == pytest.approx(np.array([[1.0, 0.0, 0.0]] * 2))
 
 
 @pytest.mark.parametrize("name", get_builtin_models())
-def test_built_in_shapes_stand_upright_on_the_origin(name):
+def test_built_in_shape_stands_on_the_plane_z_0_and_is_centred_in_x(name):
     low, high = get_builtin_models()[name].bounds
     assert low[2] == pytest.approx(0.0, abs=1e-12)
     assert high[2] > 0.05
-    assert low[:2] + high[:2] == pytest.approx([0.0, high[1] + low[1]], abs=1e-12)
+    assert low[0] + high[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_volumes_of_shapes_equal_their_formulas():
+def test_volumes_of_built_in_shapes_equal_their_formulas_within_one_percent():
     triangles = {name: mesh.vertices[mesh.faces] for name, mesh in get_builtin_models().items()}
     volume = {name: np.linalg.det(corners).sum() / 6.0 for name, corners in triangles.items()}
     assert volume["sphere"] == pytest.approx(4.0 / 3.0 * np.pi * 0.035**3, rel=0.01)
@@ -117,6 +120,6 @@ def test_name_that_is_neither_a_shape_nor_a_file_is_refused_in_one_line():
         load_model("mug")
 
 
-def test_models_are_loaded_by_name_and_without_names_all_are():
+def test_models_are_loaded_once_by_name_and_all_built_in_shapes_without_names():
     assert list(load_models([])) == list(get_builtin_models())
     assert list(load_models(["cone", "sphere", "cone"])) == ["cone", "sphere"]

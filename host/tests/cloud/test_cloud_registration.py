@@ -17,19 +17,22 @@ PRISMS = ("rectangular_prism", "triangular_prism", "hexagonal_prism")
 
 
 def build_motion(rotation, shift):
+    """Build a rigid transform from a rotation vector (radians) and a shift (metres)."""
     transform = from_rotation_vector(np.array(rotation, float))
     transform[:3, 3] = shift
     return transform
 
 
 def measure_difference(first, second):
-    """Rotation in degrees and shift in millimetres between two transforms."""
+    """Return the rotation in degrees and the shift in millimetres between two transforms."""
     difference = inverse(first) @ second
     return np.degrees(np.linalg.norm(to_rotation_vector(difference))), 1e3 * np.linalg.norm(difference[:3, 3])
 
 
 def run_besl_mckay(points, mesh, steps=400):
-    """RMS distance after the algorithm of Besl and McKay, with the nearest points of the surface."""
+    """Align points with the algorithm of Besl and McKay to the nearest points of the surface; return the RMS
+    distance.
+    """
     aligned = points.copy()
     for _ in range(steps):
         closest = mesh.find_closest(aligned).point
@@ -42,7 +45,7 @@ def run_besl_mckay(points, mesh, steps=400):
 
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(SIX_NUMBERS, st.sampled_from(PRISMS))
-def test_small_motion_is_reversed_on_a_mesh(numbers, name):
+def test_alignment_to_a_mesh_reverses_a_small_motion(numbers, name):
     mesh = get_builtin_models()[name]
     applied = build_motion(0.05 * np.array(numbers[:3]), 0.003 * np.array(numbers[3:]))
     result = align_to_mesh(apply(applied, mesh.sample(500, seed=3)), mesh, tolerance=1e-12)
@@ -55,7 +58,7 @@ def test_small_motion_is_reversed_on_a_mesh(numbers, name):
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(SIX_NUMBERS)
-def test_small_motion_is_reversed_on_a_cloud(numbers):
+def test_alignment_to_a_cloud_reverses_a_small_motion(numbers):
     target = np.random.default_rng(5).uniform(-0.05, 0.05, (300, 3))
     applied = build_motion(0.02 * np.array(numbers[:3]), 0.001 * np.array(numbers[3:]))
     result = align_to_points(apply(applied, target[::2]), PointTarget(target))
@@ -66,7 +69,7 @@ def test_small_motion_is_reversed_on_a_cloud(numbers):
 
 
 @pytest.mark.parametrize("name", get_builtin_models())
-def test_alignment_reaches_the_minimum_of_besl_and_mckay(name, surface_cloud):
+def test_alignment_reaches_the_minimum_of_besl_and_mckay_in_fewer_than_100_iterations(name, surface_cloud):
     mesh = get_builtin_models()[name]
     points = apply(build_motion([0.05, -0.08, 0.04], [0.004, -0.003, 0.002]), surface_cloud(name, noise_m=0.001).points)
     result = align_to_mesh(points, mesh, tolerance=1e-9)
@@ -74,11 +77,15 @@ def test_alignment_reaches_the_minimum_of_besl_and_mckay(name, surface_cloud):
     assert result.iterations < 100
 
 
-def test_rms_is_the_rms_of_the_transformed_points(surface_cloud):
+def test_rms_of_an_alignment_to_a_mesh_is_that_of_the_transformed_points(surface_cloud):
     points, mesh = surface_cloud("cylinder").points, get_builtin_models()["cylinder"]
     result = align_to_mesh(points, mesh)
     distance = mesh.find_closest(apply(result.transform, points)).distance
     assert result.rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=1e-9)
+
+
+def test_rms_of_an_alignment_to_a_cloud_is_that_of_the_transformed_points(surface_cloud):
+    points = surface_cloud("cylinder").points
     target = surface_cloud("cylinder", seed=9).points
     result = align_to_points(points, PointTarget(target))
     distance = cKDTree(target).query(apply(result.transform, points))[0]
@@ -92,11 +99,15 @@ def test_alignment_never_increases_the_rms(surface_cloud):
         assert align_to_mesh(points, mesh).rms_m <= before, name
 
 
-def test_same_input_gives_identical_bits(surface_cloud):
+def test_repeated_alignment_of_the_same_points_gives_identical_bits(surface_cloud):
     points, mesh = surface_cloud("hexagonal_prism", seed=4).points, get_builtin_models()["cylinder"]
     assert (align_to_mesh(points, mesh).transform == align_to_mesh(points, mesh).transform).all()
     target = PointTarget.from_mesh(mesh, 3000)
     assert (align_to_points(points, target).transform == align_to_points(points, target).transform).all()
+
+
+def test_transform_of_an_alignment_is_rigid(surface_cloud):
+    points, mesh = surface_cloud("hexagonal_prism", seed=4).points, get_builtin_models()["cylinder"]
     check_rigid(align_to_mesh(points, mesh).transform)
 
 
@@ -129,7 +140,7 @@ def test_cloud_in_an_unknown_pose_is_aligned_to_a_cloud(surface_cloud):
     assert align_to_points_globally(points, PointTarget(target)).rms_m < 1e-6
 
 
-def test_guesses_are_rotations_that_map_centre_to_centre():
+def test_guesses_are_25_rigid_transforms_of_which_all_but_the_identity_map_centre_to_centre():
     rng = np.random.default_rng(3)
     points, target = rng.normal(0.0, [0.03, 0.02, 0.01], (200, 3)), rng.normal(0.1, [0.01, 0.03, 0.02], (300, 3))
     guesses = compute_guesses(points, target)
@@ -159,12 +170,12 @@ def test_points_that_do_not_determine_a_rotation_are_refused_in_one_line(points,
         align_to_points(points, PointTarget(surface_cloud("cone").points), name="cloud")
 
 
-def test_one_point_beside_a_line_is_enough():
+def test_points_on_a_line_with_one_point_beside_it_are_accepted_as_a_target():
     points = np.concatenate([np.linspace(0.0, 0.1, 300)[:, None] * [1.0, 0.0, 0.0], [[0.05, 0.01, 0.0]]])
     assert PointTarget(points).points is points
 
 
-def test_nan_is_refused_in_one_line():
+def test_alignment_of_points_with_nan_is_refused_in_one_line():
     with pytest.raises(CloudError, match="cloud: points: expected finite coordinates"):
         align_to_mesh(np.full((5, 3), np.nan), get_builtin_models()["cone"], name="cloud")
 

@@ -20,19 +20,22 @@ from taxel.cloud.sweep import (
 )
 
 
-def test_force_filter_sweep_has_the_rows_of_the_tables(surface_cloud):
+def test_force_filter_sweep_has_a_row_for_each_threshold_of_the_tables(surface_cloud):
     cloud, mesh = surface_cloud("cylinder", 1500), get_builtin_models()["cylinder"]
     rows = sweep_force_filter(cloud, mesh, "cylinder")
     assert [row.threshold_counts for row in rows] == list(FORCE_THRESHOLDS)
-    assert all(rows[k].points >= rows[k + 1].points for k in range(len(rows) - 1))
-    assert rows[0].filtered_out_percent == 0.0
-    assert rows[4].points == (cloud.counts > 190.0).sum()
-    assert rows[4].filtered_out_percent == pytest.approx(100.0 * (1.0 - rows[4].points / 1500))
-    assert rows[4].rms_m == pytest.approx(align_to_mesh(filter_by_force(cloud, 190.0).points, mesh).rms_m)
-    assert rows[4].rms_m ** 2 == pytest.approx(rows[4].mean_m ** 2 + rows[4].std_m ** 2)
 
 
-def test_outlier_filter_sweep_uses_the_force_filtered_cloud(surface_cloud):
+def test_row_of_the_force_filter_sweep_describes_the_filtered_and_aligned_cloud(surface_cloud):
+    cloud, mesh = surface_cloud("cylinder", 1500), get_builtin_models()["cylinder"]
+    (row,) = sweep_force_filter(cloud, mesh, "cylinder", (190.0,))
+    assert row.points == (cloud.counts > 190.0).sum()
+    assert row.filtered_out_percent == pytest.approx(100.0 * (1.0 - row.points / 1500))
+    assert row.rms_m == pytest.approx(align_to_mesh(filter_by_force(cloud, 190.0).points, mesh).rms_m)
+    assert row.rms_m**2 == pytest.approx(row.mean_m**2 + row.std_m**2)
+
+
+def test_outlier_filter_sweep_filters_the_force_filtered_cloud(surface_cloud):
     cloud, mesh = surface_cloud("triangular_prism", 900), get_builtin_models()["triangular_prism"]
     filtered = filter_by_force(cloud, 190.0)
     rows = sweep_outlier_filter(cloud, mesh, "triangular_prism")
@@ -45,11 +48,11 @@ def test_outlier_filter_sweep_uses_the_force_filtered_cloud(surface_cloud):
 @pytest.mark.parametrize(
     ("name", "count"), [("rectangular_prism", 13), ("cylinder", 11), ("Triangular", 12), ("mug", 13)]
 )
-def test_rules_come_from_the_table_of_the_object(name, count):
+def test_number_of_outlier_filter_settings_is_that_of_the_object_s_table(name, count):
     assert len(get_sor_rules(name)) == count
 
 
-def test_shares_give_the_values_of_n_in_the_tables():
+def test_shares_of_the_cylinder_s_2760_points_are_the_values_of_n_in_the_table():
     shares = dict.fromkeys(share for share, _ in get_sor_rules("cylinder"))
     assert [count_neighbours(share, 2760) for share in shares] == [20, 2759, 690, 1380]
 

@@ -52,7 +52,7 @@ for name in names:
 """
 
 
-def test_files_of_cloudcompare_are_read(tools, tmp_path):
+def test_output_files_of_cloudcompare_are_read_and_its_failure_is_reported(tools, tmp_path):
     program = tmp_path / "CloudCompare"
     program.write_text(FAKE_CLOUDCOMPARE.format(python=sys.executable))
     program.chmod(0o755)
@@ -75,7 +75,7 @@ def test_every_exceeded_bound_is_listed(tools):
 
 
 @pytest.mark.parametrize("name", ["taxel.cloud", "reference: SciPy and NumPy", "small_gicp", "libigl"])
-def test_candidates_compute_equal_results(tools, name):
+def test_compared_library_reverses_a_shift_and_measures_the_exact_distances(tools, name):
     operations = next(candidate for candidate in tools.candidates.CANDIDATES if candidate.name == name).load()
     mesh = get_builtin_models()["triangular_prism"]
     points = mesh.sample(300, seed=3) + 0.001
@@ -87,7 +87,7 @@ def test_candidates_compute_equal_results(tools, name):
         assert operations.measure(points, mesh.vertices, mesh.faces) == pytest.approx(exact, abs=1e-9)
 
 
-def test_size_and_wheel_of_an_installed_package_are_reported(tools):
+def test_size_and_python_version_of_an_installed_wheel_are_reported(tools):
     package_mb, total_mb = tools.compare_libraries.measure_size_mb("small_gicp")
     assert 0.1 < package_mb <= total_mb < 20.0
     assert "cp311" in tools.compare_libraries.describe_wheel("small_gicp") or sys.version_info[:2] != (3, 11)

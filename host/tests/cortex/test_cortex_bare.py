@@ -9,7 +9,7 @@ PROGRAM_COUNTER = 15
 
 
 def encode_halfwords(*halfwords: int) -> bytes:
-    """Machine code of 16-bit instructions."""
+    """Encode the machine code of 16-bit instructions."""
     return np.array(halfwords, "<u2").tobytes()
 
 
@@ -41,7 +41,7 @@ def test_a_step_executes_one_instruction(cortex, cpu):
     assert cpu.state["r"][0, PROGRAM_COUNTER] == 0x104
 
 
-def test_a_run_that_ends_asleep_reports_it(cortex, cpu):
+def test_a_processor_that_sleeps_reports_it_and_executes_no_instruction(cortex, cpu):
     cpu.write_memory(0x100, encode_halfwords(WFI, B_HERE))
     cpu.reset()
     assert cpu.run(100) == cortex.bare_cpu.Reason.ASLEEP
@@ -63,7 +63,7 @@ def test_states_are_read_and_written(cortex, cpu):
     assert cpu.state["psp"] == cpu.state["r"][0, 13]
 
 
-def test_cases_run_one_instruction_each(cortex):
+def test_each_case_runs_one_instruction_and_reports_its_end_fault_and_cycles(cortex):
     with cortex.bare_cpu.BareCpu(halt_on_fault=True) as cpu:
         cpu.write_memory(0x100, encode_halfwords(0x3001, NOP, 0xDE00, NOP))  # ADDS r0, #1; NOP; undefined; NOP
         states = np.zeros(2, cortex.bare_cpu.STATE)

@@ -39,14 +39,14 @@ def test_the_clock_of_the_port_gives_the_same_output_in_qemu(cortex, build_image
     assert qemu_output.text.count("backwards 00000000\n  jumps 00000000") == 2
 
 
-def test_the_bootloader_tries_an_image_three_times(cortex, build_image):
-    """An image on trial is started three times; the next start selects the confirmed image."""
+def test_the_bootloader_starts_an_image_on_trial_three_times_and_then_the_confirmed_image(cortex, build_image):
     text = cortex.images.run_emulator(build_image("bootloader")).text
     started_slots = [start.split("after listening ")[1][:8] for start in text.split("on trial\n")[1:]]
-    assert [int(slot, 16) for slot in started_slots] == [1, 1, 1, 0]
+    trial_slot, confirmed_slot = 1, 0
+    assert [int(slot, 16) for slot in started_slots] == [trial_slot, trial_slot, trial_slot, confirmed_slot]
 
 
-def test_the_firmware_decodes_frames_and_scans_the_board(cortex, build_image):
+def test_the_firmware_decodes_the_undamaged_frames_and_completes_all_scans(cortex, build_image):
     text = cortex.images.run_emulator(build_image("firmware")).text
     values = {line.rsplit(" ", 1)[0]: int(line.rsplit(" ", 1)[1], 16) for line in text.splitlines()}
     assert values["found"] == 30  # 40 frames, ten of them damaged
@@ -54,19 +54,28 @@ def test_the_firmware_decodes_frames_and_scans_the_board(cortex, build_image):
     assert values["accepted"] == 0
 
 
-def test_cycle_counts_are_reproducible_and_rise_with_wait_states(cortex, build_image):
+def test_cycle_counts_are_reproducible(cortex, build_image):
     image = build_image("firmware")
-    cycles = cortex.images.run_emulator(image).cycles
-    assert cortex.images.run_emulator(image).cycles == cycles
+    assert cortex.images.run_emulator(image).cycles == cortex.images.run_emulator(image).cycles
+
+
+def test_wait_states_of_the_flash_increase_the_cycles_without_changing_the_output(cortex, build_image):
+    image = build_image("firmware")
+    without_wait_states = cortex.images.run_emulator(image)
     with cortex.bare_cpu.BareCpu(flash_wait=1) as cpu:
         with_wait_states = cortex.images.run_emulator(image, cpu)
-    assert with_wait_states.text == cortex.images.run_emulator(image).text
-    assert 0.8 < cycles / with_wait_states.cycles < 0.95  # the data sheet of the PSoC 4200 states 85 % on average
+    assert with_wait_states.text == without_wait_states.text
+    # The data sheet of the PSoC 4200 states 85 % on average.
+    assert 0.8 < without_wait_states.cycles / with_wait_states.cycles < 0.95
+
+
+def test_a_slow_multiplier_increases_the_cycles(cortex, build_image):
+    image = build_image("firmware")
     with cortex.bare_cpu.BareCpu(multiply=32) as cpu:
-        assert cortex.images.run_emulator(image, cpu).cycles > cycles
+        assert cortex.images.run_emulator(image, cpu).cycles > cortex.images.run_emulator(image).cycles
 
 
-def test_the_cycles_of_handlers_are_counted(cortex, build_image):
+def test_calls_cycles_and_stack_of_exception_handlers_are_counted(cortex, build_image):
     image = build_image("priorities")
     with cortex.bare_cpu.BareCpu() as cpu:
         cpu.set_accounting(True)

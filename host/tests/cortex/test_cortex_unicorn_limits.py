@@ -38,7 +38,7 @@ def arm(u):
 
 
 def create_engine(u, arm, mode, *halfwords):
-    """An engine with instructions at 0x100."""
+    """Create an engine with instructions at 0x100."""
     engine = u.Uc(u.UC_ARCH_ARM, mode, arm.UC_CPU_ARM_CORTEX_M0)
     engine.mem_map(0, 0x10000)
     engine.mem_map(0x20000000, 0x4000)
@@ -76,7 +76,7 @@ def test_an_exception_return_is_not_supported(u, arm):
 
 
 @pytest.mark.parametrize("callback_kind", ["mmio", "hook"])
-def test_a_stop_in_a_callback_repeats_the_store(u, arm, callback_kind):
+def test_a_stop_in_a_write_callback_makes_the_next_run_repeat_the_store(u, arm, callback_kind):
     engine, writes = create_engine(u, arm, u.UC_MODE_THUMB, STR_R0_R1, ADDS_R0_1), []
 
     def record_write(engine, *arguments):
@@ -95,7 +95,7 @@ def test_a_stop_in_a_callback_repeats_the_store(u, arm, callback_kind):
         assert engine.reg_read(arm.UC_ARM_REG_PC) == 0x100
 
 
-def test_a_callback_sees_only_the_address_of_the_block(u, arm):
+def test_a_read_callback_sees_the_start_of_the_block_as_program_counter(u, arm):
     engine, program_counters = create_engine(u, arm, u.UC_MODE_THUMB, NOP, NOP, LDR_R0_R1, NOP, LDR_R0_R1), []
 
     def record_program_counter(engine, *_):
@@ -108,7 +108,7 @@ def test_a_callback_sees_only_the_address_of_the_block(u, arm):
     assert program_counters == [0x100, 0x100]  # the beginning of the block, not 0x104 and 0x108
 
 
-def test_the_stack_pointer_keeps_its_two_lowest_bits(cortex, oracle):
+def test_the_stack_pointer_keeps_its_two_lowest_bits_unlike_a_cortex_m0(cortex, oracle):
     states = np.zeros(1, cortex.bare_cpu.STATE)
     states["r"][0, 1], states["r"][0, 13], states["r"][0, 15], states["xpsr"] = 3, 0x20001000, 0x100, 0x01000000
     oracle.write_memory(0x100, encode_halfwords(0x448D))  # ADD SP, r1

@@ -33,9 +33,10 @@ SKIPPED_FOLDERS = ("build", "out")
 
 @dataclass(frozen=True)
 class Block:
-    """A code block.
+    """A code block of a page.
 
-    mode: "" (runs), "long", "root", or a reason not to run. file: name of the file to which the block is written.
+    line: number of the line before the first line of the text, from 1. mode: "" (runs), "long", "root", or a reason not
+    to run. file: name of the file to which the block is written; "" if it is not written.
     """
 
     page: Path
@@ -55,7 +56,7 @@ class Block:
 
 
 def list_pages() -> list[Path]:
-    """Every Markdown page of the repository except templates and build products."""
+    """List every Markdown page of the repository except templates and build products, sorted by path."""
     paths: list[Path] = []
     for folder, inner, names in os.walk(ROOT):
         inner[:] = [name for name in inner if not name.startswith(".") and name not in SKIPPED_FOLDERS]
@@ -64,7 +65,7 @@ def list_pages() -> list[Path]:
 
 
 def read_blocks(page: Path) -> list[Block]:
-    """The code blocks of a page, in order."""
+    """Read the code blocks of a page, in order."""
     text = page.read_text()
     blocks = []
     for match in BLOCK.finditer(text):
@@ -78,7 +79,10 @@ def read_blocks(page: Path) -> list[Block]:
 
 @cache
 def _source_of_guide_tests() -> str:
-    """Source of the test files outside this folder that run the blocks of a guide."""
+    """Return the joined source of all test files outside this folder that contain the word BLOCK.
+
+    Tests that run the blocks of a guide use a regular expression with this name.
+    """
     folders = (ROOT / "host/tests", ROOT / "hil_tests")
     files = [path for folder in folders for path in folder.rglob("test_*.py") if path.parent != Path(__file__).parent]
     return "\n".join(text for text in (path.read_text() for path in files) if "BLOCK" in text)

@@ -43,12 +43,12 @@ RUN_HERE = [
 
 
 def relative_name(page: Path) -> str:
-    """Path of a page relative to the repository."""
+    """Return the path of a page relative to the repository, as an id of a test."""
     return str(page.relative_to(ROOT))
 
 
 def read_commands(text: str) -> list[str]:
-    """The commands of a shell block; a line continued with a backslash is joined with the next line."""
+    """Return the commands of a shell block; a line that ends with a backslash is joined with the next line."""
     return [line for line in text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
 
 
@@ -69,7 +69,7 @@ def check_command(arguments: list[str]) -> None:
 
 
 def check_block(block: Block) -> None:
-    """Check syntax, imports and commands of a block without running the block."""
+    """Raise an error for invalid TOML, Python syntax, imports of `taxel` or commands of a block, without running it."""
     if block.language == "toml":
         tomllib.loads(block.text)
     if block.language == "python":
@@ -85,7 +85,10 @@ def check_block(block: Block) -> None:
 
 
 def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
-    """Run a command and check its exit status: in this process if possible, which is faster, else in a shell."""
+    """Run a command of a shell block, and assert that it ends with the exit status that its comment states (default 0).
+
+    Commands of `taxel` run in this process, which is faster than a shell, except in `make docs-test`.
+    """
     match = EXIT_STATUS.search(line)
     expected_status = int(match[1]) if match else 0
     arguments = shlex.split(line, comments=True)
@@ -104,7 +107,7 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("page", RUN_HERE, ids=relative_name)
-def test_the_blocks_of_a_page_run_in_order(page, tmp_path, monkeypatch):
+def test_the_blocks_of_a_page_run_in_their_order(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}

@@ -9,7 +9,7 @@ PORT = ROOT / "firmware" / "boards" / "psoc4200"
 
 
 def list_rows(text, heading):
-    """First and last column of the table that follows a heading or a line."""
+    """List (first column, last column) of each row of the first table after the string `heading` in a page."""
     lines = text[text.index(heading) :].splitlines()
     begin = next(index for index, line in enumerate(lines) if line.startswith("|---"))
     rows = []
@@ -21,7 +21,7 @@ def list_rows(text, heading):
     return rows
 
 
-def test_every_point_that_is_not_verified_has_a_step():
+def test_every_point_of_the_port_that_is_not_verified_has_a_step_in_the_same_order():
     port = (ROOT / "docs" / "psoc4200.md").read_text(encoding="utf-8")
     points = [point for point, _ in list_rows(port, "## Not verified on hardware")]
     steps = dict(list_rows(PAGE, "## Points and steps"))
@@ -29,19 +29,19 @@ def test_every_point_that_is_not_verified_has_a_step():
     assert list(steps) == points
 
 
-def test_every_confirm_mark_of_the_port_has_a_step():
+def test_every_file_of_the_port_with_a_confirm_mark_has_a_step():
     rows = list_rows(PAGE, 'The marks "(confirm)"')
-    named = {name for names, _ in rows for name in re.findall(r"`([^`]+)`", names)}
-    marked = {
+    named_files = {name for names, _ in rows for name in re.findall(r"`([^`]+)`", names)}
+    marked_files = {
         str(path.relative_to(PORT))
         for path in PORT.rglob("*")
         if path.suffix in (".c", ".h", ".toml") and "confirm)" in path.read_text(encoding="utf-8")
     }
-    assert marked <= named
-    assert all((PORT / name).is_file() for name in named)
+    assert marked_files <= named_files
+    assert all((PORT / name).is_file() for name in named_files)
 
 
-def test_every_named_step_exists():
+def test_tables_name_only_existing_steps_and_the_steps_are_numbered_without_gaps():
     steps = {int(number) for number in re.findall(r"^### Step (\d+):", PAGE, re.MULTILINE)}
     rows = list_rows(PAGE, "## Points and steps") + list_rows(PAGE, 'The marks "(confirm)"')
     used = {int(number) for _, numbers in rows for number in numbers.split(",")}

@@ -4,7 +4,7 @@ from host.tests.docs.page_blocks import ROOT
 from taxel.cli.renamed_options import RENAMED
 
 
-def test_changelog_lists_every_renamed_option():
+def test_changelog_has_a_row_with_command_old_and_new_name_for_every_renamed_option():
     rows = [line for line in (ROOT / "CHANGELOG.md").read_text().splitlines() if line.startswith("| `taxel ")]
     for command, options in RENAMED.items():
         for old, new in options.items():

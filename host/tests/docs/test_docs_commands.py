@@ -63,7 +63,7 @@ COMMANDS = dict(list_commands(typer.main.get_command(build_app(loads_all=True)))
 
 
 def read_examples(name: str) -> list[str]:
-    """The example command lines in the help of a command."""
+    """Return the example command lines in the help of a command; empty without an example."""
     match = EXAMPLE.search(inspect.cleandoc(COMMANDS[name].help or ""))
     return [" ".join(part.split()) for part in match[1].split("; ")] if match else []
 
@@ -84,7 +84,7 @@ def is_run_here(name: str) -> bool:
 
 
 def sort_commands() -> list[str]:
-    """Names of all commands; those of FIRST_COMMANDS are first."""
+    """List the names of all commands, with those of FIRST_COMMANDS first."""
     return sorted(
         COMMANDS, key=lambda name: FIRST_COMMANDS.index(name) if name in FIRST_COMMANDS else len(FIRST_COMMANDS)
     )
@@ -109,7 +109,7 @@ def test_the_examples_of_the_help_run(tmp_path, monkeypatch, capfd):
                 shutil.copyfile("out/cylinder.ply", f"out/{copy}.ply")
 
 
-def test_every_remaining_example_is_run_by_the_test_of_its_guide():
+def test_each_command_whose_examples_do_not_run_here_is_named_in_the_test_of_its_guide():
     tests = {
         path: path.read_text()
         for path in (ROOT / "host/tests").rglob("test_*.py")

@@ -13,7 +13,7 @@ EXTERNAL = ("http://", "https://", "mailto:")
 
 
 def read_anchors(text: str) -> set[str]:
-    """Anchors of the headings of a page, formed by the rule of GitHub and MkDocs."""
+    """Return the anchors of the headings of a page, formed by the rule of GitHub and MkDocs."""
     titles = [re.sub(r"[^\w\s-]", "", title.lower()).strip() for title in HEADING.findall(FENCE.sub("", text))]
     return {re.sub(r"\s+", "-", title) for title in titles}
 

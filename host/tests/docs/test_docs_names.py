@@ -20,7 +20,7 @@ def list_undocumented(node: ast.AST, name: str) -> Iterator[str]:
 
 
 def needs_no_docstring(node: ast.AST) -> bool:
-    """True for an overload, a setter, and a method that overrides a documented one."""
+    """Return True for an overload, a setter, and a method that overrides a documented method (by its decorator)."""
     decorators = {ast.unparse(decorator).rpartition(".")[2] for decorator in getattr(node, "decorator_list", ())}
     return bool(decorators & {"overload", "override", "setter"})
 

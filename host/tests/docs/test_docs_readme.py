@@ -9,7 +9,7 @@ from host.tests.docs.page_blocks import ROOT
 
 @pytest.fixture
 def docs_tools(monkeypatch):
-    """Make the modules of tools/docs importable."""
+    """Make the modules of tools/docs importable during a test."""
     monkeypatch.syspath_prepend(str(ROOT / "tools" / "docs"))
     yield
     for name in ("readme_links", "draw_architecture", "svg_drawing"):
@@ -18,7 +18,7 @@ def docs_tools(monkeypatch):
 
 @pytest.fixture
 def repository(tmp_path):
-    """A repository with one page and one picture."""
+    """Folder of a repository with one page and one picture, whose address is https://github.com/owner/name."""
     urls = '[project.urls]\nRepository = "https://github.com/owner/name"\n'
     (tmp_path / "pyproject.toml").write_text(urls)
     (tmp_path / "page.md").write_text("# Page\n")
@@ -47,7 +47,9 @@ def test_links_of_the_readme_are_absolute_and_name_existing_files(docs_tools):
         ("```\n[a](page.md)\n```", True),
     ],
 )
-def test_readme_links_are_checked(docs_tools, repository, link, is_accepted):
+def test_only_absolute_links_to_existing_files_of_the_repository_are_accepted(
+    docs_tools, repository, link, is_accepted
+):
     from readme_links import find_readme_errors
 
     (repository / "README.md").write_text(link + "\n")

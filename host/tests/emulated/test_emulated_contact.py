@@ -19,32 +19,35 @@ from taxel.hand.world import format_world
 FLAT8, ALLEGRO = load_hand("flat8"), load_hand("allegro")
 LAYER_M = 0.002
 BRACKET_POSES = np.eye(4)[None]
+"""Pose of the only bracket of the hand flat8, world."""
 SCENE = EmulatedScene({"block": ConvexPolytope.box(0.1, 0.1, 0.05), "rod": Cylinder(0.008, 0.1)})
 
 
 def make_translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    """Make a translation f64[4, 4] by x, y and z metres."""
     result = np.eye(4)
     result[:3, 3] = x, y, z
     return result
 
 
 def place_block(depth_m: float) -> np.ndarray:
-    """Pose of the block with its lower face at this depth below the surface of the layer."""
+    """Return the pose of the block whose lower face is at this depth below the surface of the unloaded layer."""
     return make_translation(z=LAYER_M - depth_m)
 
 
 @pytest.fixture(scope="module")
 def flat8() -> Iterator[SkinContact]:
+    """Yield the contact of the hand flat8 (one flat board) with the objects of the scene."""
     with SkinContact(format_scene(FLAT8, SCENE)) as contact:
         yield contact
 
 
-def test_contact_has_the_boards_and_taxels_of_the_hand():
+def test_contact_has_as_many_boards_and_taxels_as_the_hand():
     with SkinContact(format_scene(ALLEGRO, SCENE)) as contact:
         assert (contact.board_count, contact.taxel_count) == (len(ALLEGRO.boards), ALLEGRO.n_taxels)
 
 
-def test_block_loads_all_taxels_equally_and_also_loads_the_margin(flat8):
+def test_large_block_loads_all_taxels_equally_and_also_the_margin_of_the_board(flat8):
     forces = flat8.compute_forces(0, place_block(3e-4), BRACKET_POSES)
     load = flat8.compute_load(0, place_block(3e-4), BRACKET_POSES)
     assert load.touched_board_count == 1
@@ -77,8 +80,11 @@ def test_there_is_no_load_without_contact_or_without_object(flat8):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_stiffness_is_the_negative_derivative_of_the_wrench(flat8, seed):
-    """The derivative is measured by central differences over a small motion along and about each axis of the board."""
+def test_stiffness_is_symmetric_positive_semidefinite_and_the_negative_derivative_of_the_wrench(flat8, seed):
+    """The derivative is measured with central differences for small motions along and about each axis of the board.
+
+    Only motions along the normal and about the two axes in the plane of the board are compared with this derivative.
+    """
     rng = np.random.default_rng(seed)
     print(f"seed {seed}")
     tilt = from_rotation_vector([*rng.uniform(-4e-3, 4e-3, 2), rng.uniform(-3.0, 3.0)])
@@ -144,7 +150,7 @@ def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():
         (format_scene(FLAT8, SCENE) + "bracket_offset 0x22 0 0 0 0 0 0\n", "0x22"),
     ],
 )
-def test_invalid_world_is_rejected_with_one_line(world, message, capfd):
+def test_invalid_world_is_rejected_with_a_one_line_message_and_nothing_is_printed(world, message, capfd):
     with pytest.raises(ContactLibraryError, match=message) as caught:
         SkinContact(world)
     assert "\n" not in str(caught.value)
@@ -165,7 +171,7 @@ def test_arguments_that_the_library_does_not_check_are_rejected(flat8):
         flat8.get_bracket_offset(-1)
 
 
-def test_closed_contact_is_reported_and_can_be_closed_again():
+def test_closed_contact_raises_an_error_and_can_be_closed_again():
     contact = SkinContact(format_scene(FLAT8, SCENE))
     contact.close()
     contact.close()

@@ -21,7 +21,7 @@ SETTINGS = WorldSettings(seed=3, noise_counts=0.0)
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8"])
-def test_emulator_runs_a_scene_of_each_hand(name, tmp_path):
+def test_emulator_accepts_a_scene_with_displaced_brackets(name, tmp_path):
     hand = load_hand(name)
     offsets = {board.name: from_rotation_vector([0.0, 0.0, 1e-3]) for board in hand.boards}
     run_emulator(format_scene(hand, EmulatedScene(OBJECTS, offsets), SETTINGS), tmp_path / "skin.capture", 0.1)

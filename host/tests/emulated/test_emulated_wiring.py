@@ -12,7 +12,10 @@ HAND = "original"
 
 
 def read_addresses(url: str, seconds: float) -> tuple[set[int], dict[int, float]]:
-    """Addresses of the frames, and the time of the last frame of each board, of an emulated hand."""
+    """Read an emulated hand; return the addresses of its frames and the time of each board's last frame.
+
+    Reading ends with the stream, or when the last frames of two boards are more than `seconds` apart.
+    """
     times: dict[int, float] = {}
     with taxel.open(url, HAND) as skin:
         for frame in skin:
@@ -22,7 +25,7 @@ def read_addresses(url: str, seconds: float) -> tuple[set[int], dict[int, float]
     return set(times), times
 
 
-def test_open_branch_of_the_url_stops_the_boards_of_this_branch() -> None:
+def test_open_branch_in_the_url_silences_all_boards_of_this_branch() -> None:
     url = "emulator:?speed=max&duration_s=6&fault=1.5 branch_open middle 0"
     _, times = read_addresses(url, 2.5)
     newest_s = max(times.values())
@@ -56,13 +59,13 @@ def test_branch_with_a_long_cable_responds_only_at_a_low_clock_rate(scl_hz: floa
         ("branch=index capacitance_pf=nan", "capacitance_pf must be a number from 0.1 to 100000"),
     ],
 )
-def test_invalid_option_is_one_line(option: str, message: str) -> None:
+def test_invalid_option_is_refused_with_a_one_line_message(option: str, message: str) -> None:
     with pytest.raises(LinkError) as error:
         open_emulator(f"emulator:?{option}", load_hand(HAND))
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_hand_without_branches_is_named() -> None:
+def test_wiring_of_a_hand_without_branches_is_refused() -> None:
     with pytest.raises(LinkError, match="hand 'flat8' has no branches"):
         open_emulator("emulator:?wiring=buffered", load_hand("flat8"))

@@ -42,7 +42,10 @@ MODULES = (
 
 
 def make_metadata(confirmed: int, pending: int, tries: tuple[int, int]) -> bytes:
-    """A metadata record. confirmed, pending: a slot or NONE. tries: remaining starts of slots A and B."""
+    """Create the content of a metadata record.
+
+    confirmed, pending: a slot (0 or 1) or NONE. tries: remaining boot attempts of slots A and B.
+    """
     return bytes([confirmed, pending, *tries])
 
 
@@ -65,10 +68,15 @@ def build_images() -> Callable[..., Path]:
         pytest.skip(f"{', '.join(missing)} not installed: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
 
     def run(*arguments: str) -> None:
+        """Run CMake with these arguments; it must succeed."""
         completed = subprocess.run([str(executables["cmake"]), *arguments], capture_output=True, text=True)
         assert completed.returncode == 0, completed.stdout[-2000:] + completed.stderr[-2000:]
 
     def build(folder: Path, *targets: str, options: tuple[str, ...] = ()) -> Path:
+        """Configure and build targets (none: all) in a folder, and return the folder.
+
+        A lock lets several processes of the test run build in the same folder one after another.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / ".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
@@ -92,6 +100,11 @@ def flash_with(build_folder, tools) -> Callable[..., bytes]:
     """Function that composes a flash from a bootloader, the images of some slots, and records."""
 
     def build_flash(device: str, slots: str = "a", metadata: bytes = b"", configuration: bytes = b"") -> bytes:
+        """Compose the flash of a device ("board" or "hub").
+
+        slots: letters of the slots that contain their image. metadata, configuration: contents of these records; b""
+        for no record.
+        """
         flash = bytearray(0x8000)
         boot = tools.firmware_elf.read_linked_image(build_folder / f"bootloader-{device}.elf").content
         flash[: len(boot)] = boot

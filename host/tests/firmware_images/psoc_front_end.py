@@ -12,15 +12,15 @@ CMOD = (4, 2)
 
 
 def simulate_count(tx: int, rx: int) -> int:
-    """Simulated number of sample clocks in which the current source was on."""
+    """Compute the simulated count of a crossing: sample clocks in which the current source was on."""
     return 500 + 37 * tx + 401 * rx
 
 
 class FrontEnd:
     """CapSense block of a part.
 
-    tx_pins, rx_pins: (port, number) of each line. simulate: count of a crossing. codes: IDAC code
-    by converted RX line.
+    tx_pins, rx_pins: (port, number) of each line. simulate: returns the count of a crossing (tx, rx). `codes`: code of
+    the current source at the last conversion of each RX line. `conversions`: number of conversions.
     """
 
     def __init__(
@@ -47,10 +47,12 @@ class FrontEnd:
         part.levels[15] = self._is_due
 
     def _connected(self, function: int) -> list[tuple[int, int]]:
+        """Return the pins (port, number) whose connection register selects a function."""
         registers = [(port, self._part.words[HSIOM + 4 * port]) for port in range(5)]
         return [(port, pin) for port, word in registers for pin in range(8) if word >> (4 * pin) & 0xF == function]
 
     def _set_config(self, value: int) -> None:
+        """Start a conversion if the sense clock is enabled, otherwise stop it."""
         self._part.words[CONFIG] = value
         if not value & SENSE_EN:
             self._is_running = False
@@ -64,12 +66,14 @@ class FrontEnd:
         self._counter = value
 
     def _read_counter(self) -> int:
+        """Return the counter, which decrements once per read during a conversion."""
         if not self._counter >> 16:
             return self._counter
         self._counter -= 1 << 16  # the counter decrements
         return self._counter
 
     def _is_due(self) -> bool:
+        """Return whether the interrupt of a finished conversion is active; a conversion at its end stores its count."""
         if self._is_running and self._part.cycles >= self._end_cycle and self._counter >> 16:
             (tx,) = self._connected(SENSE_CLOCK)
             (rx,) = [pin for pin in self._connected(BUS_A) if pin != CMOD]

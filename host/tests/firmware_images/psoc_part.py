@@ -151,11 +151,15 @@ class Part:
         self._engine.context_restore(state)
 
     def _pending_exceptions(self) -> list[int]:
-        """Numbers of the pending exceptions."""
+        """Return the numbers of the pending exceptions, SysTick first."""
         lines = [16 + irq for irq, level in self.levels.items() if self.enabled >> irq & 1 and level()]
         return [SYSTICK_VECTOR] * self._tick_pending + lines
 
     def _take_interrupts(self) -> None:
+        """Execute the handlers of all pending exceptions, unless interrupts are masked.
+
+        Fails if an interrupt repeats endlessly.
+        """
         for _ in range(1000):
             if self.is_masked:
                 return
@@ -168,6 +172,7 @@ class Part:
         raise AssertionError("an interrupt repeats endlessly: its cause is not cleared")
 
     def _advance_time(self, instructions: int) -> None:
+        """Advance the cycle counter and SysTick by a number of executed instructions."""
         self.cycles += instructions * self.speed
         if self.words[SYST_CONTROL] & 1:
             self._ticks_remaining -= instructions * self.speed
@@ -178,6 +183,7 @@ class Part:
             )
 
     def _tick(self) -> int:
+        """Return the value of the SysTick counter; the read itself takes some time."""
         self._advance_time(10)
         return self._ticks_remaining if self._ticks_remaining <= self.words[SYST_RELOAD] else 0
 
@@ -185,6 +191,7 @@ class Part:
         self._ticks_remaining = self.words[SYST_RELOAD] + 1
 
     def _set_icsr(self, value: int) -> None:
+        """Clear the pending SysTick exception if bit 25 is written."""
         if value >> 25 & 1:
             self._tick_pending = False
 
@@ -195,16 +202,19 @@ class Part:
         self.enabled &= ~value
 
     def _reset(self, value: int) -> None:
+        """Stop the execution, because the firmware has requested a reset of the processor."""
         assert value == 0x05FA0004
         self.was_reset = True
         self._engine.emu_stop()
 
     def _read(self, _: Uc, offset: int, size: int, base: int) -> int:
+        """Return the value of a register, by its model or as last written. Only 32-bit reads are allowed."""
         address = base + offset
         assert size == 4, f"{size} bytes of register 0x{address:08X}"
         return self.on_read[address]() if address in self.on_read else self.words[address]
 
     def _write(self, _: Uc, offset: int, size: int, value: int, base: int) -> None:
+        """Write a register by its model, or store the value. Only 32-bit writes are allowed."""
         address = base + offset
         assert size == 4, f"{size} bytes of register 0x{address:08X}"
         if address in self.on_write:
@@ -213,7 +223,10 @@ class Part:
             self.words[address] = value
 
     def _system_call(self, value: int) -> None:
-        """Model of the supervisory ROM: opcodes 4, 5 and 6 with their keys; interrupts must be masked."""
+        """Execute a system call of the supervisory ROM.
+
+        Opcodes 4 (load latch), 5 (write row) and 6 (program row) need their keys; interrupts must be masked.
+        """
         opcode = value & 0xFFFF
         address = self.words[SYSARG]
         parameters = struct.unpack("<II", self._engine.mem_read(address, 8))
@@ -239,7 +252,7 @@ class Part:
 
 
 def read_metadata(part: Part) -> bytes:
-    """Fields of the newest metadata record: confirmed, pending, tries of A and B."""
+    """Read the fields of the newest metadata record: confirmed, pending, tries of A and B."""
     rows = [part.flash(row * ROW, ROW) for row in METADATA_ROWS]
     valid = [row for row in rows if row[:4] == b"TXLM"]
     return max(valid, key=lambda row: int.from_bytes(row[4:8], "little"))[8:12]

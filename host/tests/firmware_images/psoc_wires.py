@@ -43,7 +43,7 @@ class Scb:
         part.levels[irq] = lambda: any(self._masked(group) for group in self._bits)
 
     def word(self, offset: int) -> int:
-        """Value last written to a register."""
+        """Return the value last written to the register at `offset`."""
         return self.part.words[self.base + offset]
 
     @property
@@ -63,6 +63,9 @@ class Scb:
         self.part.on_read[self.base + offset] = model
 
     def _request(self, group: int) -> int:
+        """Return the active bits of an interrupt register, including those that follow from the fill levels of the
+        FIFOs.
+        """
         bits = self._bits[group]
         if group == INTR_RX and self.received:
             bits |= NOT_EMPTY
@@ -73,16 +76,19 @@ class Scb:
         return bits
 
     def _masked(self, group: int) -> int:
+        """Return the active and enabled bits of an interrupt register; 0 if the block is disabled."""
         return self._request(group) & self.word(group + MASK) if self.is_enabled else 0
 
     def _clear(self, group: int, value: int) -> None:
         self._bits[group] &= ~value
 
     def _send(self, value: int) -> None:
+        """Append a byte to the transmit FIFO, which must have space."""
         assert len(self.to_send) < FIFO, "the FIFO has 8 entries"
         self.to_send.append(value & 0xFF)
 
     def _control(self, offset: int, value: int, fifo: list[int]) -> None:
+        """Store the control register of a FIFO, and clear the FIFO if the bit CLEAR is set."""
         self.part.words[self.base + offset] = value
         if value & CLEAR:
             fifo.clear()
@@ -140,11 +146,16 @@ class SlaveBus(Scb):
         self._reply_code = value
 
     def _is_acknowledged(self) -> bool:
+        """Execute the part until it acknowledges or refuses the last byte; return whether it acknowledges.
+
+        A disabled block does not acknowledge.
+        """
         self._reply_code = 0
         self.part.run_until(lambda: self._reply_code != 0 or not self.is_enabled, SLICES_MAX)
         return self._reply_code == 1
 
     def _next_byte(self) -> int:
+        """Execute the part until it provides a byte to read, and return the byte."""
         self.part.run_until(lambda: bool(self.to_send), SLICES_MAX)
         return self.to_send.pop(0)
 
@@ -171,8 +182,9 @@ class Uart(Scb):
 class MasterBus(Scb):
     """I2C bus of a hub.
 
-    A device is a function of (bytes written, whether a read follows). It is called at each address and returns the
-    bytes to read, or None for no acknowledge. At the stop after a write it is called with the written bytes.
+    A device is a function of (bytes written, whether a read follows). It is called when it is addressed and returns the
+    bytes to read, or None to refuse. At the stop after a write it is called with the written bytes. `probed`: addresses
+    in the order in which they were sent.
     """
 
     def __init__(self, part: Part, devices: dict[int, Callable[[bytes, bool], bytes | None]]) -> None:
@@ -190,20 +202,24 @@ class MasterBus(Scb):
         self.on_write(CTRL, self._set_control)
 
     def _set_control(self, value: int) -> None:
+        """Store the control register; disabling the block makes the bus idle."""
         self.part.words[self.base + CTRL] = value
         if not value & ENABLED:
             self._state = "idle"
 
     def _set_settings(self, value: int) -> None:
+        """Store the I2C settings; a read continues once the block acknowledges by itself."""
         self.part.words[self.base + I2C_CTRL] = value
         self._continue_read()
 
     def _pop_received(self) -> int:
+        """Return the oldest received byte; a read continues, because the FIFO has space again."""
         byte = self.received.pop(0)
         self._continue_read()
         return byte
 
     def _byte(self, value: int) -> None:
+        """Process a byte from the part: written data, an address, or the address of a later start."""
         if self._state == "writing":
             self._written += bytes([value & 0xFF])
             self.raise_event(INTR_M, ACK)
@@ -213,6 +229,10 @@ class MasterBus(Scb):
             self._send(value)
 
     def _send_address(self, value: int) -> None:
+        """Address a device, and raise the event of its acknowledge or refusal.
+
+        value: address and read bit, as on the bus. A read starts at once.
+        """
         self._address, reading = value >> 1, bool(value & 1)
         self.probed.append(self._address)
         device = self.devices.get(self._address)
@@ -229,16 +249,19 @@ class MasterBus(Scb):
             self._push_reply_byte()
 
     def _push_reply_byte(self) -> None:
+        """Append the next byte of the device to the receive FIFO; 0xFF after the end of its reply."""
         assert len(self.received) < FIFO, "the receive FIFO overflows"
         self.received.append(self._reply[0] if self._reply else 0xFF)
         self._reply = self._reply[1:]
         self._continue_read()
 
     def _continue_read(self) -> None:
+        """Receive the next byte if the block acknowledges by itself and its FIFO has space."""
         if self._state == "reading" and self.word(I2C_CTRL) & READY_DATA_ACK and len(self.received) < FIFO:
             self._push_reply_byte()
 
     def _command(self, value: int) -> None:
+        """Execute a start, a repeated start, a stop or an acknowledge of the master."""
         if value & START_ON_IDLE:
             assert self._state == "idle"
             self._written = b""

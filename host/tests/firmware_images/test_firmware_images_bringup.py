@@ -8,7 +8,7 @@ import pytest
 from host.tests.command_line import run_taxel
 from taxel_tools.bringup.capacitor import evaluate_counts
 from taxel_tools.bringup.emulated_part import EmulatedPart, PartSettings, read_flash
-from taxel_tools.bringup.findings import AS_ASSUMED, DIFFERS, NOT_MEASURED, find
+from taxel_tools.bringup.findings import AS_ASSUMED, DIFFERS, NOT_MEASURED, list_findings
 from taxel_tools.bringup.measuring import measure
 
 KNOWN_PF = 2.2
@@ -35,10 +35,10 @@ FAULTS = {
     "capacitance_pf=0": (10, "counts", "known capacitor"),
     "idac_gain=1.3": (10, "step of the current source", "trim"),
 }
-"""Planted faults with the step, the point, and a part of the advice."""
+"""Planted faults (settings of the emulated part) with the step, the point, and a part of the advice."""
 
 CLOCK_PIN_HZ = {"clock_scb1=9": 1000.0, "clock_rate=0.9": 900.0}
-"""Faults of which step 1 needs the frequency of the clock pin."""
+"""Faults for which the advice of step 1 depends on the frequency of the clock pin, with this frequency."""
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +57,10 @@ def read_settings(text):
 
 
 def run(flash, settings):
+    """Run all tests of the bring-up image on an emulated part.
+
+    Returns the measurements and the frequency of the clock pin in Hz.
+    """
     part = EmulatedPart(flash, settings)
     try:
         return measure(part), part.measure_clock_pin()
@@ -67,7 +71,7 @@ def run(flash, settings):
 @pytest.mark.parametrize(("capacitors", "name"), [(1, "one capacitor"), (2, "CintA and CintB")])
 def test_a_part_as_assumed_has_no_deviation(flash, capacitors, name):
     results, clock_pin_hz = run(flash, PartSettings(capacitors=capacitors))
-    findings = find(results, KNOWN_PF, capacitors=capacitors)
+    findings = list_findings(results, KNOWN_PF, capacitors=capacitors)
     assert {each.status for each in findings} == {AS_ASSUMED}
     assert next(each for each in findings if each.point == "counts").measured.startswith(f"with {name}")
     assert clock_pin_hz == pytest.approx(1000.0, rel=0.005)
@@ -77,7 +81,7 @@ def test_a_part_as_assumed_has_no_deviation(flash, capacitors, name):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_planted_fault_is_named_with_its_step(flash, fault):
     results, clock_pin_hz = run(flash, read_settings(fault))
-    differing = [each for each in find(results, KNOWN_PF) if each.status == DIFFERS]
+    differing = [each for each in list_findings(results, KNOWN_PF) if each.status == DIFFERS]
     step, point, advice = FAULTS[fault]
     assert (step, point) in [(each.step, each.point) for each in differing]
     assert advice in next(each.advice for each in differing if each.point == point)
@@ -105,7 +109,9 @@ def test_the_capacitance_is_measured(flash, capacitance_pf):
 
 def test_without_a_known_capacitor_the_current_is_not_judged(flash):
     results, _ = run(flash, PartSettings())
-    assert [each.point for each in find(results) if each.status == NOT_MEASURED] == ["step of the current source"]
+    assert [each.point for each in list_findings(results) if each.status == NOT_MEASURED] == [
+        "step of the current source"
+    ]
 
 
 def test_the_command_writes_the_points_and_names_the_step(images, tmp_path, capsys):
@@ -117,9 +123,17 @@ def test_the_command_writes_the_points_and_names_the_step(images, tmp_path, caps
     document = json.loads(out.read_text())
     assert (document["format"], document["version"], document["board"]) == ("taxel bringup", 1, "0102030405060708")
     assert "| 4 | interrupt of the converter | 15 | 14 | differs |" in out.with_suffix(".md").read_text()
+
+
+def test_existing_result_files_are_replaced_only_with_the_option_overwrite(images, tmp_path, capsys):
+    out = tmp_path / "board.json"
+    out.write_text("earlier")
+    arguments = ("bringup", "emulated:", "--image", images / "bringup.hex", "--capacitor-pf", 2.2, "--out", out)
     assert run_taxel(*arguments) == 1
     assert re.search(r"board.json: exists already.*--overwrite", capsys.readouterr().err)
+    assert out.read_text() == "earlier"
     assert run_taxel(*arguments, "--overwrite") == 0
+    assert json.loads(out.read_text())["format"] == "taxel bringup"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taxel_tools.bringup.findings import DIFFERS, NOT_MEASURED, find
+from taxel_tools.bringup.findings import DIFFERS, NOT_MEASURED, list_findings
 from taxel_tools.bringup.measuring import ECHO, measure
 
 START = "taxel-bringup version=1 causes=00 watchdog=0 stay=0 record=0 id=0102030405060708"
@@ -36,12 +36,14 @@ class ScriptedBoard:
         return self._time_s
 
     def write(self, data):
+        """Queue the answer to a command; bytes that are no command have no answer."""
         time_s = self._time_s
         for delay_s, line in self._answers.get(chr(data[0]), []) if len(data) == 1 else []:
             time_s += delay_s
             self._queue.append((time_s, line + "\r\n"))
 
     def read(self, timeout_s):
+        """Return the next line that is due within `timeout_s`; otherwise let this time pass and return b""."""
         if self._queue and self._queue[0][0] <= self._time_s + timeout_s:
             time_s, line = self._queue.pop(0)
             self._time_s = max(self._time_s, time_s)
@@ -50,12 +52,16 @@ class ScriptedBoard:
         return b""
 
     def close(self):
-        """Nothing to close."""
+        """Do nothing, as there is nothing to close."""
 
 
 def find_with(**changed):
+    """Run the tests on a board with some changed answers; return the measurements and the findings.
+
+    changed: answers by command, as in `ANSWERS`.
+    """
     results = measure(ScriptedBoard(ANSWERS | changed))
-    return results, find(results, 2.2)
+    return results, list_findings(results, 2.2)
 
 
 def list_differing(findings):

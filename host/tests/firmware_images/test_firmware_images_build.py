@@ -33,7 +33,7 @@ DIVISION_PREFIXES = (
 
 
 def read_version() -> tuple[int, ...]:
-    """Major, minor and patch number of the project."""
+    """Read the major, minor and patch number of the project."""
     return tuple(map(int, VERSION.split(".")))
 
 
@@ -102,10 +102,15 @@ def test_no_image_contains_floating_point_or_library_code(build_folder, tools, n
     assert not (name.startswith("bootloader") and {symbol for symbol in names if symbol.startswith(DIVISION_PREFIXES)})
 
 
-def test_every_image_is_within_its_budgets(build_folder, tools):
-    sizes = tools.firmware_size.measure_all(
+@pytest.fixture(scope="module")
+def sizes(build_folder, tools):
+    """Flash, RAM, stack and processor cycles of each image."""
+    return tools.firmware_size.measure_all(
         build_folder, "arm-none-eabi-objdump", tools.firmware_size.PORT / "calls.toml"
     )
+
+
+def test_every_image_is_within_its_budgets(sizes):
     assert {name: size.describe_excess() for name, size in sizes.items() if size.describe_excess()} == {}
     assert all(size.flash_budget == 4096 for name, size in sizes.items() if name.startswith("bootloader"))
     assert sizes["board-a"].ram_budget == 3072
@@ -153,10 +158,7 @@ def test_a_damaged_linked_image_is_reported_in_one_line(build_folder, tools, tmp
         assert "\n" not in str(error.value)
 
 
-def test_exceeded_budgets_and_size_changes_are_reported(build_folder, tools, tmp_path):
-    sizes = tools.firmware_size.measure_all(
-        build_folder, "arm-none-eabi-objdump", tools.firmware_size.PORT / "calls.toml"
-    )
+def test_exceeded_budgets_of_flash_ram_and_cycles_are_reported(sizes):
     size = sizes["hub-a"]
     over_budget = dataclasses.replace(size, flash_budget=size.flash - 1, ram_budget=size.ram - 1)
     assert (
@@ -165,14 +167,21 @@ def test_exceeded_budgets_and_size_changes_are_reported(build_folder, tools, tmp
     )
     over_cycles = dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})
     assert over_cycles.describe_excess() == "awake 110 of 100 cycles"
+
+
+def test_changes_of_size_and_cycles_since_an_earlier_run_are_listed(sizes, tools, tmp_path):
     earlier_sizes = tmp_path / "earlier.json"
     earlier_sizes.write_text(tools.firmware_size.format_json(sizes, "Compiler: any."))
     assert tools.firmware_size.compare_sizes(sizes, earlier_sizes) == ["no image changed its size"]
+    size = sizes["hub-a"]
     grown = sizes | {"hub-a": dataclasses.replace(size, flash=size.flash + 4)}
     assert tools.firmware_size.compare_sizes(grown, earlier_sizes) == ["hub-a: flash +4"]
-    assert tools.firmware_size.compare_sizes({"hub-a": over_cycles}, earlier_sizes) == [
-        "hub-a: cycles of a poll +30, cycles of a frame +80"
-    ]
-    earlier_sizes.write_text("{}")
+    slower = {"hub-a": dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})}
+    changes = tools.firmware_size.compare_sizes(slower, earlier_sizes)
+    assert changes == ["hub-a: cycles of a poll +30, cycles of a frame +80"]
+
+
+def test_a_file_that_contains_no_earlier_sizes_is_rejected(sizes, tools, tmp_path):
+    (tmp_path / "earlier.json").write_text("{}")
     with pytest.raises(ValueError, match="expected JSON of an earlier run"):
-        tools.firmware_size.compare_sizes(sizes, earlier_sizes)
+        tools.firmware_size.compare_sizes(sizes, tmp_path / "earlier.json")

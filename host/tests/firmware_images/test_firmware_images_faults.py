@@ -32,6 +32,7 @@ def open_world(request, build_folder: Path) -> Iterator[OpenWorld]:
     worlds = []
 
     def build(hub: bool = False) -> VirtualWorld:
+        """Create a world, without hub unless `hub` is True, and let its boards start."""
         text = format_world(HAND, WorldSettings(noise_counts=0.0, clock_spread_ppm=0.0))
         files = {}
         if request.param == "executed":
@@ -50,6 +51,7 @@ def open_world(request, build_folder: Path) -> Iterator[OpenWorld]:
 
 
 def read_register(world: VirtualWorld, pointer: int, size: int) -> bytes:
+    """Read `size` bytes of the board's registers from the address `pointer` on."""
     result, data = world.transfer(ADDRESS, bytes([pointer]), size)
     assert result == 0
     return data

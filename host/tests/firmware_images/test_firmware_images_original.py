@@ -40,17 +40,17 @@ FIRST_ROW = 48
 
 
 def simulate_count(tx: int, rx: int) -> int:
-    """Simulated number of sample clocks in which the current source was on, another one for each line."""
+    """Return the simulated number of sample clocks in which the current source was on; it differs for each line."""
     return 500 + 37 * tx + 101 * rx
 
 
 def parse_pin(name: str) -> tuple[int, int]:
-    """Port and number of a pin such as "P2.7"."""
+    """Parse the port and number of a pin such as "P2.7"."""
     return int(name[1]), int(name[3])
 
 
 def read_pins(kind: str) -> dict:
-    """Table [sensor] of the pins file of an original board."""
+    """Read the table [sensor] of the pins file of an original board."""
     return tomllib.loads((PORT / "original" / f"{kind}.toml").read_text())["sensor"]
 
 
@@ -68,6 +68,9 @@ class TwoCapacitors(FrontEnd):
         super()._set_config(value)
 
     def _connected(self, function: int) -> list[tuple[int, int]]:
+        """Return the pins with a function; the two integration capacitors of this board become CMOD, as the base class
+        expects.
+        """
         pins = super()._connected(function)
         if function != 6:
             return pins
@@ -80,6 +83,10 @@ def start_board(build_folder, tools) -> Callable[..., tuple[Part, SlaveBus, TwoC
     """Function that starts the image of an original board, and returns it with its bus and its front end."""
 
     def start(kind: str, address: int | None = None) -> tuple[Part, SlaveBus, TwoCapacitors]:
+        """Start the image of a board kind and let it complete two scans.
+
+        address: I2C address that is written into the image; None for that of the pins file.
+        """
         linked = tools.firmware_elf.read_linked_image(build_folder / f"original-{kind}.elf")
         image = tools.original_image.read_original_image(linked, address)
         part = Part(POWER_ON, image.content)
@@ -102,7 +109,7 @@ def test_a_snapshot_contains_the_taxels_in_the_order_of_the_rx_lines(start_board
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_register_map_has_at_most_16_columns(start_board, kind):
+def test_the_identity_states_kind_version_and_a_crossing_map_of_at_most_16_columns(start_board, kind):
     _, bus, _ = start_board(kind)
     identity, _ = unpack(Identity, bus.read(read_pins(kind)["address"], 58, b"\0"))
     described = next(board.kind for board in load_hand("first_generation").boards if board.kind.name == kind)
@@ -157,7 +164,7 @@ def test_an_image_behind_the_original_bootloader_starts_with_any_stack_pointer(b
 def test_an_image_that_the_writer_sends_to_the_original_bootloader_starts(
     build_behind_bootloader, tools, tmp_path, monkeypatch, capsys
 ):
-    """The whole way: linked image, .cyacd, `original_flash.py`, model of the bootloader, executed image."""
+    """All steps of an update: linked image, .cyacd, `original_flash.py`, model of the bootloader, executed image."""
     pytest.importorskip("smbus2")
     tools.original_image.write_files(build_behind_bootloader, "board", tmp_path, 0x1A, SILICON_ID)
     model = OriginalBootloader(0x18, SILICON_ID, FIRST_ROW, on_s=(3.0,))

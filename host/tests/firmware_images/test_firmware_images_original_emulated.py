@@ -26,7 +26,10 @@ FORCE_N = 3.0
 
 
 def make_hand(kinds: tuple[str, ...]) -> Hand:
-    """Hand with one board of each kind, at its address of the pins file, with the rows of the register map."""
+    """Create a hand with one board of each kind, at its address in the pins file.
+
+    The kinds have the rows of the register map.
+    """
     described = {board.kind.name: board.kind for board in load_hand("first_generation").boards}
     boards = []
     for name in kinds:
@@ -40,12 +43,12 @@ def make_hand(kinds: tuple[str, ...]) -> Hand:
 
 
 def read_scan_settings(kind: str) -> ScanSettings:
-    """Scan settings of the pins file of an original board."""
+    """Read the scan settings from the pins file of an original board."""
     return ScanSettings(**tomllib.loads((PORT / "original" / f"{kind}.toml").read_text())["scan"])
 
 
 def format_board_world(kind: str, part: str | None, image: str = "board.hex") -> str:
-    """World file of one board. part: part that executes `image`; None: natively compiled firmware."""
+    """Format the world file of one board. part: part that executes `image`; None: natively compiled firmware."""
     settings = WorldSettings(noise_counts=0.0, clock_spread_ppm=0.0, scan=read_scan_settings(kind))
     hand = make_hand((kind,))
     line = f"image 0x{hand.boards[0].address:02X} {image} {part}\n" if part else ""
@@ -53,7 +56,7 @@ def format_board_world(kind: str, part: str | None, image: str = "board.hex") ->
 
 
 def read_counts(world: VirtualWorld, kind: str) -> list[int]:
-    """Raw counts of a snapshot of the board, read over I2C without a hub; its CRC is checked."""
+    """Read the raw counts of a snapshot of the board, read over I2C without a hub; its CRC is checked."""
     board = make_hand((kind,)).boards[0]
     world.inject("hub_unplug")
     world.run(0.5)
@@ -65,7 +68,7 @@ def read_counts(world: VirtualWorld, kind: str) -> list[int]:
 
 
 def press_taxels(world: VirtualWorld, count: int) -> None:
-    """Apply another force to each taxel."""
+    """Apply a different force to each of `count` taxels, from 0 to `FORCE_N`."""
     world.set_stimulus(np.linspace(0.0, FORCE_N, count))
 
 

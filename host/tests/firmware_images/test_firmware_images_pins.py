@@ -12,7 +12,7 @@ SENSOR_NETS = {"SCL": "P4.0", "SDA": "P4.1", "CMOD": "P4.2", "TX0": "P2.0", "TX1
 
 
 def format_kicad(nets, part="U1"):
-    """A netlist as KiCad writes it, with the supply and a second part at each net."""
+    """Format a netlist as KiCad writes it, with the supply and a second part at each net."""
     nodes = "".join(
         f'(net (code "{code}") (name "/mcu/{net}") (node (ref "{part}") (pin "{code}") (pinfunction '
         f'"{pin.replace(".", "[")}]") (pintype "bidirectional")) (node (ref "J1") (pin "{code}")))\n'
@@ -32,6 +32,7 @@ def run(tools, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
 
     def run_tool(text, *options, name="board.txt"):
+        """Write a file (None: no file) and run the tool on it; return exit status and outputs."""
         if text is not None:
             (tmp_path / name).write_text(text)
         monkeypatch.setattr(sys, "argv", ["import_pins.py", name, *options])

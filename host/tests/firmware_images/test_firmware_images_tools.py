@@ -14,7 +14,7 @@ VALID_PINS = (PORT / "pins.toml").read_text()
 
 
 def read_pins_error(tools, tmp_path, text: str) -> str:
-    """One-line message of the error for the content of a pins.toml; no file is written."""
+    """Return the one-line message of the error for the content of a pins.toml, from which no file is written."""
     pins = tmp_path / "pins.toml"
     pins.write_text(text)
     with pytest.raises(ValueError) as error:
@@ -87,6 +87,10 @@ LISTING = """
 def build_graph(
     tools, listing: str, noted_frames: dict[str, int] | None = None, pointer_targets: tuple[int, ...] = (0x400,)
 ):
+    """Build the call graph of a listing as by objdump, in which "on_*" may be called through pointers.
+
+    noted_frames: frame sizes from the compiler by function. pointer_targets: addresses that the image stores as words.
+    """
     stack, elf = tools.firmware_stack, tools.firmware_elf
     routines = stack.read_disassembly(listing)
     functions = tuple(elf.Function(routine.name, address, 4) for address, routine in routines.items())
@@ -97,13 +101,13 @@ def build_graph(
 
 
 def test_the_stack_is_the_deepest_chain_and_the_interrupts(tools):
-    use = build_graph(tools, LISTING).use("some")
+    use = build_graph(tools, LISTING).compute_stack_use("some")
     assert (use.start, use.interrupts) == (32 + 28, 36 + 8)  # frames of reset_handler + deep, exception + handler
     assert use.chain == ("reset_handler", "deep", "leaf", "systick_handler")
 
 
-def test_the_larger_frame_of_code_and_compiler_counts(tools):
-    use = build_graph(tools, LISTING, {"on_call": 100}).use("some")
+def test_the_larger_frame_of_code_and_compiler_is_used(tools):
+    use = build_graph(tools, LISTING, {"on_call": 100}).compute_stack_use("some")
     assert use.start == 32 + 100  # frames of reset_handler + on_call
     assert use.chain[1] == "on_call"
 
@@ -111,7 +115,7 @@ def test_the_larger_frame_of_code_and_compiler_counts(tools):
 def test_recursion_is_an_error(tools):
     listing = LISTING.replace("bl\t300 <leaf.constprop.0>", "bl\t200 <deep>")
     with pytest.raises(ValueError, match=r"some.elf: deep: expected no recursion"):
-        build_graph(tools, listing).use("some")
+        build_graph(tools, listing).compute_stack_use("some")
 
 
 def test_a_pointer_target_must_be_listed_in_the_table(tools):
@@ -123,7 +127,7 @@ def test_a_dynamic_frame_requires_the_size_from_the_compiler(tools):
     listing = LISTING.replace("sub\tsp, #20", "add\tsp, r4")
     with pytest.raises(ValueError, match="build with -fstack-usage"):
         build_graph(tools, listing)
-    assert build_graph(tools, listing, {"reset_handler": 600}).use("some").start == 628
+    assert build_graph(tools, listing, {"reset_handler": 600}).compute_stack_use("some").start == 628
 
 
 def test_an_array_of_variable_length_is_an_error(tools, tmp_path):

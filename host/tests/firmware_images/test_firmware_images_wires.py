@@ -32,7 +32,14 @@ DEFAULT_ADDRESS, ADDRESS = 0x77, 0x2A
 """I2C addresses of a board without and with a configuration."""
 HANDOVER = 0x80
 """Offset in RAM of the word that requests to stay in the bootloader after a reset."""
-PIN_DRIVE_MODES = 0x40010010
+PORT_4_FUNCTIONS = 0x40010010
+"""Register HSIOM_PORT_SEL4: four bits for the function of each pin of port 4."""
+I2C_PINS = 0xEE
+"""Functions of P4.0 (SCL) and P4.1 (SDA): the I2C block."""
+CAPACITOR_PIN = 6 << 8
+"""Function of P4.2, the integration capacitor: analog bus A of the converter."""
+SCL_LEVEL, SDA_LEVEL = 1 << 0, 1 << 1
+"""Bits of the two bus lines in the data registers of port 4."""
 LOAD_LATCH, WRITE_ROW, PROGRAM_ROW = 4, 5, 6
 """System calls of the flash controller."""
 RTS_PORT, BUS_PORT = 0x40040000, 0x40040400
@@ -52,14 +59,14 @@ CONFIGURATION = bytes([1, ADDRESS, FINGERTIP.code, 0]) + b"0007".ljust(16, b"\0"
 
 
 def create_front_end(part: Part) -> FrontEnd:
-    """A front end at the pins of pins.toml."""
+    """Create a front end at the pins of pins.toml."""
     pins = tomllib.loads((PORT / "pins.toml").read_text())["sensor"]
     tx, rx = ([(int(name[1]), int(name[3])) for name in pins[key]] for key in ("tx", "rx"))
     return FrontEnd(part, tx, rx)
 
 
 def compute_expected_counts(kind: BoardKind) -> list[int]:
-    """Raw counts of a snapshot of the simulated front end."""
+    """Compute the raw counts of a snapshot of the simulated front end."""
     return [PERIOD - simulate_count(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
 
 
@@ -91,6 +98,7 @@ def scanning_board(flash_with) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]
     """Function that starts a scanning fingertip board."""
 
     def start(metadata: bytes = CONFIRMED_A, configuration: bytes = CONFIGURATION):
+        """Start a board with images in both slots, and let it begin its first scan."""
         part = Part(SOFTWARE, flash_with("board", "ab", metadata, configuration))
         part.speed = 20
         bus, front_end = SlaveBus(part), create_front_end(part)
@@ -147,6 +155,7 @@ def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
     enabled = []
 
     def call(value: int) -> None:
+        """Record whether the slave is enabled, and execute the system call."""
         enabled.append(bus.is_enabled)
         system_call(value)
 
@@ -212,7 +221,7 @@ def test_an_image_reports_the_reset_cause(flash_with, reset_bits, cause):
     assert status["reset_cause"] == cause
 
 
-def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read(scanning_board):
+def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read_and_continues_to_scan(scanning_board):
     part, bus, front_end = scanning_board(ON_TRIAL_A)
     part.run_until(lambda: front_end.conversions > CONVERSIONS_BEFORE_CONFIRMATION)
     assert read_metadata(part) == make_metadata(confirmed=NONE, pending=0, tries=(2, 3))
@@ -230,6 +239,7 @@ def test_the_confirmation_does_not_delay_the_clock(scanning_board):
     part, bus, front_end = scanning_board(ON_TRIAL_A)
 
     def read_offset_us() -> float:
+        """Return the elapsed time of the processor minus the clock of the board, in us."""
         status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
         return part.cycles / CYCLES_PER_US - status["clock_us"]
 
@@ -262,9 +272,9 @@ def test_an_image_stays_in_its_application_without_the_key_of_the_bootloader(sca
     assert (status["rejected_writes"], status["error_flags"]) == (1, BoardErrorFlag.COMMAND_REJECTED)
 
 
-def test_the_capacitor_and_the_bus_share_one_port(scanning_board):
+def test_the_pins_of_port_4_are_connected_to_the_i2c_block_and_the_capacitor(scanning_board):
     part, _, _ = scanning_board()
-    assert part.words[PIN_DRIVE_MODES] == 0x6EE
+    assert part.words[PORT_4_FUNCTIONS] == CAPACITOR_PIN | I2C_PINS
 
 
 class Host:
@@ -278,6 +288,8 @@ class Host:
         self.frames: list[tuple[int, int, bytes]] = []
 
     def run_until(self, ready: Callable[[], bool], slices: int = 20_000) -> None:
+        """Execute the hub until `ready()` is true, and decode the frames that it sends meanwhile."""
+
         def is_ready() -> bool:
             self.frames += self._decoder.push(self.uart.take())
             return ready()
@@ -285,6 +297,7 @@ class Host:
         self.part.run_until(is_ready, slices)
 
     def select_payloads(self, kind: FrameType) -> list[bytes]:
+        """Return the payloads of the received frames of one type."""
         return [payload for frame_type, _, payload in self.frames if frame_type == kind]
 
     def send_frame(self, kind: FrameType, payload: bytes) -> None:
@@ -302,6 +315,7 @@ def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(fla
     sensor, bus, _ = scanning_board()
 
     def respond_as_board(written: bytes, reading: bool) -> bytes | None:
+        """Pass a transfer of the hub to the executed board; return the bytes that it reads."""
         sensor.run(30)
         if reading:
             return bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, written)
@@ -330,20 +344,26 @@ def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(fla
 def test_a_hub_releases_a_bus_whose_sda_is_held_low(flash_with):
     host = Host(flash_with("hub", "a", CONFIRMED_A), {})
     host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)))
-    edges: list[int] = []
-    drive = {"last": 3}
+    clocks_to_release = 5  # a device that holds SDA low releases it after the remaining bits of its byte
+    rising_scl_edges: list[int] = []
+    driven = {"levels": SCL_LEVEL | SDA_LEVEL}
 
-    def count_edge(value: int) -> None:
-        if not drive["last"] & 1 and value & 1:
-            edges.append(value)
-        drive["last"] = value
+    def drive_lines(levels: int) -> None:
+        """Store the levels that the hub drives, and count the rising edges of SCL."""
+        if not driven["levels"] & SCL_LEVEL and levels & SCL_LEVEL:
+            rising_scl_edges.append(levels)
+        driven["levels"] = levels
 
-    host.part.on_write[BUS_PORT] = count_edge
-    host.part.on_read[BUS_PORT + 4] = lambda: drive["last"] & ~(2 if len(edges) < 5 else 0)
+    def read_lines() -> int:
+        """Return the levels of the lines; SDA is low until the device has received its clocks."""
+        return driven["levels"] & ~(SDA_LEVEL if len(rising_scl_edges) < clocks_to_release else 0)
+
+    host.part.on_write[BUS_PORT] = drive_lines
+    host.part.on_read[BUS_PORT + 4] = read_lines
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
-    host.run_until(lambda: len(edges) >= 5)
+    host.run_until(lambda: len(rising_scl_edges) >= clocks_to_release)
     host.part.run(100)
-    assert host.part.words[PIN_DRIVE_MODES] == 0xEE  # the pins are connected to the I2C block again
+    assert host.part.words[PORT_4_FUNCTIONS] == I2C_PINS, "the pins are connected to the I2C block again"
     probed = len(host.bus.probed)
     host.run_until(lambda: len(host.bus.probed) > probed + 10)
 

@@ -47,7 +47,7 @@ class World:
     """Parameters of a hand with two boards and of its simulator.
 
     conditions: number of conditions at each force scale.
-    sessions, repeats: of the real dataset; the simulated dataset has 1 session with 2 repeats.
+    sessions, repeats: their numbers in the real dataset; the simulated dataset has 1 session with 2 repeats.
     session_std: standard deviation between sessions of the logarithm of the force of each taxel.
     repeat_std: standard deviation between repeats of the logarithm of the force of all taxels.
     effect: function (force [T, n] in N, signal [T, n] in counts) -> signal [T, n] of the hand; None: no effect.
@@ -98,6 +98,7 @@ class World:
         return str(real), str(sim)
 
     def _write(self, path, source: str) -> None:
+        """Write one dataset. source: "real" or "sim"."""
         sensors = SensorTable(np.array([0x20, 0x21], np.uint8), ("a", "b"), ("k", "k"), np.full(2, RATE))
         meshes = dict.fromkeys(self.objects, self.mesh)
         model = MODEL if source == "sim" else None
@@ -117,6 +118,7 @@ class World:
                 out.add(record, f"{number:04d}")
 
     def _grasps(self, source: str):
+        """Yield the grasps of one dataset in order of time. source: "real" or "sim"."""
         rng = np.random.default_rng([self.seed, source == "sim"])
         sessions, repeats = (self.sessions, self.repeats) if source == "real" else (1, 2)
         conditions = self.conditions * len(self.force_scales)
@@ -134,6 +136,7 @@ class World:
                     yield self._grasp(source, condition, session, repeat, self.compute_force(condition, scale), rng)
 
     def _grasp(self, source, condition, session, repeat, force, rng) -> GraspRecord:
+        """Return one grasp of a force f64[T, n] in N (T frames, n taxels). source: "real" or "sim"."""
         signal_counts = MODEL.predict_signal(force)
         if source == "real" and self.effect is not None:
             signal_counts = self.effect(force, signal_counts)

@@ -89,6 +89,7 @@ class Plates:
         return paths[0], paths[1]
 
     def _write(self, path: str, source: str) -> None:
+        """Write one dataset. source: "real" or "sim"."""
         crossing = np.tile(np.arange(CROSSINGS), BOARDS)
         table = TaxelTable(
             np.repeat(np.arange(0x20, 0x20 + BOARDS), CROSSINGS).astype(np.uint8),
@@ -117,6 +118,10 @@ class Plates:
                 out.add(record, f"{number:04d}")
 
     def _grasps(self, real: bool):
+        """Yield the grasps of one dataset in order of time.
+
+        real: whether the plates have the real stiffness and displacements, and sessions and repeats vary.
+        """
         plan = np.random.default_rng(self.seed)
         conditions = []
         for name in OBJECTS:
@@ -157,15 +162,19 @@ class Plates:
                     )
 
     def _compute_forces(self, name: str, object_at: np.ndarray, net: np.ndarray, scale: float, force_scale: float):
-        """Return the force in N and the separation in metres over time, f64[T, n] each."""
+        """Return the force in N and the separation in metres over time, f64[T, n] each (T frames, n taxels).
+
+        object_at: pose of the object in the frame of each plate, f64[3, 4, 4]. net: net force of each plate in N.
+        scale: factor on the stiffness of the simulated layer. force_scale: factor on the net forces.
+        """
         closing = np.clip((TIME - 5.5) / 0.6, 0.0, 1.0) - np.clip((TIME - 7.0) / 0.5, 0.0, 1.0)
         level = np.clip(force_scale * np.clip(closing, 0.0, 1.0), 0.0, FORCE_LEVELS[-1])
         force, separation = [], []
         for board in range(BOARDS):
             above = compute_heights(OBJECTS[name], object_at[board])
             rows = [solve_contact(above, share * net[board], scale * STIFFNESS_N_PER_M) for share in FORCE_LEVELS]
-            own = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
-            for results, values in zip((force, separation), own, strict=True):
+            level_values = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
+            for results, values in zip((force, separation), level_values, strict=True):
                 results.append(
                     np.stack([np.interp(level, FORCE_LEVELS, values[:, k]) for k in range(CROSSINGS)], axis=1)
                 )
@@ -180,14 +189,14 @@ def list_centres() -> np.ndarray:
 
 
 def make_poses(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Return poses f64[m, 4, 4] from rotation matrices f64[m, 3, 3] and translations f64[m, 3]."""
+    """Return poses f64[m, 4, 4] of m plates from rotations f64[m, 3, 3] and translations f64[m, 3] in metres."""
     out = np.tile(np.eye(4), (len(turn), 1, 1))
     out[:, :3, :3], out[:, :3, 3] = turn, place
     return out
 
 
 def make_motions(step: np.ndarray) -> np.ndarray:
-    """Return poses f64[m, 4, 4] from translations in metres and rotation vectors in radians, f64[m, 6]."""
+    """Return poses f64[m, 4, 4] of m plates from translations in metres and rotation vectors in radians, f64[m, 6]."""
     return make_poses(Rotation.from_rotvec(step[:, 3:]).as_matrix(), step[:, :3])
 
 
@@ -206,9 +215,10 @@ def compute_heights(mesh: ObjectMesh, object_at: np.ndarray) -> np.ndarray:
 
 
 def solve_contact(above: np.ndarray, net: float, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the forces of the taxels in N and the mean separation of their springs in metres, f64[42] each.
+    """Return the forces of the 42 taxels in N and the mean separation of their springs in metres, f64[42] each.
 
-    above: heights of `compute_heights`, f64[42, 25] in metres. net: net force in N. stiffness: of a taxel, in N/m.
+    above: heights of `compute_heights`, f64[42, 25] in metres. net: net force in N. stiffness: stiffness of a taxel in
+    N/m.
     """
     lowest = float(above.min())
     low, high = lowest, lowest + 0.02

@@ -27,9 +27,13 @@ from taxel.gap.report.reading import read_report
 from taxel.recording.grasp_dataset import GraspDataset
 
 ROWS, COLUMNS, N, BOARDS = 6, 5, 60, 2
+BASELINE_FRAMES = 110
+"""Number of baseline frames of each grasp of the worlds in conftest.py."""
+
 FORMS = [(name, form) for name, forms in OWN_EFFECTS.items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
-EXACT = RandomStreams(0, 0, 0, 1)
+SINGLE_GRASP = RandomStreams(seed=0, condition=0, repeat=0, repeats=1)
+"""Random numbers of a grasp without other repeats."""
 
 
 @dataclass
@@ -42,10 +46,13 @@ class Simulation:
     state: object
 
     def make_effect(self, form, values=None) -> FittedEffect:
+        """Return a form of an effect with these parameter values; None: typical values."""
         return FittedEffect(form, form.make_typical_values(self.state) if values is None else values)
 
     def write_report(self, *effects, status="explained", **changes):
-        """Return the path of a report whose verdict names these effects. changes: of the model of the first effect."""
+        """Write a report whose verdict names these effects, and return its path. changes: fields of the model of the
+        first effect.
+        """
         taxels = self.pair.taxels
         models = [describe_model(self.state, effect) for effect in effects]
         if models:
@@ -67,6 +74,7 @@ class Simulation:
 
 @pytest.fixture(scope="module")
 def shared_simulation(write_world, tmp_path_factory) -> Simulation:
+    """A simulated dataset of three grasps, shared by all tests, which must not change it."""
     sim = write_world(tmp_path_factory.mktemp("apply"), conditions=3, sessions=1, repeats=1)[1]
     pair = read_pair(sim, sim)
     layout = FeatureLayout.from_time_grid(pair.time_grid)
@@ -95,12 +103,14 @@ def read_contents(path) -> dict[str, np.ndarray]:
 
 
 def add_crosstalk(force, signal_counts):
+    """Add 40 % of the mean signal of the other taxels on the same RX line."""
     grid = signal_counts.reshape(-1, BOARDS, ROWS, COLUMNS)
     others = (grid.sum(axis=2, keepdims=True) - grid) / (ROWS - 1)
     return signal_counts + 0.4 * others.reshape(signal_counts.shape)
 
 
 def delay_first_board(force, signal_counts):
+    """Delay the signal of the first board by 4 frames."""
     late = signal_counts.copy()
     late[4:, : N // 2] = signal_counts[:-4, : N // 2]
     return late
@@ -148,11 +158,11 @@ def test_an_effect_read_from_a_report_changes_counts_only_from_closing_on(simula
     with GraspDataset(simulation.sim) as data:
         states = FrameStates(data)
         for grasp in data:
-            raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, [one], EXACT)
+            raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, [one], SINGLE_GRASP)
             assert valid is grasp.valid
             changed |= (raw != grasp.raw_counts).any()
             if name != "noise":
-                np.testing.assert_array_equal(raw[:110], grasp.raw_counts[:110])
+                np.testing.assert_array_equal(raw[:BASELINE_FRAMES], grasp.raw_counts[:BASELINE_FRAMES])
     assert changed
 
 
@@ -164,7 +174,7 @@ def test_neutral_parameter_values_return_the_input_bit_identically(simulation, n
     with GraspDataset(simulation.sim) as data:
         states = FrameStates(data)
         for grasp in data:
-            raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, [one], EXACT)
+            raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, [one], SINGLE_GRASP)
             assert raw is grasp.raw_counts
             assert valid is grasp.valid
 
@@ -186,8 +196,7 @@ def test_only_counts_change_and_the_file_names_the_added_effects(simulation):
         file.attrs["mine"] = "kept"
         file["grasps/0001/raw_counts"].attrs["unit"] = "counts"
     report = simulation.write_report(simulation.make_effect(OWN_EFFECTS["saturation"][0], np.full((1, 1), 300.0)))
-    done = apply_report(report, sim, out)
-    assert done.notes == ("the report was made from another simulated dataset",)
+    apply_report(report, sim, out)
     before, after = read_contents(sim), read_contents(out)
     note = json.loads(after.pop("gap_applied"))
     assert before.keys() == after.keys()
@@ -196,11 +205,17 @@ def test_only_counts_change_and_the_file_names_the_added_effects(simulation):
     assert all(name.endswith("raw_counts") for name in different)
     assert note["report"]["sha256"] == read_report(report).sha256
     assert note["effects"] == [{"name": "saturation", "form": "clip", "scope": "hand", "parameters": {"counts": 300.0}}]
-    apply_report(report, out, simulation.folder / "sim3.h5")
-    assert {"gap_applied", "gap_applied_2"} <= read_contents(simulation.folder / "sim3.h5").keys()
 
 
-def test_shared_or_narrow_count_datasets_are_replaced(simulation):
+def test_effects_added_to_a_changed_dataset_are_named_in_a_second_attribute_and_a_note(simulation):
+    report = simulation.write_report(simulation.make_effect(OWN_EFFECTS["saturation"][0], np.full((1, 1), 300.0)))
+    first, second = simulation.folder / "sim2.h5", simulation.folder / "sim3.h5"
+    assert apply_report(report, simulation.sim, first).notes == ()
+    assert apply_report(report, first, second).notes == ("the report was made from another simulated dataset",)
+    assert {"gap_applied", "gap_applied_2"} <= read_contents(second).keys()
+
+
+def test_count_arrays_that_are_shared_or_too_narrow_are_replaced(simulation):
     sim, out = simulation.folder / "sim.h5", simulation.folder / "sim2.h5"
     sim.write_bytes(Path(simulation.sim).read_bytes())
     with h5py.File(sim, "r+") as file:
@@ -213,12 +228,12 @@ def test_shared_or_narrow_count_datasets_are_replaced(simulation):
     with GraspDataset(out) as after, GraspDataset(sim) as before:
         after.check()
         for grasp in before:
-            own = after[grasp.id].raw_counts
-            np.testing.assert_array_equal(own[:110], grasp.raw_counts[:110])
-            assert (own != grasp.raw_counts).any()
+            counts = after[grasp.id].raw_counts
+            np.testing.assert_array_equal(counts[:BASELINE_FRAMES], grasp.raw_counts[:BASELINE_FRAMES])
+            assert (counts != grasp.raw_counts).any()
 
 
-def test_the_seed_determines_the_noise(simulation):
+def test_the_seed_determines_the_noise_and_the_report_its_standard_deviation(simulation):
     report = simulation.write_report(
         simulation.make_effect(OWN_EFFECTS["noise"][0]), parameters=make_noise_parameters(20.0, 0.0, 0.0, 0.0)
     )
@@ -234,12 +249,15 @@ def test_the_seed_determines_the_noise(simulation):
 
 
 def make_noise_parameters(*counts):
+    """Return the reported parameters of noise: standard deviations of its four components, in the order of
+    `NOISE_COMPONENTS`.
+    """
     return {name: {"unit": "counts", "values": [one]} for name, one in zip(NOISE_COMPONENTS, counts, strict=True)}
 
 
 def test_noise_is_common_to_the_lines_named_in_the_report(simulation):
-    components = np.repeat([[3.0], [4.0], [0.0], [5.0]], N, axis=1)
-    samples = sample_noise(components, simulation.pair.groups, 20_000, EXACT)
+    components = np.repeat([[3.0], [4.0], [0.0], [5.0]], N, axis=1)  # white, of TX lines, of RX lines, of boards
+    samples = sample_noise(components, simulation.pair.groups, 20_000, SINGLE_GRASP)
     covariance = np.cov(samples[:, [0, 1, COLUMNS, N - 1]].T)  # on one TX line, on one RX line, on the other board
     expected = [[50.0, 41.0, 25.0, 0.0], [41.0, 50.0, 25.0, 0.0], [25.0, 25.0, 50.0, 0.0], [0.0, 0.0, 0.0, 50.0]]
     np.testing.assert_allclose(covariance, expected, atol=2.0)
@@ -254,9 +272,11 @@ def test_samples_are_balanced_among_repeats_and_reproducible(repeats):
         np.testing.assert_allclose(samples.sum(axis=0), 0.0, atol=1e-9)
 
 
-def test_lost_frames_repeat_the_last_count_and_stuck_taxels_are_constant(simulation):
+def test_lost_frames_repeat_the_last_counts_stuck_taxels_are_constant_and_other_counts_are_kept(simulation):
     stuck = np.arange(N) == 7
-    defects = Defects(stuck, (), np.array([0.25, 1.0]), stuck, stuck)
+    first_board_lost, second_board_lost = 0.25, 1.0  # share of the frames
+    missing = np.array([first_board_lost, second_board_lost])
+    defects = Defects(single_taxels=stuck, lines=(), missing=missing, dead=stuck, stuck=stuck)
     effect = Dropout(defects)
     out = simulation.folder / "sim2.h5"
     apply_report(
@@ -268,16 +288,15 @@ def test_lost_frames_repeat_the_last_count_and_stuck_taxels_are_constant(simulat
         data.check()
         data.require_baseline(10)
         for grasp in data:
-            assert (1.0 - grasp.valid[:, 0].mean()) == pytest.approx(0.25, abs=0.01)
+            arrived, first_board = grasp.valid[:, 0], slice(0, N // 2)
+            assert (1.0 - arrived.mean()) == pytest.approx(first_board_lost, abs=0.01)
             assert not grasp.valid[:, 1].any()
-            assert not grasp.raw_counts[:, N // 2 :].any()
-            lost = np.flatnonzero(~grasp.valid[1:, 0]) + 1
-            own = slice(0, N // 2)
-            np.testing.assert_array_equal(grasp.raw_counts[lost, own], grasp.raw_counts[lost - 1, own])
-            assert len(np.unique(grasp.raw_counts[grasp.valid[:, 0], 7])) == 1
-            arrived, alive = grasp.valid[:, 0], np.flatnonzero(~stuck[own])
-            there = np.ix_(arrived, alive)
-            np.testing.assert_array_equal(grasp.raw_counts[there], before[grasp.id].raw_counts[there])
+            assert not grasp.raw_counts[:, N // 2 :].any()  # no frame of the second board has ever arrived
+            lost = np.flatnonzero(~arrived[1:]) + 1
+            np.testing.assert_array_equal(grasp.raw_counts[lost, first_board], grasp.raw_counts[lost - 1, first_board])
+            assert len(np.unique(grasp.raw_counts[arrived][:, stuck])) == 1
+            unchanged = np.ix_(arrived, np.flatnonzero(~stuck[first_board]))
+            np.testing.assert_array_equal(grasp.raw_counts[unchanged], before[grasp.id].raw_counts[unchanged])
 
 
 @pytest.mark.parametrize(("status", "words"), [("no_gap", "no gap"), ("unknown", "unknown")])

@@ -71,6 +71,7 @@ def content(digest):
 
 @pytest.fixture
 def report(content, tmp_path) -> Path:
+    """Path of a report with `content`."""
     path = tmp_path / "report.json"
     path.write_text(json.dumps(content))
     return path
@@ -82,6 +83,7 @@ def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_pa
     printed = capsys.readouterr().out
     assert "gain mismatch, saturation" in printed
     assert "unknown cause" in printed
+    # The gain acts before the saturation at 400 counts, although the report lists it first; the rest is noise.
     with GraspDataset(out) as data:
         signal_counts = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
     assert 400.0 <= signal_counts < 430.0
@@ -89,18 +91,22 @@ def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_pa
     assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
 
 
-def test_an_existing_file_is_replaced_only_on_request(capsys, report, paths, tmp_path):
+def test_an_existing_file_is_kept_without_overwrite_and_after_a_refusal(capsys, report, paths, tmp_path):
+    real, sim = paths
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
-    assert "a new file" in run_refused_command(capsys, "gap", "apply", report, paths[1], "--out", out)
-    assert "source" in run_refused_command(capsys, "gap", "apply", report, paths[0], "--out", out, "--overwrite")
+    assert "a new file" in run_refused_command(capsys, "gap", "apply", report, sim, "--out", out)
+    assert "source" in run_refused_command(capsys, "gap", "apply", report, real, "--out", out, "--overwrite")
     assert out.read_text() == "mine"
-    sim = Path(paths[1]).read_bytes()
-    assert "another file" in run_refused_command(
-        capsys, "gap", "apply", report, paths[1], "--out", paths[1], "--overwrite"
-    )
-    assert Path(paths[1]).read_bytes() == sim
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.json", "sim2.h5"]
+
+
+def test_the_simulated_dataset_is_not_overwritten_by_the_output(capsys, report, paths):
+    sim = Path(paths[1])
+    content = sim.read_bytes()
+    line = run_refused_command(capsys, "gap", "apply", report, sim, "--out", sim, "--overwrite")
+    assert "a file other than the inputs" in line
+    assert sim.read_bytes() == content
 
 
 def test_a_dataset_of_another_hand_is_refused(capsys, report, paths, tmp_path):
@@ -114,6 +120,7 @@ def test_a_dataset_of_another_hand_is_refused(capsys, report, paths, tmp_path):
 
 
 def set_value(content, path, value):
+    """Replace the value at a path of keys in nested tables and lists."""
     *outer_keys, last = path
     for key in outer_keys:
         content = content[key]
@@ -167,6 +174,9 @@ def test_a_file_that_is_not_a_report_gives_one_error_line(text, tmp_path):
     path.write_text(text)
     with pytest.raises(GapInputError, match=r"report\.json.*make the report again"):
         read_report(path)
+
+
+def test_a_folder_and_a_missing_file_are_refused_as_report(tmp_path):
     with pytest.raises(GapInputError, match="found a folder"):
         read_report(tmp_path)
     with pytest.raises(GapInputError, match="found no file"):
@@ -174,6 +184,7 @@ def test_a_file_that_is_not_a_report_gives_one_error_line(text, tmp_path):
 
 
 def write_simulator(tmp_path, text=SIMULATOR) -> str:
+    """Write the source text of a simulator, and return the command that runs it."""
     script = tmp_path / "my simulator.py"
     script.write_text(text)
     return shlex.join([sys.executable, str(script)]) + " {effects} {sim} {out}"
@@ -254,7 +265,9 @@ def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, pat
         ('{"a": NaN}', "expected the report.json of a diagnosis, found no valid JSON"),
     ],
 )
-def test_a_file_that_is_no_report_is_refused_without_the_message_of_a_parser(capsys, paths, tmp_path, content, problem):
+def test_a_file_that_is_not_a_report_is_refused_without_the_message_of_a_parser(
+    capsys, paths, tmp_path, content, problem
+):
     path = tmp_path / "x.html"
     path.write_text(content)
     for words in (("apply", path, paths[1]), ("export", path, "--to", "python"), ("next", path)):

@@ -24,6 +24,7 @@ SEED = 0
 
 @pytest.fixture(scope="module")
 def tool():
+    """The module tools/gap/capfingerid.py, whose folder is importable during the tests."""
     sys.path.insert(0, str(FOLDER))
     yield SimpleNamespace(capfingerid=importlib.import_module("capfingerid"))
     del sys.modules["capfingerid"]
@@ -83,10 +84,10 @@ def test_fault_statistics_of_the_recordings_equal_the_documented_ones(frames):
 
 
 def test_stale_prefix_and_impulse_are_detected_and_corrected(tool):
-    truth = np.arange(8)[:, None] + 3.0 * np.arange(405) % 50
+    truth = np.arange(8)[:, None] + 3.0 * np.arange(405) % 50  # eight frames of 405 taxels
     torn = truth.copy()
-    torn[3, :20] = torn[2, :20]
-    torn[3, 20] = 200.0
+    torn[3, :20] = torn[2, :20]  # stale prefix
+    torn[3, 20] = 200.0  # impulse at the first taxel with a new value
     torn[4, :30] = torn[3, :30]  # the impulse remains
     frames = build_frames(tool, np.repeat(torn, [1, 1, 1, 1, 1, 1, 2, 1], axis=0))
     assert frames.n_duplicates == 1
@@ -101,12 +102,12 @@ def test_stale_prefix_and_impulse_are_detected_and_corrected(tool):
 def test_every_repeat_has_one_frame_of_each_block_and_no_frame_is_used_twice(tool, frames):
     repeats = tool.capfingerid.sample_repeats(frames, SEED, 1)
     for recording in frames:
-        own = [repeat for repeat in repeats if repeat.touch.frames is recording]
-        assert len(own) == tool.capfingerid.N_REPEATS
-        blocks = np.sort(np.stack([repeat.frames for repeat in own], axis=1), axis=1)
+        recording_repeats = [repeat for repeat in repeats if repeat.touch.frames is recording]
+        assert len(recording_repeats) == tool.capfingerid.N_REPEATS
+        blocks = np.sort(np.stack([repeat.frames for repeat in recording_repeats], axis=1), axis=1)
         assert len(np.unique(blocks)) == blocks.size
         assert (np.diff(blocks.ravel()) > 0).all()
-        assert (np.bincount(own[0].phase)[:2] == [10, 1]).all()
+        assert (np.bincount(recording_repeats[0].phase)[:2] == [10, 1]).all()  # frames of baseline and closing
 
 
 def test_both_halves_have_the_same_touches_and_four_sessions(tool, repeats, tmp_path):

@@ -12,7 +12,7 @@ PAGE = (Path(__file__).parents[3] / "docs" / "gap-diagnosis.md").read_text(encod
 
 
 @pytest.mark.parametrize("name", OWN_EFFECTS)
-def test_the_catalogue_table_lists_every_variant_and_parameter(name):
+def test_the_catalogue_table_of_the_page_lists_every_form_and_parameter(name):
     (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
     for form in OWN_EFFECTS[name]:
         assert not form.variant or f"`{form.variant}`" in row

@@ -23,10 +23,16 @@ def test_the_diagnose_command_writes_report_and_page_and_prints_the_verdict(caps
     assert report["verdict"]["status"] == "no_gap"
     assert "No gap" in capsys.readouterr().out
     assert (tmp_path / "gap" / "report.html").stat().st_size > 10_000
-    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 1
+
+
+def test_an_existing_report_is_replaced_only_with_overwrite(capsys, paths, tmp_path):
+    report = tmp_path / "report.json"
+    report.write_text("mine")
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 1
     assert "exists already" in capsys.readouterr().err
-    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["verdict"] == report["verdict"]
+    assert report.read_text() == "mine"
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path, "--overwrite", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == json.loads(report.read_text())["verdict"]
 
 
 def change_simulation(paths, tmp_path, change):
@@ -66,6 +72,7 @@ def swap_lines(file):
 
 
 def remove_baseline(file):
+    """Give the first 105 of the 110 baseline frames of a grasp the phase closing, so that too few remain."""
     grasp = file["grasps/0000"]
     phase = grasp["phase"][:]
     phase[:105] = 1

@@ -28,10 +28,12 @@ from taxel.gap.fitting.fit_data import FitData
 
 
 def stiffen(force, signal):
+    """Return the signal of a layer with 1.8 times the force at half the full scale."""
     return 2000.0 * force / (force + 1.8 * 1.5)
 
 
 def delay_second_board(force, signal):
+    """Delay the signal of the second board by 4 frames."""
     late = signal.copy()
     late[4:, 30:] = signal[:-4, 30:]
     return late
@@ -47,7 +49,7 @@ def fitted(fit_data):
     return fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, Stiffness(HAND)),)))
 
 
-def test_density_is_largest_for_the_correct_effect_in_every_condition(fit_data, fitted):
+def test_the_correct_effect_increases_the_density_of_every_condition(fit_data, fitted):
     density = BlockDensity(fit_data, DEFAULT_SETTINGS)
     without, with_effect = (density.compute_log_density(one)[..., 0] for one in (fit_data.state.mean, fitted.features))
     assert (with_effect.sum(axis=1) > without.sum(axis=1)).all()
@@ -106,7 +108,7 @@ def test_one_condition_alone_does_not_make_a_set_certain():
     assert compute_set_weights(density, [0, 1], DEFAULT_SETTINGS)[1] < 0.9
 
 
-def test_logistic_model_recovers_frequencies_and_survives_json():
+def test_a_logistic_model_predicts_the_frequencies_and_is_unchanged_by_json():
     rng = np.random.default_rng(3)
     inputs = rng.normal(size=(2000, 2))
     labels = rng.random(2000) < 1.0 / (1.0 + np.exp(-(inputs[:, 0] - 1.0)))
@@ -116,12 +118,13 @@ def test_logistic_model_recovers_frequencies_and_survives_json():
     assert restored.predict(inputs[0]) == pytest.approx(model.predict(inputs[0]), abs=1e-4)
 
 
-def test_packaged_calibration_increases_with_the_evidence():
+def test_the_packaged_calibration_gives_strong_evidence_a_larger_probability_than_weak_evidence():
     effect = load_calibration().effect
     remainder = np.array([0.0, 0.0, 0.0, -1.0, -1.0, 1.0])
+    # Inputs of EffectEvidence.to_inputs: log odds of the weight, gain, size, share, size below a cause, parameters.
+    weak_evidence, strong_evidence = [-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0]
     weak, strong = (
-        effect.predict(combine_inputs(np.array(inputs), remainder))
-        for inputs in ([-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0])
+        effect.predict(combine_inputs(np.array(inputs), remainder)) for inputs in (weak_evidence, strong_evidence)
     )
     assert weak < 0.1
     assert strong > 0.6
@@ -134,7 +137,7 @@ def test_a_single_cause_is_the_most_probable(write_world, tmp_path, effect, name
     assert all(0.0 <= value <= 1.0 for value in probabilities.values())
 
 
-def test_equal_files_have_no_probable_cause(write_world, tmp_path):
+def test_a_world_without_an_effect_has_no_probable_cause(write_world, tmp_path):
     comparison = compare(*write_world(tmp_path))
     probabilities = comparison.compute_probabilities()
     assert max(value for name, value in probabilities.items() if name != NO_GAP) < 0.5
@@ -188,9 +191,9 @@ def add_repeat_variance(fit_data: FitData, counts: float) -> FitData:
 def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(fit_data, share, seed):
     rng, bins, counts = np.random.default_rng(seed), slice(0, fit_data.layout.bins), 40.0
     varied = add_repeat_variance(fit_data, counts)
-    own_error = np.sqrt(fit_data.sessions.mean_variance[:, bins] + share * counts**2)
+    error = np.sqrt(fit_data.sessions.mean_variance[:, bins] + share * counts**2)
     predicted = fit_data.target.copy()
-    predicted[:, bins] += own_error * rng.normal(size=own_error.shape)
+    predicted[:, bins] += error * rng.normal(size=error.shape)
     density = fit_density(varied, DEFAULT_SETTINGS, predicted)
     assert abs(density.repeat_share - share) <= 0.25
     assert density.compute_simulated_floor2() == pytest.approx(
@@ -198,7 +201,7 @@ def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(fit_data, 
     )
 
 
-def test_variation_of_simulated_repeats_is_no_gap(fit_data):
+def test_variation_of_simulated_repeats_reduces_deviations_and_weights(fit_data):
     exact, varied = (BlockDensity(one, DEFAULT_SETTINGS) for one in (fit_data, add_repeat_variance(fit_data, 200.0)))
     deviations = [one.compute_deviations(fit_data.state.mean)[..., 0].mean() for one in (exact, varied)]
     assert deviations[1] < 0.1 * deviations[0]
@@ -206,7 +209,7 @@ def test_variation_of_simulated_repeats_is_no_gap(fit_data):
     assert add_repeat_variance(fit_data, 200.0).weight[:, bins].max() < fit_data.weight[:, bins].max()
 
 
-def test_variation_of_a_real_reference_is_not_counted_twice(fit_data):
+def test_two_real_datasets_have_no_variance_of_the_reference_beside_the_floor(fit_data):
     pair = fit_data.state.pair
     assert prepare_pair(pair).state.mean_variance is not None
     assert prepare_pair(replace(pair, is_real_real=True)).state.mean_variance is None

@@ -51,8 +51,8 @@ def test_the_approach_of_a_board_is_solved_for_each_net_force():
     depth, nets = make_ball_depths(), np.array([0.3, 2.0, 9.0, 40.0])
     pressed = solve_pressures(HARDENING, depth, nets)
     np.testing.assert_allclose(pressed.mean(axis=2).sum(axis=1), nets, rtol=1e-9)
-    for net, own in zip(nets.tolist(), pressed, strict=True):
-        np.testing.assert_allclose(solve_pressure(HARDENING, depth, net), own, rtol=1e-12)
+    for net, pressure in zip(nets.tolist(), pressed, strict=True):
+        np.testing.assert_allclose(solve_pressure(HARDENING, depth, net), pressure, rtol=1e-12)
     assert ((pressed[1:] > 0.0).sum(axis=(1, 2)) >= (pressed[:-1] > 0.0).sum(axis=(1, 2))).all()
 
 
@@ -82,31 +82,32 @@ def test_the_force_law_of_pieces_is_recovered_from_taxel_forces():
     contacts = list(zip(depths, forces, strict=True))
     found = fit_piece_law(line, contacts)
 
-    def error(law: ForceDepthLaw) -> float:
+    def compute_largest_error(law: ForceDepthLaw) -> float:
         return max(float(np.abs(solve_pressure(law, d, f.sum()).mean(axis=1) - f).max()) for d, f in contacts)
 
-    assert error(found) < 0.2 * error(line)
+    assert compute_largest_error(found) < 0.2 * compute_largest_error(line)
     assert fit_piece_law(HARDENING, contacts) is HARDENING  # no other law fits better
     assert fit_piece_law(line, []) is line
 
 
 def test_a_softer_layer_spreads_the_same_net_force_over_more_taxels():
     pressed = make_geometry()
-    rest = np.asarray(solve_pressures(HARDENING, pressed.depths[0], 12.0 * LEVELS)).mean(axis=2)
+    simulated = np.asarray(solve_pressures(HARDENING, pressed.depths[0], 12.0 * LEVELS)).mean(axis=2)
     soft, hard = (
-        kept * rest + gained
+        kept * simulated + gained
         for kept, gained in (pressed.compute_stiffness_changes({0: scale})[0] for scale in (0.5, 2.0))
     )
     assert soft.shape == (len(LEVELS), 49)
     for now in (soft, hard):
         np.testing.assert_allclose(now.sum(axis=1), 12.0 * LEVELS, rtol=1e-8)
     hold, middle = int(np.flatnonzero(LEVELS == 1.0)[0]), 24
-    assert soft[hold, middle] < rest[hold, middle] < hard[hold, middle]
-    assert (soft[hold] > 1e-9).sum() > (rest[hold] > 1e-9).sum() >= (hard[hold] > 1e-9).sum()
+    assert soft[hold, middle] < simulated[hold, middle] < hard[hold, middle]
+    assert (soft[hold] > 1e-9).sum() > (simulated[hold] > 1e-9).sum() >= (hard[hold] > 1e-9).sum()
 
 
 @pytest.fixture(scope="module")
 def state(write_world, tmp_path_factory):
+    """State of the simulation of a world, without features."""
     pair = read_pair(*write_world(tmp_path_factory.mktemp("pressed")))
     layout = FeatureLayout.from_time_grid(pair.time_grid)
     return build_state(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n)))
@@ -144,11 +145,14 @@ def test_on_a_flat_contact_both_stiffness_models_agree(state):
 
 
 def test_displacement_along_the_normal_of_a_flat_board_is_not_identifiable(state):
-    """Also for a rotated board, as its approach is solved again. The reported translation precedes the rotation."""
+    """This holds also for a rotated board: it is shifted until its net force is kept. The reported translation refers
+    to the frame before the rotation.
+    """
     form = PoseError(BOARD)
+    # Translations x, y, z in mm and rotations in degrees of both boards.
     rotated = np.array([[1.13, 0.37], [0.29, 1.21], [0.0, 0.0], [2.0, 0.7], [-3.0, 1.1], [1.3, 0.4]])
     shifted = rotated.copy()
-    shifted[2] = 2.0
+    shifted[2] = 2.0  # along the normal
     one, other = (form.apply(state, state.base, values).force for values in (rotated, shifted))
     np.testing.assert_allclose(other, one, atol=1e-6)
     assert np.abs(one - state.base.force).max() > 0.01
@@ -159,9 +163,9 @@ def test_displacement_along_the_normal_of_a_flat_board_is_not_identifiable(state
 
 
 def test_cached_contacts_stay_below_the_memory_limit(monkeypatch):
-    own = make_geometry()
-    size = own.compute_stiffness_changes({0: 1.5})[0].nbytes
+    geometry = make_geometry()
+    size = geometry.compute_stiffness_changes({0: 1.5})[0].nbytes
     monkeypatch.setattr(geometry_module, "MAX_CACHE_BYTES", 3 * size)
     for scale in np.linspace(0.5, 2.0, 12):
-        own.compute_stiffness_changes({0: scale})
-        assert sum(one.nbytes for one in own._cache.values()) <= 3 * size
+        geometry.compute_stiffness_changes({0: scale})
+        assert sum(change.nbytes for change in geometry._cache.values()) <= 3 * size

@@ -15,7 +15,9 @@ BOARD = 0x20
 
 
 def change_first_board(signal_counts, change):
-    """Return a copy of the signal with `change` applied to the first board, [T, rows, columns]."""
+    """Return a copy of the signal after `change` has modified the first board in place, an array [T, rows, columns] (T
+    frames).
+    """
     result = signal_counts.copy()
     grid = result[:, : ROWS * COLUMNS].reshape(-1, ROWS, COLUMNS)
     change(grid)
@@ -23,6 +25,8 @@ def change_first_board(signal_counts, change):
 
 
 def short_lines(force, signal_counts):
+    """Give the lines TX 2 and TX 3 of the first board the mean of both signals."""
+
     def join(grid):
         grid[:, 2] = grid[:, 3] = 0.5 * (grid[:, 2] + grid[:, 3])
 
@@ -39,6 +43,8 @@ def make_clip(limit_counts):
 
 
 def exchange_lines(force, signal_counts):
+    """Exchange the lines TX 1 and TX 4 of the first board."""
+
     def swap(grid):
         grid[:, [1, 4]] = grid[:, [4, 1]]
 
@@ -73,7 +79,7 @@ def test_exchanged_lines_are_not_reported_as_dead(write_world, tmp_path):
 
 
 def vary_gains_and_cut_line(force, signal_counts):
-    """Give each taxel its own gain, and remove the signal of one line of the first board."""
+    """Give each taxel its own gain, and remove the signal of the line TX 2 of the first board."""
     gains = np.exp(np.random.default_rng(3).normal(0.0, 0.35, signal_counts.shape[1]))
 
     def cut(grid):
@@ -83,7 +89,7 @@ def vary_gains_and_cut_line(force, signal_counts):
 
 
 @pytest.mark.slow
-def test_an_open_line_is_found_besides_a_gain_for_each_taxel(write_world, tmp_path):
+def test_an_open_line_is_found_beside_a_gain_for_each_taxel(write_world, tmp_path):
     report = diagnose(*write_world(tmp_path, effect=vary_gains_and_cut_line, conditions=6, sessions=4)).report
     assert "dropout" in report["verdict"]["effects"][:2]
     assert get_dropout(report)["where"]["lines"] == [[BOARD, "tx", 2]]
@@ -92,6 +98,8 @@ def test_an_open_line_is_found_besides_a_gain_for_each_taxel(write_world, tmp_pa
 
 
 def cut_line(force, signal_counts):
+    """Remove the signal of the line TX 2 of the first board."""
+
     def cut(grid):
         grid[:, 2] = 0.0
 
@@ -99,7 +107,7 @@ def cut_line(force, signal_counts):
 
 
 @pytest.mark.slow
-def test_lower_simulated_noise_is_not_reported_besides_an_open_line(write_world, tmp_path):
+def test_lower_simulated_noise_is_not_reported_beside_an_open_line(write_world, tmp_path):
     report = diagnose(*write_world(tmp_path, effect=cut_line, conditions=6, sessions=4, noise_counts=2.0)).report
     assert report["verdict"]["effects"][0] == "dropout"
     assert "noise" not in report["verdict"]["effects"]
@@ -113,7 +121,7 @@ def test_taxels_with_wrapping_counts_are_not_dead(get_world_paths):
     assert not find_defects(fit_data.state, fit_data.sessions, fit_data.state.mean).dead.any()
 
 
-def test_drift_alone_does_not_count_as_a_response(get_world_paths):
+def test_drift_alone_is_not_a_response_of_dead_taxels(get_world_paths):
     """Dead taxels drift, too; the drift is a large share of a small expected signal."""
     drift_counts, dead = 60.0, np.arange(30).reshape(ROWS, COLUMNS)[1:4, 1:4].ravel()
 
@@ -130,13 +138,14 @@ def test_drift_alone_does_not_count_as_a_response(get_world_paths):
 
 
 @pytest.mark.slow
-def test_lost_frames_of_a_single_condition_are_no_other_cause(write_world, tmp_path):
+def test_frames_lost_in_every_fourth_grasp_are_named_as_dropout_only(write_world, tmp_path):
     class FrameLoss:
-        contacts = 0
+        grasps = 0
 
         def __call__(self, raw, valid, rng):
-            self.contacts += 1
-            if self.contacts % 4 == 0:
+            """Mark the frames of the first board from hold on as lost in every fourth grasp."""
+            self.grasps += 1
+            if self.grasps % 4 == 0:
                 valid = valid.copy()
                 valid[130:, 0] = False
             return raw, valid

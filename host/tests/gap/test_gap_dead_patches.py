@@ -21,7 +21,7 @@ ALL = np.ones(SIZE * SIZE, bool)
 
 
 def grid(default, **places):
-    """Return f64[n] with a default and other values at places such as t2r3 (TX line 2, RX line 3)."""
+    """Return f64[36] with a default value, and other values at places such as t2r3 (TX line 2, RX line 3)."""
     result = np.full((SIZE, SIZE), float(default))
     for name, value in places.items():
         result[int(name[1]), int(name[3])] = value
@@ -29,9 +29,10 @@ def grid(default, **places):
 
 
 def find_dead(response, expected):
-    """Return the dead taxels as (TX, RX), whether they are evident, and the dead lines.
+    """Return the dead taxels as (TX, RX), whether a dead patch or line is evident, and the dead lines.
 
-    response: measured divided by expected signal, f64[n]. expected: expected signal in counts, f64[n] or f64[C, n].
+    response: measured divided by expected signal, f64[36]. expected: expected signal in counts, f64[36], or f64[C, 36]
+    for C conditions.
     """
     is_silent = response < 0.2
     dead, evident = find_dead_taxels(STATE, response, is_silent, np.atleast_2d(expected))
@@ -78,7 +79,7 @@ def test_a_dead_line_with_a_dead_neighbour_taxel_is_reported_as_a_line():
     assert lines == [(0, "tx", 3)]
 
 
-def test_a_dead_patch_over_two_lines_is_not_taken_for_exchanged_lines():
+def test_exchanged_lines_are_distinguished_from_a_dead_patch_over_two_lines():
     """Both lines have similar loads inside the patch; outside it, the second line has the expected signal."""
     patch = {f"t{tx}r{rx}": 0.0 for tx in (1, 2) for rx in (1, 2)}
     expected = grid(0.0, t1r1=200.0, t1r2=190.0, t1r4=700.0, t2r1=500.0, t2r2=480.0, t2r4=690.0)

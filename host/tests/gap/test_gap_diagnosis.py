@@ -36,6 +36,7 @@ def stiffen(force, signal_counts):
 
 
 def add_creep(force, signal_counts):
+    """Let 40 % of the signal follow with a time constant of 0.5 s."""
     late = np.zeros_like(signal_counts)
     for k in range(1, len(signal_counts)):
         late[k] = late[k - 1] + (1 - np.exp(-0.05 / 0.5)) * (signal_counts[k] - late[k - 1])
@@ -43,12 +44,14 @@ def add_creep(force, signal_counts):
 
 
 def delay_first_board(force, signal_counts):
+    """Delay the signal of the first board by 4 frames."""
     late = signal_counts.copy()
     late[4:, : N // 2] = signal_counts[:-4, : N // 2]
     return late
 
 
 def spread_force(force, signal_counts):
+    """Spread the forces on each board with a kernel that decays over 3 mm, and convert them into counts."""
     x, y = np.arange(ROWS)[:, None], np.arange(COLUMNS)
     places = np.stack([np.repeat(x, COLUMNS, axis=1).ravel(), np.tile(y, ROWS)], axis=1) * 5.0
     distance = np.linalg.norm(places[:, None] - places, axis=2)
@@ -125,7 +128,7 @@ def test_additional_noise_is_identified_as_noise(write_world, tmp_path):
     assert report["verdict"]["effects"] == ["noise"]
     entry = next(one for one in report["effects"] if one["name"] == "noise")
     total = np.hypot(*(entry["parameters"][name]["value"] for name in ("white_counts", "common_counts")))
-    assert total == pytest.approx(60.0, rel=0.05)
+    assert total == pytest.approx(60.0, rel=0.05)  # the standard deviation of the added noise
 
 
 def test_an_effect_removed_from_the_catalogue_is_not_named(get_world_paths):
@@ -133,8 +136,11 @@ def test_an_effect_removed_from_the_catalogue_is_not_named(get_world_paths):
     report = diagnose(*paths, without=["hysteresis"]).report
     assert "hysteresis" not in report["verdict"]["effects"]
     assert "hysteresis" not in [entry["name"] for entry in report["effects"]]
+
+
+def test_an_unknown_effect_cannot_be_removed_from_the_catalogue(get_world_paths):
     with pytest.raises(GapInputError, match="--without: expected one of contact_propagation"):
-        diagnose(*paths, without=["magic"])
+        diagnose(*get_world_paths(), without=["magic"])
 
 
 def test_the_report_has_the_documented_schema(get_report, tmp_path):

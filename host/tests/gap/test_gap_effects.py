@@ -27,6 +27,7 @@ IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FOR
 
 @pytest.fixture(scope="module")
 def state(write_world, tmp_path_factory):
+    """State of the simulation of a world, with features of 0."""
     pair = read_pair(*write_world(tmp_path_factory.mktemp("effects")))
     layout = FeatureLayout.from_time_grid(pair.time_grid)
     mean = np.zeros((len(pair.conditions), layout.count, pair.n))
@@ -52,12 +53,12 @@ def test_parameters_have_units_bounds_and_a_start_within_them(state, name, form)
     assert start_effect(state, form).values.shape == form.make_neutral_values(state).shape
 
 
-def test_contact_propagation_keeps_the_net_force_of_each_board(state):
+def test_contact_propagation_keeps_the_net_force_of_each_board_and_loads_more_taxels(state):
     form = OWN_EFFECTS["contact_propagation"][0]
     moved = form.apply(state, state.base, np.array([[3.0], [0.7]]))
     for board in range(2):
-        own = state.pair.groups.sensor == board
-        np.testing.assert_allclose(moved.force[:, :, own].sum(axis=2), state.base.force[:, :, own].sum(axis=2))
+        taxels = state.pair.groups.sensor == board
+        np.testing.assert_allclose(moved.force[:, :, taxels].sum(axis=2), state.base.force[:, :, taxels].sum(axis=2))
     assert (moved.force > 0).sum() > (state.base.force > 0).sum()
 
 
@@ -74,17 +75,18 @@ def test_the_taxel_kernel_of_a_large_board_approximates_the_kernel_of_its_pieces
     np.testing.assert_allclose(coarse.sum(axis=1), 1.0)
 
 
-def test_pillar_propagation_loads_only_taxels_near_the_contact():
-    """Three taxels in a row, 5 mm apart, each with nine equal pieces; the depth decreases by 1 over `spread_m`."""
+def test_pillar_propagation_loads_only_taxels_within_its_reach():
+    """Three taxels in a row, 5 mm apart, each with nine equal pieces."""
     places = 5e-3 * np.arange(3)[:, None] * [1.0, 0.0, 0.0]
     distance = 5e-3 * np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
     board = BoardLayout(np.arange(3), distance, 5e-3, np.repeat(places[:, None], 9, axis=1))
     pressure = np.repeat([[3.0], [0.0], [0.5]], 9, axis=1)
-    gained = compute_gained_force(board, pressure, 20e-3, 1.0)  # depth 3/4: 1/4 is lost over one pitch
+    gained = compute_gained_force(board, pressure, reach_m=20e-3, half_depth_n=1.0)  # depth 3/4 loses 1/4 in one pitch
     np.testing.assert_allclose(gained[FORCE_LEVELS == 1.0], [[0.0, 1.0, 0.0]], atol=1e-6)
     np.testing.assert_array_equal(gained[FORCE_LEVELS == 0.0], 0.0)
-    np.testing.assert_allclose(compute_gained_force(board, pressure, 5e-3, 1.0), 0.0, atol=1e-6)
-    np.testing.assert_array_equal(compute_gained_force(board, 0.0 * pressure, 20e-3, 1.0), 0.0)
+    np.testing.assert_allclose(compute_gained_force(board, pressure, reach_m=5e-3, half_depth_n=1.0), 0.0, atol=1e-6)
+    unloaded = compute_gained_force(board, 0.0 * pressure, reach_m=20e-3, half_depth_n=1.0)
+    np.testing.assert_array_equal(unloaded, 0.0)
 
 
 def test_pillar_propagation_is_linear_in_its_strength(state):
@@ -95,13 +97,16 @@ def test_pillar_propagation_is_linear_in_its_strength(state):
     np.testing.assert_allclose(half - state.base.force, 0.5 * (whole - state.base.force), atol=1e-12)
 
 
-def test_a_low_pass_filter_responds_to_a_step_with_its_time_constant(state):
+def test_a_low_pass_filter_responds_to_a_step_with_its_time_constant():
     """Step of 1 at the first node, nodes of 0.1 s, time constant 0.2 s: 1 - (1 - e^-x) / x, then exponential decay."""
     values, time_s = np.ones((1, 4, 1)), 0.1 * np.arange(4)
     out = apply_low_pass(values, time_s, np.full((1, 1), 0.2))[0, :, 0]
     first = 1.0 - (1.0 - np.exp(-0.5)) / 0.5
     np.testing.assert_allclose(out, 1.0 - (1.0 - first) * np.exp(-0.5 * np.arange(4)))
     np.testing.assert_allclose(apply_low_pass(values, time_s, np.zeros((1, 1))), values, atol=1e-4)
+
+
+def test_a_lag_of_one_board_reduces_only_the_closing_signal_of_this_board(state):
     lag = OWN_EFFECTS["latency"][1]
     moved = lag.apply(state, state.base, np.array([[0.0, 0.3]])).signal_counts
     first_board = state.pair.groups.sensor == 0
@@ -113,11 +118,15 @@ def test_a_low_pass_filter_responds_to_a_step_with_its_time_constant(state):
 def test_counts_decay_faster_with_creep_of_the_gap_than_with_creep_of_the_counts(state):
     """Both forms delay the same share; a small remaining share of the gap gives fewer counts than of the signal."""
     forms = {form.variant: form for form in OWN_EFFECTS["hysteresis"]}
-    delayed_share = np.array([[0.3], [1.0]])
+    delayed_share = np.array([[0.3], [1.0]])  # fraction, seconds
     signal_counts, gap = (forms[one].apply(state, state.base, delayed_share).signal_counts for one in ("drop", "gap"))
     recovery = state.time_grid.phase == Phase.RECOVERY
     assert 0.0 < gap[:, recovery].sum() < signal_counts[:, recovery].sum()
-    slow = forms["gap"].apply(state, state.base, np.array([[0.3], [1e3]])).signal_counts
+
+
+def test_with_a_very_slow_creep_of_the_gap_the_late_share_of_the_closed_gap_is_missing(state):
+    form = next(form for form in OWN_EFFECTS["hysteresis"] if form.variant == "gap")
+    slow = form.apply(state, state.base, np.array([[0.3], [1e3]])).signal_counts
     closed = state.signal_counts / (state.signal_counts + 0.25 * state.full_scale)
     kept = 0.7 * closed
     np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
@@ -132,15 +141,15 @@ def test_hysteresis_with_a_time_constant_beyond_the_record_is_idle(state):
         assert not form.is_idle(state, quick)
 
 
-def test_cached_features_of_a_composite_model_equal_recomputed_ones(state):
+def test_cached_features_of_a_composite_model_equal_recomputed_features(state):
     """The cached results of the first effects are reused in any order of requests."""
-    links = [
+    effects = [
         start_effect(state, OWN_EFFECTS[name][0])
         for name in ("contact_propagation", "electrode_crosstalk", "saturation")
     ]
-    whole = CompositeModel.from_effects(links)
+    whole = CompositeModel.from_effects(effects)
     first = whole.predict_features(state)
-    moved = [FittedEffect(link.effect, link.values * 1.1) for link in whole.fitted_effects]
+    moved = [FittedEffect(fitted.effect, fitted.values * 1.1) for fitted in whole.fitted_effects]
     mixed = [
         CompositeModel((*whole.fitted_effects[:k], moved[k], *whole.fitted_effects[k + 1 :])) for k in (2, 0, 1, 2)
     ]
@@ -151,7 +160,7 @@ def test_cached_features_of_a_composite_model_equal_recomputed_ones(state):
         np.testing.assert_array_equal(composite.predict_features(fresh), again)
 
 
-def test_the_visibility_of_an_effect_without_influence_is_zero(state):
+def test_an_effect_without_influence_changes_the_features_by_a_length_of_zero(state):
     """Without force, contact propagation has no influence, but noise has."""
     layout, conditions = state.layout, len(state.pair.conditions)
     shape = (conditions, 3, layout.count, state.pair.n)

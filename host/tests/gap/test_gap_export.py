@@ -52,6 +52,7 @@ def scale_boards(force, signal):
 
 
 def add_crosstalk(force, signal):
+    """Add 40 % of the mean signal of the other taxels on the same RX line."""
     grid = signal.reshape(-1, 2, ROWS, COLUMNS)
     others = (grid.sum(axis=2, keepdims=True) - grid) / (ROWS - 1)
     return signal + 0.4 * others.reshape(signal.shape)
@@ -73,6 +74,7 @@ def add_hysteresis(force, signal):
 
 
 def delay_first_board(force, signal):
+    """Delay the signal of the first board by 4 frames."""
     late = signal.copy()
     late[4:, BOARD] = signal[:-4, BOARD]
     return late
@@ -84,7 +86,7 @@ def add_drift(force, signal):
 
 
 def kill_line(raw, valid, rng):
-    """Give TX line 2 of the first board a constant mean."""
+    """Give the taxels of the line TX 2 of the first board the signal 0, with noise."""
     raw = raw.copy()
     raw[:, 10:15] = 30_000.0 + rng.normal(0.0, 4.0, (len(raw), 5))
     return raw, valid
@@ -142,6 +144,7 @@ def get_case(write_world, tmp_path_factory):
 
 
 def load_module(path: Path) -> ModuleType:
+    """Import an exported Python file and return its module."""
     spec = importlib.util.spec_from_file_location(f"exported_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -151,7 +154,10 @@ def load_module(path: Path) -> ModuleType:
 
 
 def apply_module(effects, grasp, seed: int, force: bool = True) -> np.ndarray:
-    """Return the counts of a grasp after the exported module."""
+    """Return the counts f64[T, n] (T frames, n taxels) of a grasp after the exported module has added its effects.
+
+    force: whether the module gets the contact forces of the grasp.
+    """
     start_s = float(grasp.timestamp[grasp.phase != Phase.BASELINE][0])
     newtons = grasp.contact_force if force else None
     return effects.apply_recording(grasp.timestamp, grasp.raw_counts, newtons, grasp.separation, seed, start_s)
@@ -168,12 +174,12 @@ def rewrite_dataset(module: ModuleType, sim: str, out: Path) -> None:
 
 
 def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(get_case, tmp_path, monkeypatch):
-    own = get_case("saturation")
-    action = recommend_action(CheckedReport(own.report), str(own.path))
+    case = get_case("saturation")
+    action = recommend_action(CheckedReport(case.report), str(case.path))
     monkeypatch.chdir(tmp_path)
     assert run_taxel(*shlex.split(action.command)[1:]) == 0
     monkeypatch.syspath_prepend(tmp_path)
-    with GraspDataset(own.sim) as data:
+    with GraspDataset(case.sim) as data:
         grasp = max(data, key=lambda one: int(one.raw_counts[0].max()) - int(one.raw_counts.min()))
         frames = list(zip(grasp.timestamp, grasp.raw_counts, grasp.contact_force, strict=True))
     *import_lines, frame_line = action.lines
@@ -189,13 +195,13 @@ def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(get_case, 
 
 
 @pytest.mark.parametrize("name", sorted(set(WORLDS) - set(PARTLY)))
-def test_exported_module_closes_the_diagnosed_gap(get_case, tmp_path, name):
-    own = get_case(name)
-    assert own.report["verdict"]["effects"] == [name]
+def test_counts_of_the_exported_module_have_no_gap_above_the_floor(get_case, tmp_path, name):
+    case = get_case(name)
+    assert case.report["verdict"]["effects"] == [name]
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
-    assert export_report(own.path, "python", module).effects == (name,)
-    rewrite_dataset(load_module(module), own.sim, out)
-    again = diagnose(own.real, out, without=list_other_effects(name))
+    assert export_report(case.path, "python", module).effects == (name,)
+    rewrite_dataset(load_module(module), case.sim, out)
+    again = diagnose(case.real, out, without=list_other_effects(name))
     gap = again.report["gap"]
     # The module draws random numbers for a drift and for noise, so that the simulated mean varies as the real one does.
     varied2 = BlockDensity(again.fit_data, DEFAULT_SETTINGS).compute_simulated_floor2()
@@ -204,16 +210,16 @@ def test_exported_module_closes_the_diagnosed_gap(get_case, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", PARTLY)
-def test_exported_module_leaves_only_the_unexplained_gap(get_case, tmp_path, name):
-    own = get_case(name)
-    assert own.report["verdict"]["effects"] == [name, "unknown"]
+def test_counts_of_the_exported_module_have_only_the_unexplained_gap(get_case, tmp_path, name):
+    case = get_case(name)
+    assert case.report["verdict"]["effects"] == [name, "unknown"]
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
-    done = export_report(own.path, "python", module)
+    done = export_report(case.path, "python", module)
     assert done.effects == (name,)
     assert "unknown cause" in done.notes[0]
-    rewrite_dataset(load_module(module), own.sim, out)
-    again = diagnose(own.real, out, without=set(OWN_EFFECTS) - {name}).report
-    assert again["gap"]["value"] <= 1.1 * own.report["after"]["value"]
+    rewrite_dataset(load_module(module), case.sim, out)
+    again = diagnose(case.real, out, without=set(OWN_EFFECTS) - {name}).report
+    assert again["gap"]["value"] <= 1.1 * case.report["after"]["value"]
 
 
 @dataclass(frozen=True)
@@ -225,7 +231,9 @@ class Simulation:
     state: object
 
     def write_report(self, folder: Path, form, values, status: str = "explained", **changes) -> Path:
-        """Return the path of a report whose verdict names one effect. changes: of the model of this effect."""
+        """Write a report whose verdict names one effect, and return its path. changes: fields of the model of this
+        effect.
+        """
         effect = FittedEffect(form, values)
         content = {
             "format": "taxel-gap-report",
@@ -242,6 +250,7 @@ class Simulation:
 
 @pytest.fixture(scope="module")
 def simulation(write_world, tmp_path_factory) -> Simulation:
+    """A simulated dataset of three grasps, shared by all tests, which must not change it."""
     sim = write_world(tmp_path_factory.mktemp("export"), conditions=3, sessions=1, repeats=1)[1]
     pair = read_pair(sim, sim)
     layout = FeatureLayout.from_time_grid(pair.time_grid)
@@ -305,7 +314,7 @@ def test_module_without_forces_agrees_within_the_noise_of_the_simulator(simulati
 
 
 @pytest.mark.parametrize("form", FORMS, ids=IDS)
-def test_frames_one_by_one_agree_with_the_whole_recording(simulation, tmp_path, form):
+def test_frames_processed_one_by_one_agree_with_the_whole_recording(simulation, tmp_path, form):
     export_report(
         simulation.write_report(tmp_path, form, form.make_typical_values(simulation.state)),
         "python",
@@ -354,10 +363,10 @@ def test_noise_has_the_reported_covariance_and_follows_the_seed(simulation, tmp_
     )
     export_report(path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    time_s, rest = np.arange(8000) * FRAME_S, np.full((8000, N), 30_000.0)
-    found = effects.apply_recording(time_s, rest, seed=1)
-    np.testing.assert_array_equal(found, effects.apply_recording(time_s, rest, seed=1))
-    assert (found != effects.apply_recording(time_s, rest, seed=2)).any()
+    time_s, baseline = np.arange(8000) * FRAME_S, np.full((8000, N), 30_000.0)
+    found = effects.apply_recording(time_s, baseline, seed=1)
+    np.testing.assert_array_equal(found, effects.apply_recording(time_s, baseline, seed=1))
+    assert (found != effects.apply_recording(time_s, baseline, seed=2)).any()
     covariance = np.cov(found[:, [0, 1, COLUMNS, N - 1]].T) / 100.0  # one TX line, one RX line, the other board
     expected = [[50.0, 41.0, 25.0, 0.0], [41.0, 50.0, 25.0, 0.0], [25.0, 25.0, 50.0, 0.0], [0.0, 0.0, 0.0, 50.0]]
     np.testing.assert_allclose(covariance, expected, atol=3.0)
@@ -365,7 +374,9 @@ def test_noise_has_the_reported_covariance_and_follows_the_seed(simulation, tmp_
 
 def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simulation, tmp_path):
     stuck, dead = np.arange(N) == 7, np.isin(np.arange(N), (7, 35))
-    defects = Defects(dead, (), np.array([0.25, 0.0]), dead, stuck, (Short(0x20, "rx", 0, 0.5),))
+    missing = np.array([0.25, 0.0])  # share of the frames of each board
+    short = Short(address=0x20, axis="rx", index=0, share=0.5)
+    defects = Defects(single_taxels=dead, lines=(), missing=missing, dead=dead, stuck=stuck, shorts=(short,))
     effect = Dropout(defects)
     path = simulation.write_report(tmp_path, effect, effect.make_detected_values(simulation.state))
     export_report(path, "python", tmp_path / "skin.py")
@@ -387,7 +398,7 @@ def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simul
     np.testing.assert_allclose(found[:, N // 2 :], expected[:, N // 2 :], atol=1.0)
 
 
-def test_module_needs_only_numpy(get_case, tmp_path):
+def test_the_exported_module_imports_only_numpy_and_the_standard_library(get_case, tmp_path):
     export_report(get_case("saturation").path, "python", tmp_path / "skin.py")
     tree = ast.parse((tmp_path / "skin.py").read_text())
     names = {one.module for one in ast.walk(tree) if isinstance(one, ast.ImportFrom)}
@@ -395,13 +406,13 @@ def test_module_needs_only_numpy(get_case, tmp_path):
     assert names <= {"__future__", "json", "typing", "numpy", "numpy.typing"}
 
 
-def test_module_converts_forces_into_counts(get_case, tmp_path):
+def test_the_exported_module_converts_forces_into_counts(get_case, tmp_path):
     export_report(get_case("saturation").path, "python", tmp_path / "skin.py")
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     np.testing.assert_allclose(effects.compute_counts(np.full(N, 1.5)), 29_000.0)
 
 
-def test_module_states_a_wrong_shape_and_a_missing_separation(simulation, tmp_path):
+def test_the_exported_module_rejects_a_wrong_shape_and_a_missing_separation(simulation, tmp_path):
     form = find_form("proximity", "linear")
     export_report(
         simulation.write_report(tmp_path, form, form.make_start_values(simulation.state)),
@@ -573,7 +584,8 @@ def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
     options, _ = read_genesis(simulation, tmp_path, find_form("baseline_drift", ""), np.array([[40.0], [0.0]]))
     assert options["bias"] == pytest.approx(20.0 * MODEL["half"] / MODEL["full"])
     dead = np.isin(np.arange(N), (3,))
-    effect = Dropout(Defects(dead, (), np.array([0.0, 0.3]), dead, dead & False))
+    missing = np.array([0.0, 0.3])  # share of the frames of each board
+    effect = Dropout(Defects(single_taxels=dead, lines=(), missing=missing, dead=dead, stuck=dead & False))
     options, done = read_genesis(simulation, tmp_path, effect, effect.make_detected_values(simulation.state))
     assert [k for k, gain in enumerate(options["probe_gain"]) if gain < 1e-6] == [3]
     assert "lost frames" in done.not_expressed["dropout: lost frames"]
@@ -641,7 +653,7 @@ def test_wrong_inputs_are_refused_with_one_line(get_case, tmp_path):
         export_report(report, "mujoco", out)
     export_report(report, "python", tmp_path / "new" / "skin.py")  # a missing folder is created
     assert (tmp_path / "new" / "skin.py").exists()
-    with pytest.raises(GapInputError, match="expected another file than the inputs"):
+    with pytest.raises(GapInputError, match="expected a file other than the inputs"):
         export_report(report, "python", report, overwrite=True)
     with pytest.raises(GapInputError, match='/source: expected "sim"'):
         export_report(report, "python", out, sim=get_case("saturation").real)
@@ -653,7 +665,9 @@ def test_wrong_inputs_are_refused_with_one_line(get_case, tmp_path):
     assert "class SkinEffects" in out.read_text()
 
 
-def test_command_prints_files_effects_and_limits(get_case, capsys, tmp_path):
+def test_the_export_command_prints_files_and_effects_and_refuses_existing_files_and_unknown_formats(
+    get_case, capsys, tmp_path
+):
     report, out = get_case("saturation").path, tmp_path / "skin.py"
     assert run_taxel("gap", "export", report, "--to", "python", "--out", out) == 0
     assert capsys.readouterr().out == f"{out}: with saturation\n"

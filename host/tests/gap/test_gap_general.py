@@ -61,7 +61,7 @@ def test_a_pair_without_a_cause_has_no_gap_above_its_floor(pair):
 def test_effects_that_need_absent_data_are_unavailable_with_a_reason(pair):
     state = prepare_pair(read_pair(*pair)).state
     assert state.pair.missing_inputs >= {LINES, FORCES}
-    reasons = {name: find_unavailable_reason(state, own) for name, own in OWN_EFFECTS.items()}
+    reasons = {name: find_unavailable_reason(state, forms) for name, forms in OWN_EFFECTS.items()}
     assert "no electrode lines" in reasons["electrode_crosstalk"]
     assert "no contact force" in reasons["stiffness"]
     available = {name for name, reason in reasons.items() if not reason}
@@ -188,9 +188,11 @@ def test_frames_at_the_edge_of_two_nodes_do_not_depend_on_rounding_of_times(pair
 def test_two_real_datasets_have_the_variance_of_both_in_the_floor(pair, tmp_path):
     days = []
     for day in range(2):
-        own = [2 * day, 2 * day + 1]
+        sessions = [2 * day, 2 * day + 1]
         days.append(
-            rewrite_dataset(pair[0], tmp_path / f"{day}.h5", lambda one, own=own: one if one.session in own else None)
+            rewrite_dataset(
+                pair[0], tmp_path / f"{day}.h5", lambda one, kept=sessions: one if one.session in kept else None
+            )
         )
     words = ["gap", "diagnose", *map(str, days), "--out", str(tmp_path / "gap")]
     with pytest.raises(TaxelError, match="--real-real"):

@@ -12,8 +12,14 @@ from taxel.gap.effects.held_object import MIN_FORCE_SHARE, Push, compute_load_sh
 from taxel.hand.transforms import from_rotation_vector
 
 SLOPE = np.sqrt(0.5)
-LEFT_PUSH = Push(0, 5.0, np.array([SLOPE, 0.0, SLOPE]), np.array([-0.01, 0.0, 0.0]))
-RIGHT_PUSH = Push(3, 5.0, np.array([-SLOPE, 0.0, SLOPE]), np.array([0.01, 0.0, 0.0]))
+FORCE_N = 5.0
+LEFT_CONTACT, RIGHT_CONTACT = 0, 3
+"""Indices of the contacts of the two boards, which are keys of the results (arbitrary)."""
+
+LEFT_PUSH = Push(LEFT_CONTACT, FORCE_N, direction=np.array([SLOPE, 0.0, SLOPE]), place=np.array([-0.01, 0.0, 0.0]))
+RIGHT_PUSH = Push(RIGHT_CONTACT, FORCE_N, direction=np.array([-SLOPE, 0.0, SLOPE]), place=np.array([0.01, 0.0, 0.0]))
+"""Forces of a left board, which pushes the object upwards and to the right, and of a right board, upwards and to the
+left."""
 
 
 def move_object(x_m: float, z_m: float = 0.0) -> np.ndarray:
@@ -23,38 +29,36 @@ def move_object(x_m: float, z_m: float = 0.0) -> np.ndarray:
     return motion
 
 
-def test_a_laterally_held_object_redistributes_the_forces_of_two_inclined_boards():
+def test_lateral_holding_force_of_an_object_is_distributed_over_two_inclined_boards():
     holding_stiffness = 3000.0
     force_changes = compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.001)] * 2, [holding_stiffness] * 2)
     # The object moves to the right: the right board pushes back with the force of the holding stiffness.
-    assert force_changes[3] > 0 > force_changes[0]
-    lateral_force = SLOPE * (5.0 + force_changes[0]) - SLOPE * (5.0 + force_changes[3])
+    assert force_changes[RIGHT_CONTACT] > 0 > force_changes[LEFT_CONTACT]
+    lateral_force = SLOPE * (FORCE_N + force_changes[LEFT_CONTACT]) - SLOPE * (FORCE_N + force_changes[RIGHT_CONTACT])
     assert lateral_force == pytest.approx(-holding_stiffness * 0.001)
     # The force along the contact direction is unchanged.
-    assert force_changes[0] + force_changes[3] == pytest.approx(0.0, abs=1e-12)
+    assert force_changes[LEFT_CONTACT] + force_changes[RIGHT_CONTACT] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_displacement_along_the_contact_direction_changes_no_force_share():
+def test_displacement_along_the_contact_direction_changes_no_force():
     force_changes = compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.0, 0.002)] * 2, [3000.0] * 2)
-    assert force_changes == pytest.approx({0: 0.0, 3: 0.0}, abs=1e-12)
+    assert force_changes == pytest.approx({LEFT_CONTACT: 0.0, RIGHT_CONTACT: 0.0}, abs=1e-12)
 
 
-def test_without_holding_stiffness_the_force_shares_are_unchanged():
-    assert compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.001)] * 2, [0.0] * 2) == pytest.approx(
-        {0: 0.0, 3: 0.0}
-    )
+def test_without_holding_stiffness_the_forces_are_unchanged():
+    force_changes = compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.001)] * 2, [0.0] * 2)
+    assert force_changes == pytest.approx({LEFT_CONTACT: 0.0, RIGHT_CONTACT: 0.0})
 
 
-def test_the_force_of_a_board_has_a_lower_limit():
+def test_the_force_of_a_board_keeps_its_smallest_share():
     force_changes = compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.02)] * 2, [3000.0] * 2)
-    assert force_changes[0] == pytest.approx((MIN_FORCE_SHARE - 1.0) * 5.0)
+    assert force_changes[LEFT_CONTACT] == pytest.approx((MIN_FORCE_SHARE - 1.0) * FORCE_N)
 
 
 def test_only_boards_that_push_in_one_direction_are_coupled_by_the_object():
-    opposite_push = Push(7, 5.0, -LEFT_PUSH.direction, np.zeros(3))
-    assert find_coupled_pushes({0: [LEFT_PUSH], 1: [LEFT_PUSH, RIGHT_PUSH], 2: [LEFT_PUSH, opposite_push]}) == [
-        [LEFT_PUSH, RIGHT_PUSH]
-    ]
+    opposite_push = Push(7, FORCE_N, direction=-LEFT_PUSH.direction, place=np.zeros(3))
+    single_board, one_direction, clamped = [LEFT_PUSH], [LEFT_PUSH, RIGHT_PUSH], [LEFT_PUSH, opposite_push]
+    assert find_coupled_pushes({0: single_board, 1: one_direction, 2: clamped}) == [one_direction]
 
 
 def test_taxel_forces_of_coupled_boards_follow_their_changed_net_forces(monkeypatch):
@@ -67,15 +71,17 @@ def test_taxel_forces_of_coupled_boards_follow_their_changed_net_forces(monkeypa
         for board, pose in enumerate(poses)
     )
     geometry = ContactGeometry(contacts, {}, HARDENING, HARDENING, (depth, depth), (pressure, pressure))
-    monkeypatch.setattr(geometry_module, "compute_piece_depths", lambda state, meshes, own, poses: [depth for _ in own])
-    assert [[push.number for push in own] for own in geometry.coupled_pushes] == [[0, 1]]
+    monkeypatch.setattr(
+        geometry_module, "compute_piece_depths", lambda state, meshes, contacts, poses: [depth for _ in contacts]
+    )
+    assert [[push.number for push in pushes] for pushes in geometry.coupled_pushes] == [[0, 1]]
     motions = dict.fromkeys((0, 1), move_object(0.001))
     holding_stiffness = dict.fromkeys((0, 1), 1000.0)
     force_changes = compute_load_shifts(geometry.coupled_pushes[0], [motions[0], motions[1]], [1000.0, 1000.0])
     changed = geometry.compute_displacement_changes(None, motions, holding_stiffness)
     for number, (kept, gained) in changed.items():
-        rest = np.array([solve_pressure(HARDENING, depth, level * force).mean(axis=1) for level in LEVELS])
-        net = (kept * rest + gained).sum(axis=1)
+        simulated = np.array([solve_pressure(HARDENING, depth, level * force).mean(axis=1) for level in LEVELS])
+        net = (kept * simulated + gained).sum(axis=1)
         expected = LEVELS * force + force_changes[number]
         np.testing.assert_allclose(net, np.maximum(expected, MIN_FORCE_SHARE * LEVELS * force), rtol=1e-6)
     without_stiffness = geometry.compute_displacement_changes(None, motions)

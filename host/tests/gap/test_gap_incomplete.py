@@ -31,7 +31,7 @@ def make_fit_data(paths) -> FitData:
     ],
     ids=["some", "an object each", "a condition each"],
 )
-def test_conditions_missing_in_a_session_do_not_change_the_score(write_world, tmp_path, is_absent):
+def test_conditions_missing_in_sessions_do_not_change_the_excess(write_world, tmp_path, is_absent):
     complete = make_fit_data(write_world(tmp_path, sessions=6, effect=clip_signal))
     (tmp_path / "part").mkdir()
     incomplete = make_fit_data(write_world(tmp_path / "part", sessions=6, effect=clip_signal, is_absent=is_absent))

@@ -7,30 +7,33 @@ import pytest
 
 from taxel.gap.features.metric import Interval, combine_errors, compute_jackknife_interval
 
-DRAWS = 4000
+N_INTERVALS = 4000
+"""Number of sampled intervals. The shares of 0.935 and 0.975 are four and seven standard errors from 0.95."""
 
 
 def sample_interval(rng, n_samples, error):
-    """Return the jackknife interval of a mean of n_samples values with this standard error and a true value of 0."""
+    """Sample n_samples values whose mean has this standard error about 0, and return the mean with its jackknife
+    interval.
+    """
     values = rng.normal(0.0, error * np.sqrt(n_samples), n_samples)
     replicates = (values.sum() - values) / (n_samples - 1)
     return compute_jackknife_interval(replicates, float(values.mean()))
 
 
 @pytest.mark.parametrize(
-    ("sessions", "contacts", "bias_std"),
+    ("session_error", "contact_error", "bias_std"),
     [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.3, 1.0), (1.0, 1.0, 3.0)],
 )
-def test_combined_confidence_intervals_have_their_nominal_coverage(sessions, contacts, bias_std):
+def test_combined_confidence_intervals_have_their_nominal_coverage(session_error, contact_error, bias_std):
     rng = np.random.default_rng(5)
     n_covered = 0
-    for _ in range(DRAWS):
-        first, other = sample_interval(rng, 4, sessions), sample_interval(rng, 16, contacts)
+    for _ in range(N_INTERVALS):
+        first, other = sample_interval(rng, 4, session_error), sample_interval(rng, 16, contact_error)
         value = first.value + other.value + rng.normal(0.0, bias_std)
         shifted = Interval(value, value, value, first.error, first.degrees_of_freedom)
         found = combine_errors(shifted, other, bias_std)
         n_covered += found.low <= 0.0 <= found.high
-    assert 0.935 < n_covered / DRAWS < 0.975
+    assert 0.935 < n_covered / N_INTERVALS < 0.975
 
 
 def test_combining_with_an_estimate_without_error_changes_no_interval():
@@ -38,7 +41,7 @@ def test_combining_with_an_estimate_without_error_changes_no_interval():
     assert combine_errors(alone, Interval(0.0, None, None, None)).ci95 == pytest.approx(alone.ci95)
 
 
-def test_below_three_sessions_there_is_no_interval():
+def test_a_value_without_an_error_keeps_no_interval_if_an_error_is_added():
     assert combine_errors(Interval(1.0, None, None, None), Interval(1.0, 0.0, 2.0, 0.5)).ci95 is None
 
 

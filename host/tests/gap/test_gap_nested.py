@@ -21,11 +21,7 @@ def clip_signal(force, signal_counts):
 
 def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(write_world, tmp_path):
     files = write_world(tmp_path, effect=clip_signal, sessions=4, largest_force_n=3.0)
-    without = set(OWN_EFFECTS) - {
-        "saturation",
-        "stiffness",
-        "noise",
-    }  # five searches of the complete catalogue would take long
+    without = set(OWN_EFFECTS) - {"saturation", "stiffness", "noise"}  # the complete catalogue would take long
     nested, plain = (diagnose(*files, without, nested=is_nested).report for is_nested in (True, False))
     assert nested["verdict"]["effects"] == plain["verdict"]["effects"]
     assert all("saturation" in names for names in nested["after"]["chosen_inside"])

@@ -29,6 +29,9 @@ from taxel.gap.identifiability.identify import compute_similarities
 from taxel.gap.page import write_page
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
+TRIPLE_FORCE_BATCH = 4
+"""Index of the batch with three times the force: after the repetition and the force factors 0.25, 0.5 and 2."""
+
 INCLUDED = {"latency", "gain_mismatch", "stiffness", "hysteresis"}
 SMALL_FORCE_N = 0.15
 """Force in N: a tenth of the half-force of the sensor model, so that the signal is nearly linear in the force."""
@@ -39,6 +42,7 @@ def soften(force, signal_counts):
 
 
 def delay_first_board(force, signal_counts):
+    """Delay the signal of the first board by 3 frames."""
     delayed = signal_counts.copy()
     delayed[3:, : signal_counts.shape[1] // 2] = signal_counts[:-3, : signal_counts.shape[1] // 2]
     return delayed
@@ -49,18 +53,20 @@ def make_fit_data(paths) -> FitData:
     return prepare_pair(pair)
 
 
-def make_findings(fit_data, link, *others) -> Findings:
-    """Return the findings of one fitted effect and its fitted rivals."""
-    composite = fit_data.fit_in_sample(CompositeModel((link,))).composite
-    starts = {(link.effect.name, other.effect.name): [other] for other in others}
-    return Findings(fit_data, composite, (link.effect.name,), fit_rivals(fit_data, composite, starts), ())
+def make_findings(fit_data, named, *others) -> Findings:
+    """Return the findings of a diagnosis that names one effect, with the fitted rivals `others`."""
+    composite = fit_data.fit_in_sample(CompositeModel((named,))).composite
+    starts = {(named.effect.name, other.effect.name): [other] for other in others}
+    return Findings(fit_data, composite, (named.effect.name,), fit_rivals(fit_data, composite, starts), ())
 
 
 def make_effect(fit_data, effect, *values) -> FittedEffect:
+    """Return an effect at its neutral values plus `values`, one for each parameter."""
     return FittedEffect(effect, effect.make_neutral_values(fit_data.state) + np.reshape(values, (-1, 1)))
 
 
 def make_confounded_findings(fit_data) -> Findings:
+    """Return the findings of a diagnosis that names a stiffness, confounded with a gain of each board."""
     return make_findings(
         fit_data, make_effect(fit_data, Stiffness(), 0.0), make_effect(fit_data, GainMismatch("board", 0.5), 0.0)
     )
@@ -76,13 +82,16 @@ def small_force_pair(write_world, tmp_path_factory):
 
 
 def compute_stiffness_angle(fit_data) -> float:
+    """Return the angle in degrees between the change by the fitted stiffness and the changes that gains of boards can
+    produce.
+    """
     forms = {STIFF: (Stiffness(),), GAIN: (GainMismatch("board", 0.5),)}
     composite = fit_data.fit_in_sample(CompositeModel((make_effect(fit_data, Stiffness(), 0.0),))).composite
     stiffness = composite.fitted_effects[0]
     return next(one.angle_deg for one in compute_similarities(fit_data, forms, [stiffness]) if one.name == STIFF)
 
 
-def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(small_force_pair, write_world, tmp_path):
+def test_larger_forces_are_proposed_first_for_effects_confounded_at_one_force(small_force_pair):
     found = rank_next_contacts(make_confounded_findings(small_force_pair[1]))
     assert found.criterion == "Confounded effects: stiffness and gain mismatch."
     assert len(found.contacts) == 10
@@ -93,20 +102,26 @@ def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(sma
     gains = [one.gain for one in found.contacts]
     assert gains == sorted(gains, reverse=True)
     assert {one.contact.force_scale for one in found.contacts} <= {2.0, 3.0}
+
+
+def test_grasps_at_three_times_the_force_increase_the_angle_between_stiffness_and_gain(
+    small_force_pair, write_world, tmp_path
+):
     two_force_levels = make_fit_data(
         write_world(tmp_path, effect=soften, largest_force_n=SMALL_FORCE_N, sessions=3, force_scales=(1.0, 3.0))
     )
     assert compute_stiffness_angle(two_force_levels) > 1.5 * compute_stiffness_angle(small_force_pair[1])
 
 
-def test_separation_of_two_effects_is_measured_on_all_grasps_together(small_force_pair):
+def test_separation_and_variances_after_a_new_grasp_equal_a_fit_to_all_grasps(small_force_pair):
     fit_data = small_force_pair[1]
     findings = make_confounded_findings(fit_data)
     found, other = (
         CompositeInformation.compute(fit_data, composite)
         for composite in (findings.composite, findings.rivals[STIFF, GAIN])
     )
-    batch = list(generate_batches(fit_data.state, is_recorded=True, is_time_dependent=False, has_proximity=False))[4]
+    batches = list(generate_batches(fit_data.state, is_recorded=True, is_time_dependent=False, has_proximity=False))
+    batch = batches[TRIPLE_FORCE_BATCH]
     prediction, rival_prediction = (
         CandidatePrediction.compute(found, batch.state),
         CandidatePrediction.compute(other, batch.state),
@@ -115,9 +130,9 @@ def test_separation_of_two_effects_is_measured_on_all_grasps_together(small_forc
     old_difference, new_difference = other.features - found.features, rival_prediction.features - prediction.features
     contact = 2
     columns = []
-    for column, own in zip(other.columns, rival_prediction.columns, strict=True):
+    for column, new_column in zip(other.columns, rival_prediction.columns, strict=True):
         for block in range(column.count):
-            rows = (column.change * (column.blocks == block)[:, None], own.change * (own.blocks == block)[:, None])
+            rows = [one.change * (one.blocks == block)[:, None] for one in (column, new_column)]
             part = [np.sqrt(fit_data.weight) * rows[0], (np.sqrt(weight) * rows[1])[contact : contact + 1]]
             prior = np.zeros(2)
             prior[block] = np.sqrt(column.precision[block])
@@ -159,8 +174,8 @@ def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(writ
 
 def test_a_proximity_effect_proposes_approaches_without_contact(small_force_pair):
     fit_data = small_force_pair[1]
-    link = make_effect(fit_data, Proximity(), 0.0, 40.0)
-    found = rank_next_contacts(Findings(fit_data, CompositeModel((link,)), ("proximity",), {}, ()), limit=100)
+    proximity = make_effect(fit_data, Proximity(), 0.0, 40.0)  # differences from the neutral range and counts
+    found = rank_next_contacts(Findings(fit_data, CompositeModel((proximity,)), ("proximity",), {}, ()), limit=100)
     without_contact = [one for one in found.contacts if one.contact.apart_mm]
     assert without_contact
     assert without_contact[0].contact.description.endswith("held at a distance of 2 mm")
@@ -172,7 +187,7 @@ def test_without_a_named_effect_no_grasp_is_proposed(small_force_pair):
     assert "The verdict has no effect" in found.criterion
 
 
-def test_simulated_approaches_are_ranked_with_recorded_ones(small_force_pair, write_world, tmp_path):
+def test_simulated_approaches_are_ranked_together_with_recorded_approaches(small_force_pair, write_world, tmp_path):
     (tmp_path / "more").mkdir()
     more = write_world(tmp_path / "more", largest_force_n=SMALL_FORCE_N, conditions=3, force_scales=(1.0, 20.0))[1]
     fit_data = small_force_pair[1]
@@ -215,7 +230,7 @@ def test_report_and_page_contain_the_proposed_grasps(diagnosed, tmp_path):
     assert contacts[0]["press"] in page
 
 
-def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
+def test_proposals_from_a_report_equal_the_proposals_of_its_diagnosis(capsys, diagnosed):
     paths, report = diagnosed
     assert run_taxel("gap", "next", report, "--json", "--top", 3) == 0
     proposals = json.loads(capsys.readouterr().out)
@@ -229,7 +244,7 @@ def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
     assert proposals["next_presses"][0]["press"].split()[-1] in out
 
 
-def test_grasps_that_separate_two_rivals_are_proposed_for_a_report_that_names_no_effect(
+def test_a_grasp_that_separates_two_rivals_is_proposed_for_a_report_that_names_no_effect(
     capsys, small_force_pair, tmp_path
 ):
     paths, _ = small_force_pair

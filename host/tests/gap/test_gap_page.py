@@ -60,6 +60,7 @@ def rank_entries(entries: list[Report], weights: np.ndarray[Any, Any], strong: i
 
 
 def make_taxel_table(hand_name: str) -> tuple[Report, list[Report], list[str]]:
+    """Return the fields `taxels` and `sensors` of a report on a packaged hand, and the names of its boards."""
     hand = load_hand(hand_name)
     taxels: Report = {"sensor": [], "tx": [], "rx": []}
     for board in hand.boards:
@@ -100,6 +101,7 @@ def make_locations(taxels: Report, sensors: list[Report], excess: np.ndarray[Any
 
 
 def make_effect(name: str, **fields: Any) -> Report:
+    """Return an entry in `effects`, by default of an effect that hardly reduces the gap. fields: other values."""
     row: Report = {
         "name": name,
         "parameters": {},
@@ -118,6 +120,7 @@ def make_effect(name: str, **fields: Any) -> Report:
 
 
 def make_effects(sensors: list[Report]) -> list[Report]:
+    """Return the entries of all effects; the verdict names contact propagation and noise."""
     spread = {"spread_mm": {"value": 3.42, "ci95": [3.1, 3.8], "unit": "mm"}, "strength": {"value": 0.61, "ci95": None}}
     lag = {
         f"seconds@{s['address']}": {"value": 0.01 + 0.002 * k, "ci95": None, "unit": "s"} for k, s in enumerate(sensors)
@@ -367,7 +370,7 @@ def test_the_page_contains_the_figures_of_the_report(allegro_report: Report) -> 
         assert words in text
 
 
-def test_the_page_has_one_gap_and_one_shrink(allegro_report: Report) -> None:
+def test_the_page_shows_no_gap_and_no_shrink_other_than_those_of_held_out_sessions(allegro_report: Report) -> None:
     """The predicted shrink (63 %), that of the excess (88 %), those of single effects and other gaps are not shown."""
     report = copy.deepcopy(allegro_report)
     report["gap"] |= {"value": 1371.0, "ci95": [1370.0, 1372.0], "floor": 1373.0}
@@ -377,7 +380,7 @@ def test_the_page_has_one_gap_and_one_shrink(allegro_report: Report) -> None:
     assert "5.59 counts" in text  # predicted gap after
 
 
-def test_further_results_are_on_the_page(allegro_report: Report) -> None:
+def test_the_page_contains_parameters_locations_counts_and_inputs(allegro_report: Report) -> None:
     text = extract_text(page_text(allegro_report))
     for words in (
         "spread 3.42 mm",
@@ -462,7 +465,7 @@ def test_without_a_gap_the_pictures_are_described_as_noise() -> None:
     assert "agree within the variance between repeats of the same grasp" in extract_text(text)
     assert "No effect is needed." in extract_text(text)
     steps = [int(match) for match in re.findall(r'class="q(\d+)" x="[\d.]+" y', text)]
-    assert np.mean(steps) < 5
+    assert np.mean(steps) < 5  # of 12 colour steps: most taxels are pale
 
 
 def test_a_small_significant_gap_is_not_described_as_noise() -> None:
@@ -553,5 +556,5 @@ def test_a_failed_write_leaves_no_file(rig4_report: Report, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("make", [make_report, make_no_gap_report])
 @pytest.mark.parametrize("hand_name", ["allegro", "rig4", "flat8"])
-def test_any_hand_gives_a_page(make: Callable[[str], Report], hand_name: str) -> None:
+def test_the_page_of_any_hand_is_well_formed(make: Callable[[str], Report], hand_name: str) -> None:
     parse_xml(page_text(make(hand_name)))

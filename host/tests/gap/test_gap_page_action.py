@@ -83,7 +83,7 @@ def recommend(report: Report) -> Action:
     return recommend_action(CheckedReport(report))
 
 
-def test_an_effect_on_counts_is_added_by_three_lines() -> None:
+def test_for_an_effect_on_counts_a_command_three_lines_and_a_contact_are_recommended() -> None:
     action = recommend(make_report("explained", "contact_propagation"))
     assert "Add contact propagation to the simulator" in action.steps[0]
     assert (action.command, action.lines) == (EXPORT_COMMAND.format(report="report.json"), PASTE_LINES)
@@ -153,22 +153,26 @@ def test_two_real_datasets_get_no_lines_for_a_simulator() -> None:
     assert "simulator" not in " ".join(recommend(report).steps)
 
 
-def test_the_line_of_confidence_begins_with_the_most_probable_cause() -> None:
+def test_the_line_of_confidence_lists_the_four_most_probable_causes_in_order() -> None:
     probabilities = {"noise": 0.97, "latency": 0.2, "a": 0.3, "b": 0.1, "c": 0.09, "unknown": 0.06, "no_gap": 0.0}
     report = make_report("explained", "noise", probabilities=probabilities)
-    assert [name for name, _ in list_shown_causes(CheckedReport(report))] == ["noise", "a", "latency", "b"]
-    assert MOST_CAUSES == 4
-    text = page_text(report)
+    shown = [name for name, _ in list_shown_causes(CheckedReport(report))]
+    assert shown == ["noise", "a", "latency", "b"]
+    assert len(shown) == MOST_CAUSES
+
+
+def test_the_line_of_confidence_emphasises_a_named_cause() -> None:
+    text = page_text(make_report("explained", "noise", probabilities={"noise": 0.97, "unknown": 0.06, "no_gap": 0.0}))
     assert re.search(r'<li class="named"><span>noise</span>.*?<b>97.%</b>', text)
 
 
 def make_neutral_parameters(effect: Effect) -> Report:
     """Return the reported parameters of an effect at their neutral values."""
-    rows = effect.parameters()
-    link = FittedEffect(effect, np.array([[row.neutral] for row in rows]))
+    parameters = effect.parameters()
+    fitted = FittedEffect(effect, np.array([[one.neutral] for one in parameters]))
     return {
-        row.name: {"value": row.neutral, "ci95": None, "unit": row.unit, "neutral": find_neutral(link, row.name)}
-        for row in rows
+        one.name: {"value": one.neutral, "ci95": None, "unit": one.unit, "neutral": find_neutral(fitted, one.name)}
+        for one in parameters
     }
 
 
@@ -196,6 +200,7 @@ def test_a_parameter_is_shown_from_the_second_decimal_of_its_difference(value: f
 
 
 def print_lines(report: Report) -> list[str]:
+    """Return the lines of the printed summary of a report."""
     console = Console(width=WIDTH, record=True, file=open("/dev/null", "w"), color_system=None)  # noqa: SIM115
     print_summary(console, report, "out/gap/report.html")
     return console.export_text().rstrip("\n").split("\n")
@@ -225,7 +230,7 @@ def test_the_summary_fits_into_a_terminal_of_24_lines(name: str) -> None:
     assert lines[-1] == "report: out/gap/report.html"
 
 
-def test_the_summary_has_the_order_of_the_page() -> None:
+def test_the_summary_is_printed_in_the_order_of_the_page() -> None:
     text = "\n".join(print_lines(REPORTS["explained"]))
     order = [
         "The real skin differs.",
@@ -238,5 +243,10 @@ def test_the_summary_has_the_order_of_the_page() -> None:
     ]
     positions = [text.index(words) for words in order]
     assert positions == sorted(positions)
-    for other in ("63 %", "88 %", "19.0"):
+
+
+def test_the_summary_shows_no_gap_and_no_shrink_other_than_those_of_held_out_sessions() -> None:
+    text = "\n".join(print_lines(REPORTS["explained"]))
+    predicted_shrink, reducible_shrink, gap_of_all_sessions = "63 %", "88 %", "19.0"
+    for other in (predicted_shrink, reducible_shrink, gap_of_all_sessions):
         assert other not in text

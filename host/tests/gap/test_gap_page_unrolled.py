@@ -61,11 +61,13 @@ def list_classes(svg: str) -> list[str]:
 
 
 def list_texts(svg: str, kind: str) -> list[str]:
+    """Return the texts of a picture whose CSS class begins with `kind`, with ordinary spaces."""
     found = [t.text or "" for t in ET.fromstring(svg).iter(f"{SVG}text") if (t.get("class") or "").startswith(kind)]
     return [text.replace("\N{NO-BREAK SPACE}", " ") for text in found]
 
 
 def has_overlap(view: View) -> bool:
+    """Return whether two boards of a picture overlap, including the space of their labels."""
     boxes = [(p.x, p.y - 1.0, p.x + p.board.columns, p.y + p.board.rows) for p in view.boards]
     return any(a is not b and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a in boxes for b in boxes)
 
@@ -137,7 +139,7 @@ def test_the_assumed_hand_is_arranged_like_a_right_hand() -> None:
     assert [heading.label for heading in palm_side.headings] == ["pinkie", "middle", "index"]
 
 
-def test_a_part_of_the_default_hand_keeps_its_arrangement() -> None:
+def test_boards_of_the_palm_side_alone_are_drawn_as_palm_side_without_overlap() -> None:
     (view,) = make_views(make_report("original", ["palm", "fingertip_index"]))
     assert view.title == "palm side"
     assert not has_overlap(view)

@@ -1,4 +1,4 @@
-"""Untrusted reports: texts are escaped on the page, and malformed fields raise an error of one line."""
+"""Untrusted reports: texts are escaped on the page, and malformed fields raise an error with a one-line message."""
 
 from __future__ import annotations
 
@@ -134,6 +134,7 @@ def change_report(report: Report, path: KeyPath, value: object) -> Report:
 
 
 def list_key_paths(value: Any, prefix: KeyPath = ()) -> Iterator[KeyPath]:
+    """Yield the path of keys to every value in nested tables and lists."""
     keys = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in keys:
         yield (*prefix, key)
@@ -210,7 +211,7 @@ def test_keys_of_the_report_are_escaped(report: Report) -> None:
         ),
         (("effects", 0, "identifiability"), "yes", "report: effects[0].identifiability: expected one of identifiable"),
         (("effects", 0, "parameters"), [], "report: effects[0].parameters: expected a table, found a list"),
-        (("unexplained", "where", 0), {}, "report: unexplained.where[0]: expected a text, or a table"),
+        (("unexplained", "where", 0), {}, "report: unexplained.where[0]: expected a string, or a table"),
         (("taxels", "tx"), [1], "report: taxels.tx: expected 4 integers, as in taxels.sensor, found 1"),
         (("taxels", "rx", 3), -1, "report: taxels.rx[3]: expected an integer from 0 to 255, found -1"),
         (("taxel_excess", "after"), [0.0], "report: taxel_excess.after: expected 4 numbers, found 1"),

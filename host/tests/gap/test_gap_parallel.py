@@ -24,6 +24,7 @@ ITEMS = list(range(23))
 
 @pytest.fixture
 def state():
+    """Substitute for a state that is just large enough for work in two processes."""
     return SimpleNamespace(
         signal_counts=np.zeros(MIN_PARALLEL_VALUES), coarse=SimpleNamespace(signal_counts=np.zeros(3))
     )
@@ -35,7 +36,8 @@ def square(item):
 
 
 def are_results_expected(found):
-    return [number for number, _ in found] == ITEMS and all((own == square(n)[1]).all() for n, own in found)
+    """Return whether `found` contains the result of `square` for every item, in the order of the items."""
+    return [item for item, _ in found] == ITEMS and all((result == square(item)[1]).all() for item, result in found)
 
 
 @pytest.mark.parametrize("share", [map_in_processes, map_in_threads])
@@ -43,7 +45,7 @@ def test_results_of_shared_work_are_in_order(state, share):
     assert are_results_expected(share(state, square, ITEMS))
 
 
-def test_both_processes_take_part(state):
+def test_work_is_shared_by_two_processes(state):
     assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
@@ -54,7 +56,7 @@ def test_nested_work_runs_in_the_calling_process(state):
     assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
-def test_small_work_runs_in_the_calling_process(state):
+def test_work_on_small_data_runs_in_the_calling_process(state):
     state.signal_counts = np.zeros(10)
     assert set(map_in_processes(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}
 

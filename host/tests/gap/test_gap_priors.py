@@ -12,6 +12,7 @@ from taxel.gap.fitting.priors import read_priors
 
 
 def write_priors(tmp_path, text):
+    """Write a priors file and return its path."""
     path = tmp_path / "priors.toml"
     path.write_text(text)
     return path

@@ -33,12 +33,12 @@ def test_a_refit_with_reused_derivatives_reaches_the_same_cost(fit_data, name):
     problem_without_fold = FitProblem(
         state, target, np.where((fit_data.taxel_folds != 0)[:, None], fit_data.weight, 0.0)
     )
-    without_start, with_start = (
+    with_new_derivatives, with_reused_derivatives = (
         fit(problem_without_fold, composite),
         fit(problem_without_fold, composite, iterations=6, linearisation=linearise(state, composite)),
     )
-    assert with_start.cost <= without_start.cost * (1.0 + 1e-4)
-    assert with_start.cost < problem_without_fold.cost(state.mean)
+    assert with_reused_derivatives.cost <= with_new_derivatives.cost * (1.0 + 1e-4)
+    assert with_reused_derivatives.cost < problem_without_fold.cost(state.mean)
 
 
 def test_the_block_structure_of_one_effect_does_not_change_the_normal_equations(fit_data):

@@ -1,4 +1,4 @@
-"""Datasets without information are refused with one line; smaller deficits are reported."""
+"""Datasets without information are refused with a one-line message; smaller deficits are reported."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ pytestmark = pytest.mark.slow
 
 
 def change_grasps(path, change):
+    """Call `change(number, grasp)` for every grasp of a file."""
     with h5py.File(path, "r+") as file:
         for number, grasp in enumerate(file["grasps"].values()):
             change(number, grasp)
 
 
 def remove_hold(number, grasp):
+    """Mark all frames of hold as lost."""
     valid = grasp["valid"][()]
     valid[grasp["phase"][()] == 2] = False
     grasp["valid"][...] = valid
@@ -65,10 +67,15 @@ def test_exchanged_real_and_simulated_files_are_refused(write_world, tmp_path):
     real, sim = write_world(tmp_path, conditions=2, sessions=2)
     with pytest.raises(GapInputError, match="exchange the two files"):
         read_pair(sim, real)
-    read_pair(real, real)
+
+
+def test_two_real_files_are_accepted(write_world, tmp_path):
+    real, _ = write_world(tmp_path, conditions=2, sessions=2)
+    assert read_pair(real, real).is_real_real
 
 
 def repeat_first_counts(path):
+    """Give all grasps of an approach the counts of its first grasp."""
     with h5py.File(path, "r+") as file:
         first = {}
         for grasp in file["grasps"].values():
@@ -163,7 +170,7 @@ def test_apply_does_not_overwrite_the_real_dataset(write_world, tmp_path):
     command = ["gap", "apply", str(report), sim, "--out", real, "--overwrite"]
     result = CliRunner().invoke(build_app(command[0]), command)
     assert isinstance(result.exception, GapInputError)
-    assert "another file than the inputs" in str(result.exception)
+    assert "a file other than the inputs" in str(result.exception)
 
 
 def test_a_session_number_beyond_63_bits_is_refused(write_world, tmp_path):

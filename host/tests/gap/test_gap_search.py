@@ -23,6 +23,7 @@ def clip_signal(force, signal_counts):
 
 
 def silence_first_board(raw, valid, rng):
+    """Mark all frames of the first board as lost."""
     valid = valid.copy()
     valid[:, 0] = False
     return raw, valid
@@ -33,7 +34,7 @@ def fit_data(get_world_paths):
     return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
 
 
-def test_an_effect_is_found_besides_a_silent_board(write_world, tmp_path):
+def test_a_saturation_is_found_beside_a_silent_board(write_world, tmp_path):
     report = diagnose(*write_world(tmp_path, sessions=4, effect=clip_signal, raw_effect=silence_first_board)).report
     assert set(report["verdict"]["effects"][:2]) == {"dropout", "saturation"}
 
@@ -86,7 +87,7 @@ def test_a_partly_fitted_out_of_catalogue_cause_is_not_explained(write_world, tm
     assert "unknown" in report["verdict"]["effects"]
 
 
-def test_similarity_is_higher_for_effects_that_produce_similar_changes(fit_data):
+def test_the_angle_between_gain_and_stiffness_is_smaller_than_between_gain_and_latency(fit_data):
     forms = {name: OWN_EFFECTS[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
     rows = {(one.name, one.other): one for one in compute_similarities(fit_data, forms)}
     assert rows["gain_mismatch", "stiffness"].angle_deg < rows["gain_mismatch", "latency"].angle_deg

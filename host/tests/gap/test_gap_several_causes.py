@@ -62,14 +62,14 @@ def test_two_causes_and_strong_noise_are_all_reported(write_world, tmp_path, rep
 
 
 @pytest.mark.parametrize("effect", [Saturation("clip"), Proximity("linear")], ids=lambda one: one.name)
-def test_an_effect_at_neutral_values_does_not_change_a_composite_model(get_world_paths, effect):
+def test_a_hysteresis_at_neutral_values_does_not_change_the_features_of_another_effect(get_world_paths, effect):
     state = prepare_pair(read_pair(*get_world_paths())).state
-    sharp, idle = FittedEffect(effect, effect.make_typical_values(state)), Hysteresis("drop")
-    alone, beside = (
-        CompositeModel.from_effects([sharp]),
-        CompositeModel.from_effects([sharp, FittedEffect(idle, idle.make_neutral_values(state))]),
-    )
-    np.testing.assert_array_equal(alone.predict_features(state), beside.predict_features(state))
+    hysteresis = Hysteresis("drop")
+    active = FittedEffect(effect, effect.make_typical_values(state))
+    neutral = FittedEffect(hysteresis, hysteresis.make_neutral_values(state))
+    features_alone = CompositeModel.from_effects([active]).predict_features(state)
+    features_with_neutral = CompositeModel.from_effects([active, neutral]).predict_features(state)
+    np.testing.assert_array_equal(features_alone, features_with_neutral)
 
 
 def test_onset_features_without_a_simulated_onset_have_zero_weight(get_world_paths):
@@ -79,7 +79,8 @@ def test_onset_features_without_a_simulated_onset_have_zero_weight(get_world_pat
     real, simulated = (
         compute_recording_means(pair, one, fit_data.layout).mean[:, onset] for one in (pair.real, pair.sim)
     )
-    hand_alone = np.isfinite(real) & ~np.isfinite(simulated)
-    assert hand_alone.any()
-    assert (fit_data.weight[:, onset][hand_alone] == 0.0).all()
-    assert (fit_data.weight[:, 0] > 0.0).all()
+    is_only_real = np.isfinite(real) & ~np.isfinite(simulated)
+    assert is_only_real.any()
+    assert (fit_data.weight[:, onset][is_only_real] == 0.0).all()
+    first_signal_bin = 0
+    assert (fit_data.weight[:, first_signal_bin] > 0.0).all()

@@ -15,12 +15,14 @@ GRASP = "0003"
 
 
 def add_force_spike(group):
+    """Multiply the forces of one frame of hold by 20."""
     force = group["contact_force"][...]
     force[np.flatnonzero(group["phase"][...] == Phase.HOLD)[3]] *= 20.0
     group["contact_force"][...] = force
 
 
 def freeze_contact(group):
+    """Repeat the fourth frame of hold until the end of the grasp."""
     frame = np.flatnonzero(group["phase"][...] == Phase.HOLD)[3]
     for name in ("raw_counts", "contact_force", "separation"):
         values = group[name][...]
@@ -41,6 +43,7 @@ FAULTS = {
 
 
 def damage(path, change, names=(GRASP,)):
+    """Change grasps of a file by the function `change`."""
     with h5py.File(path, "r+") as file:
         for name in names:
             change(file["grasps"][name])
@@ -58,7 +61,7 @@ def test_a_faulty_grasp_is_excluded_and_named(write_world, tmp_path, words):
     assert len(pair.sim) == grasps - 1
 
 
-def test_a_fault_of_one_grasp_changes_neither_cause_nor_gap(write_world, tmp_path):
+def test_a_fault_of_one_simulated_grasp_changes_neither_cause_nor_gap(write_world, tmp_path):
     paths = write_world(tmp_path, effect=lambda force, signal: np.minimum(signal, 500.0))
     before = diagnose(*paths).report
     damage(paths[1], add_force_spike)

@@ -10,13 +10,13 @@ from taxel.gap.effects.sticking import apply_creep, apply_play
 TIME_S = np.linspace(0.0, 12.0, 1201)
 
 
-def test_sticking_delays_loading_and_unloading_by_its_width():
+def test_play_lets_the_output_lag_by_its_width_while_loading_and_hold_while_unloading():
     values = np.array([0.0, 1.0, 10.0, 20.0, 20.0, 19.0, 12.0, 0.0])[None, :, None]
     out = apply_play(values, np.full((1, 1), 4.0))[0, :, 0]
     assert out == pytest.approx([0.0, 0.0, 6.0, 16.0, 16.0, 16.0, 12.0, 0.0])
 
 
-def test_sticking_is_independent_of_speed():
+def test_play_is_independent_of_speed():
     slow = np.sin(np.linspace(0.0, np.pi, 101))[None, :, None]
     fast, width = slow[:, ::10], np.full((1, 1), 0.2)
     np.testing.assert_allclose(apply_play(slow, width)[:, ::10], apply_play(fast, width), atol=1e-12)

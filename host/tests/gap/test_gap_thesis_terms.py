@@ -41,6 +41,7 @@ def list_distances_mm(entries) -> list[float]:
 
 
 def spread_force(force, signal_counts):
+    """Spread the forces on each board with a kernel that decays over 3 mm, and convert them into counts."""
     x, y = np.arange(ROWS)[:, None], np.arange(COLUMNS)
     places = np.stack([np.repeat(x, COLUMNS, axis=1).ravel(), np.tile(y, ROWS)], axis=1) * 5.0
     apart = np.linalg.norm(places[:, None] - places, axis=2)
@@ -127,7 +128,7 @@ def test_without_a_gap_contact_propagation_adds_nothing(get_steps):
     assert entries[3]["points"]["sim"] == pytest.approx(entries[2]["points"]["sim"], rel=0.02)
 
 
-def test_an_existing_fit_alone_is_reused(get_fit_data):
+def test_an_existing_fit_of_contact_propagation_is_reused(get_fit_data):
     fit_data = get_fit_data(effect=spread_force)
     effect = OWN_EFFECTS["contact_propagation"][0]
     composite = CompositeModel((FittedEffect(effect, effect.make_neutral_values(fit_data.state)),))
@@ -159,7 +160,7 @@ def test_without_simulated_forces_the_last_step_states_why_it_is_missing(get_fit
     ],
     ids=["one session", "one condition", "one grasp", "no real signal", "no contact", "one point"],
 )
-def test_sparse_data_give_a_result_without_an_error(get_steps, changes):
+def test_sparse_data_give_four_steps_with_finite_distances(get_steps, changes):
     entries = get_steps(**changes)
     assert len(entries) == 4
     assert all(np.isfinite(entry["mm"]) and entry["mm"] >= 0.0 for entry in entries)
@@ -167,6 +168,7 @@ def test_sparse_data_give_a_result_without_an_error(get_steps, changes):
 
 
 def grid(rows: int, columns: int) -> np.ndarray:
+    """Return the positions of a grid of taxels with a pitch of 5 mm, metres, f64[rows * columns, 3]."""
     x, y = np.meshgrid(0.005 * np.arange(rows), 0.005 * np.arange(columns), indexing="ij")
     return np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
 

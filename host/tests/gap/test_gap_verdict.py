@@ -37,6 +37,9 @@ RIVALS = {"stiffness": ["gain_mismatch"], "contact_propagation": ["electrode_cro
 
 
 def make_verdict(probabilities, sessions=5, warnings=(), remaining_excess=NO_EXCESS, sides=REAL_AND_SIMULATED):
+    """Return the verdict for given probabilities, with a gap that shrinks from 20 to 8 counts. remaining_excess: counts
+    squared.
+    """
     shrink = SimpleNamespace(value=0.6)
     held_out = SimpleNamespace(
         session_count=sessions, shrink=shrink, remaining_excess=remaining_excess, before=20.0, after=8.0, floor2=25.0
@@ -63,7 +66,7 @@ def test_status_and_effects_follow_from_the_probabilities(probabilities, status,
     assert verdict.probabilities == probabilities
 
 
-def test_two_rivals_are_reported_as_either_of_both():
+def test_the_headline_of_two_rivals_names_both_as_alternatives():
     verdict = make_verdict({"stiffness": 0.48, "gain_mismatch": 0.47, "noise": 0.01, "unknown": 0.05, "no_gap": 0.01})
     assert verdict.effects == ("unknown",)
     assert verdict.rivals == {"stiffness": ("gain_mismatch",)}
@@ -90,7 +93,7 @@ def test_the_headline_of_an_unnamed_cause_follows_the_largest_probability(probab
     assert (verdict.effects, verdict.headline) == (("unknown",), headline)
 
 
-def test_too_few_sessions_end_neither_in_no_gap_nor_in_explained():
+def test_too_few_sessions_give_neither_no_gap_nor_explained():
     none = make_verdict({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, sessions=1)
     assert none.status == "unknown"
     assert "too few sessions for a verdict: 1 recorded, needs 3" in none.one_line
@@ -153,7 +156,7 @@ def test_every_effect_of_the_catalogue_has_a_headline_of_its_own(name):
     assert not {"gap", "floor", "excess", "catalogue", "effect"} & set(HEADLINES[name].lower().split())
 
 
-def test_a_cause_of_little_certainty_is_called_probable():
+def test_a_cause_below_the_probability_of_80_percent_is_called_probable():
     assert make_verdict({"noise": 0.7, "unknown": 0.0, "no_gap": 0.0}).headline == "Probably the skin is noisier."
     assert (
         make_verdict({"noise": 0.8, "unknown": 0.0, "no_gap": 0.0}).headline

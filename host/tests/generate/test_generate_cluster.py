@@ -1,4 +1,4 @@
-"""Generation on a Dask cluster: the same bytes as on one computer, and errors of one line."""
+"""Generation on a Dask cluster: the same bytes as on one computer, and one-line error messages."""
 
 import copyreg
 import sys
@@ -19,20 +19,24 @@ copyreg.dispatch_table.update(PICKLERS)
 
 @pytest.fixture(scope="module")
 def scheduler():
+    """Yield a Dask cluster with two workers in this process."""
     options = {"host": "127.0.0.1", "protocol": "tcp://", "processes": False, "dashboard_address": None}
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **options) as local:
         assert local.scheduler_address.startswith("tcp://127.0.0.1:")
         yield local
 
 
-def test_cluster_generates_the_same_bytes(generated, read_files, scheduler, tmp_path):
+def test_cluster_generates_the_same_bytes_as_one_local_process(generated, read_files, scheduler, tmp_path):
     out = tmp_path / "cluster"
     assert generate(generated.recipe, out, Cluster(scheduler.scheduler_address)).generated_grasps == 3
     assert read_files(out) == read_files(generated.folder)
 
 
-def test_worker_with_another_release_is_refused():
+def test_workers_with_the_same_releases_are_accepted():
     check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}})
+
+
+def test_worker_with_another_release_is_refused():
     with pytest.raises(ClusterError, match=r"^--scheduler x: worker tcp://b has taxel 8 instead of 9; install"):
         check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}, "tcp://b": {"taxel": "8"}})
 

@@ -13,8 +13,8 @@ from taxel.cli.generate import generate
 REPORT = Path(__file__).parents[3] / "examples" / "shape_classifier" / "report.json"
 
 
-def example_arguments() -> list[str]:
-    """The arguments after `taxel` of the example in the help of the command."""
+def extract_example_arguments() -> list[str]:
+    """Extract the example's arguments after `taxel` from the help of the command."""
     match = re.search(r"Example: taxel (.*)", generate.__doc__ or "")
     assert match
     return match[1].split()
@@ -24,7 +24,9 @@ def test_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("out/gap").mkdir(parents=True)
     shutil.copy(REPORT, "out/gap/report.json")
-    arguments = ["2" if word == "100000" else word for word in example_arguments()]
+    arguments = [
+        "2" if word == "100000" else word for word in extract_example_arguments()
+    ]  # fewer grasps, to save time
     assert run_taxel(*arguments, "--jobs", "1") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "out/synthetic: 2 grasps in 1 shards, effects: contact propagation"

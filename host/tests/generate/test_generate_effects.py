@@ -23,12 +23,12 @@ SEED = 5
 
 
 def plan_contact_propagation(share: float = 1.0, **ranges: Range):
-    """The planned effect "contact_propagation", which a share of the grasps has."""
+    """Plan the effect "contact_propagation" for a share of the grasps. ranges: other ranges of its parameters."""
     defaults = {"spread_mm": Range(1.0, 4.0), "strength": Range(0.2, 0.8)}
     return plan_effect("recipe", "contact_propagation", "", "", share, {**defaults, **ranges}, HAND, 3.5)
 
 
-def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(small_recipe):
+def test_effect_changes_the_counts_of_the_hold_but_neither_the_baseline_nor_the_simulated_forces(small_recipe):
     recipe = replace(small_recipe, effects=(plan_contact_propagation(),))
     without_effect = ShardGenerator(small_recipe, 0, Setup()).generate(1).record
     with_effect = ShardGenerator(recipe, 0, Setup()).generate(1)
@@ -37,14 +37,14 @@ def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(s
     assert np.array_equal(without_effect.separation, record.separation)
     in_baseline = without_effect.phase == Phase.BASELINE
     assert np.array_equal(without_effect.raw_counts[in_baseline], record.raw_counts[in_baseline])
-    change = without_effect.raw_counts.astype(int) - record.raw_counts
+    signal_gain = without_effect.raw_counts[-1].astype(int) - record.raw_counts[-1]
     is_touched = without_effect.contact_force[-1] > 0.0
-    assert change[-1][is_touched].min() < -30  # touched taxels lose signal
-    assert change[-1][~is_touched].max() > 30  # untouched neighbours gain signal
+    assert signal_gain[is_touched].min() < -30  # touched taxels lose signal
+    assert signal_gain[~is_touched].max() > 30  # untouched neighbours gain signal
     assert 1.0 <= with_effect.values["contact_propagation.spread_mm"] <= 4.0
 
 
-def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(small_recipe):
+def test_samples_of_a_range_fill_it_and_the_stated_share_of_grasps_has_the_effect(small_recipe):
     recipe = replace(small_recipe, seed=SEED, effects=(plan_contact_propagation(share=0.25),))
     samples = [sample_effects(recipe, number) for number in range(2000)]
     values = np.array([sampled["contact_propagation.spread_mm"] for _, sampled in samples])
@@ -99,10 +99,10 @@ def test_invalid_effect_is_refused(name, ranges, message):
         plan_effect("recipe", name, "", "", 1.0, ranges, HAND, 3.5)
 
 
-def test_effects_of_boards_and_taxels_have_one_sample_for_each():
-    for scope, blocks in (("board", 17), ("taxel", 1037)):
+def test_effects_of_boards_and_taxels_have_one_value_for_each_and_only_those_of_boards_are_returned():
+    for scope, blocks, labels in (("board", 17, 17 + 1), ("taxel", 1037, 1)):  # one label states the presence
         planned = plan_effect("recipe", "gain_mismatch", "", scope, 1.0, {"log_gain": Range(-0.5, 0.5)}, HAND, 3.5)
         effect, sampled = planned.sample(np.random.default_rng(SEED))
         assert effect is not None
         assert len(np.unique(effect.values)) == blocks
-        assert len(sampled) == (18 if scope == "board" else 1)
+        assert len(sampled) == labels

@@ -15,6 +15,7 @@ PROGRAM = Path(__file__).parents[3] / "examples" / "shape_classifier" / "shape_c
 
 @pytest.fixture(scope="module")
 def example():
+    """Import the program of the example as a module."""
     spec = importlib.util.spec_from_file_location("shape_classifier", PROGRAM)
     assert spec
     assert spec.loader
@@ -38,6 +39,7 @@ def test_example_reports_the_accuracies_without_and_with_effects(example, genera
 
 @pytest.mark.slow
 def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(example):
+    """The effect of the artificial test set reverses the order of the taxels."""
     rng = np.random.default_rng(4)
     labels = np.repeat(["a", "b"], 40)
     signal = rng.normal(0.0, 100.0, (80, 1037))
@@ -51,5 +53,6 @@ def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(ex
 
 
 def test_interval_of_an_accuracy_is_the_wilson_interval(example):
+    """The expected bounds for 9 of 10 correct answers are those of any statistics program."""
     low, high = example.Accuracy(9, 10).ci95
     assert (low, high) == pytest.approx((0.5958, 0.9821), abs=1e-4)

@@ -1,4 +1,4 @@
-"""Recipe files: valid content, errors of one line, and meshes as convex solids."""
+"""Recipe files: valid content, one-line error messages, and meshes as convex solids."""
 
 import numpy as np
 import pytest
@@ -56,6 +56,7 @@ share = 0.5
 
 @pytest.fixture
 def folder(tmp_path):
+    """Return a folder with the mesh of a ball in millimetres, away from the origin."""
     ball = build_sphere(0.03)
     write_mesh(
         TriangleMesh("ball", 1e3 * ball.vertices + np.array([5.0, 5.0, 50.0]), ball.faces), tmp_path / "ball.stl"
@@ -64,12 +65,13 @@ def folder(tmp_path):
 
 
 def write_recipe(folder, text):
+    """Write a recipe file and return its path."""
     path = folder / "recipe.toml"
     path.write_text(text)
     return path
 
 
-def test_every_field_of_a_recipe_file_is_read(folder):
+def test_values_of_all_tables_of_a_recipe_file_are_read(folder):
     recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
     assert (recipe.grasps, recipe.seed, recipe.grasps_per_shard, recipe.shards, recipe.fidelity) == (
         500,
@@ -92,49 +94,56 @@ def test_every_field_of_a_recipe_file_is_read(folder):
 def test_recipe_of_another_hand_has_its_own_test_objects(folder):
     recipe = read_recipe(write_recipe(folder, 'hand = "allegro"\n'))
     assert recipe.hand == "allegro"
-    for hand, radius_mm in ((recipe, 21.0), (Recipe(), 20.0)):
-        cylinder = next(kind for kind in hand.objects if kind.name == "cylinder")
+    for each, radius_mm in ((recipe, 21.0), (Recipe(), 20.0)):
+        cylinder = next(kind for kind in each.objects if kind.name == "cylinder")
         radius = cylinder.sizes["radius_mm"]
         assert (radius.low, radius.high) == pytest.approx((0.92 * radius_mm, 1.08 * radius_mm))
     assert recipe.digest != Recipe().digest
+
+
+def test_default_hand_of_a_recipe_is_the_original_one():
     assert Recipe().to_json()["hand"] == "original"
 
 
-def test_recorded_grasp_keeps_its_distance_from_a_wider_object_and_is_shifted_by_the_samples():
+def test_recorded_grasp_keeps_the_palms_distance_from_a_wider_object_and_is_shifted_by_the_samples():
     setup = Setup()
     approach = setup.approach(PlannedGrasp("", "cylinder", "side_1", 0, 0))
     zero = dict.fromkeys(("turn_deg", "reach_mm", "along_mm", "thumb_deg"), 0.0) | {"press_mm": 1e3 * RECORDED_PRESS_M}
     nominal, wider = setup.objects["cylinder"].shape, Cylinder(0.022, 0.215)
     x, y, z = approach.palm_pose[:3, :3].T
 
-    def move(shape, **sampled):
-        """Motion of the palm, f64[3], metres."""
-        return (
-            shift_recorded_approach(approach, shape, nominal, zero | sampled).palm_pose[:3, 3]
-            - approach.palm_pose[:3, 3]
-        )
+    def compute_shift(shape, **sampled):
+        """Compute how far the palm is shifted from the recorded grasp, f64[3], metres."""
+        shifted = shift_recorded_approach(approach, shape, nominal, zero | sampled)
+        return shifted.palm_pose[:3, 3] - approach.palm_pose[:3, 3]
 
-    assert np.abs(move(nominal)).max() < 1e-12
-    assert move(wider) @ x == pytest.approx(-0.002, abs=1e-4)
-    assert move(nominal, press_mm=2.0) == pytest.approx(0.0005 * x)
-    assert move(nominal, reach_mm=3.0) == pytest.approx(-0.003 * z)
-    assert move(nominal, along_mm=4.0) == pytest.approx(-0.004 * y)
+    assert np.abs(compute_shift(nominal)).max() < 1e-12
+    assert compute_shift(wider) @ x == pytest.approx(-0.002, abs=1e-4)
+    assert compute_shift(nominal, press_mm=2.0) == pytest.approx(0.0005 * x)
+    assert compute_shift(nominal, reach_mm=3.0) == pytest.approx(-0.003 * z)
+    assert compute_shift(nominal, along_mm=4.0) == pytest.approx(-0.004 * y)
     turned = shift_recorded_approach(approach, nominal, nominal, zero | {"turn_deg": 6.0})
     assert np.linalg.norm(turned.palm_pose[:2, 3]) == pytest.approx(np.linalg.norm(approach.palm_pose[:2, 3]))
     thumb = shift_recorded_approach(approach, nominal, nominal, zero | {"thumb_deg": 4.0})
-    assert np.array_equal(np.isfinite(thumb.base_targets), np.isfinite(approach.base_targets))
+    assert np.array_equal(
+        np.isfinite(thumb.base_targets), np.isfinite(approach.base_targets)
+    )  # the same joints are held
 
 
-def test_samples_are_in_their_ranges_and_every_kind_has_its_share(folder):
+def test_samples_are_in_their_ranges_and_every_kind_of_object_has_its_share(folder):
     recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
     samples = [sample_grasp(recipe, number) for number in range(300)]
     names = [sample.kind.name for sample in samples]
-    assert 160 < names.count("can") < 240
+    assert 160 < names.count("can") < 240  # two of three
     radii = [sample.values["radius_mm"] for sample in samples if sample.kind.name == "can"]
     assert 18.0 <= min(radii) < 18.5
     assert 24.5 < max(radii) <= 25.0
     assert {sample.approach for sample in samples} == {"side", "top"}
     assert len({sample.item.name for sample in samples}) == 300
+
+
+def test_every_shard_has_a_sensor_model_within_the_ranges(folder):
+    recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
     sensors = {sample_sensor(recipe, shard).half_force_n for shard in range(5)}
     assert len(sensors) == 5
     assert all(1.4 <= force <= 2.0 for force in sensors)
@@ -145,7 +154,7 @@ def test_samples_of_a_grasp_do_not_depend_on_the_number_of_grasps(folder):
     assert sample_grasp(few, 42).values == sample_grasp(many, 42).values
 
 
-def test_mesh_becomes_its_hull_upright_at_the_origin(folder):
+def test_mesh_becomes_its_reduced_convex_hull_upright_at_the_origin(folder):
     kind = add_mesh(Recipe(), folder / "ball.stl", "mm").objects[-1]
     assert kind.name == "ball"
     assert len(kind.hull) == MAX_CORNERS
@@ -183,7 +192,7 @@ def test_mesh_with_holes_is_accepted(folder):
         ("grasps = 500", "grasps = 500 500", "line 2, column 14: expected valid TOML, found "),
     ],
 )
-def test_invalid_recipe_gives_an_error_of_one_line(folder, line, replacement, message):
+def test_invalid_recipe_is_refused_with_a_one_line_message(folder, line, replacement, message):
     assert line in FULL_RECIPE
     with pytest.raises(RecipeError, match=message) as caught:
         read_recipe(write_recipe(folder, FULL_RECIPE.replace(line, replacement)))

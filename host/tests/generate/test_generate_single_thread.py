@@ -1,4 +1,4 @@
-"""Shards that one process generates at the same time: linear algebra has one thread from the first to the last."""
+"""Shards that one process generates at the same time: linear algebra uses one thread until the last one is finished."""
 
 from unittest import mock
 
@@ -24,7 +24,7 @@ def test_first_shard_sets_the_limit_and_last_shard_restores_it():
         assert limits.return_value.restore_original_limits.call_count == 2
 
 
-def test_linear_algebra_has_one_thread_inside():
+def test_linear_algebra_uses_one_thread_inside_the_block():
     with SingleThreadLimit().apply():
         np.eye(2) @ np.eye(2)
         assert {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"} == {1}

@@ -110,6 +110,7 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
 
 
 def measure_marks(rng: np.random.Generator, sigma_m: float = SIGMA_M) -> NDArray[np.float64]:
+    """Return the marks at the true pose with normal noise of a standard deviation, f64[6, 3], metres."""
     return apply(TRUE_POSE, MARKS) + rng.normal(scale=sigma_m, size=MARKS.shape)
 
 
@@ -120,6 +121,7 @@ def compute_error(estimate: PoseEstimate) -> NDArray[np.float64]:
 
 
 def get_fit_error(points: NDArray[np.float64], measured: NDArray[np.float64]) -> str:
+    """Return the one-line message of the error that a fit to the points raises."""
     with pytest.raises(CalibrationError) as caught:
         fit_pose(points, measured)
     assert_one_line(caught.value, "fit_pose", "points")
@@ -127,6 +129,7 @@ def get_fit_error(points: NDArray[np.float64], measured: NDArray[np.float64]) ->
 
 
 def assert_one_line(error: CalibrationError, file: str, field: str) -> None:
+    """Check that an error is one line with file, field, expected and found content and remedy, and can be pickled."""
     line = str(error)
     assert line.isprintable()
     assert line.startswith(f"{file}: {field}: expected ")
@@ -136,6 +139,7 @@ def assert_one_line(error: CalibrationError, file: str, field: str) -> None:
 
 
 def get_load_error(path: Path, text: str) -> CalibrationError:
+    """Write a calibration file, and return the error that loading it raises."""
     path.write_text(text)
     with pytest.raises(CalibrationError) as caught:
         load_calibration(path)
@@ -161,18 +165,19 @@ def test_the_pose_minimises_the_weighted_sum_of_squares(weights: NDArray[np.floa
     measured = measure_marks(np.random.default_rng(SEED), 1e-3)
     estimate = fit_pose(MARKS, measured, weights=weights)
 
-    def compute_residuals(change: NDArray[np.float64]) -> NDArray[np.float64]:
-        changed_pose = from_rotation_vector(change[:3]) @ estimate.transform
-        changed_pose[:3, 3] = estimate.transform[:3, 3] + change[3:]
+    def compute_residuals(correction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the weighted residuals f64[18] for a pose corrected by a rotation vector and a translation, f64[6]."""
+        changed_pose = from_rotation_vector(correction[:3]) @ estimate.transform
+        changed_pose[:3, 3] = estimate.transform[:3, 3] + correction[3:]
         return (np.sqrt(weights)[:, np.newaxis] * (measured - apply(changed_pose, MARKS))).ravel()
 
     solution = least_squares(
         compute_residuals, np.zeros(6), x_scale=[1, 1, 1, 0.1, 0.1, 0.1], xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     np.testing.assert_allclose(solution.x, 0, atol=1e-8)
-    # The covariance equals that of the linearised problem.
-    expected = estimate.sigma_m**2 * np.linalg.inv(solution.jac.T @ solution.jac)
-    np.testing.assert_allclose(estimate.covariance, expected, rtol=1e-4, atol=1e-3 * np.abs(expected).min())
+    covariance_of_linearised_problem = estimate.sigma_m**2 * np.linalg.inv(solution.jac.T @ solution.jac)
+    tolerance = 1e-3 * np.abs(covariance_of_linearised_problem).min()
+    np.testing.assert_allclose(estimate.covariance, covariance_of_linearised_problem, rtol=1e-4, atol=tolerance)
 
 
 def test_the_intervals_contain_the_true_pose_in_95_percent_of_trials() -> None:
@@ -211,7 +216,7 @@ def test_residuals_are_measured_minus_fitted_in_metres() -> None:
     assert (estimate.n_points, estimate.degrees_of_freedom) == (6, 12)
 
 
-def test_an_outlier_is_named() -> None:
+def test_a_warning_names_the_outlier() -> None:
     measured = measure_marks(np.random.default_rng(SEED))
     measured[3] += [0, 2e-3, 0]
     for sigma in (None, SIGMA_M):
@@ -270,7 +275,7 @@ def test_arrays_of_another_shape_or_not_finite_are_rejected() -> None:
             fit_pose(MARKS, MARKS, **options)  # type: ignore[arg-type]
 
 
-def test_a_file_contains_poses_of_objects_and_brackets(tmp_path: Path) -> None:
+def test_poses_of_objects_and_brackets_are_loaded_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     path.write_text(VALID)
     calibration = load_calibration(path)
@@ -321,6 +326,7 @@ def test_an_unreadable_file_is_rejected(tmp_path: Path) -> None:
 
 
 def make_calibration() -> Calibration:
+    """Make a calibration with a weighted and an unweighted fit and a given pose of a bracket."""
     rng = np.random.default_rng(SEED)
     box = fit_pose(MARKS, measure_marks(rng), weights=[1, 2, 1, 1, 1, 1 / 3], sigma_m=SIGMA_M)
     unweighted = fit_pose(MARKS, measure_marks(rng), names=list("abcdef"))

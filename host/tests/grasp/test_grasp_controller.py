@@ -31,10 +31,13 @@ def test_closing_joints_at_rest_in_the_hold_phase_have_the_planned_torque():
     assert np.array_equal(torque[is_closing], APPROACH.torque[is_closing])
 
 
-def test_the_scale_multiplies_the_closing_torque():
+def test_the_torque_scale_multiplies_the_closing_torques():
     t = TIMELINE.get_start_s(Phase.HOLD)
     torque = GraspController(APPROACH, TIMELINE, torque_scale=0.5).compute_torque(t, OPEN, AT_REST)
     assert np.allclose(torque, 0.5 * APPROACH.torque)
+
+
+def test_a_negative_torque_scale_is_rejected():
     with pytest.raises(ValueError, match="torque_scale"):
         GraspController(APPROACH, TIMELINE, torque_scale=-1.0)
 

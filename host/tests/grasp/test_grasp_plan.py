@@ -23,7 +23,7 @@ TOPS = [a for a in make_thesis_approaches() if a.name == "top"]
 
 
 def compute_gap(approach, palm_pose):
-    """Compute the distance from the palm surface to the object along the palm's x axis."""
+    """Compute the distance from the palm surface to the object along the palm's x axis, metres; negative: overlap."""
     vertices = make_thesis_objects(ASSUMED_SIZES)[approach.object].shape.mesh()[0]
     return apply(inverse(palm_pose), vertices)[:, 0].min() - compute_palm_surface_m(load_hand("allegro"))
 
@@ -118,8 +118,12 @@ def test_phases_are_contiguous_and_include_their_start():
     timeline = Timeline()
     assert timeline.duration_s == 13.0
     assert [timeline.get_start_s(phase) for phase in Phase] == [0.0, 6.0, 9.0, 10.5, 11.5]
-    assert timeline.find_phases([0.0, 5.999, 6.0, 9.0, 10.5, 11.5, 13.0, 99.0]).tolist() == [0, 0, 1, 2, 3, 4, 4, 4]
+    assert timeline.find_phases([0.0, 5.999, 6.0, 9.0, 10.5, 11.5]).tolist() == [0, 0, 1, 2, 3, 4]
     assert timeline.find_phases(0.0).dtype == np.uint8
+
+
+def test_times_after_the_end_of_a_grasp_belong_to_its_last_phase():
+    assert Timeline().find_phases([13.0, 99.0]).tolist() == [Phase.RECOVERY, Phase.RECOVERY]
 
 
 def test_a_sample_at_a_phase_boundary_belongs_to_the_later_phase_despite_rounding():
@@ -144,5 +148,8 @@ def test_the_palm_is_at_the_object_whenever_the_torque_is_above_zero():
 def test_invalid_durations_are_rejected(durations):
     with pytest.raises(ValueError, match=next(iter(durations))):
         Timeline(**durations)
+
+
+def test_a_sampling_rate_of_0_is_rejected():
     with pytest.raises(ValueError, match="rate_hz"):
         Timeline().make_sample_times(0.0)

@@ -26,6 +26,7 @@ def solve_arm(key):
 
 
 def compute_palm_pose(arm):
+    """Compute the pose of the palm in the robot's base frame, f64[4, 4], from arm angles f64[6]."""
     angles = np.zeros(len(ROBOT.joint_names))
     angles[: len(arm)] = arm
     return Kinematics(ROBOT).compute_link_poses(angles)[ROBOT.get_link_index("palm")]

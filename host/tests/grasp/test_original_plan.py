@@ -1,4 +1,4 @@
-"""Recorded grasps of the original experiment: poses of the palm relative to the objects."""
+"""Palm poses of the original experiment relative to the objects: distance from the palm's electrodes to the object."""
 
 import statistics
 
@@ -11,8 +11,8 @@ from taxel.hand.transforms import apply
 
 GRASPS = load_original_grasps()
 PRISM_SIDES = [("triangular_prism", f"side_{index}") for index in (1, 2, 3)]
-"""Approaches whose pose in the simulation is not recorded, but the hardware's pose, moved to contact."""
-IN_SIMULATION = sorted(set(GRASPS) - set(PRISM_SIDES))
+"""Approaches without a recorded pose in the simulation: the packaged pose is the hardware's pose, moved to contact."""
+RECORDED_IN_SIMULATION = sorted(set(GRASPS) - set(PRISM_SIDES))
 
 
 def compute_electrode_gap_mm(key, setting):
@@ -22,16 +22,17 @@ def compute_electrode_gap_mm(key, setting):
     return 1e3 * float(make_thesis_objects()[key[0]].shape.signed_distance(centres).min())
 
 
-def test_at_the_sides_of_the_prism_the_palm_is_moved_to_the_median_distance_of_the_recorded_poses():
-    recorded = [compute_electrode_gap_mm(key, "simulation") for key in IN_SIMULATION]
-    assert len(recorded) == 12
+def test_packaged_simulation_poses_at_the_prism_sides_have_the_median_electrode_gap_of_the_12_recorded_poses():
+    recorded_gaps_mm = [compute_electrode_gap_mm(key, "simulation") for key in RECORDED_IN_SIMULATION]
+    assert len(recorded_gaps_mm) == 12
     for key in PRISM_SIDES:
-        assert compute_electrode_gap_mm(key, "simulation") == pytest.approx(statistics.median(recorded), abs=0.05)
+        gap_mm = compute_electrode_gap_mm(key, "simulation")
+        assert gap_mm == pytest.approx(statistics.median(recorded_gaps_mm), abs=0.05)
 
 
-@pytest.mark.parametrize("key", IN_SIMULATION, ids="-".join)
-def test_the_palm_is_at_most_1_mm_from_the_object_in_a_pose_of_the_original_simulation(key):
-    # These poses were moved by hand until tips of 0.5 mm touched, so that a wrong mount or object size would show here.
+@pytest.mark.parametrize("key", RECORDED_IN_SIMULATION, ids="-".join)
+def test_the_palm_electrodes_are_about_1_mm_from_the_object_in_each_recorded_simulation_pose(key):
+    # The poses were moved by hand until 0.5 mm high tips touched, so a wrong mount or object size would show here.
     assert 0.1 < compute_electrode_gap_mm(key, "simulation") < 1.1
 
 

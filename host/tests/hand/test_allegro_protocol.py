@@ -130,7 +130,7 @@ def test_a_torque_is_clipped_to_full_pwm(torque: float, pwm: int) -> None:
     [(0x40, 0), (0x41, 0), (0x60, 8), (0xE0, 8), (0x81, 6), (0x68, 6), (0x80, 7), (0x88, 8), (0x20, 8), (0x30, 6),
      (0x38, 4)],
 )  # fmt: skip
-def test_a_frame_of_another_length_is_rejected(message_id: int, length: int) -> None:
+def test_a_frame_with_another_length_than_its_message_is_rejected(message_id: int, length: int) -> None:
     for wrong in set(range(9)) - {length}:
         with pytest.raises(AllegroFrameError, match=f"expected {length} bytes of .*, found {wrong} bytes"):
             decode(make_frame(message_id << 2, bytes(wrong)))

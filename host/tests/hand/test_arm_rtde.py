@@ -16,6 +16,7 @@ class Controller:
     """Simulated control and receive interfaces of ur_rtde, limited to the functions in use."""
 
     def __init__(self) -> None:
+        """Create the interfaces of an arm at rest that accepts every motion."""
         self.calls: list[tuple[object, ...]] = []
         self.is_running = False
         self.speed = 0.0
@@ -23,6 +24,7 @@ class Controller:
         self.failure: RuntimeError | None = None
 
     def getActualQ(self) -> list[float]:
+        """Return the joint angles, or raise the failure."""
         if self.failure:
             raise self.failure
         return [0.1] * 6
@@ -38,6 +40,7 @@ class Controller:
         return self.accepts
 
     def stopJ(self, deceleration: float) -> None:
+        """Record the call, and raise the failure if there is one."""
         self.calls.append(("stopJ", deceleration))
         if self.failure:
             raise self.failure
@@ -51,6 +54,7 @@ class Controller:
 
 @pytest.fixture
 def controller(monkeypatch: pytest.MonkeyPatch) -> Controller:
+    """Replace the modules of ur_rtde, whose two interfaces become one simulated controller."""
     result = Controller()
     monkeypatch.setitem(sys.modules, "rtde_control", SimpleNamespace(RTDEControlInterface=lambda host: result))
     monkeypatch.setitem(sys.modules, "rtde_receive", SimpleNamespace(RTDEReceiveInterface=lambda host: result))
@@ -58,6 +62,7 @@ def controller(monkeypatch: pytest.MonkeyPatch) -> Controller:
 
 
 def assert_one_line(error: ArmError) -> str:
+    """Check that an error is one line that names the arm, and can be pickled; return its text."""
     assert "\n" not in str(error)
     assert str(error).startswith(f"UR5e at {HOST}: ")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
@@ -94,9 +99,10 @@ def test_no_motion_is_sent_for_a_target_outside_the_limits_or_during_a_motion(co
 
 def test_the_arm_is_moving_until_its_joints_are_at_standstill(controller: Controller) -> None:
     arm = Ur5eArm(HOST)
-    assert not arm.is_moving
     controller.speed = 0.1
     assert arm.is_moving
+    controller.speed = 0.0
+    assert not arm.is_moving
 
 
 def test_a_rejected_motion_raises_an_error(controller: Controller) -> None:
@@ -107,13 +113,14 @@ def test_a_rejected_motion_raises_an_error(controller: Controller) -> None:
 
 
 def test_a_lost_controller_raises_a_one_line_error_and_is_disconnected(controller: Controller) -> None:
-    def work() -> None:
+    def read_after_loss() -> None:
+        """Read the joint angles after the connection to the controller is lost."""
         with Ur5eArm(HOST) as arm:
             controller.failure = RuntimeError("lost\n the link")
             arm.read_joint_angles()
 
     with pytest.raises(ArmConnectionError, match=r"does not respond \(lost the link\)") as caught:
-        work()
+        read_after_loss()
     assert_one_line(caught.value)
     assert controller.calls[-2:] == [("disconnect",), ("disconnect",)]
 

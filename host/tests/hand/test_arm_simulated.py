@@ -16,6 +16,7 @@ TARGET = [0.5, -1.0, 1.5, -0.25, 0.0, 2.0]
 
 
 def assert_one_line(error: BaseException) -> str:
+    """Check that an error is a one-line TaxelError that can be pickled; return its text."""
     text = str(error)
     assert isinstance(error, TaxelError)
     assert "\n" not in text
@@ -24,6 +25,7 @@ def assert_one_line(error: BaseException) -> str:
 
 
 def run_until_standstill(arm: SimulatedArm, dt_s: float = 0.01) -> int:
+    """Advance an arm in steps of `dt_s` until it stands; return the number of steps."""
     steps = 0
     while arm.is_moving:
         arm.step(dt_s)
@@ -84,7 +86,7 @@ def test_a_stop_brakes_along_the_line_within_the_braking_distance() -> None:
     arm.stop()
     run_until_standstill(arm, 0.003)
     after = arm.read_joint_angles()
-    assert after[5] - before[5] == pytest.approx(1.0**2 / (2 * 2.0))
+    assert after[5] - before[5] == pytest.approx(1.0**2 / (2 * 2.0))  # speed^2 / (2 acceleration)
     np.testing.assert_allclose(after, after[5] / 2.0 * np.array(TARGET), atol=1e-12)
     arm.move_joints(TARGET, 1.0)
     run_until_standstill(arm)

@@ -11,6 +11,7 @@ class FakeTime:
     """Simulated clock that advances in sleep() and by explicit work."""
 
     def __init__(self, now_s: float = 0.0, oversleep_s: float = 0.0) -> None:
+        """Create a clock. now_s: its first time. oversleep_s: time by which every sleep is too long."""
         self.now_s = now_s
         self.oversleep_s = oversleep_s
         self.slept_s: list[float] = []
@@ -78,6 +79,7 @@ def test_missed_periods_count_towards_the_length_of_a_run() -> None:
     ticks = []
 
     def tick(period: int) -> None:
+        """Work longer than three periods in period 2, otherwise for no time."""
         ticks.append(period)
         if period == 2:
             time.now_s += 0.8
@@ -111,6 +113,7 @@ def test_the_clock_is_polled_in_the_last_part_of_each_wait() -> None:
     reads = 0
 
     def clock() -> float:
+        """Return the time, count the call, and let 1 ms pass."""
         nonlocal reads
         reads += 1
         time.now_s += 0.001  # every read of the clock advances the time

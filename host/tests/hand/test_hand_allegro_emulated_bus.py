@@ -35,7 +35,7 @@ def test_silent_virtual_hand_is_an_error() -> None:
     bus.shutdown()
 
 
-def test_motors_are_off_after_the_end_of_the_driver() -> None:
+def test_motors_are_off_after_the_driver_is_closed() -> None:
     bus = EmulatedBus(Clock())
     with AllegroHand(bus, clock=Clock()):
         bus.recv()

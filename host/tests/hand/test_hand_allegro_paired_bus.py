@@ -9,6 +9,7 @@ from taxel.hand.allegro.paired_bus import PairedBus
 
 @pytest.fixture
 def ends():
+    """Open the two ends of a channel."""
     first, second = PairedBus.open_pair()
     with first, second:
         yield first, second

@@ -47,7 +47,7 @@ def load_allegro_kinds() -> dict[str, BoardKind]:
 
 
 def is_connected(crossings: NDArray[np.bool_]) -> bool:
-    """Whether all taxels are connected through neighbours on the same TX or RX line."""
+    """Return whether all taxels are connected through neighbours on the same TX or RX line."""
     remaining = {(int(tx), int(rx)) for tx, rx in np.argwhere(crossings)}
     pending = [remaining.pop()]
     while pending:
@@ -92,7 +92,7 @@ def test_the_allegro_taxels_are_3_mm_wide_and_5_mm_apart() -> None:
 
 
 @pytest.mark.parametrize("kind", TABLE_2_1)
-def test_every_line_carries_a_taxel(kind: str) -> None:
+def test_every_tx_and_rx_line_of_the_allegro_boards_has_a_taxel(kind: str) -> None:
     crossings = load_allegro_kinds()[kind].crossings
     assert crossings.any(axis=0).all()
     assert crossings.any(axis=1).all()

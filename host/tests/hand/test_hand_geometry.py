@@ -22,14 +22,14 @@ BRACKETS = Path(__file__).parents[3] / "tools" / "hand" / "brackets.py"
 
 
 def get_surface(kind: str) -> Surface:
-    """Taxel positions and directions of a kind of board."""
+    """Return taxel positions and directions of a kind of board."""
     result = KINDS[kind].surface
     assert result is not None
     return result
 
 
 def compute_distances(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances between all points, infinite on the diagonal."""
+    """Compute the distances between all points, f64[n, n]; infinite on the diagonal."""
     result = np.linalg.norm(points[:, None] - points, axis=-1)
     np.fill_diagonal(result, np.inf)
     return np.asarray(result)

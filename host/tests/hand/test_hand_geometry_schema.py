@@ -231,6 +231,7 @@ ODD_VALUES: st.SearchStrategy[Any] = st.one_of(
 
 
 def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
+    """Check that an error is one line with file, field, expected and found content, and remedy."""
     line = str(error)
     assert line.isprintable()
     assert line.startswith(f"{file}: {field}: expected ")
@@ -240,6 +241,7 @@ def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
 
 
 def load_error(text: str) -> HandDescriptionError:
+    """Return the error that parsing a hand description raises."""
     with pytest.raises(HandDescriptionError) as caught:
         parse_hand(text.encode(), "bench.toml")
     return caught.value
@@ -255,6 +257,7 @@ def list_entries(value: Any) -> list[tuple[Any, Any]]:
 
 
 def remove_geometry() -> str:
+    """Return the valid description without robot, geometry and poses of boards."""
     text = VALID.replace(GEOMETRY, "").replace(ROBOT, "")
     return "".join(
         line

@@ -62,11 +62,13 @@ def sample_joint_angles(count: int = VECTORS) -> NDArray[np.float64]:
 
 
 def denavit_hartenberg(theta: float, d: float, a: float, alpha: float) -> NDArray[np.float64]:
+    """Return the transform of one joint from its Denavit-Hartenberg parameters."""
     c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
     return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 def compute_flange_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the pose of the flange in the base frame from the six arm joint angles."""
     pose = np.eye(4)
     for theta, (d, a, alpha) in zip(angles, DENAVIT_HARTENBERG, strict=True):
         pose = pose @ denavit_hartenberg(theta, d, a, alpha)
@@ -81,6 +83,10 @@ def compute_palm_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def format_finger(finger: str, bodies: list[tuple[str, str, str, str]], skin: dict[str, str]) -> str:
+    """Format the MJCF of a finger as nested bodies.
+
+    bodies: name, position, quaternion and joint axis of each remaining body. skin: MJCF of the brackets by link name.
+    """
     if not bodies:
         return ""
     name, position, quaternion, axis = bodies[0]
@@ -130,6 +136,7 @@ def load_mujoco_hand() -> Any:
 
 
 def set_joints(model: Any, angles: NDArray[np.float64]) -> Any:
+    """Return MuJoCo's data of the hand at the joint angles of arm and hand; the arm is not part of the model."""
     data = mujoco.MjData(model)
     for name, angle in zip(ROBOT.joint_names[6:], angles[6:], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
@@ -138,6 +145,7 @@ def set_joints(model: Any, angles: NDArray[np.float64]) -> Any:
 
 
 def find_sites(model: Any) -> list[int]:
+    """Return the MuJoCo site of each taxel, in the order of the hand."""
     counts = [(board.name, board.kind.taxel_count) for board in HAND.boards]
     return [model.site(f"{name}/{index}").id for name, count in counts for index in range(count)]
 

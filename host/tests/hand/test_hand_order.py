@@ -16,6 +16,7 @@ SMALL = np.array([[0, 1, 1], [1, 0, 0], [1, 0, 1]], dtype=bool)
 
 
 def make_small_hand() -> Hand:
+    """Make a hand of three boards with 1, 5 and 5 taxels, listed in another order than their addresses."""
     kind = BoardKind("small", 1, SMALL)
     single = BoardKind("single", 2, np.ones((1, 1), dtype=bool))
     boards = (Board("last", kind, 0x30), Board("first", single, 0x10), Board("middle", kind, 0x20))
@@ -136,7 +137,7 @@ def test_arrays_of_a_hand_are_read_only() -> None:
             array[0] = 0
 
 
-def test_a_kind_copies_its_crossings() -> None:
+def test_a_later_change_of_the_crossings_array_does_not_change_the_kind() -> None:
     crossings = np.ones((2, 2), dtype=bool)
     kind = BoardKind("any", 1, crossings)
     crossings[0, 0] = False

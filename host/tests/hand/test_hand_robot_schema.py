@@ -191,12 +191,14 @@ ODD_VALUES: st.SearchStrategy[Any] = st.one_of(
 
 
 def load_error(path: Path | str) -> HandDescriptionError:
+    """Return the error that loading a robot description raises."""
     with pytest.raises(HandDescriptionError) as caught:
         load_robot(path)
     return caught.value
 
 
 def read_error_message(data: bytes) -> str | None:
+    """Return the message of the error that parsing a robot description raises; None if there is no error."""
     try:
         parse_robot(data, "any.toml")
     except HandDescriptionError as error:
@@ -205,6 +207,7 @@ def read_error_message(data: bytes) -> str | None:
 
 
 def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
+    """Check that an error is one line with file, field, expected and found content, and remedy."""
     line = str(error)
     assert line.isprintable()
     assert line.startswith(f"{file}: {field}: expected ")

@@ -150,12 +150,14 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
 
 
 def load_error(path: Path | str) -> HandDescriptionError:
+    """Return the error that loading a hand description raises."""
     with pytest.raises(HandDescriptionError) as caught:
         load_hand(path)
     return caught.value
 
 
 def read_error_message(data: bytes) -> str | None:
+    """Return the message of the error that parsing a hand description raises; None if there is no error."""
     try:
         parse_hand(data, "any.toml")
     except HandDescriptionError as error:
@@ -164,6 +166,7 @@ def read_error_message(data: bytes) -> str | None:
 
 
 def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
+    """Check that an error is one line with file, field, expected and found content, and remedy."""
     line = str(error)
     assert line.isprintable()
     assert line.startswith(f"{file}: {field}: expected ")

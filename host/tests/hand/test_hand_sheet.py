@@ -27,7 +27,8 @@ def get_margin(kind: BoardKind) -> tuple[FloatArray, FloatArray, FloatArray]:
     return rows[:, :3], rows[:, 3:6], rows[:, 6:9]
 
 
-def find_nearest_taxel_m(kind: BoardKind) -> FloatArray:
+def compute_taxel_distances_m(kind: BoardKind) -> FloatArray:
+    """Compute the distance from each margin square to its nearest taxel, f64[m], metres."""
     assert kind.surface is not None
     return np.asarray(np.linalg.norm(get_margin(kind)[0][:, None] - kind.surface.position, axis=2).min(axis=1))
 
@@ -86,7 +87,7 @@ def test_the_margin_of_a_flat_board_continues_the_grid_by_one_pitch(kind: str) -
     sheet = KINDS[kind].surface
     assert sheet is not None
     position, normal, distal = get_margin(KINDS[kind])
-    np.testing.assert_allclose(find_nearest_taxel_m(KINDS[kind]), PITCH_M, atol=2e-6)
+    np.testing.assert_allclose(compute_taxel_distances_m(KINDS[kind]), PITCH_M, atol=2e-6)
     np.testing.assert_allclose(normal, np.tile(sheet.normal[0], (len(normal), 1)), atol=1e-9)
     np.testing.assert_allclose(distal, np.tile(sheet.distal[0], (len(distal), 1)), atol=1e-9)
     steps = (position - sheet.position[0]) / PITCH_M
@@ -105,7 +106,7 @@ def test_squares_of_the_margin_do_not_overlap_other_squares(kind: str) -> None:
 @pytest.mark.parametrize("kind", [*WRAPPED, "fingertip"])
 def test_the_margin_of_a_bent_board_is_about_one_pitch_away(kind: str) -> None:
     """Distances are chords of the arc, and means where two neighbours extrapolate differently."""
-    distance = find_nearest_taxel_m(KINDS[kind])
+    distance = compute_taxel_distances_m(KINDS[kind])
     assert 0.6 * PITCH_M < distance.min() <= distance.max() < 1.3 * PITCH_M
     assert np.median(distance) == pytest.approx(PITCH_M, rel=0.05)
 

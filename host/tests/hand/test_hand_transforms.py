@@ -28,12 +28,14 @@ def make_rotation_vectors() -> NDArray[np.float64]:
 
 
 def make_random_transforms(*shape: int) -> NDArray[np.float64]:
+    """Make random rigid transforms, f64[*shape, 4, 4]."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     return tf.make_pose(rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 4)))
 
 
 def make_rpy_transforms(rpy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Make transforms f64[n, 4, 4] from roll, pitch and yaw f64[n, 3] with SciPy."""
     transforms = np.broadcast_to(np.eye(4), (len(rpy), 4, 4)).copy()
     transforms[:, :3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
     return transforms

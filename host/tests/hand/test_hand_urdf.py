@@ -35,6 +35,7 @@ def sample_joint_angles(robot: Robot = ROBOT) -> NDArray[np.float64]:
 
 
 def assert_same_poses(result: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    """Check that poses agree within `TOLERANCE` in position and rotation angle."""
     np.testing.assert_allclose(result[..., :3, 3], expected[..., :3, 3], rtol=0, atol=TOLERANCE)
     rotation = tf.to_rotation_vector(tf.inverse(expected) @ result)
     assert np.linalg.norm(rotation, axis=-1).max() < TOLERANCE
@@ -59,6 +60,7 @@ def compute_mujoco_poses(text: str, names: list[str], joint_names: tuple[str, ..
 
 
 def make_link(*shapes: Shape) -> Robot:
+    """Make a robot whose only moving link, "part", has the given shapes."""
     joint = Joint("j", "root", "part", np.eye(4), np.array([0.0, 0.0, 1.0]), -1.0, 1.0)
     return Robot("one", "A link", "root", (joint,), shapes)
 
@@ -99,9 +101,8 @@ def test_a_capsule_is_a_cylinder_and_two_spheres_in_visual_and_collision_geometr
 
 
 def test_the_spheres_of_a_capsule_are_at_the_ends_of_its_cylinder() -> None:
-    rotated = tf.make_pose(
-        [0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]
-    )  # z axis of the capsule = x axis of the link
+    # The z axis of the capsule is the x axis of the link.
+    rotated = tf.make_pose([0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     link = parse_urdf(make_link(Shape("part", "capsule", (0.01, 0.04), rotated))).find("link[@name='part']")
     assert link is not None
     centres = [
@@ -148,7 +149,7 @@ def test_a_moving_link_without_shapes_has_the_mass_of_a_small_sphere() -> None:
     mass = root.find("link[@name='forearm']/inertial/mass")
     assert mass is not None
     volume_m3 = 4 / 3 * np.pi * DEFAULT_RADIUS_M**3
-    assert float(mass.attrib["value"]) == pytest.approx(800 * volume_m3)  # density 800 kg/m3
+    assert float(mass.attrib["value"]) == pytest.approx(DENSITY_KG_M3 * volume_m3)
     assert root.find("link[@name='flange']/inertial") is None
 
 

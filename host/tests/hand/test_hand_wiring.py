@@ -44,6 +44,7 @@ address = 0x21
 
 
 def load_small_hand(branch: str = 'branch = "index"', wiring: str = "") -> Hand:
+    """Load a hand of two boards; branch: TOML line of the first board; wiring: TOML table [wiring]."""
     return parse_hand_description(SMALL_HAND.format(branch=branch, wiring=wiring).encode(), "small.toml")
 
 
@@ -57,7 +58,7 @@ def test_original_hand_has_a_branch_for_palm_back_and_each_finger(original: Hand
     assert sizes == {"back_of_hand": 1, "index": 5, "middle": 5, "palm": 1, "pinkie": 5}
 
 
-def test_unknown_branch_is_one_line_with_the_known_names(original: Hand) -> None:
+def test_unknown_branch_raises_a_one_line_error_with_the_known_names(original: Hand) -> None:
     with pytest.raises(
         UnknownBranchError, match=r"hand 'original' has no branch 'thumb'; expected one of back_of_hand"
     ):
@@ -98,28 +99,33 @@ def test_invalid_wiring_names_the_field_in_one_line(branch: str, wiring: str, ex
 
 
 def test_rise_time_without_series_resistance_is_that_of_the_specification() -> None:
-    wiring = Wiring((Branch("a", 2200.0, 100.0, 0.0), Branch("b", 2200.0, 100.0, 0.0)), False, 0.0, 10.0)
+    branches = tuple(Branch(name, pullup_ohm=2200.0, capacitance_pf=100.0, series_ohm=0.0) for name in ("a", "b"))
+    wiring = Wiring(branches, is_buffered=False, hub_pullup_ohm=0.0, hub_capacitance_pf=10.0)
+    resistance_ohm, capacitance_f = 2200.0 / 2, (2 * 100.0 + 10.0) * 1e-12
     for rise in compute_rise_times(wiring):
-        assert rise.rise_s == pytest.approx(0.8473 * 1100.0 * 210e-12, rel=1e-4)
+        assert rise.rise_s == pytest.approx(0.8473 * resistance_ohm * capacitance_f, rel=1e-4)
         assert rise.highest_scl_hz == 400e3
 
 
 def test_highest_clock_rate_of_a_branch_follows_its_capacitance() -> None:
     rates = []
     for picofarad in (50.0, 150.0, 500.0, 600.0):
-        wiring = Wiring((Branch("a", 2200.0, picofarad, 0.0),), True, 4700.0, 10.0)
-        rates.append(compute_rise_times(wiring)[1].highest_scl_hz)
+        branch = Branch("a", pullup_ohm=2200.0, capacitance_pf=picofarad, series_ohm=0.0)
+        _, rise = compute_rise_times(Wiring((branch,), is_buffered=True))
+        rates.append(rise.highest_scl_hz)
     assert rates == [1e6, 400e3, 100e3, 0.0]
 
 
-def test_table_of_the_page_is_up_to_date() -> None:
+def test_rise_time_table_of_the_wiring_page_is_up_to_date() -> None:
     tool = Path(__file__).parents[3] / "tools/hand/wiring_table.py"
     result = subprocess.run([sys.executable, tool, "--check"], check=False)
     assert result.returncode == 0, "run python tools/hand/wiring_table.py"
 
 
 def test_line_without_a_pull_up_never_rises() -> None:
-    assert math.isinf(compute_rise_times(Wiring((Branch("a", 0.0, 50.0, 0.0),), False, 0.0, 10.0))[0].rise_s)
+    branch = Branch("a", pullup_ohm=0.0, capacitance_pf=50.0, series_ohm=0.0)
+    rises = compute_rise_times(Wiring((branch,), is_buffered=False, hub_pullup_ohm=0.0))
+    assert all(math.isinf(rise.rise_s) for rise in rises)
 
 
 def test_assumed_wiring_of_the_original_hand_permits_400_khz(original: Hand) -> None:
@@ -139,7 +145,7 @@ def test_emulator_computes_the_same_rise_times(original: Hand, is_buffered: bool
     assert found == pytest.approx(expected, rel=3e-3)
 
 
-def test_boards_of_a_branch_that_stop_together_are_one_branch_fault(original: Hand) -> None:
+def test_boards_of_a_branch_that_stop_together_are_reported_as_one_branch_fault(original: Hand) -> None:
     members = [board.address for board in original.find_branch("index")]
     silent = find_silent_branches(original, members, dict.fromkeys(members, 5.0))
     assert silent.branches == ("index",)
@@ -149,30 +155,30 @@ def test_boards_of_a_branch_that_stop_together_are_one_branch_fault(original: Ha
     assert "\n" not in text
 
 
-def test_boards_of_a_branch_that_stop_one_after_the_other_are_single_boards(original: Hand) -> None:
+def test_boards_of_a_branch_that_stop_one_after_the_other_are_reported_as_single_boards(original: Hand) -> None:
     members = [board.address for board in original.find_branch("index")]
     silent = find_silent_branches(original, members, {address: 2.0 * i for i, address in enumerate(members)})
     assert silent.branches == ()
     assert len(silent.boards) == 5
 
 
-def test_incomplete_branch_is_no_branch_fault(original: Hand) -> None:
+def test_silence_of_all_but_one_board_of_a_branch_is_not_reported_as_a_branch_fault(original: Hand) -> None:
     members = [board.address for board in original.find_branch("index")][1:]
     silent = find_silent_branches(original, members)
     assert silent.branches == ()
     assert "and 1 more: check power and cable" in format_silent_boards(original, silent)
 
 
-def test_all_branches_silent_names_a_short_as_a_possible_cause(original: Hand) -> None:
+def test_line_about_a_hand_whose_branches_are_all_silent_names_a_short_as_a_possible_cause(original: Hand) -> None:
     silent = find_silent_branches(original, [board.address for board in original.boards])
     assert "disconnect the branches one at a time" in format_silent_boards(original, silent)
 
 
-def test_silent_board_that_is_alone_in_its_branch_is_a_single_board(original: Hand) -> None:
+def test_silent_board_that_is_alone_in_its_branch_is_reported_as_a_single_board(original: Hand) -> None:
     text = format_silent_boards(original, find_silent_branches(original, [0x15]))
     assert text == "no response from palm (0x15): check power and cable"
 
 
-def test_board_with_another_branch_is_another_board(original: Hand) -> None:
+def test_boards_that_differ_only_in_their_branch_are_not_equal(original: Hand) -> None:
     board = original.boards[0]
     assert board != replace(board, branch="middle")

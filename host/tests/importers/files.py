@@ -15,32 +15,39 @@ FRAMES = 40
 
 
 def make_time(frames=FRAMES, rate_hz=50.0):
-    """Times of the frames, seconds."""
+    """Return the times of the frames, seconds."""
     return np.arange(frames) / rate_hz
 
 
 def make_values(*shape, frames=FRAMES):
-    """Different values for every frame and taxel; the second half of the frames is in contact."""
+    """Make values f64[frames, *shape], all different.
+
+    The values of the first half of the frames are halved: without contact.
+    """
     values = np.arange(frames * int(np.prod(shape)), dtype=np.float64).reshape(frames, *shape) * 0.25
     values[: frames // 2] *= 0.5
     return values
 
 
 def write_csv(path: Path, columns: dict, header=True):
-    """Write a table of columns, numbers or texts."""
+    """Write a CSV table of columns (numbers or strings by name), and return its path."""
     rows = [",".join(columns)] if header else []
     rows += [",".join(str(entry) for entry in row) for row in zip(*columns.values(), strict=True)]
     path.write_text("\n".join(rows) + "\n")
     return path
 
 
-def numbered(prefix, values, first=0):
-    """Columns of a matrix with numbered names."""
+def number_columns(prefix, values, first=0):
+    """Return the columns of a matrix by name: the prefix and a number from `first` on."""
     return {f"{prefix}{index + first}": column for index, column in enumerate(np.asarray(values).T)}
 
 
 def write_lerobot(folder: Path, version: str, episodes: list[np.ndarray], tasks=("pick", "place")):
-    """Write a LeRobotDataset of episodes [T, k] with the feature observation.tactile."""
+    """Write a LeRobotDataset with the feature observation.tactile, and return its folder.
+
+    version: "v2..." (one file for each episode) or "v3..." (one file). episodes: values [T frames, k taxels]. tasks:
+    names; the episodes have them in turn.
+    """
     (folder / "meta").mkdir(parents=True)
     (folder / "data/chunk-000").mkdir(parents=True)
     is_v2 = version.startswith("v2")
@@ -77,7 +84,7 @@ PAD_TYPES = {"third_party/msg/Pad": "uint16[4] values\n", "third_party/msg/Tacti
 
 
 def _make_store(store):
-    """A type store with a message type of a third party: two pads of four values each."""
+    """Return a ROS type store with a third-party message type: two pads of four values each."""
     typestore = get_typestore(store)
     types = {}
     for name, text in PAD_TYPES.items():
@@ -87,6 +94,7 @@ def _make_store(store):
 
 
 def _make_message(typestore, values, time_ns, has_sequence):
+    """Make a third-party message with 8 values. has_sequence: its ROS 1 header has a sequence number."""
     types = typestore.types
     stamp = types["builtin_interfaces/msg/Time"](sec=time_ns // 10**9, nanosec=time_ns % 10**9)
     arguments = {"stamp": stamp, "frame_id": "pad"} | ({"seq": 0} if has_sequence else {})
@@ -99,7 +107,7 @@ START_NS = 1_700_000_000_000_000_001
 
 
 def write_bag2(path: Path, values, storage=StoragePlugin.MCAP, step_ns=20_000_000):
-    """Write a ROS 2 bag (folder) with the topic /tactile. values: [T, 8]. Return the folder."""
+    """Write a ROS 2 bag with the topic /tactile, and return its folder. values: [T frames, 8]."""
     typestore = _make_store(Stores.ROS2_HUMBLE)
     with Writer2(path, version=9, storage_plugin=storage) as writer:
         connection = writer.add_connection("/tactile", "third_party/msg/Tactile", typestore=typestore)
@@ -111,7 +119,7 @@ def write_bag2(path: Path, values, storage=StoragePlugin.MCAP, step_ns=20_000_00
 
 
 def write_bag1(path: Path, values, step_ns=20_000_000):
-    """Write a ROS 1 bag with the topic /tactile. values: [T, 8]."""
+    """Write a ROS 1 bag with the topic /tactile, and return its path. values: [T frames, 8]."""
     typestore = _make_store(Stores.ROS1_NOETIC)
     with Writer1(path) as writer:
         connection = writer.add_connection("/tactile", "third_party/msg/Tactile", typestore=typestore)
@@ -123,6 +131,6 @@ def write_bag1(path: Path, values, step_ns=20_000_000):
 
 
 def write_map(path: Path, text: str):
-    """Write a mapping with the required first lines."""
+    """Write a mapping file with the required first lines and `text`, and return its path."""
     path.write_text(f'format = "taxel-import-map"\nversion = 1\nsource = "real"\n{text}')
     return path

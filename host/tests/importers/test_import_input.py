@@ -7,26 +7,30 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_refused_command
-from host.tests.importers.files import make_time, make_values, numbered, write_csv, write_lerobot
+from host.tests.importers.files import make_time, make_values, number_columns, write_csv, write_lerobot
 
 
 def write_ragged(path):
-    lines = write_csv(path, {"time": make_time(), **numbered("p", make_values(3))}).read_text().splitlines()
+    """Write a CSV table whose line 7 has one entry too many."""
+    lines = write_csv(path, {"time": make_time(), **number_columns("p", make_values(3))}).read_text().splitlines()
     lines[6] += ",9"
     path.write_text("\n".join(lines))
 
 
 def write_text_entry(path):
-    lines = write_csv(path, {"time": make_time(), **numbered("p", make_values(3))}).read_text().splitlines()
+    """Write a CSV table in which the first value of line 7 is no number."""
+    lines = write_csv(path, {"time": make_time(), **number_columns("p", make_values(3))}).read_text().splitlines()
     lines[6] = lines[6].replace(",", ",minus", 1)
     path.write_text("\n".join(lines))
 
 
 def write_objects(path):
+    """Write a NumPy archive whose array contains Python objects."""
     np.savez(path, a=np.array([{}], dtype=object), allow_pickle=True)
 
 
 def write_other_zip(path):
+    """Write a ZIP archive without arrays."""
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("a.txt", "text")
 
@@ -54,13 +58,13 @@ INPUTS = {  # case: (file name, function that writes it, expected text of the er
 
 
 @pytest.mark.parametrize("case", INPUTS)
-def test_a_file_that_cannot_be_read_gives_one_line(tmp_path, capsys, case):
+def test_a_file_that_cannot_be_read_gives_one_error_line(tmp_path, capsys, case):
     name, write, message = INPUTS[case]
     write(tmp_path / name)
     assert message in run_refused_command(capsys, "import", "inspect", tmp_path / name)
 
 
-def test_an_entry_that_is_no_number_is_named_when_it_is_used(tmp_path, capsys):
+def test_an_entry_that_is_no_number_is_quoted_in_the_error(tmp_path, capsys):
     write_text_entry(tmp_path / "a.csv")
     text = 'format = "taxel-import-map"\nversion = 1\nsource = "real"\n[time]\nfield = "time"\n[values]\nprefix = "p"\n'
     (tmp_path / "m.toml").write_text(text)
@@ -78,7 +82,7 @@ LEROBOT = {  # case: (function that damages the folder, expected text of the err
 
 
 @pytest.mark.parametrize("case", LEROBOT)
-def test_a_damaged_lerobot_folder_gives_one_line(tmp_path, capsys, case):
+def test_a_damaged_lerobot_folder_gives_one_error_line(tmp_path, capsys, case):
     damage, message = LEROBOT[case]
     folder = write_lerobot(tmp_path / "robot", "v2.1", [make_values(8), make_values(8)])
     damage(folder)

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
-from host.tests.importers.files import FRAMES, make_time, make_values, numbered, write_bag2, write_csv, write_lerobot
+from host.tests.importers.files import (
+    FRAMES,
+    make_time,
+    make_values,
+    number_columns,
+    write_bag2,
+    write_csv,
+    write_lerobot,
+)
 from taxel.recording.general import GeneralDataset
 
 
@@ -33,7 +41,7 @@ def test_the_proposal_for_a_plain_npz_works_unchanged(tmp_path):
 def test_the_proposal_for_a_csv_of_a_10_x_10_mat_works_unchanged(tmp_path, unit):
     values = make_values(100)
     time = make_time() * (1000 if unit == "ms" else 1)
-    write_csv(tmp_path / "mat.csv", {"time": time, **numbered("p", values)})
+    write_csv(tmp_path / "mat.csv", {"time": time, **number_columns("p", values)})
     (contact,) = import_by_proposal(tmp_path, tmp_path / "mat.csv")
     np.testing.assert_array_equal(contact.values, values)
     np.testing.assert_allclose(contact.time, make_time())
@@ -41,12 +49,12 @@ def test_the_proposal_for_a_csv_of_a_10_x_10_mat_works_unchanged(tmp_path, unit)
 
 def test_the_proposal_for_a_csv_without_header_takes_the_increasing_first_column_as_time(tmp_path):
     values = make_values(100)
-    write_csv(tmp_path / "mat.csv", {"time": make_time(), **numbered("p", values)}, header=False)
+    write_csv(tmp_path / "mat.csv", {"time": make_time(), **number_columns("p", values)}, header=False)
     (contact,) = import_by_proposal(tmp_path, tmp_path / "mat.csv")
     np.testing.assert_array_equal(contact.values, values)
 
 
-def test_the_proposal_uses_columns_of_labels_and_contacts(tmp_path):
+def test_the_proposal_takes_labels_and_contacts_from_the_columns_with_their_names(tmp_path):
     values = make_values(6, frames=80)
     columns = {
         "stamp": np.tile(make_time(), 2),
@@ -55,7 +63,7 @@ def test_the_proposal_uses_columns_of_labels_and_contacts(tmp_path):
         "session": np.repeat([3, 4], FRAMES),
         "phase": (["baseline"] * 20 + ["hold"] * 20) * 2,
     }
-    write_csv(tmp_path / "log.csv", columns | numbered("taxel_", values))
+    write_csv(tmp_path / "log.csv", columns | number_columns("taxel_", values))
     first, second = import_by_proposal(tmp_path, tmp_path / "log.csv")
     assert (first.object, second.object, first.session, second.session) == ("cube", "ball", 3, 4)
     assert first.phase.tolist() == [0] * 20 + [2] * 20
@@ -79,18 +87,19 @@ def test_the_proposal_for_vectors_has_three_components(tmp_path):
     np.testing.assert_array_equal(contact.values, values)
 
 
-def test_the_proposals_for_a_bag_and_a_lerobot_folder_work_unchanged(tmp_path):
+def test_the_proposal_for_a_bag_works_unchanged(tmp_path):
     values = make_values(8).round()
     bag = write_bag2(tmp_path / "bag", values)
     (contact,) = import_by_proposal(tmp_path, bag)
     np.testing.assert_array_equal(contact.values, values)
+
+
+def test_the_proposal_for_a_lerobot_folder_works_unchanged_with_its_tasks_as_objects(tmp_path):
     folder = write_lerobot(tmp_path / "robot", "v3.0", [make_values(8), make_values(8)])
-    (tmp_path / "map.toml").unlink()
-    (tmp_path / "out.h5").unlink()
     assert [contact.object for contact in import_by_proposal(tmp_path, folder)] == ["pick", "place"]
 
 
-def test_inspect_prints_the_fields_and_the_mapping(tmp_path, capsys):
+def test_inspect_prints_the_shapes_of_the_fields_and_the_mapping_also_as_json(tmp_path, capsys):
     np.savez(tmp_path / "pad.npz", t=make_time(), pressure=make_values(16), name=np.array("mat"))
     assert run_taxel("import", "inspect", tmp_path / "pad.npz") == 0
     printed = capsys.readouterr().out
@@ -111,7 +120,7 @@ def test_inspect_replaces_a_mapping_only_with_the_option_overwrite(tmp_path, cap
     assert (tmp_path / "map.toml").read_text() == "mine"
 
 
-def test_a_file_without_an_array_of_taxels_is_refused_in_one_line(tmp_path, capsys):
+def test_a_file_without_an_array_of_taxels_gives_one_error_line(tmp_path, capsys):
     np.savez(tmp_path / "a.npz", t=make_time())
     line = run_refused_command(capsys, "import", "inspect", tmp_path / "a.npz")
     assert "a.npz: /: expected an array [frame, taxel]" in line

@@ -14,7 +14,7 @@ from host.tests.importers.files import (
     FRAMES,
     make_time,
     make_values,
-    numbered,
+    number_columns,
     write_bag1,
     write_bag2,
     write_csv,
@@ -34,7 +34,7 @@ def import_map(folder, text, *files):
 
 
 def refuse_map(capsys, folder, text, *files):
-    """The error line of an import by a wrong mapping."""
+    """Import files by a wrong mapping; check that no dataset is written, and return the error line."""
     path = write_map(folder / "map.toml", text)
     line = run_refused_command(capsys, "import", "map", *files, "--map", path, "--out", folder / "out.h5")
     assert not (folder / "out.h5").exists()
@@ -43,6 +43,7 @@ def refuse_map(capsys, folder, text, *files):
 
 @pytest.fixture
 def npz(tmp_path):
+    """Path of an archive with times, the values of 6 taxels, and their positions (`xyz`, millimetres)."""
     np.savez(tmp_path / "a.npz", time=make_time(), values=make_values(6), xyz=np.arange(18.0).reshape(6, 3))
     return tmp_path / "a.npz"
 
@@ -70,6 +71,9 @@ def test_json_output_has_the_numbers_of_the_report(tmp_path, npz, capsys):
     assert report == {"file": str(tmp_path / "o.h5"), "contacts": 1, "frames": 40, "taxels": 6, "components": 1}
 
 
+# Writers of one file each, with the fields `time` and `values` f64[T frames, n taxels]. They return its path.
+
+
 def write_parquet(folder, values):
     flat = pyarrow.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
     pyarrow.parquet.write_table(pyarrow.table({"time": make_time(), "values": flat}), folder / "a.parquet")
@@ -77,6 +81,7 @@ def write_parquet(folder, values):
 
 
 def write_nested_parquet(folder, values):
+    """Write a table in which the values of a frame are a list of two lists."""
     rows = values.reshape(len(values), 2, -1).tolist()
     pyarrow.parquet.write_table(pyarrow.table({"time": make_time(), "values": rows}), folder / "n.parquet")
     return folder / "n.parquet"
@@ -89,6 +94,7 @@ def write_hdf5(folder, values):
 
 
 def write_zarr(folder, values):
+    """Write a Zarr store; skip the test if the package `zarr` is not installed."""
     zarr = pytest.importorskip("zarr")
     root = zarr.open_group(str(folder / "a.zarr"), mode="w")
     for name, array in (("time", make_time()), ("values", values)):
@@ -104,7 +110,7 @@ def test_values_of_a_file_of_arrays_are_unchanged(tmp_path, write):
     np.testing.assert_allclose(contact.time, make_time())
 
 
-def test_a_zarr_store_without_the_package_zarr_is_refused_in_one_line(tmp_path, capsys, monkeypatch):
+def test_a_zarr_store_without_the_package_zarr_gives_one_error_line(tmp_path, capsys, monkeypatch):
     (tmp_path / "a.zarr").mkdir()
     (tmp_path / "a.zarr/zarr.json").write_text("{}")
     monkeypatch.setitem(__import__("sys").modules, "zarr", None)
@@ -132,7 +138,7 @@ def test_a_topic_of_a_third_party_in_a_bag_is_imported_with_exact_times(tmp_path
     np.testing.assert_allclose(contact.time, make_time(), rtol=0, atol=1e-12)
 
 
-def test_a_damaged_bag_is_refused_in_one_line(tmp_path, capsys):
+def test_a_damaged_bag_gives_one_error_line(tmp_path, capsys):
     path = write_bag1(tmp_path / "a.bag", make_values(8))
     path.write_bytes(path.read_bytes()[:2000])
     assert "a.bag: /: expected a complete ROS bag" in refuse_map(capsys, tmp_path, BAG_MAP, path)
@@ -149,7 +155,7 @@ SELECTIONS = {
 @pytest.mark.parametrize("case", SELECTIONS)
 def test_columns_of_a_table_are_selected_in_the_declared_order(tmp_path, case):
     values = make_values(3)
-    columns = numbered("p", values)
+    columns = number_columns("p", values)
     path = write_csv(tmp_path / "a.csv", {"time": make_time(), **dict(reversed(columns.items()))})
     if case == "range":
         path = write_csv(tmp_path / "a.csv", {"time": make_time(), **columns})
@@ -206,18 +212,25 @@ def test_every_file_is_a_contact_with_the_labels_of_its_pattern(tmp_path):
     assert labels == [(7, "none", "top"), (2, "ball", "top")]
 
 
-def test_positions_are_a_grid_or_a_field(tmp_path, npz):
+def test_positions_of_a_declared_grid_have_its_pitch(tmp_path, npz):
     header, _ = import_map(tmp_path, PLAIN + "[positions]\nrows = 2\ncolumns = 3\npitch_mm = 4.0\n", npz)
     np.testing.assert_allclose(header.places.position[4], [0.004, 0.004, 0.0])
     np.testing.assert_allclose(header.places.size, 0.004)
+
+
+def test_positions_of_a_field_are_converted_to_metres(tmp_path, npz):
     header, _ = import_map(tmp_path, PLAIN + '[positions]\nfield = "xyz"\nunit = "mm"\n', npz)
     np.testing.assert_allclose(header.places.position, np.arange(18.0).reshape(6, 3) * 1e-3)
+
+
+def test_declared_sensors_and_lines_of_the_taxels_are_written(tmp_path, npz):
     text = PLAIN + "[taxels]\nsensor = [0, 0, 0, 1, 1, 1]\ntx = [0, 0, 0, 1, 1, 1]\nrx = [0, 1, 2, 0, 1, 2]\n"
-    header, _ = import_map(tmp_path, text, npz)
-    assert header.places.sensor.tolist() == [0, 0, 0, 1, 1, 1]
+    places = import_map(tmp_path, text, npz)[0].places
+    assert places.sensor.tolist() == [0, 0, 0, 1, 1, 1]
+    assert (places.tx.tolist(), places.rx.tolist()) == ([0, 0, 0, 1, 1, 1], [0, 1, 2, 0, 1, 2])
 
 
-def test_valid_and_simulated_forces_are_read(tmp_path):
+def test_validity_and_forces_of_a_simulation_are_read(tmp_path):
     valid = np.ones(FRAMES)
     valid[3] = 0
     np.savez(tmp_path / "a.npz", time=make_time(), values=make_values(6), ok=valid, f=make_values(6), d=make_values(6))
@@ -245,7 +258,7 @@ def test_unsigned_nanoseconds_since_1970_keep_their_differences(tmp_path):
 
 
 def test_an_empty_entry_of_a_table_is_a_missing_value(tmp_path):
-    path = write_csv(tmp_path / "a.csv", {"time": make_time(), **numbered("p", make_values(3))})
+    path = write_csv(tmp_path / "a.csv", {"time": make_time(), **number_columns("p", make_values(3))})
     lines = path.read_text().splitlines()
     lines[5] = lines[5].rpartition(",")[0] + ","
     path.write_text("\n".join(lines))
@@ -304,7 +317,7 @@ WRONG_MAPS = {  # case: (mapping, expected text of the error)
 
 
 @pytest.mark.parametrize("case", WRONG_MAPS)
-def test_a_wrong_mapping_gives_one_line_with_file_and_key(tmp_path, capsys, case):
+def test_a_wrong_mapping_gives_one_error_line_with_file_and_key(tmp_path, capsys, case):
     nan_time, infinite = make_time(), make_values(6)
     nan_time[7] = np.nan
     infinite[3, 3] = np.inf
@@ -327,7 +340,7 @@ def test_a_wrong_mapping_gives_one_line_with_file_and_key(tmp_path, capsys, case
 
 
 @pytest.mark.parametrize("text", ["[time\n", 'format = "other"\n', 'format = "taxel-import-map"\nversion = 2\n'])
-def test_a_file_that_is_no_mapping_gives_one_line(tmp_path, npz, capsys, text):
+def test_a_file_that_is_no_mapping_gives_one_error_line(tmp_path, npz, capsys, text):
     (tmp_path / "map.toml").write_text(text)
     line = run_refused_command(capsys, "import", "map", npz, "--map", tmp_path / "map.toml", "--out", tmp_path / "o.h5")
     assert "map.toml" in line

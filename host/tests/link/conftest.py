@@ -41,7 +41,7 @@ def terminal() -> Iterator[Terminal]:
 
 @pytest.fixture
 def read_bytes() -> Callable[[Link, int], bytes]:
-    """Reads the given number of bytes from a link; after TIMEOUT_S, returns the bytes received so far."""
+    """Function that reads the given number of bytes from a link; after TIMEOUT_S, it returns the bytes so far."""
 
     def read(link: Link, size: int) -> bytes:
         data = b""
@@ -56,13 +56,13 @@ def read_bytes() -> Callable[[Link, int], bytes]:
 
 @pytest.fixture
 def small_world() -> str:
-    """World text of one board of 64 taxels."""
+    """World file of one board of 64 taxels."""
     return format_world(load_hand("flat8"), WorldSettings())
 
 
 @pytest.fixture
 def emulator_processes() -> Callable[[], set[int]]:
-    """Lists the process ids of the running emulators that this process has started."""
+    """Function that lists the process ids of the running emulators that this process has started."""
 
     def list_running() -> set[int]:
         process_ids = set()

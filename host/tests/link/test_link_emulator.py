@@ -21,7 +21,7 @@ from taxel.link import (
     run_emulator,
     write_stimulus,
 )
-from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
+from taxel_protocol import Command, FrameType, ReferenceDecoder, encode_frame
 from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
@@ -29,7 +29,7 @@ TIMEOUT_S = 20.0
 HANDSHAKE = encode_frame(
     FrameType.HOST_HANDSHAKE, 0, pack(HostHandshake, {"tag": 9, "version_min": 1, "version_max": 1})
 )
-START_COMMAND = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "command": 1}))
+START_COMMAND = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "command": Command.START}))
 
 INVALID_WORLDS = {  # case: (world text, regular expression of the error)
     "empty": ("", "a world|no board"),
@@ -47,7 +47,7 @@ INVALID_WORLDS = {  # case: (world text, regular expression of the error)
 
 
 def read_to_end(link):
-    """All bytes of a link, and the exception that ended the reading."""
+    """Read a link to its end; return all bytes, and the exception that ended the reading."""
     data = b""
     deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
@@ -73,7 +73,7 @@ def request_frame(link, request, reply_type):
 
 
 def open_streaming_link(world, **options):
-    """A link to an emulated hub that streams frames."""
+    """Open a link to an emulated hub, and let the hub stream frames."""
     link = EmulatorLink(world, **options)
     request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
     request_frame(link, START_COMMAND, FrameType.REPLY)
@@ -89,7 +89,7 @@ def test_the_emulated_hub_answers_a_handshake(small_world):
 
 
 def test_a_read_returns_none_if_another_thread_has_read_the_bytes(small_world, monkeypatch):
-    """`select` wakes both threads that read a link, but only one of the two threads receives the bytes."""
+    # `select` wakes both threads that read a link, but only one of the two threads receives the bytes.
     link = EmulatorLink(small_world)
     request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
     monkeypatch.setattr("taxel.link.emulator.select.select", lambda reads, *_: (reads, [], []))
@@ -245,7 +245,7 @@ def write_host_input(path):
         writer.write(START_COMMAND, 150_000_000)
 
 
-def test_a_run_without_a_host_gives_the_same_bytes_for_any_number_of_threads(tmp_path):
+def test_a_run_without_a_host_gives_the_same_bytes_for_any_number_of_threads_and_others_for_another_seed(tmp_path):
     hand = load_hand("allegro")
     settings = WorldSettings(faults=("0.5 unplug 0x22", "0.8 plug 0x22", "1.0 corrupt 0x23 3"))
     write_host_input(tmp_path / "host.bin")

@@ -20,7 +20,10 @@ I2C_AND_SMBUS, SMBUS_ONLY = 0x0EFF0001, 0x0EFF0000
 
 
 class FakeAdapter:
-    """Adapter whose transfers fail with an error number, or with different ones for each address."""
+    """I2C adapter in place of smbus2: boards answer at the addresses `answers`, other transfers fail with `error`.
+
+    funcs: functions that the adapter declares (I2C_FUNCS). addressed: addresses of all transfers so far.
+    """
 
     def __init__(self, answers: set[int], error: int = errno.ENXIO, funcs: int = I2C_AND_SMBUS) -> None:
         self.answers, self.error, self.funcs = answers, error, funcs
@@ -29,6 +32,7 @@ class FakeAdapter:
         self.addressed: list[int] = []
 
     def i2c_rdwr(self, message: Any) -> None:
+        """Accept a transfer to a board, and fail for other addresses; optionally, refuse transfers without data."""
         self.addressed.append(message.addr)
         if self.rejects_empty and not message.len:
             raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
@@ -42,16 +46,18 @@ class FakeAdapter:
 
 @pytest.fixture(autouse=True)
 def short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the search for boards end after 10 ms."""
     monkeypatch.setattr("taxel.link.linux_hub.adapter.BOARD_TIMEOUT_S", 0.01)
 
 
 def check_one_line(error: BaseException, *parts: str) -> None:
+    """Check that the text of an exception has one line and contains all `parts`."""
     assert "\n" not in str(error)
     for part in parts:
         assert part in str(error)
 
 
-def test_url_names_device_addresses_and_clock() -> None:
+def test_url_states_device_addresses_and_clock() -> None:
     parts = parse_i2c_url("i2c:///dev/i2c-1?boards=auto")
     assert (parts.device, parts.scl_hz) == ("/dev/i2c-1", None)
     assert parts.addresses == tuple(range(0x08, 0x78))
@@ -73,20 +79,20 @@ def test_url_names_device_addresses_and_clock() -> None:
         ("i2c:///dev/i2c-1?scl_hz=fast", "option 'scl_hz' must be a number from 10000 to 5000000, found 'fast'"),
     ],
 )
-def test_wrong_url_is_one_line(url: str, expected: str) -> None:
+def test_wrong_url_gives_one_error_line(url: str, expected: str) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(url)
     check_one_line(caught.value, url, expected)
 
 
-def test_missing_adapter_is_one_line_with_the_command_that_loads_the_driver() -> None:
+def test_missing_adapter_gives_one_error_line_with_the_command_that_loads_the_driver() -> None:
     for url in ("i2c:///dev/i2c-99", "/dev/i2c-99"):
         with pytest.raises(PortMissingError) as caught:
             open_link(url)
         check_one_line(caught.value, "/dev/i2c-99: cannot be opened (No such file", "modprobe i2c-dev")
 
 
-def test_missing_permission_is_one_line_that_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_permission_gives_one_error_line_that_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
     def reject(device: str) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
@@ -96,7 +102,7 @@ def test_missing_permission_is_one_line_that_names_the_group(monkeypatch: pytest
     check_one_line(caught.value, "/dev/i2c-1: cannot be opened (Permission denied)", "group i2c")
 
 
-def test_missing_smbus2_is_one_line_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_smbus2_gives_one_error_line_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "smbus2", None)
     with pytest.raises(MissingPackageError) as caught:
         open_link("i2c:///dev/i2c-1")
@@ -120,22 +126,27 @@ def test_adapter_without_plain_transfers_is_rejected_and_closed(monkeypatch: pyt
         ((0x1C, 0x1D), "no board answers at 0x1C, 0x1D"),
     ],
 )
-def test_bus_without_boards_is_one_line(addresses: tuple[int, ...], expected: str) -> None:
-    adapter = FakeAdapter(set())
+def test_bus_without_boards_gives_one_error_line(addresses: tuple[int, ...], expected: str) -> None:
     with pytest.raises(LinkError) as caught:
-        check_board_answers(adapter, "/dev/i2c-1", addresses)
+        check_board_answers(FakeAdapter(set()), "/dev/i2c-1", addresses)
     check_one_line(caught.value, expected, "i2cdetect -y 1")
-    assert set(adapter.addressed) == set(addresses)  # other devices on the bus are not addressed
+
+
+def test_search_for_boards_addresses_no_other_device_of_the_bus() -> None:
+    adapter = FakeAdapter(set())
+    with pytest.raises(LinkError):
+        check_board_answers(adapter, "/dev/i2c-1", (0x1C, 0x1D))
+    assert set(adapter.addressed) == {0x1C, 0x1D}
 
 
 @pytest.mark.parametrize(("error", "name"), [(errno.EBUSY, "EBUSY"), (errno.ETIMEDOUT, "ETIMEDOUT")])
-def test_held_line_is_distinguished_from_a_missing_board(error: int, name: str) -> None:
+def test_held_line_gives_an_error_line_of_its_own_instead_of_that_of_a_missing_board(error: int, name: str) -> None:
     with pytest.raises(LinkError) as caught:
         check_board_answers(FakeAdapter(set(), error), "/dev/i2c-1", (0x1C,))
     check_one_line(caught.value, f"'{name}': SDA or SCL is held low")
 
 
-def test_adapter_that_is_unplugged_during_the_search_is_one_line() -> None:
+def test_adapter_that_is_unplugged_during_the_search_gives_one_error_line() -> None:
     with pytest.raises(LinkError) as caught:
         check_board_answers(FakeAdapter(set(), errno.ENODEV), "/dev/i2c-1", (0x1C,))
     check_one_line(caught.value, "/dev/i2c-1: the adapter is gone")
@@ -165,13 +176,13 @@ def test_bus_clock_is_that_of_the_device_tree_or_100_khz(tmp_path: Any, monkeypa
 
 
 def read_until_failure(link: LinuxHubLink) -> None:
-    """The handshake after the start is delivered before the failure."""
+    """Read a link until it raises, at most 100 times: the handshake after the start precedes the failure."""
     for _ in range(100):
         link.read(0.1)
 
 
-def test_failure_of_the_adapter_ends_the_link_with_one_line() -> None:
-    """A file that is no adapter rejects the first transfer."""
+def test_failure_of_the_adapter_ends_the_link_with_one_error_line() -> None:
+    # A file that is no adapter rejects the first transfer.
     with Path("/dev/null").open("rb") as file:
         link = LinuxHubLink(SimpleNamespace(fd=file.fileno(), close=lambda: None), "/dev/i2c-1", 400e3, (0x1C,))
         try:

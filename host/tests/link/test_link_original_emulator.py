@@ -18,7 +18,7 @@ ORIGINAL = load_hand("original")
 
 
 def read_stream(url: str, size: int, hand: str = "original") -> bytes:
-    """The first `size` bytes of the original hub of a packaged hand."""
+    """Read at least `size` bytes of the emulated original hub of a packaged hand."""
     link = open_original_emulator(url, load_hand(hand))
     data = b""
     deadline = time.monotonic() + 20.0
@@ -33,7 +33,7 @@ def read_stream(url: str, size: int, hand: str = "original") -> bytes:
 
 
 def split_messages(stream: bytes) -> list[bytes]:
-    """Complete messages of an undamaged stream."""
+    """Divide an undamaged stream into its complete messages; the second byte of a message is its length."""
     messages = []
     while len(stream) > 1 and len(stream) >= stream[1]:
         messages.append(stream[: stream[1]])
@@ -68,10 +68,11 @@ def test_messages_without_timestamp_are_four_bytes_shorter():
     assert all(len(message) == 2 * taxels[message[2]] + 4 for message in messages)
 
 
-def test_in_real_time_the_hub_sends_its_bytes_at_the_rate_of_the_uart():
+def test_in_real_time_the_hub_sends_its_bytes_at_most_at_the_rate_of_the_uart():
+    bytes_per_second = 11520  # 115,200 baud, 10 bits per byte
     start = time.monotonic()
-    read_stream("emulator:?protocol=original", 11520)
-    assert 0.9 < time.monotonic() - start < 5.0
+    read_stream("emulator:?protocol=original", bytes_per_second)
+    assert 0.9 < time.monotonic() - start < 5.0  # a busy computer may read later
 
 
 @pytest.mark.parametrize(
@@ -152,7 +153,7 @@ def test_a_force_lowers_the_count_of_its_taxel_only():
     palm, taxel = 0x15, 5
 
     def read_palm(seconds: float) -> list[int]:
-        """The latest counts of the palm after reading for a time."""
+        """Read for a time; return the counts of the last message of the palm."""
         counts: list[int] = []
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -162,13 +163,13 @@ def test_a_force_lowers_the_count_of_its_taxel_only():
         return counts
 
     try:
-        rest = read_palm(0.8)
+        unloaded = read_palm(0.8)
         forces = np.zeros(ORIGINAL.n_taxels)
         forces[ORIGINAL.get_slice(palm).start + taxel] = 1.0
         link.apply(forces)
-        pressed = read_palm(0.8)
+        loaded = read_palm(0.8)
     finally:
         link.close()
-    signal_counts = np.subtract(rest, pressed)
-    assert 300 < signal_counts[taxel] < 700  # counts per newton, of a full scale of 4,000
+    signal_counts = np.subtract(unloaded, loaded)
+    assert 300 < signal_counts[taxel] < 700  # counts under 1 N; the full scale has 4,000 counts
     assert not np.delete(signal_counts, taxel).any()

@@ -1,4 +1,4 @@
-"""PCAPNG recordings: every byte, the times of the frames and the header survive; damaged files give one line."""
+"""PCAPNG recordings: bytes, times and header are read back as written; a damaged file gives one error line."""
 
 import contextlib
 import json
@@ -14,19 +14,30 @@ from taxel.link.pcapng import COMMENT_MAX, PIECE_MAX, PcapngWriter, make_block, 
 from taxel.link.pcapng_link import PcapngLink, is_pcapng
 
 HEADER = {"hand": "original", "clock": "host", "epoch_offset_ns": 1_700_000_000_000_000_000, "baud": 115200.0}
-SECTION = make_block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1))
+
+
+def make_section(*options, major_version=1):
+    """Make the section header block at the start of a file: byte-order magic, version, length -1 (unknown), options."""
+    content = struct.pack("<IHHq", 0x1A2B3C4D, major_version, 0, -1)
+    return make_block(0x0A0D0D0A, content + b"".join(options))
+
+
+SECTION = make_section()
 
 
 def make_interface(link_type=147, options=b""):
+    """Make an interface description block. link_type: 147 is USER0, that of the recordings."""
     return make_block(1, struct.pack("<HHI", link_type, 0, 0) + options)
 
 
 def make_packet(data, time=0, interface=0):
+    """Make an enhanced packet block. time: in the units of the interface, microseconds by default."""
     head = struct.pack("<IIIII", interface, time >> 32, time & 0xFFFFFFFF, len(data), len(data))
     return make_block(6, head + data + bytes(-len(data) % 4))
 
 
 def read_all(path):
+    """Read a PCAPNG file to its end; return the (closed) link and its chunks."""
     with PcapngLink(path) as link:
         chunks = []
         try:
@@ -37,12 +48,14 @@ def read_all(path):
 
 
 @pytest.mark.parametrize("header", [HEADER, {}, {"hand_description": "x" * 200_000}])
-def test_bytes_header_and_times_survive(tmp_path, header):
-    draw = np.random.default_rng(7)
-    data = draw.integers(0, 8, 20_000, dtype=np.uint8).tobytes() + b"\x05" * 100_000 + b"\0tail"
+def test_bytes_and_header_are_read_back_and_each_chunk_has_the_arrival_time_of_its_last_byte(tmp_path, header):
+    piece_bytes = 62  # bytes of each call of `write`, whose time is the position of its first byte
+    rng = np.random.default_rng(7)
+    frames = rng.integers(0, 8, 20_000, dtype=np.uint8).tobytes()  # a delimiter about every 8 bytes
+    data = frames + b"\x05" * 100_000 + b"\0tail"  # then more bytes without a delimiter than a packet holds
     with PcapngWriter(tmp_path / "x.pcapng", header) as writer:
-        for start in range(0, len(data), 62):
-            writer.write(data[start : start + 62], start)
+        for start in range(0, len(data), piece_bytes):
+            writer.write(data[start : start + piece_bytes], start)
     link, chunks = read_all(tmp_path / "x.pcapng")
     assert link.header == header
     assert b"".join(chunk.data for chunk in chunks) == data
@@ -52,10 +65,10 @@ def test_bytes_header_and_times_survive(tmp_path, header):
         end += len(chunk.data)
         assert chunk.data.endswith(b"\0")
         assert chunk.data.rstrip(b"\0") + b"\0" == chunk.data
-        assert chunk.arrival_ns == (end - 1) // 62 * 62
+        assert chunk.arrival_ns == (end - 1) // piece_bytes * piece_bytes
 
 
-def test_packets_have_unix_times(tmp_path):
+def test_packets_have_unix_times_in_the_file_and_recording_times_when_read(tmp_path):
     with PcapngWriter(tmp_path / "x.pcapng", HEADER) as writer:
         writer.write(b"\0abc\0", 5)
     content = (tmp_path / "x.pcapng").read_bytes()
@@ -64,23 +77,24 @@ def test_packets_have_unix_times(tmp_path):
     assert read_all(tmp_path / "x.pcapng")[1][0].arrival_ns == 5
 
 
-def test_files_of_other_programs_are_read(tmp_path):
-    milliseconds = make_interface(options=make_option(9, b"\x03"))
-    other = make_block(5, bytes(12))
-    (tmp_path / "x.pcapng").write_bytes(SECTION + milliseconds + other + make_packet(b"ab\0", 7) + make_packet(b"", 8))
+def test_a_file_with_times_in_milliseconds_and_with_other_blocks_is_read(tmp_path):
+    milliseconds = make_interface(options=make_option(9, b"\x03"))  # times in units of 10**-3 s
+    statistics = make_block(5, bytes(12))
+    packets = make_packet(b"ab\0", 7) + make_packet(b"", 8)
+    (tmp_path / "x.pcapng").write_bytes(SECTION + milliseconds + statistics + packets)
     link, chunks = read_all(tmp_path / "x.pcapng")
     assert (link.header, link.has_arrivals) == ({}, True)
     assert [(chunk.data, chunk.arrival_ns) for chunk in chunks] == [(b"ab\0", 7_000_000)]
 
 
 def test_a_big_endian_file_is_read(tmp_path):
-    def block(kind, content):
+    def make_big_endian_block(kind, content):
         size = struct.pack(">I", len(content) + 12)
         return struct.pack(">I", kind) + size + content + size
 
-    section = block(0x0A0D0D0A, struct.pack(">IHHq", 0x1A2B3C4D, 1, 0, -1))
-    interface = block(1, struct.pack(">HHI", 147, 0, 0))
-    packet = block(6, struct.pack(">IIIII", 0, 0, 3, 2, 2) + b"a\0\0\0")
+    section = make_big_endian_block(0x0A0D0D0A, struct.pack(">IHHq", 0x1A2B3C4D, 1, 0, -1))
+    interface = make_big_endian_block(1, struct.pack(">HHI", 147, 0, 0))
+    packet = make_big_endian_block(6, struct.pack(">IIIII", 0, 0, 3, 2, 2) + b"a\0\0\0")  # 3 us, 2 bytes
     (tmp_path / "x.pcapng").write_bytes(section + interface + packet)
     assert read_all(tmp_path / "x.pcapng")[1] == [(b"a\0", 3000)]
 
@@ -97,13 +111,10 @@ def test_a_big_endian_file_is_read(tmp_path):
         (SECTION + make_interface() + make_packet(b"a\0", 2**62), "is damaged at byte 48"),
         (SECTION + struct.pack("<II", 6, 0xFFFFFFFC), "is damaged at byte 28"),
         (SECTION + struct.pack("<II", 6, 4), "is damaged at byte 28"),
-        (
-            make_block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 2, 0, -1)),
-            "of version 2; this program reads version 1",
-        ),
+        (make_section(major_version=2), "of version 2; this program reads version 1"),
     ],
 )
-def test_a_damaged_file_gives_one_line(tmp_path, content, message):
+def test_a_damaged_file_gives_one_error_line(tmp_path, content, message):
     (tmp_path / "x.pcapng").write_bytes(content)
     with pytest.raises(CaptureError, match=message) as failure:
         read_all(tmp_path / "x.pcapng")
@@ -112,14 +123,14 @@ def test_a_damaged_file_gives_one_line(tmp_path, content, message):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_arbitrary_damage_raises_no_other_error(tmp_path, seed):
+def test_a_file_with_random_damage_is_read_or_raises_a_capture_error(tmp_path, seed):
     with PcapngWriter(tmp_path / "x.pcapng", HEADER) as writer:
         writer.write(b"\0abc\0\0def\0" * 20, 5)
-    draw = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     content = bytearray((tmp_path / "x.pcapng").read_bytes())
-    for position in draw.integers(4, len(content), 3):
-        content[position] = draw.integers(0, 256)
-    (tmp_path / "x.pcapng").write_bytes(content[: draw.integers(4, len(content) + 1)])
+    for position in rng.integers(4, len(content), 3):  # the first 4 bytes identify a PCAPNG file
+        content[position] = rng.integers(0, 256)
+    (tmp_path / "x.pcapng").write_bytes(content[: rng.integers(4, len(content) + 1)])
     with contextlib.suppress(CaptureError):
         read_all(tmp_path / "x.pcapng")
 
@@ -149,6 +160,7 @@ def test_a_comment_that_wireshark_adds_does_not_belong_to_the_header(tmp_path, l
     assert len(json.dumps(header)) == length
     with PcapngWriter(tmp_path / "x.pcapng", header) as writer:
         writer.write(b"a\0", 1)
+    # Wireshark appends its comment to the comments of the header, and replaces the name of the program (option 4).
     data = (tmp_path / "x.pcapng").read_bytes()
     size = struct.unpack_from("<I", data, 4)[0]
     section = data[8 : size - 4].replace(make_option(4, b"taxel") + make_option(0, b""), b"")
@@ -157,17 +169,13 @@ def test_a_comment_that_wireshark_adds_does_not_belong_to_the_header(tmp_path, l
     assert read_all(tmp_path / "y.pcapng")[0].header == header
 
 
-def make_commented(*options):
-    return make_block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1) + b"".join(options))
-
-
-def test_the_comment_of_another_program_is_no_header(tmp_path):
-    (tmp_path / "x.pcapng").write_bytes(make_commented(make_option(1, b"of yesterday")) + make_interface())
+def test_the_comment_of_another_program_is_not_read_as_a_header(tmp_path):
+    (tmp_path / "x.pcapng").write_bytes(make_section(make_option(1, b"of yesterday")) + make_interface())
     assert read_all(tmp_path / "x.pcapng")[0].header == {}
 
 
 @pytest.mark.parametrize(
-    ("options", "problem"),
+    ("options", "problem"),  # options: 1 is a comment, 4 is the name of the program
     [
         ((make_option(1, b"{"),), "valid JSON"),
         ((make_option(1, b'{"baud": "fast"}'),), "baud"),
@@ -176,7 +184,7 @@ def test_the_comment_of_another_program_is_no_header(tmp_path):
     ],
 )
 def test_a_damaged_header_is_reported_as_such(tmp_path, options, problem):
-    (tmp_path / "x.pcapng").write_bytes(make_commented(*options))
+    (tmp_path / "x.pcapng").write_bytes(make_section(*options))
     with pytest.raises(CaptureError, match=f"has a damaged header.*{problem}"):
         PcapngLink(tmp_path / "x.pcapng")
 

@@ -23,7 +23,7 @@ sys.stdin.read()
 
 @pytest.fixture
 def holder():
-    """A function that starts a process which opens a URL, and returns its process id."""
+    """Function that starts a process, waits until the process has opened a URL, and returns the process."""
     processes = []
 
     def start(url, code=HOLD):
@@ -41,7 +41,7 @@ def holder():
         process.stdout.close()
 
 
-def test_second_program_on_a_port_ends_with_one_line_that_names_the_process(terminal, holder, capsys):
+def test_second_program_on_a_port_ends_with_one_error_line_that_names_the_first_process(terminal, holder, capsys):
     process = holder(f"serial://{terminal.name}")
     line = run_refused_command(capsys, "monitor", terminal.name)
     pattern = rf"taxel: {terminal.name}: is used by process {process.pid} \(\S+\); end that program first"

@@ -23,7 +23,10 @@ COUNTS = {name: 1000 + 3 * np.arange(load_hand(name).n_taxels) for name in ("all
 
 @pytest.fixture
 def start_emulator(tmp_path):
-    """Starts an emulator behind a pseudo-terminal whose taxels measure COUNTS; returns (process, device path)."""
+    """Function that starts an emulator behind a pseudo-terminal; it returns (process, device path).
+
+    The taxels of the emulator measure COUNTS.
+    """
     processes = []
 
     def start(hand, *arguments):

@@ -23,19 +23,20 @@ def server():
         yield listening_socket
 
 
-def url_of(server):
-    """URL of a socket link to the server."""
+def make_url(server):
+    """Return the URL of a socket link to the server."""
     return f"socket://127.0.0.1:{server.getsockname()[1]}"
 
 
 def write_all(descriptor, data):
+    """Write all bytes to a file descriptor, also if one call accepts only a part of them."""
     view = memoryview(data)
     while view:
         view = view[os.write(descriptor, view) :]
 
 
 def read_until_vanished(link):
-    """All bytes of a link until its port vanishes, and the text of the error."""
+    """Read a link until its port vanishes; return all bytes, and the text of the error."""
     data = b""
     deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
@@ -103,13 +104,13 @@ def test_an_unplugged_port_is_reported_after_its_last_bytes(terminal, read_bytes
 @pytest.mark.parametrize("size", [1, 2, 3, 4095, 4096, 4097, 10_001])
 def test_no_byte_is_lost_when_the_other_end_closes(server, size):
     data = os.urandom(size)
-    link = open_link(url_of(server))
+    link = open_link(make_url(server))
     connection, _ = server.accept()
     connection.sendall(data)
     connection.close()
     received, text = read_until_vanished(link)
     assert received == data
-    assert text.startswith(url_of(server))
+    assert text.startswith(make_url(server))
     link.close()
 
 
@@ -235,7 +236,7 @@ def test_a_loop_port_returns_the_bytes_sent(read_bytes):
 
 def test_a_socket_passes_bytes_both_ways_unchanged(server, read_bytes):
     data = os.urandom(200_000)
-    link = open_link(url_of(server))
+    link = open_link(make_url(server))
     connection, _ = server.accept()
     with contextlib.closing(connection):
         link.write(EVERY_BYTE)
@@ -248,7 +249,7 @@ def test_a_socket_passes_bytes_both_ways_unchanged(server, read_bytes):
 
 
 def test_a_socket_without_a_server_is_reported_as_a_missing_port(server):
-    url = url_of(server)
+    url = make_url(server)
     server.close()
     with pytest.raises(PortMissingError) as caught:
         open_link(url)

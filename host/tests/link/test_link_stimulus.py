@@ -14,7 +14,7 @@ HEADER = struct.Struct("<8sIIII")  # magic, version, kind, number of taxels, res
 
 
 def make_stimulus_bytes(records, taxels=64, kind=0, version=1, magic=b"TAXELSTM"):
-    """A stimulus file. records: (time in s, value of every taxel)."""
+    """Make the content of a stimulus file. records: (time in s, value of every taxel). kind: 0 force, 1 counts."""
     body = b"".join(struct.pack("<d", time) + np.full(taxels, value, "<f4").tobytes() for time, value in records)
     return HEADER.pack(magic, version, kind, taxels, 0) + body
 

@@ -23,7 +23,7 @@ EMULATOR_OPTIONS = (
 
 
 def read_single_line(error: BaseException) -> str:
-    """The text of an error, which must be one non-empty line."""
+    """Check that the text of an exception is one non-empty line, and return it."""
     text = str(error)
     assert text
     assert "\n" not in text
@@ -38,7 +38,7 @@ def test_a_serial_port_has_three_spellings(terminal, url_pattern):
     link.close()
 
 
-def test_options_of_a_serial_url_reach_the_port(terminal):
+def test_the_baud_rate_of_a_serial_url_is_that_of_the_link(terminal):
     link = open_link(f"serial://{terminal.name}?baud=115200&rtscts=0&low_latency=0")
     assert link.baud == 115200
     link.close()
@@ -147,7 +147,7 @@ def test_an_emulator_url_with_a_path_is_refused(url):
         "rfc2217://127.0.0.1:99999", "serial:///dev/\0",
     ],
 )  # fmt: skip
-def test_every_malformed_url_raises_a_link_error_with_one_line(url):
+def test_every_malformed_url_raises_a_link_error_with_a_one_line_text(url):
     with pytest.raises(LinkError) as caught:
         taxel.open(url)
     assert not read_single_line(caught.value).startswith(":")  # the message begins with a name

@@ -46,7 +46,8 @@ class FakeSkin:
         self.monitor = SkinMonitor(self, samples=3)  # type: ignore[arg-type]
         self._cycle = 0
 
-    def frames(self, boards: Any = None) -> list[TaxelFrame]:
+    def make_frames(self, boards: Any = None) -> list[TaxelFrame]:
+        """Make one frame with the present counts `raw` for each of these boards (None: all), in the next cycle."""
         self._cycle += 1
         return [
             TaxelFrame(b.address, self._cycle, self._cycle, self.now_s, 0, 0, self.raw[self.hand.get_slice(b.address)])
@@ -57,15 +58,16 @@ class FakeSkin:
         """Pass frames of these boards (None: all) to the monitor for some seconds."""
         for _ in range(round(seconds / period_s)):
             self.now_s += period_s
-            self.monitor.take(self.frames(boards), self.now_s)
+            self.monitor.take(self.make_frames(boards), self.now_s)
 
     def read(self) -> Any:
+        """Return the reading of the monitor at the present time of the fake skin."""
         return self.monitor.read(self.now_s)
 
 
 @pytest.fixture
 def fake_skin() -> Any:
-    """A function that creates a `FakeSkin` of the default hand or another one."""
+    """A function that creates a `FakeSkin` of the hand `allegro` or another one."""
 
     def make(hand: str = "allegro", **options: Any) -> FakeSkin:
         return FakeSkin(load_hand(hand), **options)

@@ -27,6 +27,7 @@ class RestartableHub:
         self.start()
 
     def start(self) -> None:
+        """Start the hub, and let the name of the port point to its new pseudo-terminal."""
         self._process = subprocess.Popen(
             [find_emulator_program(), "--world", self._world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
         )
@@ -45,7 +46,7 @@ class RestartableHub:
         self._process.stdout.close()
 
     def freeze(self) -> None:
-        """Stop the hub, whose port stays open."""
+        """Suspend the process of the hub, whose port stays open but sends nothing."""
         assert self._process is not None
         os.kill(self._process.pid, signal.SIGSTOP)
 
@@ -95,6 +96,7 @@ class UnpluggableHub:
                     connection.sendall(chunk.data)
 
     def unplug(self) -> None:
+        """Close the connection of the host, and refuse new ones until `plug`."""
         self._is_plugged.clear()
         if self._connection is not None:
             self._connection.shutdown(socket.SHUT_RDWR)

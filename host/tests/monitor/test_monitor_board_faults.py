@@ -11,48 +11,60 @@ RECORD = FaultRecord(FaultCode.EXCEPTION, HARD_FAULT, 1, 0x1A2C, 0x1B47)
 
 @pytest.fixture
 def skin(fake_skin):
-    """A skin whose boards deliver frames, with a complete baseline; `reads` counts the fault records read."""
+    """A skin with a complete baseline; `read_addresses` lists the boards whose fault record was read."""
     skin = fake_skin()
-    skin.reads = []
+    skin.read_addresses = []
 
-    def read(address):
-        skin.reads.append(address)
+    def read_board_fault(address):
+        skin.read_addresses.append(address)
         return RECORD
 
-    skin.hub.read_board_fault = read
+    skin.hub.read_board_fault = read_board_fault
     skin.pass_time(2.0)
     return skin
 
 
-def report(skin, fault):
+def report_fault(skin, fault):
+    """Let the hub report a fault of the first board; return the address of this board."""
     address = skin.hand.boards[0].address
     skin.hub.faults.append({"address": address, "fault": int(fault)})
     return address
 
 
-def test_the_fault_of_a_restarted_board_is_shown_and_read_once(skin):
+def test_advice_states_the_fault_of_a_restarted_board_in_every_reading(skin):
     assert skin.read().advice is None
-    address = report(skin, BoardFault.RESTARTED)
+    address = report_fault(skin, BoardFault.RESTARTED)
     for _ in range(3):
         text = f"board 0x{address:02X} has restarted: HardFault at PC 0x00001A2C, LR 0x00001B47"
         assert skin.read().advice == text
-    assert skin.reads == [address]
-    report(skin, BoardFault.RESTARTED)
+
+
+def test_fault_record_is_read_once_for_each_restart(skin):
+    address = report_fault(skin, BoardFault.RESTARTED)
     skin.read()
-    assert skin.reads == [address, address]
+    skin.read()
+    assert skin.read_addresses == [address]
+    report_fault(skin, BoardFault.RESTARTED)
+    skin.read()
+    assert skin.read_addresses == [address, address]
 
 
-def test_other_faults_and_boards_without_a_record_give_no_advice(skin):
-    report(skin, BoardFault.NACK)
+def test_fault_other_than_a_restart_causes_no_advice_and_no_reading_of_a_record(skin):
+    report_fault(skin, BoardFault.NACK)
+    assert skin.read().advice is None
+    assert skin.read_addresses == []
+
+
+def test_restarted_board_without_a_fault_record_causes_no_advice(skin):
     skin.hub.read_board_fault = lambda address: None
-    report(skin, BoardFault.RESTARTED)
+    report_fault(skin, BoardFault.RESTARTED)
     assert skin.read().advice is None
 
 
-def test_a_board_that_does_not_answer_gives_no_error(skin):
-    def refuse(address):
+def test_restarted_board_that_does_not_answer_causes_no_advice_and_no_exception(skin):
+    def refuse_reading(address):
         raise HubError("nack")
 
-    skin.hub.read_board_fault = refuse
-    report(skin, BoardFault.RESTARTED)
+    skin.hub.read_board_fault = refuse_reading
+    report_fault(skin, BoardFault.RESTARTED)
     assert skin.read().advice is None

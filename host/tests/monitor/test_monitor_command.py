@@ -17,6 +17,8 @@ from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli import monitor as command
 
 SHORT_BASELINE = ("--baseline-frames", 5)
+ENTER_ALTERNATE_SCREEN, LEAVE_ALTERNATE_SCREEN = "\x1b[?1049h", "\x1b[?1049l"
+"""Control sequences of xterm. The alternate screen leaves the user's screen unchanged."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def run_json(capsys, *arguments):
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
-def test_once_prints_one_reading_of_the_emulated_hand(capsys):
+def test_once_prints_one_reading_without_losses_of_the_emulated_hand(capsys):
     (reading,) = run_json(capsys, "emulator:?speed=max", "--once", *SHORT_BASELINE)
     assert reading["boards_streaming"] == 17
     assert reading["baseline"] == 1.0
@@ -42,20 +44,23 @@ def test_once_prints_one_reading_of_the_emulated_hand(capsys):
     assert reading["lost_on_wire"] == reading["missing"] == reading["damaged"] == 0
 
 
-def test_once_completes_although_a_branch_stops_during_the_baseline(capsys):
-    url = "emulator:?speed=max&fault=3 branch_open index 0"
+def test_once_completes_the_baseline_of_the_other_boards_if_a_branch_stops_during_the_baseline(capsys):
+    url = (
+        "emulator:?speed=max&fault=3 branch_open index 0"  # the cable of the 5 boards of the index finger opens at 3 s
+    )
     (reading,) = run_json(capsys, url, "--once", "--seconds", 10)
-    assert reading["boards_streaming"] == 12
+    assert reading["boards_streaming"] == 17 - 5
     assert reading["baseline"] == 1.0
 
 
-def test_port_is_monitored(capsys, emulated_port):
+def test_reading_of_a_serial_port_has_all_boards_and_the_age_of_the_frames(capsys, emulated_port):
     (reading,) = run_json(capsys, f"serial://{emulated_port}", "--once", *SHORT_BASELINE)
     assert reading["boards_streaming"] == 17
-    assert reading["age_s"][0] < reading["age_s"][1] < 5.0
+    median_age_s, largest_age_s = reading["age_s"]
+    assert median_age_s < largest_age_s < 5.0
 
 
-def test_capture_is_played_to_its_end(capsys, capture):
+def test_capture_is_played_to_its_end_without_a_lost_frame(capsys, capture):
     *_, last = run_json(capsys, f"file:{capture}", "--speed", 50, *SHORT_BASELINE)
     assert last["advice"] == f"{capture} has ended"
     capsys.readouterr()
@@ -64,7 +69,8 @@ def test_capture_is_played_to_its_end(capsys, capture):
     assert last["frames"] == frames > 100
 
 
-def test_output_in_a_pipe_is_one_line_for_each_reading(capsys, capture):
+def test_output_in_a_pipe_is_one_line_of_text_for_each_reading(capsys, capture):
+    # At this speed the capture ends before the second reading, so there is only the line of the last reading.
     assert run_taxel("monitor", f"file:{capture}", "--speed", 50) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert re.search(r"17/17 boards, \d+ frames/s, baseline \d+ %", line)
@@ -106,7 +112,7 @@ class Terminal:
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """The terminal of the command, 80 x 24 characters in true colour. `close` returns its output."""
+    """A terminal of 80 x 24 characters in true colour, which the command uses. `close` returns its output."""
     terminal_80x24 = Terminal(80, 24)
     monkeypatch.setattr(sys, "stdin", terminal_80x24.input)
     monkeypatch.setattr(
@@ -119,25 +125,24 @@ def terminal(monkeypatch):
     return terminal_80x24
 
 
-def test_screen_is_drawn_and_restored(terminal, capture):
+def test_taxels_are_drawn_on_the_alternate_screen_and_the_terminal_is_restored(terminal, capture):
     modes = termios.tcgetattr(terminal.input.fileno())
     assert run_taxel("monitor", f"file:{capture}", "--speed", 2, *SHORT_BASELINE) == 0
     assert termios.tcgetattr(terminal.input.fileno()) == modes
     output = terminal.close()
-    assert "taxel monitor" in output
-    start, end = output.index("\x1b[?1049h"), output.index("\x1b[?1049l")
+    start, end = output.index(ENTER_ALTERNATE_SCREEN), output.index(LEAVE_ALTERNATE_SCREEN)
     assert start < output.index("▀") < end
     assert "has ended" in output[end:]  # the last line stays on the user's screen
 
 
-def test_keys_quit_and_restart_the_baseline(terminal, emulated_port):
+def test_key_q_ends_the_monitor_of_a_port_and_restores_the_screen(terminal, emulated_port):
     os.write(terminal.master, b"btq")  # b: new baseline, t: table, q: quit; typed before the skin is opened
     assert run_taxel("monitor", f"serial://{emulated_port}", *SHORT_BASELINE) == 0
-    assert "\x1b[?1049l" in terminal.close()
+    assert LEAVE_ALTERNATE_SCREEN in terminal.close()
 
 
-@pytest.mark.parametrize("once", [(), ("--once",)])
-def test_capture_without_frames_is_reported(capsys, tmp_path, once):
+@pytest.mark.parametrize(("once", "expected_status"), [((), 0), (("--once",), 1)])
+def test_capture_without_frames_is_reported_and_is_an_error_only_with_once(capsys, tmp_path, once, expected_status):
     from taxel.link import CaptureWriter
 
     with CaptureWriter(tmp_path / "empty.bin"):
@@ -145,7 +150,7 @@ def test_capture_without_frames_is_reported(capsys, tmp_path, once):
     status = run_taxel("monitor", f"file:{tmp_path / 'empty.bin'}", *once)
     output = capsys.readouterr()
     assert "has ended without a frame" in output.out + output.err
-    assert status == (1 if once else 0)
+    assert status == expected_status
 
 
 @pytest.mark.parametrize(
@@ -166,7 +171,7 @@ def test_missing_viser_gives_the_install_command(capsys, monkeypatch, capture):
     assert "pip install 'taxel[web]'" in run_refused_command(capsys, "monitor", f"file:{capture}", "--web")
 
 
-def test_page_is_served_on_loopback_only(capsys, capture):
+def test_web_option_prints_a_loopback_address_with_a_token(capsys, capture):
     pytest.importorskip("viser")
     arguments = ("monitor", f"file:{capture}", "--speed", 50, "--web", "--port", 0, "--seconds", 5)
     assert run_taxel(*arguments) == 0

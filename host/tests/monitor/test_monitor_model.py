@@ -8,7 +8,7 @@ import pytest
 from taxel.stream import BoardCount
 
 
-def test_touch_between_two_readings_is_reported(fake_skin):
+def test_touch_between_two_readings_is_reported_in_the_next_reading_only(fake_skin):
     skin = fake_skin()
     skin.pass_time(1.0)
     assert not skin.read().active.any()
@@ -53,14 +53,14 @@ def test_board_connected_later_has_its_own_baseline(fake_skin):
     assert reading.boards[-1].state == "no frame yet"
     assert np.isnan(reading.signal_counts[skin.hand.get_slice(late_board.address)]).all()
     skin.pass_time(0.1)
-    assert skin.read().boards[-1].baseline == pytest.approx(2 / 3)
+    assert skin.read().boards[-1].baseline_progress == pytest.approx(2 / 3)
     skin.pass_time(0.1)
     reading = skin.read()
     assert reading.boards[-1].state == "streaming"
     assert (reading.signal_counts == 0.0).all()
 
 
-def test_last_signals_of_a_silent_board_are_not_shown(fake_skin):
+def test_signals_and_rate_of_a_silent_board_are_removed_and_the_advice_names_it(fake_skin):
     skin = fake_skin()
     skin.pass_time(1.0)
     skin.raw[0] -= 500
@@ -75,7 +75,7 @@ def test_last_signals_of_a_silent_board_are_not_shown(fake_skin):
     assert "palm (0x20)" in reading.advice
 
 
-def test_baseline_can_be_restarted(fake_skin):
+def test_restarted_baseline_contains_only_frames_after_the_request(fake_skin):
     skin = fake_skin()
     skin.pass_time(1.0)
     skin.raw[:] -= 300
@@ -83,14 +83,14 @@ def test_baseline_can_be_restarted(fake_skin):
     assert skin.read().active.all()
     skin.monitor.restart_baseline()
     skin.pass_time(0.05)
-    assert skin.read().baseline == pytest.approx(1 / 3)
+    assert skin.read().baseline_progress == pytest.approx(1 / 3)
     skin.pass_time(0.2)
     reading = skin.read()
     assert reading.is_measuring
     assert not reading.active.any()
 
 
-def test_recorded_stream_uses_its_own_clock(fake_skin):
+def test_rates_of_a_recorded_stream_follow_the_clock_of_the_stream(fake_skin):
     skin = fake_skin(is_real_time=False, is_recorded=True)
     skin.now_s = 100.0
     for _ in range(20):
@@ -102,11 +102,11 @@ def test_recorded_stream_uses_its_own_clock(fake_skin):
 
 
 def test_reading_has_the_counters_of_stream_and_hub(fake_skin):
-    skin = fake_skin(counts={0x20: BoardCount(10, 2, 1)})
+    skin = fake_skin(counts={0x20: BoardCount(received=10, missing=2, damaged=1)})
     skin.losses.lost_on_wire = 5
     skin.hub.status = {"frames_dropped": 3, "bus_recoveries": 1, "cycle_time_us": 50_000}
-    kinds = {"nacks": 4, "timeouts": 3, "crc_errors": 2, "bus_errors": 1}
-    skin.hub.board_status[0x20] = {"state": 2, **kinds}
+    bus_faults = {"nacks": 4, "timeouts": 3, "crc_errors": 2, "bus_errors": 1}
+    skin.hub.board_status[0x20] = {"state": 2, **bus_faults}
     skin.pass_time(1.0)
     reading = skin.read()
     assert (reading.missing, reading.damaged, reading.lost_on_wire) == (2, 1, 5)
@@ -118,13 +118,13 @@ def test_reading_has_the_counters_of_stream_and_hub(fake_skin):
 
 
 def read_advice_after(skin, seconds=3.0, boards=None):
-    """Advice of the monitor after some seconds of frames."""
+    """Pass frames of these boards (None: all) for some seconds, and return the advice of the next reading."""
     if seconds:
         skin.pass_time(seconds, boards)
     return skin.read().advice
 
 
-def test_healthy_skin_has_no_advice(fake_skin):
+def test_healthy_skin_causes_no_advice(fake_skin):
     assert read_advice_after(fake_skin()) is None
 
 

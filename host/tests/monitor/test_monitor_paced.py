@@ -19,7 +19,7 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def capture(tmp_path):
-    """Ten chunks, 10 ms apart."""
+    """URL of a capture of ten chunks of one byte (0 to 9), 10 ms apart."""
     with CaptureWriter(tmp_path / "capture.bin") as writer:
         for number in range(10):
             writer.write(bytes([number]), 5_000_000_000 + number * 10_000_000)
@@ -27,7 +27,7 @@ def capture(tmp_path):
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])
-def test_chunks_arrive_at_their_times(clock, capture, speed):
+def test_chunks_arrive_at_their_recorded_times_divided_by_the_speed(clock, capture, speed):
     link = PacedLink(open_link(capture), speed)
     arrivals = []
     while len(arrivals) < 10:

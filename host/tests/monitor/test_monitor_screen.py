@@ -10,6 +10,7 @@ from taxel.hand import load_hand
 from taxel.monitor import Screen
 from taxel.monitor.board_layout import layout_rows, layout_unrolled
 from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE, UNKNOWN, ColourScale, colour_steps
+from taxel.monitor.screen import HEADER_ROWS
 
 SIZES = ((80, 24), (120, 40), (170, 50), (250, 70))
 
@@ -27,7 +28,7 @@ def touch_reading(fake_skin):
 
 
 def draw_screen(reading, width, height, shows_table=False, has_colour=True):
-    """The characters of a screen: (character, foreground colour, background colour), row by row."""
+    """Draw a reading, and return the rows of the screen: lists of (character, foreground and background colour)."""
     drawer = Screen(load_hand("allegro"), "fake", 150.0)
     drawer.shows_table = shows_table
     console = Console(file=io.StringIO(), width=width, height=height, color_system="truecolor", force_terminal=True)
@@ -44,29 +45,37 @@ def draw_screen(reading, width, height, shows_table=False, has_colour=True):
 
 
 def join_characters(rows):
-    """The text of a screen without colours."""
+    """Return the text of the rows of a screen, without colours."""
     return "\n".join("".join(character[0] for character in row) for row in rows)
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_every_taxel_is_on_the_screen_once(touch_reading, width, height):
+def test_screen_fills_the_terminal_and_has_half_blocks_for_every_taxel_once(touch_reading, width, height):
     rows = draw_screen(touch_reading, width, height)
     assert len(rows) == height
     assert {len(row) for row in rows} == {width}
     half_blocks = sum(
-        (character[1] is not None) + (character[2] is not None)
-        for row in rows[4:]
-        for character in row
-        if character[0] in "▀▄"
+        (foreground is not None) + (background is not None)
+        for row in rows[HEADER_ROWS:]
+        for character, foreground, background in row
+        if character in "▀▄"
     )
-    assert half_blocks in {1073, 4 * 1073}  # 2 x 2 half blocks per taxel on a large terminal
-    active_colour = tuple(TABLE[colour_steps(np.array([500.0]), 150.0, 500.0)[0]])
-    active_half_blocks = sum(colour == active_colour for row in rows[4:] for _, *colours in row for colour in colours)
-    assert active_half_blocks in {2, 8}
+    n_taxels = load_hand("allegro").n_taxels
+    assert half_blocks in {n_taxels, 4 * n_taxels}  # 2 x 2 half blocks per taxel on a large terminal
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_screen_has_rates_errors_and_active_taxels(touch_reading, width, height):
+def test_exactly_the_two_active_taxels_have_the_colour_of_their_signal(touch_reading, width, height):
+    rows = draw_screen(touch_reading, width, height)
+    active_colour = tuple(TABLE[colour_steps(np.array([500.0]), threshold=150.0, top=500.0)[0]])
+    half_blocks = sum(
+        colour == active_colour for row in rows[HEADER_ROWS:] for _, *colours in row for colour in colours
+    )
+    assert half_blocks in {2, 4 * 2}  # 2 x 2 half blocks per taxel on a large terminal
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_header_has_title_rates_errors_and_active_taxels(touch_reading, width, height):
     text = join_characters(draw_screen(touch_reading, width, height))
     for expected_text in (
         "fake",
@@ -80,10 +89,11 @@ def test_screen_has_rates_errors_and_active_taxels(touch_reading, width, height)
         assert expected_text in text
 
 
-def test_table_is_shown_beside_the_map_or_instead_of_it(touch_reading):
-    assert "medial back middle" in join_characters(draw_screen(touch_reading, 170, 50))
-    assert "medial back middle" not in join_characters(draw_screen(touch_reading, 80, 24))
-    assert "medial back middle" in join_characters(draw_screen(touch_reading, 80, 24, shows_table=True))
+def test_table_is_always_shown_on_a_large_terminal_and_on_request_on_a_small_one(touch_reading):
+    name_in_table = "medial back middle"  # the map has short names
+    assert name_in_table in join_characters(draw_screen(touch_reading, 170, 50))
+    assert name_in_table not in join_characters(draw_screen(touch_reading, 80, 24))
+    assert name_in_table in join_characters(draw_screen(touch_reading, 80, 24, shows_table=True))
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (10, 3), (40, 12), (300, 5)])
@@ -91,11 +101,11 @@ def test_any_terminal_size_is_accepted(touch_reading, width, height):
     assert len(draw_screen(touch_reading, width, height)) == height
 
 
-def test_active_taxels_are_blocks_without_colour(touch_reading):
+def test_without_colour_active_taxels_are_blocks_and_inactive_taxels_are_dots(touch_reading):
     rows = draw_screen(touch_reading, 80, 24, has_colour=False)
-    text = join_characters(rows[4:])
+    text = join_characters(rows[HEADER_ROWS:])
     assert text.count("▀") + text.count("▄") == 2
-    assert text.count("·") > 500
+    assert text.count("·") > 500  # a dot stands for one or two of the 1,071 inactive taxels
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])
@@ -125,20 +135,24 @@ def test_default_hand_fits_an_80_by_24_terminal():
     assert layout_rows(load_hand("allegro"), 80).height <= 20
 
 
-def test_active_taxel_is_brighter_than_any_inactive_one():
+def test_luminance_increases_with_the_signal_and_doubles_at_the_threshold():
     colour = TABLE / 255.0
     linear_light = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
-    light = linear_light @ [0.2126, 0.7152, 0.0722]
-    assert (np.diff(light[:STEPS]) > 0.0).all()
-    assert light[INACTIVE_STEPS] > 2.0 * light[INACTIVE_STEPS - 1]
-    steps = colour_steps(np.array([-50.0, 0.0, 150.0, 150.1, 499.0, 1e9, np.nan]), 150.0, 500.0)
+    luminance = linear_light @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(luminance[:STEPS]) > 0.0).all()
+    assert luminance[INACTIVE_STEPS] > 2.0 * luminance[INACTIVE_STEPS - 1]
+
+
+def test_colour_steps_change_from_inactive_to_active_above_the_threshold_and_end_at_the_top():
+    signals = np.array([-50.0, 0.0, 150.0, 150.1, 499.0, 1e9, np.nan])
+    steps = colour_steps(signals, threshold=150.0, top=500.0)
     assert steps.tolist() == [0, 0, INACTIVE_STEPS - 1, INACTIVE_STEPS, STEPS - 1, STEPS - 1, UNKNOWN]
 
 
-def test_colour_scale_rises_at_once_and_falls_slowly():
-    scale = ColourScale(150.0)
-    assert scale.update(20.0, 0.0) == 300.0
-    assert scale.update(1200.0, 1.0) == 1500.0
-    assert scale.update(20.0, 8.0) == 1500.0
-    assert scale.update(20.0, 12.0) == 300.0
-    assert scale.update(float("nan"), 30.0) == 300.0
+def test_end_of_the_colour_scale_rises_immediately_and_falls_after_ten_seconds():
+    scale = ColourScale(threshold=150.0, hold_s=10.0)
+    assert scale.update(20.0, now_s=0.0) == 300.0  # the smallest end: two thresholds
+    assert scale.update(1200.0, now_s=1.0) == 1500.0
+    assert scale.update(20.0, now_s=8.0) == 1500.0
+    assert scale.update(20.0, now_s=12.0) == 300.0
+    assert scale.update(float("nan"), now_s=30.0) == 300.0

@@ -1,4 +1,4 @@
-"""A port that vanishes: monitor and `record --wait` wait and continue, and all views show a banner."""
+"""A port that disappears: monitor and `record --wait` wait and continue, and all views show a banner."""
 
 import io
 import json
@@ -25,6 +25,7 @@ TAXEL = str(Path(sys.executable).with_name("taxel"))
 
 @pytest.fixture
 def hub(tmp_path):
+    """A running hub that a test can stop, start and freeze."""
     restartable = RestartableHub(tmp_path)
     yield restartable
     restartable.stop()
@@ -32,6 +33,7 @@ def hub(tmp_path):
 
 @pytest.fixture
 def cable():
+    """A running hub whose cable a test can unplug and plug in again."""
     unpluggable = UnpluggableHub()
     yield unpluggable
     unpluggable.close()
@@ -64,14 +66,14 @@ def test_monitor_waits_for_a_restarted_hub_and_resumes(hub):
         assert (reading.hub_restarts, reading.lost_on_wire) == (1, 0)
 
 
-def test_skin_without_waiting_ends_with_its_port(hub):
+def test_skin_that_does_not_wait_raises_an_error_if_its_port_disappears(hub):
     with open_skin(hub.url, "flat8") as skin:
         next(iter(skin))
         hub.stop()
         with pytest.raises(TaxelError, match="the port is gone"):
             for _ in skin:
                 pass
-        hub.start()
+        hub.start()  # the fixture stops a running hub
 
 
 def test_frames_that_a_running_hub_sent_to_an_unplugged_cable_are_lost_on_the_wire(cable):
@@ -84,7 +86,8 @@ def test_frames_that_a_running_hub_sent_to_an_unplugged_cable_are_lost_on_the_wi
         reading = watch_until(skin, monitor, lambda reading: reading.boards_streaming == 1)
         assert reading.hub_restarts == 0
         assert len(skin.reconnection.gaps) == 1
-        assert reading.lost_on_wire > 50  # two seconds of more than 100 frames per second
+        # More than 100 frames per second are lost for two seconds; they are also missing frames of their board.
+        assert reading.lost_on_wire > 50
         assert reading.missing > 50
 
 
@@ -121,14 +124,14 @@ def test_recording_continues_in_the_same_file_and_states_the_gap(capsys, hub, ca
     assert 3.9 < summary["seconds"] < 6.0
 
 
-def test_recording_without_wait_ends_with_the_port(hub, tmp_path):
+def test_recording_without_wait_ends_with_an_error_and_a_summary_if_the_port_disappears(hub, tmp_path):
     process = start_recording(hub.url, tmp_path / "skin.bin")
     hub.stop()
     output, errors = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 1
     assert "the port is gone" in errors
     assert "frames:" in output
-    hub.start()
+    hub.start()  # the fixture stops a running hub
 
 
 def test_recording_of_a_silent_hub_ends_at_the_requested_duration(hub, tmp_path):
@@ -139,24 +142,24 @@ def test_recording_of_a_silent_hub_ends_at_the_requested_duration(hub, tmp_path)
     assert "frames:" in output
 
 
-def print_canvas(canvas):
-    """The text of a drawing on a terminal."""
+def format_canvas(canvas):
+    """Return the text of a canvas on a terminal."""
     console = Console(file=io.StringIO(), width=80)
     console.print(canvas)
     return console.file.getvalue()
 
 
-def test_views_show_a_banner_instead_of_outdated_figures(fake_skin):
+def test_all_views_show_the_time_of_the_last_frame_instead_of_outdated_figures(fake_skin):
     skin = fake_skin("flat8")
     skin.pass_time(1.0)
     assert "no errors" in format_line(skin.read())
     skin.now_s += 60.0
     reading = skin.read()
-    since = time.strftime("%H:%M:%S", time.localtime(time.time() - 60.0))[:-1]
+    since = time.strftime("%H:%M:%S", time.localtime(time.time() - 60.0))[:-1]  # to ten seconds: the test takes time
     for text in (
         format_line(reading),
         format_status_html(reading, "fake"),
-        print_canvas(Screen(skin.hand, "fake", 150.0).draw(reading, 80, 24, False)),
+        format_canvas(Screen(skin.hand, "fake", 150.0).draw(reading, 80, 24, False)),
     ):
         assert f"no data since {since}" in text
         assert "scans/s" not in text
@@ -164,8 +167,8 @@ def test_views_show_a_banner_instead_of_outdated_figures(fake_skin):
     assert reading.as_dict()["no_data_since"].endswith("+00:00")
 
 
-def test_low_scan_rate_is_no_gap(fake_skin):
-    skin = fake_skin("flat8", rate_hz=0.2)
+def test_missing_data_is_reported_after_three_scan_periods_at_a_low_scan_rate(fake_skin):
+    skin = fake_skin("flat8", rate_hz=0.2)  # period 5 s
     skin.pass_time(1.0)
     skin.now_s += 10.0
     assert skin.read().no_data_since_s is None

@@ -25,7 +25,7 @@ from load_web import CAMERA
 from page_client import Request, open_page, send
 
 from taxel.monitor.web import WebView
-from taxel.monitor.web.admission import CLIENTS_MAX, IGNORED_MAX
+from taxel.monitor.web.admission import CLIENTS_MAX, IGNORED_MAX, POLICY_VIOLATION
 from taxel.monitor.web.page_input import MESSAGE_BYTES_MAX, PageInput
 from taxel.monitor.web.view import BOARDS, PANEL_EVERY
 
@@ -33,14 +33,19 @@ SEED = 3
 TIMEOUT_S = 60.0
 
 
-class Served:
-    """A page of a fake skin. `page`: the request of its user; `lines`: reported lines; `baselines`: restarts."""
+class ServedPage:
+    """A served page of a fake skin.
 
-    def __init__(self, skin, view, lines, baselines):
-        self.skin, self.view, self.lines, self.baselines = skin, view, lines, baselines
-        self.page = Request.of_page(view.url)
+    request: the request with which a user opens the page. lines: lines that the view has reported. restarts: an entry
+    for each restart of the baseline.
+    """
+
+    def __init__(self, skin, view, lines, restarts):
+        self.skin, self.view, self.lines, self.restarts = skin, view, lines, restarts
+        self.request = Request.of_page(view.url)
 
     def draw(self):
+        """Draw a reading with new frames."""
         self.skin.pass_time(0.1)
         self.view.draw(self.skin.read())
 
@@ -51,11 +56,11 @@ def serve(fake_skin, monkeypatch):
     views = []
 
     def start(**options):
-        skin, lines, baselines = fake_skin("flat8"), [], []
-        monkeypatch.setattr(skin.monitor, "restart_baseline", lambda: baselines.append(True))
+        skin, lines, restarts = fake_skin("flat8"), [], []
+        monkeypatch.setattr(skin.monitor, "restart_baseline", lambda: restarts.append(True))
         view = WebView(skin.monitor, "fake", 0, report=lines.append, **options)
         views.append(view)
-        return Served(skin, view, lines, baselines)
+        return ServedPage(skin, view, lines, restarts)
 
     yield start
     for view in views:
@@ -71,13 +76,13 @@ def wait_until(condition):
 
 
 def update(uuid, value):
-    """A message with a new value of a control."""
+    """Encode a message of the page that sets the control `uuid` to a value."""
     return msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
 
 def test_hostile_requests_are_refused(serve):
     served = serve()
-    results = asyncio.run(attack_requests(served.page, 105, SEED))
+    results = asyncio.run(attack_requests(served.request, 105, SEED))
     assert count_accepted(results) == 0
     assert all(sum(counts.values()) == 15 for counts in results.values())
     assert {Refusal.FOREIGN_HOST, Refusal.FOREIGN_ORIGIN, Refusal.NO_TOKEN, Refusal.OTHER_CLIENT} <= set(
@@ -88,19 +93,19 @@ def test_hostile_requests_are_refused(serve):
 
 def test_hostile_messages_change_nothing(serve):
     served = serve(has_control=True)
-    ordinary, oversized = asyncio.run(attack_messages(served.page, 240, SEED))
+    ordinary, oversized = asyncio.run(attack_messages(served.request, 240, SEED))
     wait_until(lambda: served.view.refusals.total == ordinary)
     assert oversized > 0
-    assert not served.baselines
+    assert not served.restarts
     assert served.view._choice.value == BOARDS
-    served.draw()
+    served.draw()  # the view still works
 
 
-def test_unknown_value_and_upload_leave_the_monitor_running(serve):
+def test_unknown_values_and_uploads_are_refused_and_leave_the_monitor_running(serve):
     served = serve()
 
     async def send_messages():
-        connection = await open_page(served.page)
+        connection = await open_page(served.request)
         await connection.send(CAMERA)
         for uuid in await read_control_uuids(connection):
             await connection.send(update(uuid, "no such board"))
@@ -114,17 +119,17 @@ def test_unknown_value_and_upload_leave_the_monitor_running(serve):
 
     asyncio.run(send_messages())
     wait_until(lambda: served.view.refusals.total > 0)
-    for _ in range(4):
+    for _ in range(PANEL_EVERY + 1):
         served.draw()
-    assert "\x1b" not in "".join(served.lines)
+    assert "\x1b" not in "".join(served.lines)  # no control sequence reaches the terminal
 
 
 @pytest.mark.parametrize("has_control", [False, True])
-def test_page_takes_the_baseline_only_with_control(serve, has_control):
+def test_page_can_restart_the_baseline_only_with_control(serve, has_control):
     served = serve(has_control=has_control)
 
-    async def press_all():
-        connection = await open_page(served.page)
+    async def set_all_controls():
+        connection = await open_page(served.request)
         await connection.send(CAMERA)
         wait_until(lambda: served.view.has_client)
         for uuid in await read_control_uuids(connection):
@@ -132,47 +137,47 @@ def test_page_takes_the_baseline_only_with_control(serve, has_control):
         await connection.ping()
         await connection.close()
 
-    asyncio.run(press_all())
+    asyncio.run(set_all_controls())
     if has_control:
-        wait_until(lambda: served.baselines)
+        wait_until(lambda: served.restarts)
     wait_until(lambda: served.view.refusals.total > 0)
-    assert len(served.baselines) == has_control
+    assert len(served.restarts) == has_control
 
 
-def test_page_is_loaded_again_with_its_cookie_and_connects_again(serve):
+def test_page_can_be_reloaded_with_its_cookie_and_each_ticket_permits_one_connection(serve):
     served = serve()
 
     async def reload():
-        first = await send(served.page)
-        reloaded = await send(served.page.with_headers(("Cookie", first.cookie)))
+        first = await send(served.request)
+        reloaded = await send(served.request.with_headers(("Cookie", first.cookie)))
         assert reloaded.status == 200
-        opened = await send(served.page.as_connection(reloaded.cookie))
+        opened = await send(served.request.as_connection(reloaded.cookie))
         assert opened.status == 101
-        assert (await send(served.page.as_connection(opened.cookie))).status == 101  # after a lost connection
-        assert (await send(served.page.as_connection(opened.cookie))).status == 403  # a ticket is valid once
+        assert (await send(served.request.as_connection(opened.cookie))).status == 101  # after a lost connection
+        assert (await send(served.request.as_connection(opened.cookie))).status == 403  # a ticket is valid once
 
     asyncio.run(reload())
 
 
 def test_address_of_another_run_is_refused(serve):
     first, second = serve(), serve()
-    old = Request(second.page.address, second.page.port, first.page.target)
+    old = Request(second.request.address, second.request.port, first.request.target)
     response = asyncio.run(send(old))
     assert response.status == 403
 
 
-def test_page_forbids_frames_caches_and_foreign_connections(serve):
-    text = asyncio.run(send(serve().page)).text
+def test_headers_of_the_page_forbid_frames_caches_referrers_and_scripts_that_read_the_cookie(serve):
+    text = asyncio.run(send(serve().request)).text
     for header in ("frame-ancestors 'none'", "Cache-Control: no-store", "Referrer-Policy: no-referrer", "HttpOnly"):
         assert header in text
 
 
-def test_number_of_pages_is_limited(serve):
+def test_page_above_the_largest_number_of_pages_is_refused(serve):
     served = serve()
 
     async def open_pages():
-        pages = [await open_page(served.page) for _ in range(CLIENTS_MAX)]
-        refused = await send(served.page.as_connection((await send(served.page)).cookie))
+        pages = [await open_page(served.request) for _ in range(CLIENTS_MAX)]
+        refused = await send(served.request.as_connection((await send(served.request)).cookie))
         for page in pages:
             page.transport.abort()
         return refused.status
@@ -180,17 +185,17 @@ def test_number_of_pages_is_limited(serve):
     assert asyncio.run(open_pages()) == 503
 
 
-def test_page_with_many_invalid_messages_is_disconnected(serve):
+def test_page_is_disconnected_after_the_largest_number_of_invalid_messages(serve):
     served = serve()
 
-    async def flood():
-        connection = await open_page(served.page)
+    async def send_invalid_messages():
+        connection = await open_page(served.request)
         for _ in range(IGNORED_MAX):
             await connection.send(b"garbage")
         await connection.wait_closed()
         return connection.close_code
 
-    assert asyncio.run(flood()) == 1008
+    assert asyncio.run(send_invalid_messages()) == POLICY_VIOLATION
     assert served.view.refusals.counts == {Refusal.MALFORMED: IGNORED_MAX}
 
 
@@ -198,11 +203,11 @@ def test_slow_reader_does_not_delay_other_pages(serve):
     served = serve()
 
     async def read_beside_slow_readers():
-        slow = [await open_page(served.page, max_queue=1) for _ in range(8)]
+        slow = [await open_page(served.request, max_queue=1) for _ in range(8)]
         for connection in slow:
             await connection.send(CAMERA)
             connection.transport.pause_reading()
-        reader = await open_page(served.page)
+        reader = await open_page(served.request)
         await read_control_uuids(reader)
         await reader.send(CAMERA)
         await asyncio.to_thread(wait_until, lambda: served.view.has_client)
@@ -220,8 +225,8 @@ def test_used_port_is_reported_with_one_line(serve, fake_skin):
     from taxel.monitor.web import WebError
 
     served = serve()
-    with pytest.raises(WebError, match=f"port {served.page.port} of 127.0.0.1 is not available"):
-        WebView(fake_skin("flat8").monitor, "fake", served.page.port)
+    with pytest.raises(WebError, match=f"port {served.request.port} of 127.0.0.1 is not available"):
+        WebView(fake_skin("flat8").monitor, "fake", served.request.port)
 
 
 def test_page_is_not_served_by_a_viser_without_checks(fake_skin, monkeypatch):
@@ -232,14 +237,14 @@ def test_page_is_not_served_by_a_viser_without_checks(fake_skin, monkeypatch):
         WebView(fake_skin("flat8").monitor, "fake", 0)
 
 
-def test_unused_tickets_are_limited():
+def test_number_of_unused_tickets_is_limited():
     gate = Gate()
     for _ in range(TICKETS_MAX + 10):
         gate.make_cookie()
     assert len(gate._tickets) == TICKETS_MAX
 
 
-def test_valid_messages_of_the_page_are_admitted():
+def test_only_camera_poses_and_known_values_of_known_controls_are_accepted():
     page_input = PageInput()
     page_input.allow("side", ("palm side", "back"))
     assert page_input.check(CAMERA) is None
@@ -249,7 +254,7 @@ def test_valid_messages_of_the_page_are_admitted():
     assert page_input.check(b"\0" * (MESSAGE_BYTES_MAX + 1)) is Refusal.MALFORMED
 
 
-def test_random_messages_are_never_admitted():
+def test_random_messages_are_never_accepted():
     import random
 
     rng, page_input = random.Random(SEED), PageInput()

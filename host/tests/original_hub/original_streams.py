@@ -21,7 +21,7 @@ class SentMessage:
     data: bytes
 
 
-def synthesise(
+def synthesise_messages(
     cycles: int,
     seed: int = 1,
     order: Sequence[int] = ORDER,
@@ -30,7 +30,11 @@ def synthesise(
     not_sent: Iterable[tuple[int, int]] = (),
     time_ms: float = 120_000.0,
 ) -> list[SentMessage]:
-    """Messages of a hub that reads the boards in `order`; not_sent: (cycle, address) that the hub does not send."""
+    """Synthesise the messages of a hub that reads its boards in `order`, with random counts.
+
+    pause_ms: pause of the hub after each cycle. not_sent: (cycle, address) of the messages that the hub does not send.
+    time_ms: timestamp of the first message.
+    """
     rng = np.random.default_rng(seed)
     skipped = set(not_sent)
     messages = []
@@ -45,8 +49,8 @@ def synthesise(
     return messages
 
 
-def join(messages: Iterable[SentMessage]) -> bytes:
-    """Bytes of the messages."""
+def join_messages(messages: Iterable[SentMessage]) -> bytes:
+    """Return the bytes of successive messages."""
     return b"".join(message.data for message in messages)
 
 
@@ -61,6 +65,7 @@ class BytesLink:
     baud = 115200.0
 
     def __init__(self, data: bytes, size: int = 700) -> None:
+        """Create a link that returns `data` in pieces of `size` bytes."""
         self._data = data
         self._size = size
 
@@ -84,17 +89,21 @@ def damage_bytes(messages: Sequence[SentMessage], share: float, seed: int) -> tu
 
     Returns the received bytes, and whether each message arrived undamaged.
     """
+    changed, dropped, preceded, undamaged = range(4)
     rng = np.random.default_rng(seed)
     pieces: list[bytes] = []
-    keep: list[bool] = []
+    is_undamaged: list[bool] = []
     for message in messages:
         received = bytearray()
         hits = rng.random(len(message.data)) < share
         for byte, is_hit in zip(message.data, hits.tolist(), strict=True):
-            kind = int(rng.integers(3)) if is_hit else 3
-            received += bytes([(byte + int(rng.integers(1, 256))) % 256]) if kind == 0 else b""
-            received += bytes([int(rng.integers(256)), byte]) if kind == 2 else b""
-            received += bytes([byte]) if kind == 3 else b""
+            damage = int(rng.integers(3)) if is_hit else undamaged
+            if damage == changed:
+                received.append((byte + int(rng.integers(1, 256))) % 256)
+            elif damage == preceded:
+                received += bytes([int(rng.integers(256)), byte])
+            elif damage != dropped:
+                received.append(byte)
         pieces.append(bytes(received))
-        keep.append(not hits.any())
-    return b"".join(pieces), keep
+        is_undamaged.append(not hits.any())
+    return b"".join(pieces), is_undamaged

@@ -1,4 +1,4 @@
-"""Analysis and ROS topics with an original hub: `taxel gap diagnose` on its frames, and `taxel ros`."""
+"""An original hub as a source of `taxel ros` and, with its frames in grasp datasets, of `taxel gap diagnose`."""
 
 import json
 from pathlib import Path
@@ -19,12 +19,13 @@ from taxel.types import FloatArray
 
 PHASE_ENDS_S = {Phase.BASELINE: 4.0, Phase.CLOSING: 6.0, Phase.HOLD: 7.5, Phase.RELEASE: 8.5, Phase.RECOVERY: np.inf}
 SIGNAL_COUNTS = 600
+"""Signal that is added to two taxels in the hold."""
 SEED = 5
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten virtual seconds of an emulated original hub."""
+    """Record an emulated original hub for ten virtual seconds; return the capture file."""
     path = tmp_path_factory.mktemp("original") / "skin.bin"
     url = f"emulator:?protocol=original&speed=max&seed={SEED}&duration_s=20"
     assert run_taxel("record", url, "--seconds", "10", "--out", str(path)) == 0
@@ -48,7 +49,7 @@ class CollectingNode:
 
 
 @pytest.mark.parametrize("options", [(), ("--original-topics",)])
-def test_ros_publishes_all_boards_of_an_original_hub(
+def test_ros_publishes_messages_of_all_boards_of_an_original_hub_at_most_at_its_rate(
     capture: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = CollectingNode()
@@ -66,9 +67,9 @@ def test_ros_publishes_all_boards_of_an_original_hub(
 
 
 def make_grasps(capture: Path, tmp_path: Path, force: FloatArray | None) -> Path:
-    """A dataset of four grasps with the times and counts of the hub; two taxels of the palm are loaded in hold.
+    """Write a dataset of four grasps with the times and counts of the hub; two taxels of the palm are loaded in hold.
 
-    force: f64[n], newtons, of a simulation; None: a hand.
+    force: f64[n], newtons, contact forces of a simulated dataset; None: the dataset is a real one.
     """
     frames, out = tmp_path / "frames.h5", tmp_path / ("real.h5" if force is None else "sim.h5")
     if not frames.exists():
@@ -105,7 +106,7 @@ def make_grasps(capture: Path, tmp_path: Path, force: FloatArray | None) -> Path
     return out
 
 
-def test_grasps_of_an_original_hub_can_be_diagnosed(
+def test_gap_diagnose_reports_on_grasps_recorded_with_an_original_hub(
     capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     real = make_grasps(capture, tmp_path, None)

@@ -1,4 +1,4 @@
-"""Commands with an original hub: record, replay, monitor, convert, and the tools that need the project's firmware."""
+"""Commands with an original hub: record, replay, monitor, convert, and the refusal of commands for other firmware."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ def count_frames(skin: Skin) -> int:
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A capture that `taxel record` made of an emulated original hub."""
+    """Record an emulated original hub with `taxel record`; return the capture file."""
     path = tmp_path_factory.mktemp("original") / "skin.bin"
     assert run_taxel("record", URL, "--hand", "original", "--seconds", "10", "--out", str(path)) == 0
     return path
@@ -37,7 +37,9 @@ def test_recording_contains_its_hand_and_is_read_without_the_option(capture: Pat
         assert sum(count.missing for count in skin.losses.boards.values()) == 0
 
 
-def test_replay_summarises_the_recording(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_summarises_the_recording_without_losses_at_5_cycles_per_second(
+    capture: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_taxel("replay", str(capture), "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["hand"] == "original"
@@ -45,14 +47,16 @@ def test_replay_summarises_the_recording(capture: Path, capsys: pytest.CaptureFi
     assert all(5.0 < board["rate_hz"] < 5.5 and board["missing"] == 0 for board in summary["boards"])
 
 
-def test_monitor_shows_the_emulated_original_hub(capsys: pytest.CaptureFixture[str]) -> None:
+def test_monitor_shows_all_17_boards_of_an_emulated_original_hub_without_losses(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run_taxel("monitor", "emulator:?protocol=original&hand=original", "--seconds", "2", "--json") == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert lines[-1]["boards_streaming"] == 17
     assert lines[-1]["missing"] == 0
 
 
-def test_recording_converts_to_a_grasp_dataset(capture: Path, tmp_path: Path) -> None:
+def test_recording_converts_to_a_grasp_dataset_with_finite_times(capture: Path, tmp_path: Path) -> None:
     path = tmp_path / "skin.h5"
     assert run_taxel("convert", str(capture), str(path), "--object", "cylinder", "--approach", "side_1") == 0
     with GraspDataset(path) as data:
@@ -61,13 +65,13 @@ def test_recording_converts_to_a_grasp_dataset(capture: Path, tmp_path: Path) ->
         assert np.isfinite(grasp.timestamp).all()
 
 
-def test_mcap_recording_contains_the_topics_of_the_boards(tmp_path: Path) -> None:
+def test_mcap_recording_contains_all_frames(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
     path = tmp_path / "skin.mcap"
     with open_recorded(URL, path, "original") as skin:
-        frames = count_frames(skin)
+        recorded_frames = count_frames(skin)
     with open_skin(f"file:{path}") as skin:
-        assert count_frames(skin) == frames
+        assert count_frames(skin) == recorded_frames
 
 
 @pytest.mark.parametrize("url", ["serial:///dev/ttyUSB0?protocol=original", "emulator:?protocol=original"])
@@ -83,7 +87,7 @@ def test_mcap_recording_contains_the_topics_of_the_boards(tmp_path: Path) -> Non
         ["flash", "URL", "image.cyacd", "--all"],
     ],
 )
-def test_command_that_needs_the_projects_firmware_is_refused_with_one_line(
+def test_command_that_needs_the_projects_firmware_is_refused_with_a_one_line_message(
     arguments: list[str], url: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

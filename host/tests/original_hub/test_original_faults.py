@@ -22,7 +22,7 @@ HAND = load_hand("original")
 
 
 def open_faulty(faults: list[str], firmware: OriginalFirmware = THESIS, duration_s: float = 12.0) -> Skin:
-    """The emulated original hand with faults of boards and hub, in virtual time."""
+    """Open an emulated original hand in virtual time. faults: lines "SECONDS FAULT ARGUMENT" of the world file."""
     world = format_world(HAND, make_original_settings(firmware, faults=faults))
     source = EmulatorLink(world, fast=True, duration_s=duration_s, baud=115200.0)
     return Skin(OriginalLink(source, HAND, FORMATS["original"]), HAND)
@@ -38,7 +38,7 @@ def test_unplugged_board_is_missing_until_it_returns_and_nothing_else_is_lost() 
         assert skin.losses.lost_on_wire == 0
 
 
-def test_board_that_the_hub_gives_up_is_reported_as_absent() -> None:
+def test_board_that_the_hub_gives_up_is_reported_as_absent_and_not_as_missing() -> None:
     """The branches of the original hub give up a board after 10 failed tries, until the hub is reset."""
     with open_faulty(["3 unplug 0x09", "4 plug 0x09"], replace(THESIS, variant="branch")) as skin:
         frames = list(skin)
@@ -48,7 +48,7 @@ def test_board_that_the_hub_gives_up_is_reported_as_absent() -> None:
         assert len({frame.cycle for frame in frames if frame.address == 0x08}) == frames[-1].cycle + 1
 
 
-def test_restart_of_the_hub_is_noticed_and_the_stream_continues() -> None:
+def test_restart_of_the_hub_is_counted_and_the_stream_continues() -> None:
     with open_faulty(["5 hub_restart 0"]) as skin:
         frames = list(skin)
         assert skin.losses.restarts == 1
@@ -57,7 +57,7 @@ def test_restart_of_the_hub_is_noticed_and_the_stream_continues() -> None:
         assert len(frames) == skin.link.decoder.messages  # type: ignore[attr-defined]
 
 
-def test_contact_activates_the_loaded_taxels(tmp_path: Path) -> None:
+def test_contact_activates_loaded_taxels_only(tmp_path: Path) -> None:
     contact = Indentation("palm", 6.0, 5.0, 8.0, 8.0)
     times, forces = compute_indentation_forces(HAND, (contact,))
     path = tmp_path / "contact.stm"

@@ -21,12 +21,13 @@ from taxel.skin import open_skin
 CHANNEL = "original-hub-test"
 TIMELINE = Timeline(baseline_s=1.0, closing_s=0.6, hold_s=1.0, release_s=0.6, recovery_s=0.4)
 SILENCE_LIMIT_S = 1.2
-"""Long limit of the driver, because a loaded machine can suspend the thread of the virtual hand."""
+"""Time without reports after which the driver raises an error; long, because a loaded machine can suspend the thread
+of the virtual hand."""
 
 
 @contextmanager
 def open_workstation(setup: Setup) -> Iterator[Workstation]:
-    """A workstation with a virtual hand in its own thread and an emulated original skin."""
+    """Open a workstation with a virtual hand in its own thread, an emulated original skin and a simulated arm."""
     stop = threading.Event()
     with can.Bus(CHANNEL, "virtual") as host_bus, can.Bus(CHANNEL, "virtual") as hand_bus:
         thread = threading.Thread(target=VirtualAllegro(hand_bus, FreeJoints()).run, args=(stop,))
@@ -43,7 +44,7 @@ def open_workstation(setup: Setup) -> Iterator[Workstation]:
             thread.join()
 
 
-def test_physical_campaign_records_the_skin_of_an_original_hub(tmp_path: Path) -> None:
+def test_physical_campaign_records_a_grasp_with_the_frames_of_an_original_hub(tmp_path: Path) -> None:
     setup = Setup(load_hand("original"))
     grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder"][:1]
     path = tmp_path / "real.h5"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import taxel
-from host.tests.original_hub.original_streams import ORDER, join, synthesise
+from host.tests.original_hub.original_streams import ORDER, join_messages, synthesise_messages
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
 from taxel.link import CaptureWriter, LinkError
@@ -23,6 +23,7 @@ from taxel_protocol.original import FORMATS, READ_SEQUENCE
 
 EMULATOR = "emulator:?protocol=original&speed=max&seed=3"
 FITTED_ORDER = tuple(address for address in READ_SEQUENCE if not 0x10 <= address <= 0x14)
+"""Read sequence of the boards of the original hand, which lacks the boards of the thumb."""
 
 
 def open_emulator(options: str = "&duration_s=6", hand: str = "original") -> Skin:
@@ -46,7 +47,7 @@ def test_times_of_a_frame_are_the_milliseconds_of_the_hub() -> None:
     assert all(frame.time_s == pytest.approx(frame.hub_time_us * 1e-6) for frame in frames)
 
 
-def test_scans_of_the_whole_skin_and_baseline_are_available() -> None:
+def test_baseline_and_scans_of_the_whole_skin_are_available() -> None:
     with open_emulator("&duration_s=12") as skin:
         baseline = skin.take_baseline(20)
         assert np.isfinite(baseline.mean).all()
@@ -64,7 +65,7 @@ def test_scans_of_the_whole_skin_and_baseline_are_available() -> None:
         ("&duration_s=6", "original_complete", 22),
     ],
 )
-def test_variants_are_read(options: str, hand: str, boards: int) -> None:
+def test_all_boards_of_each_variant_are_read_without_losses(options: str, hand: str, boards: int) -> None:
     with open_emulator(options, hand) as skin:
         frames = list(skin)
         assert len({frame.address for frame in frames}) == boards
@@ -73,7 +74,7 @@ def test_variants_are_read(options: str, hand: str, boards: int) -> None:
     assert 1000 < np.median(counts) < 2200
 
 
-def test_hub_status_counts_frames_and_names_absent_boards() -> None:
+def test_hub_status_states_streaming_boards_and_cycle_time_and_boards_not_polled_are_missing() -> None:
     with open_emulator("&skip=0x0B,0x17&duration_s=8") as skin:
         assert set(skin.missing_boards) == {"fingertip_middle", "fingertip_pinkie"}
         for _ in skin:
@@ -84,7 +85,7 @@ def test_hub_status_counts_frames_and_names_absent_boards() -> None:
         assert sorted(skin.hub.board_status) == sorted(ORDER)
 
 
-def test_status_time_and_addresses_are_answered() -> None:
+def test_requests_of_status_addresses_and_time_and_a_restart_of_the_stream_are_answered() -> None:
     with open_emulator("") as skin:
         skin.hub.read_status()
         assert skin.hub.scan_bus() == sorted(FITTED_ORDER)
@@ -98,20 +99,23 @@ def test_status_time_and_addresses_are_answered() -> None:
     "command",
     [
         lambda hub: hub.transfer(0x08, b"\0", 1),
-        lambda hub: hub.set_scan_settings(dict.fromkeys(_settings(), 1)),
+        lambda hub: hub.set_scan_settings(dict.fromkeys(_list_scan_settings(), 1)),
         lambda hub: hub.set_rate(10.0),
         lambda hub: hub.start(compact=True),
         lambda hub: hub.command(Command.REBOOT),
         lambda hub: hub.command(99),
     ],
 )
-def test_command_of_the_projects_own_firmware_is_one_clear_error(command: Callable[[object], object]) -> None:
+def test_command_of_the_projects_own_firmware_is_refused_with_a_one_line_message(
+    command: Callable[[object], object],
+) -> None:
     with open_emulator("") as skin, pytest.raises(LinkError, match="the original hub does not support") as error:
         command(skin.hub)
     assert "\n" not in str(error.value)
 
 
-def _settings() -> list[str]:
+def _list_scan_settings() -> list[str]:
+    """List the names of all scan settings."""
     from taxel_protocol.layout import list_fields
     from taxel_protocol.registers import ScanSettings
 
@@ -119,30 +123,30 @@ def _settings() -> list[str]:
 
 
 def test_file_of_bytes_is_read_as_a_recording(tmp_path: Path) -> None:
-    sent = synthesise(30)
+    sent = synthesise_messages(30)
     path = tmp_path / "stream.raw"
-    path.write_bytes(join(sent))
+    path.write_bytes(join_messages(sent))
     with taxel.open(f"file:{path}?protocol=original", hand="original") as skin:
         frames = list(skin)
         assert skin.link.is_recorded
-    assert [(f.address, f.cycle) for f in frames] == [(m.address, m.cycle) for m in sent]
+    assert [(frame.address, frame.cycle) for frame in frames] == [(message.address, message.cycle) for message in sent]
     assert frames[0].raw_counts.tolist() == list(np.frombuffer(sent[0].data[7:-1], "<u2"))
-    assert frames[0].time_s == pytest.approx(120.0)
+    assert frames[0].time_s == pytest.approx(120.0)  # the first timestamp
 
 
 def test_file_of_bytes_is_played_at_the_speed_of_the_wire(tmp_path: Path) -> None:
     path = tmp_path / "stream.raw"
-    path.write_bytes(join(synthesise(12)))
+    path.write_bytes(join_messages(synthesise_messages(12)))
     start_s = time.monotonic()
     with open_paced(f"file:{path}?protocol=original", "original") as skin:
         assert len(list(skin)) == 12 * len(ORDER)
-    assert 1.0 < time.monotonic() - start_s < 6.0  # two seconds, without the cycles that are read to learn the order
+    assert 1.0 < time.monotonic() - start_s < 6.0  # at most 2.3 s, without the cycles that are read to learn the order
 
 
 def test_capture_file_of_bytes_keeps_the_arrival_times(tmp_path: Path) -> None:
     path = tmp_path / "stream.bin"
     with CaptureWriter(path) as writer:
-        for index, message in enumerate(synthesise(30)):
+        for index, message in enumerate(synthesise_messages(30)):
             writer.write(message.data, 5_000_000_000 + index * 11_000_000)
     with taxel.open(f"file:{path}?protocol=original&hand=original") as skin:
         frames = list(skin)
@@ -151,7 +155,8 @@ def test_capture_file_of_bytes_keeps_the_arrival_times(tmp_path: Path) -> None:
 
 
 def _send_in_real_time(write: Callable[[bytes], object], stop: threading.Event) -> None:
-    sent = synthesise(400)
+    """Write the messages of an original hub at the speed of the wire, until `stop` is set or 400 cycles are sent."""
+    sent = synthesise_messages(400)
     start_s, size = time.monotonic(), 0
     for message in sent:
         if stop.is_set():
@@ -163,7 +168,7 @@ def _send_in_real_time(write: Callable[[bytes], object], stop: threading.Event) 
 
 @pytest.fixture
 def serial_port() -> Iterator[str]:
-    """Name of a pseudo-terminal at whose other end an original hub sends at 115,200 baud."""
+    """Yield the name of a pseudo-terminal at whose other end an original hub sends at 115,200 baud."""
     master, slave = os.openpty()
     tty.setraw(slave)
     stop = threading.Event()
@@ -176,7 +181,8 @@ def serial_port() -> Iterator[str]:
     os.close(slave)
 
 
-def read_for(skin: Skin, seconds: float) -> int:
+def count_frames_for(skin: Skin, seconds: float) -> int:
+    """Poll a skin for a time; return the number of frames."""
     frames = 0
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
@@ -187,7 +193,7 @@ def read_for(skin: Skin, seconds: float) -> int:
 def test_serial_port_delivers_frames_with_times_of_this_computer(serial_port: str) -> None:
     with taxel.open(f"serial://{serial_port}?protocol=original", hand="original") as skin:
         assert skin.link.baud == 115200.0
-        assert read_for(skin, 1.0) > 50
+        assert count_frames_for(skin, 1.0) > 50
         assert all(count.missing == 0 for count in skin.losses.boards.values())
         frame = next(iter(skin))
         assert abs(time.monotonic() - frame.time_s) < 0.3
@@ -195,14 +201,15 @@ def test_serial_port_delivers_frames_with_times_of_this_computer(serial_port: st
 
 def test_device_name_without_a_scheme_is_accepted(serial_port: str) -> None:
     with taxel.open(f"{serial_port}?protocol=original&hand=original") as skin:
-        assert read_for(skin, 0.5) > 20
+        assert count_frames_for(skin, 0.5) > 20
 
 
-def test_socket_delivers_frames() -> None:
+def test_socket_url_delivers_frames() -> None:
     server = socket.create_server(("127.0.0.1", 0))
     stop = threading.Event()
 
     def serve() -> None:
+        """Accept one connection and send the messages of an original hub to it."""
         connection, _ = server.accept()
         with connection:
             _send_in_real_time(connection.sendall, stop)
@@ -211,7 +218,7 @@ def test_socket_delivers_frames() -> None:
     thread.start()
     try:
         with taxel.open(f"socket://127.0.0.1:{server.getsockname()[1]}?protocol=original", hand="original") as skin:
-            assert read_for(skin, 0.5) > 20
+            assert count_frames_for(skin, 0.5) > 20
             stop.set()
             thread.join()
     finally:
@@ -220,7 +227,7 @@ def test_socket_delivers_frames() -> None:
         server.close()
 
 
-def test_port_without_an_original_hub_is_one_clear_error() -> None:
+def test_port_without_an_original_hub_raises_an_error_that_states_the_baud_rate() -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     try:
@@ -231,10 +238,10 @@ def test_port_without_an_original_hub_is_one_clear_error() -> None:
         os.close(slave)
 
 
-def test_board_that_the_hand_does_not_have_is_one_clear_error(tmp_path: Path) -> None:
+def test_board_that_the_hand_does_not_have_raises_an_error_with_its_address(tmp_path: Path) -> None:
     order = [address for address in READ_SEQUENCE if address in FORMATS["original"].taxels]
     path = tmp_path / "stream.raw"
-    path.write_bytes(join(synthesise(20, order=order)))
+    path.write_bytes(join_messages(synthesise_messages(20, order=order)))
     with (
         taxel.open(f"file:{path}?protocol=original", hand="original") as skin,
         pytest.raises(LinkError, match=r"board 0x10, which hand 'original' does not have"),
@@ -252,7 +259,7 @@ def test_board_that_the_hand_does_not_have_is_one_clear_error(tmp_path: Path) ->
         ("&variant=fingertip_records", "format 'fingertip_records' has 25 taxels"),
     ],
 )
-def test_wrong_option_is_one_clear_error(options: str, text: str, tmp_path: Path) -> None:
+def test_invalid_option_is_refused_with_a_one_line_message(options: str, text: str, tmp_path: Path) -> None:
     path = tmp_path / "stream.raw"
     path.write_bytes(b"")
     with pytest.raises(TaxelError, match=text) as error:
@@ -260,7 +267,7 @@ def test_wrong_option_is_one_clear_error(options: str, text: str, tmp_path: Path
     assert "\n" not in str(error.value)
 
 
-def test_missing_file_is_one_clear_error() -> None:
+def test_missing_file_is_refused() -> None:
     with pytest.raises(LinkError, match="cannot be read"):
         taxel.open("file:/nonexistent.raw?protocol=original", hand="original")
 
@@ -268,17 +275,17 @@ def test_missing_file_is_one_clear_error() -> None:
 def test_default_hand_belongs_to_the_variant(tmp_path: Path) -> None:
     first = FORMATS["first_generation"]
     path = tmp_path / "stream.raw"
-    path.write_bytes(join(synthesise(20, order=READ_SEQUENCE, message_format=first)))
+    path.write_bytes(join_messages(synthesise_messages(20, order=READ_SEQUENCE, message_format=first)))
     with taxel.open(f"file:{path}?protocol=original&variant=first_generation") as skin:
         assert skin.hand == load_hand("first_generation")
         assert len(list(skin)) == 20 * 22
 
 
-def test_early_addresses_belong_to_the_later_boards(tmp_path: Path) -> None:
+def test_addresses_of_early_firmware_become_those_of_later_firmware(tmp_path: Path) -> None:
     untimed = FORMATS["first_generation_untimed"]
     path = tmp_path / "stream.raw"
-    path.write_bytes(join(synthesise(20, order=range(0x01, 0x17), message_format=untimed)))
+    path.write_bytes(join_messages(synthesise_messages(20, order=range(0x01, 0x17), message_format=untimed)))
     with taxel.open(f"file:{path}?protocol=original&variant=first_generation_untimed") as skin:
         frames = list(skin)
-        assert {frame.address for frame in frames} == set(range(0x08, 0x1E))
+        assert {frame.address for frame in frames} == set(range(0x08, 0x1E))  # those of the later firmware
         assert sum(count.missing for count in skin.losses.boards.values()) == 0

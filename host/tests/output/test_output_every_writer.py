@@ -48,26 +48,26 @@ ALLOWED = {
 """Start of a path -> reason why a direct write is permitted."""
 
 METHODS = {"write_text", "write_bytes", "savefig", "touch"}
-FUNCTIONS = {"copyfile", "copy", "copy2", "move", "copytree"}
-NUMPY = {"save", "savez", "savez_compressed", "savetxt"}
+SHUTIL_FUNCTIONS = {"copyfile", "copy", "copy2", "move", "copytree"}
+NUMPY_FUNCTIONS = {"save", "savez", "savez_compressed", "savetxt"}
 
 
 def find_direct_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """(line, call) of each call that writes a file by a path."""
+    """Yield (line number, name of the function) of each call in a module that writes a file by its path."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue
         owner = node.func.value if isinstance(node.func, ast.Attribute) else None
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         owner_name = owner.id if isinstance(owner, ast.Name) else ""
-        modes = [one.value for one in (*node.args[:2], *(word.value for word in node.keywords if word.arg == "mode"))
-                 if isinstance(one, ast.Constant) and isinstance(one.value, str)]  # fmt: skip
+        candidates = (*node.args[:2], *(word.value for word in node.keywords if word.arg == "mode"))
+        modes = [item.value for item in candidates if isinstance(item, ast.Constant) and isinstance(item.value, str)]
         is_writing = any(set(mode) <= set("rwxab+t") and set(mode) & set("wxa+") for mode in modes)
         goes_to_open_file = bool(node.args) and getattr(node.args[0], "id", "") == "file"
         if (
             name in METHODS
-            or (owner_name == "shutil" and name in FUNCTIONS)
-            or (owner_name == "np" and name in NUMPY and not goes_to_open_file)
+            or (owner_name == "shutil" and name in SHUTIL_FUNCTIONS)
+            or (owner_name == "np" and name in NUMPY_FUNCTIONS and not goes_to_open_file)
             or (name in ("open", "fdopen", "File") and is_writing)
             or (owner_name, name) == ("sqlite3", "connect")
             or name == "ParquetWriter"
@@ -76,7 +76,7 @@ def find_direct_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def list_sources() -> list[Path]:
-    """Python files of the project without tests."""
+    """List the Python files of the project, except tests."""
     return [
         path
         for folder in FOLDERS
@@ -96,7 +96,7 @@ def test_every_direct_write_has_a_reason():
 
 
 @pytest.mark.parametrize("start", ALLOWED)
-def test_every_exception_is_needed(start):
+def test_every_entry_of_the_permitted_writers_is_needed(start):
     if start == "host/taxel/output/":
         return
     paths = [path for path in list_sources() if str(path.relative_to(ROOT)).startswith(start)]

@@ -7,6 +7,8 @@ import resource
 import signal
 import subprocess
 import sys
+from functools import partial
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -16,26 +18,31 @@ from taxel.recording import GraspDatasetWriter
 from taxel.recording.formats import convert
 from taxel.skin.recorder import open_recorded
 
-LIMIT_BYTES = 9000
+CRASH_TOOLS = Path(__file__).resolve().parents[3] / "tools" / "crash"
+CONVERSION_LIMIT_BYTES = 9000
+"""Less than any converted file of the capture has."""
+DATASET_LIMIT_BYTES = 100_000
+"""More than the first grasp of a dataset needs, and less than 20 grasps need."""
 
 
-def limit_file_size():
-    """Let the system refuse larger files of a child process; without the default signal, which ends the process."""
+def limit_file_size(limit_bytes):
+    """Let the system refuse larger files of this process, without the signal that would end the process."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT_BYTES, LIMIT_BYTES))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
 
 
 def run_taxel(*arguments):
-    """Exit status and standard error of `taxel` on a full disk."""
+    """Run `taxel ARGUMENTS` on a full disk; return its exit status and standard error."""
     program = "import sys; from taxel.cli.main import main; sys.argv[0] = 'taxel'; main()"
     command = [sys.executable, "-c", program, *map(str, arguments)]
-    result = subprocess.run(command, preexec_fn=limit_file_size, capture_output=True, text=True, check=False)
+    limit = partial(limit_file_size, CONVERSION_LIMIT_BYTES)
+    result = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, check=False)
     return result.returncode, result.stderr.strip()
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
-    """A capture of two seconds."""
+    """Path of a 2 s capture."""
     path = tmp_path_factory.mktemp("capture") / "source.bin"
     with open_recorded("emulator:?speed=max&duration_s=2", path, "flat8") as skin:
         for _ in skin:
@@ -55,8 +62,8 @@ def test_conversion_on_a_full_disk_keeps_the_old_file(tmp_path, capture, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_dataset_writer_on_a_full_disk_ends_without_a_crash(tmp_path):
-    """The HDF5 library crashed at the end of the program after a failed write."""
+def test_dataset_writer_on_a_full_disk_keeps_the_complete_grasps_and_does_not_crash(tmp_path):
+    # The HDF5 library crashed at the end of the program after a failed write.
     program = """
 import sys
 sys.path.insert(0, sys.argv[2])
@@ -71,16 +78,9 @@ try:
 except TaxelError as error:
     sys.exit(str(error))
 """
-    from pathlib import Path
-
-    crash = Path(__file__).resolve().parents[3] / "tools" / "crash"
     path = tmp_path / "x.h5"
-
-    def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-
-    command = [sys.executable, "-c", program, path, crash]
+    limit = partial(limit_file_size, DATASET_LIMIT_BYTES)
+    command = [sys.executable, "-c", program, path, CRASH_TOOLS]
     result = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr.count("\n")) == (1, 1), (result.returncode, result.stderr)
     complete = len(result.stdout.split())

@@ -20,15 +20,17 @@ from taxel.output import (
     whole_path,
     write_whole,
 )
+from taxel.skin.recorder import open_recorded
 
 LOCKED = f"found one that process {os.getpid()} is writing"
 
 
 def list_names(folder):
+    """List the relative paths of all files and folders below a folder, also hidden ones."""
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-def test_an_exception_leaves_the_old_file_and_no_other(tmp_path):
+def test_an_exception_while_a_file_is_written_leaves_the_old_file_and_no_other(tmp_path):
     write_whole(tmp_path / "x", "old")
 
     def write():
@@ -42,7 +44,7 @@ def test_an_exception_leaves_the_old_file_and_no_other(tmp_path):
     assert list_names(tmp_path) == ["x"]
 
 
-def test_missing_folders_are_created_and_removed_after_an_error(tmp_path):
+def test_missing_folders_are_created_and_after_an_error_removed_again(tmp_path):
     write_whole(tmp_path / "a" / "b" / "x", "new")
     with pytest.raises(ValueError, match="stop"), whole_path(tmp_path / "c" / "d" / "x"):
         raise ValueError("stop")
@@ -88,9 +90,10 @@ def test_a_device_is_written_and_not_replaced(tmp_path):
         PendingOutput("/dev/null", overwrite=True)
 
 
-def test_a_name_of_the_largest_length_can_be_written(tmp_path):
-    write_whole(tmp_path / ("x" * 255), "new")
-    assert list_names(tmp_path) == ["x" * 255]
+def test_a_file_with_the_longest_possible_name_can_be_written(tmp_path):
+    longest_name = "x" * 255
+    write_whole(tmp_path / longest_name, "new")
+    assert list_names(tmp_path) == [longest_name]
 
 
 def test_a_second_writer_is_refused_with_the_process_id_of_the_first(tmp_path):
@@ -116,7 +119,7 @@ def test_a_temporary_file_of_a_killed_program_is_replaced(tmp_path):
     assert (tmp_path / "x").read_text() == "new"
 
 
-def test_a_recording_without_records_does_not_replace_another(tmp_path):
+def test_a_recording_without_records_does_not_replace_an_existing_one(tmp_path):
     write_whole(tmp_path / "x", "old")
     output = LiveOutput(tmp_path / "x", overwrite=True)
     output.file.write(b"heading")
@@ -151,7 +154,7 @@ def test_an_interrupted_recording_is_replaced_and_the_one_before_it_is_kept(tmp_
     assert (tmp_path / "x").read_text() == "second"
 
 
-def test_an_incomplete_last_line_is_removed(tmp_path):
+def test_an_incomplete_last_line_is_neither_read_nor_kept(tmp_path):
     path = tmp_path / "lines"
     path.write_text("first\n" + "incomplete" * 20_000)
     assert read_complete_lines(path) == ["first"]
@@ -162,6 +165,7 @@ def test_an_incomplete_last_line_is_removed(tmp_path):
     assert path.read_text() == "first\nsecond\n"
 
 
+# Program that runs `taxel convert ARGUMENTS`, and after the first frame prints "writing" and waits for a signal.
 PROGRAM = """
     import sys, time
     from taxel.cli.main import main
@@ -189,9 +193,7 @@ PROGRAM = """
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
-    """A capture of half a second."""
-    from taxel.skin.recorder import open_recorded
-
+    """Path of a 0.5 s capture."""
     path = tmp_path_factory.mktemp("capture") / "source.bin"
     with open_recorded("emulator:?speed=max&duration_s=0.5", path, "flat8") as skin:
         for _ in skin:
@@ -200,13 +202,13 @@ def capture(tmp_path_factory):
 
 
 def restore_interrupts():
-    """A shell starts background jobs with SIGINT ignored, which processes inherit."""
+    """Let SIGINT end this process again: a shell may start jobs with SIGINT ignored, which processes inherit."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["x.bin", "x.mcap", "x.h5", "x.csv"])
-def test_a_signal_removes_the_temporary_file(tmp_path, capture, number, name):
+def test_a_signal_during_a_conversion_removes_the_temporary_file(tmp_path, capture, number, name):
     program = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(capture), str(tmp_path / "new" / name)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(program, text=True, preexec_fn=restore_interrupts, **pipes) as process:

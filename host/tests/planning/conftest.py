@@ -32,14 +32,14 @@ def planner(setup) -> MotionPlanner:
 
 @pytest.fixture(scope="session")
 def upright(setup) -> np.ndarray:
-    """The upright arm with the hand joints nearest to 0."""
+    """Return the posture of the upright arm with the hand joints as near to 0 as their ranges permit, f64[22]."""
     robot = setup.kinematics.robot
     return np.r_[UPRIGHT_RAD, np.clip(np.zeros(16), robot.lower[6:], robot.upper[6:])]
 
 
 @pytest.fixture(scope="session")
 def independent(setup):
-    """The check by Pinocchio and Coal with the cylinder at its place."""
+    """Create the independent collision check with Pinocchio and Coal; the cylinder is at its place."""
     sys.path.insert(0, FOLDER)
     try:
         module = importlib.import_module("independent_check")

@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.hand.allegro import JOINT_NAMES
 from taxel.hand.transforms import make_pose
 from taxel.planning.errors import BlockedPoseError, NoPathError, StartPostureError, UnreachablePoseError
+from taxel.planning.plan import ARM_JOINTS
 from taxel.planning.planner import CONTACT_DEPTH_M, MotionPlanner, PlannerSettings, replace_open_angles
 from taxel.planning.timing import SpeedLimits, TimedPath
 
 WHAT = "object cylinder, approach side_1"
+THUMB_2 = JOINT_NAMES.index("thumb_2")
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +23,7 @@ def plan(setup, planner, planned, upright):
 
 
 def plan_with(planner, setup, planned, start, pose=None):
+    """Plan the approach of a planned grasp to the cylinder at a pose; None: at its place."""
     pose = setup.object_pose("cylinder") if pose is None else pose
     return planner.plan(WHAT, setup.objects["cylinder"], pose, setup.approach(planned), start)
 
@@ -66,7 +70,7 @@ def test_speeds_and_accelerations_are_within_their_limits(plan):
     assert np.array_equal(angles[-1], plan.pregrasp)
 
 
-def test_an_unreachable_object_gives_one_line_with_object_approach_and_pose(planner, setup, planned, upright):
+def test_an_unreachable_object_raises_a_one_line_error_with_object_approach_and_pose(planner, setup, planned, upright):
     pose = make_pose([1.4, 0.0, 0.03], [1.0, 0.0, 0.0, 0.0])
     with pytest.raises(UnreachablePoseError) as caught:
         plan_with(planner, setup, planned, upright, pose)
@@ -74,7 +78,7 @@ def test_an_unreachable_object_gives_one_line_with_object_approach_and_pose(plan
     assert "\n" not in str(caught.value)
 
 
-def test_a_start_posture_in_collision_gives_one_line_with_the_pair(planner, setup, planned, upright):
+def test_a_start_posture_in_collision_raises_a_one_line_error_with_the_pair(planner, setup, planned, upright):
     start = upright.copy()
     start[:6] = 0.0
     with pytest.raises(StartPostureError) as caught:
@@ -85,21 +89,23 @@ def test_a_start_posture_in_collision_gives_one_line_with_the_pair(planner, setu
 
 
 @pytest.mark.parametrize(("joint", "value"), [(2, 3.3), (0, -6.4), (5, np.nan)])
-def test_a_start_posture_outside_the_limits_of_the_arm_gives_one_line(joint, value, planner, setup, planned, upright):
+def test_a_start_posture_that_is_not_finite_or_outside_the_arm_limits_raises_a_one_line_error(
+    joint, value, planner, setup, planned, upright
+):
     start = upright.copy()
     start[joint] = value
     with pytest.raises(StartPostureError, match=r"^object cylinder, approach side_1: start posture: .*$"):
         plan_with(planner, setup, planned, start)
 
 
-def test_an_object_below_the_table_gives_one_line_with_the_first_pair(planner, setup, planned, upright):
+def test_an_object_below_the_table_raises_a_one_line_error_with_a_colliding_pair(planner, setup, planned, upright):
     pose = setup.object_pose("cylinder").copy()
     pose[2, 3] -= 0.12
     with pytest.raises(BlockedPoseError, match=r"approach in collision: .* and table overlap by .* mm .*$"):
         plan_with(planner, setup, planned, upright, pose)
 
 
-def test_a_motion_without_a_path_gives_one_line(plan, setup, planned):
+def test_a_motion_without_a_path_raises_a_one_line_error(plan, setup, planned):
     """From one side of the cylinder to the next, no straight segment is free, and no random posture is permitted."""
     planner = MotionPlanner(
         setup.kinematics.robot, setup.hand, setup.table_z_m, PlannerSettings(iterations=0, via_postures=0)
@@ -113,25 +119,32 @@ def test_a_thumb_that_would_reach_below_the_table_is_curled(planner, setup, plan
     blocked = replace(planned, object="rectangular_prism", approach="narrow_side_2")
     approach, pose = setup.approach(blocked), setup.object_pose("rectangular_prism")
     plan = planner.plan("curled", setup.objects["rectangular_prism"], pose, approach, upright)
-    assert plan.pregrasp[6 + 14] > approach.open_angles[14]
-    assert np.array_equal(replace_open_angles(approach, plan).open_angles, plan.pregrasp[6:])
+    assert plan.pregrasp[ARM_JOINTS:][THUMB_2] > approach.open_angles[THUMB_2]
+
+
+def test_closing_starts_from_the_hand_posture_of_the_plan(plan, setup, planned):
+    open_angles = replace_open_angles(setup.approach(planned), plan).open_angles
+    assert np.array_equal(open_angles, plan.pregrasp[ARM_JOINTS:])
 
 
 def test_a_hand_posture_that_would_collide_on_the_way_is_found_before_the_arm_moves(plan, planner, setup):
     item, pose = setup.objects["cylinder"], setup.object_pose("cylinder")
-    index = len(plan.waypoints) - 2
-    planner.recheck(plan, item, pose, index, plan.pregrasp[6:])
-    folded = plan.pregrasp[6:].copy()
-    folded[[1, 2, 3, 14, 15]] = 1.5
+    last_motion = len(plan.waypoints) - 2
+    planned_hand = plan.pregrasp[ARM_JOINTS:]
+    planner.recheck(plan, item, pose, last_motion, planned_hand)
+    folded = planned_hand.copy()
+    # Index finger and thumb are bent towards each other, so that they collide.
+    folded[[JOINT_NAMES.index(name) for name in ("index_1", "index_2", "index_3", "thumb_2", "thumb_3")]] = 1.5
     with pytest.raises(BlockedPoseError, match=r"with the measured hand posture the planned motion collides: .*$"):
-        planner.recheck(plan, item, pose, index, folded)
+        planner.recheck(plan, item, pose, last_motion, folded)
 
 
 def test_a_path_rests_at_every_waypoint_and_lasts_the_sum_of_its_segments():
     waypoints = np.zeros((3, 22))
-    waypoints[1, 0], waypoints[2] = 1.0, waypoints[1]
-    waypoints[2, 0], waypoints[2, 6] = 1.0, 0.5
-    path = TimedPath(waypoints, SpeedLimits(0.5, 1.4, 1.0, 5.0))
+    waypoints[1:, 0] = 1.0  # an arm joint moves by 1 rad in the first segment
+    waypoints[2, ARM_JOINTS] = 0.5  # a hand joint moves by 0.5 rad in the second segment
+    path = TimedPath(waypoints, SpeedLimits(arm_speed=0.5, arm_acceleration=1.4, hand_speed=1.0, hand_acceleration=5.0))
+    # Duration of a trapezoidal profile: distance / speed + speed / acceleration.
     assert path.durations_s == pytest.approx([1.0 / 0.5 + 0.5 / 1.4, 0.5 / 1.0 + 1.0 / 5.0])
     times = np.cumsum(path.durations_s)
     assert path.sample(np.array([-1.0, times[0], 99.0])) == pytest.approx(waypoints)

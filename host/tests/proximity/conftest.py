@@ -16,7 +16,7 @@ DISTANCES = np.array([0.3, 0.6, 1.0, 1.5, 2.0, 2.7, 3.5, 4.5, 6.0, 8.0, 10.5, 14
 
 
 def respond(gap_m: np.ndarray) -> np.ndarray:
-    """Signal of a taxel below a grounded target, counts."""
+    """Return the signal of a taxel below a grounded target, counts: the law of the response in these tests."""
     return -300.0 * np.exp(-gap_m / 0.003)
 
 
@@ -43,7 +43,11 @@ def calibration() -> KindCalibration:
 
 @pytest.fixture
 def make_frames(hand: Hand, board: Board) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """Make times and raw counts of a target above the taxels that face it, from its distance over time."""
+    """Return a function that makes the frames of a board in front of a moving target.
+
+    Its arguments: distance_m: distance of the target at given times. law: signal at given gaps, counts. drift: decrease
+    of all counts, counts per second. It returns times f64[T], seconds, and raw counts f64[T, n] with noise.
+    """
 
     def make(
         distance_m: Callable[[np.ndarray], np.ndarray],
@@ -56,7 +60,7 @@ def make_frames(hand: Hand, board: Board) -> Callable[..., tuple[np.ndarray, np.
         points = compute_skin_points(hand, board)
         axis = points.normal[points.n_taxels // 2]
         height = points.position @ axis
-        cosine = np.maximum(points.direction @ axis, 0.05)
+        cosine = np.maximum(points.direction @ axis, 0.05)  # taxels that do not face the target get large gaps
         times = np.arange(0.0, seconds, 1.0 / RATE_HZ)
         gaps = (height.max() - height + distance_m(times)[:, None, None]) / cosine
         signal = law(gaps).mean(axis=2) + drift * times[:, None]

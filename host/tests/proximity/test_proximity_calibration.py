@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def test_interpolation_agrees_with_scipy_between_inner_points():
     )
 
 
-def test_curve_passes_its_support_points_and_decays_beyond_them():
+def test_tabulated_curve_passes_through_its_support_points_and_decays_beyond_them():
     distance = np.array([0.5, 1.0, 2.0, 4.0, 8.0]) * 1e-3
     curve = ResponseCurve(distance, np.array([-200.0, -150.0, -90.0, -40.0, -10.0]), 3.0)
     table = curve.make_table()
@@ -49,7 +50,10 @@ def test_curve_passes_its_support_points_and_decays_beyond_them():
 
 
 def make_counts(hand, name, law, drift=0.0, seed=1):
-    """Holds of a plate above one board, with a linear drift and noise of 4 counts."""
+    """Make the frames of nine holds of 3 s above one board: rest, a plate at eight distances, rest.
+
+    law: signal at given gaps, counts. drift: increase of all counts, counts per second. The noise is 4 counts.
+    """
     from taxel.proximity.skin_points import compute_plane_gaps, compute_skin_points
 
     rng = np.random.default_rng(seed)
@@ -67,7 +71,7 @@ def make_counts(hand, name, law, drift=0.0, seed=1):
 
 
 @pytest.mark.parametrize("name", ["palm", "fingertip_index", "medial_back_index"])
-def test_calibration_recovers_the_curve_of_flat_and_curved_boards_in_spite_of_drift(name):
+def test_calibration_recovers_curve_and_noise_of_flat_and_curved_boards_in_spite_of_drift(name):
     hand = load_hand("original")
 
     def law(gap):
@@ -93,27 +97,37 @@ def test_response_that_changes_its_sign_is_not_made_monotone():
     assert curve.signal_counts[3] < curve.signal_counts[-1]
 
 
-def test_board_without_a_rest_is_reported():
+def test_calibration_without_frames_before_the_target_is_rejected():
     hand = load_hand("original")
     counts = [each for each in make_counts(hand, "palm", lambda gap: -gap) if each.hold.distance_m is not None]
     with pytest.raises(ProximityError, match=r"palm: expected a rest"):
         calibrate(hand, counts)
 
 
-def test_too_few_distances_are_reported():
+def test_calibration_with_two_distances_is_rejected():
     hand = load_hand("original")
+    rest_and_two_distances = make_counts(hand, "palm", lambda gap: -gap)[:3]
     with pytest.raises(ProximityError, match=r"expected holds at 5 distances or more, found 2"):
-        calibrate(hand, make_counts(hand, "palm", lambda gap: -gap)[:3])
+        calibrate(hand, rest_and_two_distances)
 
 
-def test_calibration_file_returns_what_was_written(tmp_path, calibration, hand):
+def test_calibration_file_returns_the_written_values(tmp_path, calibration, hand):
+    write_calibration(tmp_path / "skin.json", ProximityCalibration("original", {"medial_front": calibration}))
+    read = read_calibration(tmp_path / "skin.json", hand).kinds["medial_front"]
+    assert (read.noise_counts, read.drift_counts) == (calibration.noise_counts, calibration.drift_counts)
+    assert read.targets.keys() == calibration.targets.keys()
+    for name, written in calibration.targets.items():
+        response = read.targets[name]
+        np.testing.assert_allclose(response.curve.distance_m, written.curve.distance_m, atol=1e-9)
+        np.testing.assert_allclose(response.curve.signal_counts, written.curve.signal_counts, atol=1e-3)
+        assert response.curve.decay == written.curve.decay
+        assert (response.curve_error, response.gain_spread) == (written.curve_error, written.gain_spread)
+        assert response.boards == written.boards
+
+
+def test_existing_calibration_file_is_not_overwritten(tmp_path, calibration):
     written = ProximityCalibration("original", {"medial_front": calibration})
     write_calibration(tmp_path / "skin.json", written)
-    read = read_calibration(tmp_path / "skin.json", hand)
-    response = read.kinds["medial_front"].targets["grounded"]
-    np.testing.assert_allclose(
-        response.curve.signal_counts, calibration.targets["grounded"].curve.signal_counts, atol=1e-3
-    )
     with pytest.raises(OutputError, match="expected a new file, found an existing one"):
         write_calibration(tmp_path / "skin.json", written)
 
@@ -140,7 +154,9 @@ def get_target(document):
         (lambda document: get_target(document).update(boards=[1]), "boards"),
     ],
 )
-def test_wrong_value_of_a_calibration_file_is_named(tmp_path, calibration, hand, change, field):
+def test_error_for_a_wrong_value_names_calibration_file_and_field_in_one_line(
+    tmp_path, calibration, hand, change, field
+):
     path = tmp_path / "skin.json"
     write_calibration(path, ProximityCalibration("original", {"medial_front": calibration}))
     document = json.loads(path.read_text())
@@ -153,20 +169,20 @@ def test_wrong_value_of_a_calibration_file_is_named(tmp_path, calibration, hand,
     assert "\n" not in str(error.value)
 
 
-def test_truncated_calibration_file_is_reported(tmp_path, hand):
+def test_truncated_calibration_file_is_rejected_with_its_line(tmp_path, hand):
     (tmp_path / "skin.json").write_text('{"format": ')
     with pytest.raises(CalibrationFileError, match=r"line 1: expected a calibration \(valid JSON\)"):
         read_calibration(tmp_path / "skin.json", hand)
 
 
-def test_pipe_instead_of_a_file_is_refused_at_once(tmp_path, hand):
-    os.mkfifo(tmp_path / "pipe")
-    for read in (read_calibration, read_holds):
-        with pytest.raises(InputFileError, match="is a pipe"):
-            read(tmp_path / "pipe", hand)
+@pytest.mark.parametrize("read", [read_calibration, read_holds])
+def test_pipe_instead_of_a_file_is_refused(tmp_path, hand, read):
+    os.mkfifo(tmp_path / "pipe")  # opening it would block without the check
+    with pytest.raises(InputFileError, match="is a pipe"):
+        read(tmp_path / "pipe", hand)
 
 
-def test_holds_are_read_as_written(tmp_path, hand):
+def test_written_holds_are_read_unchanged(tmp_path, hand):
     holds = [Hold(1.0, 2.0, "palm", "rest", None), Hold(2.5, 3.5, "palm", "grounded", 0.0025)]
     (tmp_path / "holds.csv").write_text(format_holds(holds))
     assert read_holds(tmp_path / "holds.csv", hand) == holds
@@ -186,21 +202,23 @@ def test_holds_are_read_as_written(tmp_path, hand):
         ("1,2,palm,rest,1", "distance_mm"),
     ],
 )
-def test_wrong_line_of_a_hold_file_is_named(tmp_path, hand, line, place):
+def test_error_for_a_wrong_line_of_a_hold_file_names_line_and_column(tmp_path, hand, line, place):
     path = tmp_path / "holds.csv"
     path.write_text("start_s,end_s,board,target,distance_mm\n" + line + "\n")
     with pytest.raises(CalibrationFileError, match=rf"line 2, .*{place}"):
         read_holds(path, hand)
 
 
-def test_merge_keeps_the_targets_of_both_calibrations(calibration):
-    from dataclasses import replace
-
-    grounded = replace(calibration, targets={"grounded": calibration.targets["grounded"]})
+def test_merged_calibration_has_the_targets_of_both_and_the_larger_noise(calibration):
+    grounded = replace(calibration, targets={"grounded": calibration.targets["grounded"]}, noise_counts=4.0)
     acrylic = replace(calibration, targets={"acrylic": calibration.targets["acrylic"]}, noise_counts=5.0)
     first, second = (ProximityCalibration("original", {"medial_front": each}) for each in (grounded, acrylic))
     merged = merge_calibrations(first, second).kinds["medial_front"]
     assert set(merged.targets) == {"grounded", "acrylic"}
     assert merged.noise_counts == 5.0
+
+
+def test_calibrations_of_different_hands_cannot_be_merged(calibration):
+    first = ProximityCalibration("original", {"medial_front": calibration})
     with pytest.raises(ProximityError, match="cannot be combined"):
         merge_calibrations(first, ProximityCalibration("flat8", {}))

@@ -1,4 +1,4 @@
-"""`taxel proximity` from the emulated stage to estimates."""
+"""`taxel proximity`: calibration with a recording of an emulated plate at known distances, and the estimates."""
 
 import json
 import statistics
@@ -22,6 +22,10 @@ def invoke(*arguments):
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
+    """Emulate a plate on a positioning stage in front of one board, and calibrate from the recording.
+
+    Returns the folder (plate.bin, plate.csv, skin.json) and the JSON output of the calibration.
+    """
     folder = tmp_path_factory.mktemp("stage")
     result = invoke("emulate", "--out", folder, "--boards", "medial_front_index", "--seed", "5")
     assert result.exit_code == 0, result.output
@@ -31,7 +35,7 @@ def stage(tmp_path_factory):
     return folder, json.loads(result.output)
 
 
-def test_calibration_of_the_emulated_stage_finds_a_negative_signal(stage):
+def test_calibrated_signal_of_the_emulated_plate_is_negative_and_vanishes_with_the_distance(stage):
     _, document = stage
     (response,) = document["responses"]
     assert response["kind"] == "medial_front"
@@ -39,7 +43,7 @@ def test_calibration_of_the_emulated_stage_finds_a_negative_signal(stage):
     assert response["signal_counts"][0] < response["signal_counts"][5] < response["signal_counts"][-1] < 1.0
 
 
-def test_watch_reports_the_held_distances(stage):
+def test_intervals_of_watch_contain_the_distances_of_the_plate_and_medians_lie_within_half_a_millimetre(stage):
     folder, _ = stage
     result = invoke("watch", f"file:{folder}/plate.bin", "--calibration", folder / "skin.json", "--json")
     assert result.exit_code == 0, result.output
@@ -49,6 +53,7 @@ def test_watch_reports_the_held_distances(stage):
     for start, end, board, target, distance in holds:
         if target == "rest" or not 0.5 <= float(distance) <= 5.0:
             continue
+        # The estimates of the first second still contain the motion to this distance.
         estimated = [each for each in estimates if float(start) + 1.0 < each["time_s"] < float(end)]
         assert {each["board"] for each in estimated} == {board}
         ranges = [each["distance_mm"] for each in estimated]
@@ -58,7 +63,7 @@ def test_watch_reports_the_held_distances(stage):
     assert checked > 50
 
 
-def test_text_of_watch_contains_distance_and_speed(stage):
+def test_watch_without_json_prints_the_end_of_the_baseline_and_distances_with_intervals(stage):
     folder, _ = stage
     result = invoke("watch", f"file:{folder}/plate.bin", "--calibration", folder / "skin.json", "--seconds", "25")
     assert result.exit_code == 0, result.output
@@ -66,7 +71,7 @@ def test_text_of_watch_contains_distance_and_speed(stage):
     assert " mm [" in result.output
 
 
-def test_existing_calibration_is_not_replaced(stage):
+def test_calibrate_does_not_replace_an_existing_file(stage):
     folder, _ = stage
     before = (folder / "skin.json").read_bytes()
     arguments = ("--holds", folder / "plate.csv", "--out", folder / "skin.json")
@@ -76,14 +81,14 @@ def test_existing_calibration_is_not_replaced(stage):
     assert (folder / "skin.json").read_bytes() == before
 
 
-def test_recording_without_holds_is_an_error(stage):
+def test_calibration_from_a_recording_without_a_file_of_holds_is_refused(stage):
     folder, _ = stage
     result = invoke("calibrate", f"file:{folder}/plate.bin", "--out", folder / "other.json")
     assert result.exit_code != 0
     assert "needs --holds" in str(result.exception)
 
 
-def test_topics_contain_the_target(stage):
+def test_proximity_topic_contains_the_distance_of_the_plate(stage):
     folder, _ = stage
     with open_skin(f"file:{folder}/plate.bin") as skin:
         topics = SkinTopics(skin.hand, skin.hub, proximity=open_watch(folder / "skin.json", skin.hand))
@@ -94,11 +99,11 @@ def test_topics_contain_the_target(stage):
     assert all(0.0 < each["distance_m"][0] < 0.02 for each in near)
 
 
-def test_mcap_file_contains_the_target(stage, tmp_path):
+def test_mcap_recording_contains_the_proximity_topic_of_the_calibrated_board(stage, tmp_path):
     folder, _ = stage
     path = tmp_path / "skin.mcap"
     with open_recorded(f"file:{folder}/plate.bin", path, proximity=folder / "skin.json") as skin:
-        for _ in zip(skin, range(4000), strict=False):
+        for _ in zip(skin, range(4000), strict=False):  # read 4000 frames
             pass
     from mcap.reader import make_reader
 
@@ -107,21 +112,31 @@ def test_mcap_file_contains_the_target(stage, tmp_path):
     assert "/taxel/medial_front_index/proximity" in topics
 
 
-def test_monitor_shows_the_nearest_target(stage):
-    folder, _ = stage
-    arguments = ["monitor", f"file:{folder}/plate.bin", "--speed", "40", "--proximity", str(folder / "skin.json")]
+def run_monitor(folder, *options):
+    """Run the monitor on the recording of the plate with the calibration."""
+    arguments = ["monitor", f"file:{folder}/plate.bin", "--proximity", str(folder / "skin.json"), *options]
     result = CliRunner().invoke(build_app("monitor"), arguments)
     assert result.exit_code == 0, result.output
-    assert " mm from medial front index" in result.output
-    assert "repeat the baseline" not in result.output
-    result = CliRunner().invoke(build_app("monitor"), [*arguments, "--json", "--speed", "1000"])
-    boards = [each["board"] for each in json.loads(result.output.splitlines()[-1])["proximity"]]
+    return result.output
+
+
+def test_monitor_shows_distance_and_board_of_the_nearest_target(stage):
+    folder, _ = stage
+    output = run_monitor(folder, "--speed", "40")
+    assert " mm from medial front index" in output
+    assert "repeat the baseline" not in output
+
+
+def test_json_of_the_monitor_contains_targets_of_calibrated_boards_only(stage):
+    folder, _ = stage
+    output = run_monitor(folder, "--json", "--speed", "1000")
+    boards = [each["board"] for each in json.loads(output.splitlines()[-1])["proximity"]]
     assert "medial_front_index" in boards
     assert "palm" not in boards
 
 
 @pytest.mark.parametrize("option", ["--boards", "--target", "--distances-mm"])
-def test_option_that_the_file_of_holds_states_is_refused(stage, tmp_path, option):
+def test_option_of_live_calibration_is_refused_with_a_file_of_holds(stage, tmp_path, option):
     folder, _ = stage
     arguments = ("--holds", folder / "plate.csv", "--out", tmp_path / "x.json", option, "1")
     result = invoke("calibrate", f"file:{folder}/plate.bin", *arguments)
@@ -129,20 +144,19 @@ def test_option_that_the_file_of_holds_states_is_refused(stage, tmp_path, option
     assert not (tmp_path / "x.json").exists()
 
 
-def test_new_baseline_applies_to_targets_too(hand, calibration):
+def test_restart_of_the_baseline_discards_the_baseline_and_the_latest_estimates(hand, calibration):
     watch = ProximityWatch(hand, ProximityCalibration("original", {"medial_front": calibration}))
     board = hand.find_board("medial_front_index")
-    for number in range(45):
-        watch.take(
-            TaxelFrame(board.address, 0, number, 0.05 * number, 0, 0, np.full(board.kind.taxel_count, 3000, np.uint16))
-        )
+    counts = np.full(board.kind.taxel_count, 3000, np.uint16)
+    for number in range(45):  # more than the 40 frames of a baseline
+        watch.take(TaxelFrame(board.address, 0, number, 0.05 * number, 0, 0, counts))
     assert watch.latest[board.address].is_ready
     watch.restart_baseline()
     assert watch.progress == 0.0
     assert watch.latest == {}
 
 
-def test_proximity_of_a_plain_capture_is_refused(stage, tmp_path, calibration):
+def test_recording_of_proximity_to_a_capture_file_is_refused_without_creating_the_file(stage, tmp_path, calibration):
     write_calibration(tmp_path / "skin.json", ProximityCalibration("original", {"medial_front": calibration}))
     folder, _ = stage
     with pytest.raises(Exception, match="contains no topics"):

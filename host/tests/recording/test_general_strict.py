@@ -1,5 +1,7 @@
 """Datasets of version 2 are read exactly: an inexact value, a link or another type gives one error line."""
 
+import math
+
 import h5py
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from taxel.recording.general.writer import write_general
 
 @pytest.fixture
 def path(tmp_path):
+    """Path of a valid dataset of version 2 with one contact of 40 frames and three taxels."""
     places = TaxelPlaces(np.zeros(3, np.int64), position=np.arange(9.0).reshape(3, 3) * 0.01)
     contacts = [Contact("c0", 1, np.arange(40) * 0.02, np.arange(120.0).reshape(40, 3), phase=np.zeros(40, np.uint8))]
     write_general(tmp_path / "a.h5", GeneralHeader("real", "mat", "t", Properties("kPa"), places), contacts)
@@ -19,11 +22,14 @@ def path(tmp_path):
 
 
 def read_all(path):
+    """Return the header of a dataset and the list of its contacts."""
     with GeneralDataset(path) as data:
         return data.header, list(data)
 
 
 def replace_array(name, array):
+    """Return a function that replaces the array `name` of an open HDF5 file."""
+
     def change(file):
         del file[name]
         file[name] = array
@@ -32,6 +38,7 @@ def replace_array(name, array):
 
 
 def set_attribute(group, name, value):
+    """Return a function that sets an attribute of a group of an open HDF5 file."""
     return lambda file: file[group].attrs.__setitem__(name, value)
 
 
@@ -64,7 +71,7 @@ def store_outside(file):
         (store_outside, "/grasps/c0/time: expected data in this file, found data in another file"),
     ],
 )
-def test_an_inexact_value_or_a_link_is_refused(path, change, message):
+def test_a_wrong_value_or_a_link_to_other_data_is_refused_with_its_path(path, change, message):
     with h5py.File(path, "r+") as file:
         if "valid" not in file["grasps/c0"]:
             file["grasps/c0/valid"] = np.ones(40, bool)
@@ -74,7 +81,7 @@ def test_an_inexact_value_or_a_link_is_refused(path, change, message):
     assert message in str(caught.value)
 
 
-def test_integers_that_a_program_has_stored_as_floats_are_read(path):
+def test_integers_that_are_stored_as_floats_or_one_element_arrays_are_read(path):
     with h5py.File(path, "r+") as file:
         file["grasps/c0"].attrs["session"] = [3.0]
         replace_array("taxels/sensor", np.array([0.0, 0.0, 1.0], np.float32))(file)
@@ -83,14 +90,18 @@ def test_integers_that_a_program_has_stored_as_floats_are_read(path):
     assert header.places.sensor.tolist() == [0, 0, 1]
 
 
-def test_a_damaged_heap_of_texts_is_refused_instead_of_read_without_end(path):
+def test_a_string_heap_whose_free_space_has_size_0_is_refused(path):
+    # A global heap of HDF5 starts with "GCOL" and has 16 bytes of header, then its objects. Each object has 16 bytes
+    # of header (number in bytes 0 to 1, size in bytes 8 to 15) and its content, padded to a multiple of 8 bytes. The
+    # object with the number 0 is the free space at the end.
     data = bytearray(path.read_bytes())
-    start = data.find(b"GCOL")
-    assert start > 0
-    place = start + 16
-    while int.from_bytes(data[place : place + 2], "little"):
-        place += 16 + -(-int.from_bytes(data[place + 8 : place + 16], "little") // 8) * 8
-    data[place + 8 : place + 16] = bytes(8)
+    heap = data.find(b"GCOL")
+    assert heap > 0
+    heap_object = heap + 16
+    while int.from_bytes(data[heap_object : heap_object + 2], "little") != 0:
+        size = int.from_bytes(data[heap_object + 8 : heap_object + 16], "little")
+        heap_object += 16 + math.ceil(size / 8) * 8
+    data[heap_object + 8 : heap_object + 16] = bytes(8)
     path.write_bytes(data)
-    with pytest.raises(DatasetError, match=rf"expected undamaged heaps of texts, found a damaged one at byte {start}"):
+    with pytest.raises(DatasetError, match=rf"expected undamaged heaps of texts, found a damaged one at byte {heap}"):
         GeneralDataset(path)

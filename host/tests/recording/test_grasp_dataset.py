@@ -1,4 +1,4 @@
-"""Reading of a grasp dataset that h5py alone has written according to the format page."""
+"""Reading a grasp dataset that h5py alone has written according to the page of the format."""
 
 import pickle
 
@@ -9,7 +9,8 @@ import pytest
 from taxel.recording import DatasetError, GraspDataset, Phase, SensorModel
 
 TAXELS, SENSORS = 5, 2  # three taxels on board 0x20, two on board 0x21
-PHASES = np.repeat(np.arange(5, dtype=np.uint8), (6, 2, 4, 2, 1))
+PHASES = np.repeat(np.arange(5, dtype=np.uint8), (6, 2, 4, 2, 1))  # 6 baseline frames, ..., 4 hold frames, ...
+HOLD_FRAMES = np.flatnonzero(PHASES == Phase.HOLD)
 FRAMES = len(PHASES)
 
 
@@ -39,6 +40,7 @@ def write_file(path, source="real", grasps=("0001", "0002")):
 
 
 def write_grasp(file, grasp_id, number, source):
+    """Write a grasp with 30,000 + `number` raw counts, which are 1000 lower in the hold frames."""
     grasp = file.create_group(f"grasps/{grasp_id}")
     grasp.attrs.update(object="tetrahedron", approach="from above", iteration=number, session=0)
     grasp["timestamp"] = np.arange(FRAMES) / 6.0
@@ -69,7 +71,7 @@ def replace_field(path, field, value, grasp="0001"):
 
 
 def read_counts(path, grasp="0001"):
-    """Raw counts and validity of a grasp, read with h5py."""
+    """Read the raw counts and the validity of a grasp with h5py."""
     with h5py.File(path) as file:
         return file[f"grasps/{grasp}/raw_counts"][()], file[f"grasps/{grasp}/valid"][()]
 
@@ -109,7 +111,7 @@ def test_grasps_are_in_order_of_time_with_all_their_arrays(tmp_path):
         assert [getattr(grasp, name) for name in optional] == [None] * 6
 
 
-def test_simulated_file_has_forces_and_a_sensor_model(tmp_path):
+def test_forces_and_sensor_model_of_a_simulated_file_are_read(tmp_path):
     write_file(tmp_path / "sim.h5", "sim")
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert data["0001"].contact_force.max() == 0.5
@@ -122,16 +124,26 @@ def test_simulated_file_has_forces_and_a_sensor_model(tmp_path):
         data.check()
 
 
-def test_sensor_model_converts_forces_into_counts():
-    forces = np.array([[0.0, 2.0, 1e9]])
-    assert SensorModel(1000.4, 2000.0, 2.0).counts(forces, np.random.default_rng(0)).tolist() == [[1000, 0, 0]]
-    noisy = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
-    counts = noisy.counts(np.zeros((400, 3)), np.random.default_rng(1), np.array([0, 1, 0]))
+def test_sensor_model_subtracts_the_signal_of_a_force_and_clips_the_counts_at_0():
+    model = SensorModel(baseline_counts=1000.4, full_scale_drop_counts=900.0, half_force_n=2.0)
+    assert model.counts(np.array([[0.0, 2.0]]), np.random.default_rng(0)).tolist() == [[1000, 550]]
+    model = SensorModel(baseline_counts=1000.4, full_scale_drop_counts=2000.0, half_force_n=2.0)
+    assert model.counts(np.array([[1e9]]), np.random.default_rng(0)).tolist() == [[0]]
+
+
+def test_line_noise_of_the_sensor_model_is_equal_on_the_taxels_of_one_receive_line():
+    model = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
+    rx_line = np.array([0, 1, 0])
+    counts = model.counts(np.zeros((400, 3)), np.random.default_rng(1), rx_line)
     assert (counts[:, 0] == counts[:, 2]).all()
     assert (counts[:, 0] != counts[:, 1]).any()
     assert 45 < counts[:, 0].std() < 55
+
+
+def test_line_noise_without_the_receive_lines_of_the_taxels_is_refused():
+    model = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
     with pytest.raises(ValueError, match="rx_line"):
-        noisy.counts(forces, np.random.default_rng(0))
+        model.counts(np.zeros((1, 3)), np.random.default_rng(0))
 
 
 def test_other_integer_widths_and_string_types_are_accepted_if_every_value_fits(real_file):
@@ -179,11 +191,11 @@ def test_signal_equal_to_the_threshold_is_not_active(real_file):
     counts, _ = read_counts(real_file)
     baseline_counts = np.array([30_000, 30_001, 30_000])  # the mean is not representable as a float
     counts[:3] = baseline_counts[:, None]
-    counts[PHASES == Phase.HOLD] = 29_850
-    replace_field(
-        real_file, "phase", np.where(PHASES == Phase.HOLD, (np.cumsum(PHASES == Phase.HOLD) <= 3) * 2, PHASES)
-    )
-    hold = np.flatnonzero(PHASES == Phase.HOLD)[:3]
+    phases = PHASES.copy()
+    phases[HOLD_FRAMES[3:]] = Phase.BASELINE  # three hold frames remain, as many as baseline frames
+    replace_field(real_file, "phase", phases)
+    hold = HOLD_FRAMES[:3]
+    counts[HOLD_FRAMES] = 29_850
     counts[hold] = baseline_counts[:, None] - 150
     counts[hold[0], 1] -= 1
     counts[hold[0], 2] += 1
@@ -218,7 +230,7 @@ def test_grasp_without_a_hold_phase_has_no_known_taxel(real_file):
 
 def test_invalid_hold_frames_are_ignored(real_file):
     counts, valid = read_counts(real_file)
-    first = np.flatnonzero(PHASES == Phase.HOLD)[0]
+    first = HOLD_FRAMES[0]
     counts[first] = 0
     valid[first] = False
     replace_field(real_file, "raw_counts", counts)
@@ -241,8 +253,11 @@ def test_too_few_baseline_frames_are_refused(real_file):
             data["0002"].baseline(6)
         with pytest.raises(DatasetError, match="/grasps/0002/valid"):
             data["0002"].active_taxels(baseline_frames=6)
-        with pytest.raises(ValueError, match="1 or more"):
-            data["0001"].baseline(0)
+
+
+def test_baseline_of_0_frames_is_refused(real_file):
+    with GraspDataset(real_file) as data, pytest.raises(ValueError, match="1 or more"):
+        data["0001"].baseline(0)
 
 
 def test_board_without_any_frame_is_missing_not_short_of_baseline_frames(real_file):
@@ -270,7 +285,7 @@ def test_reading_one_grasp_does_not_read_another(real_file):
             data.check()
 
 
-def test_grasp_object_keeps_its_arrays_and_a_new_object_reads_again(real_file):
+def test_a_grasp_object_keeps_its_arrays_and_a_new_object_reads_them_again(real_file):
     with GraspDataset(real_file) as data:
         grasp = data["0001"]
         assert grasp.raw_counts is grasp.raw_counts
@@ -288,7 +303,7 @@ def test_unknown_grasp_and_closed_file_are_refused(real_file):
         _ = grasp.phase
 
 
-def test_error_can_be_pickled(real_file):
+def test_a_pickled_dataset_error_keeps_its_text_and_field(real_file):
     with pytest.raises(DatasetError) as caught:
         GraspDataset(real_file, baseline_frames=1000)
     copy = pickle.loads(pickle.dumps(caught.value))

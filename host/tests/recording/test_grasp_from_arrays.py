@@ -12,7 +12,7 @@ T, N, S = 6, 3, 2  # frames, taxels, sensors
 
 
 def make_arrays(source="real"):
-    """Arrays of a valid dataset with two grasps, by path."""
+    """Make the arrays of a valid dataset with two grasps: dict from path to array."""
     result = {
         "source": source,
         "hand": "two boards",
@@ -52,7 +52,7 @@ def make_arrays(source="real"):
 
 
 def to_nested(flat):
-    """Nested dictionaries, one for each group of the paths."""
+    """Convert a dict by path into nested dicts, one for each group of the paths."""
     tree = {}
     for name, value in flat.items():
         *groups, leaf = name.split("/")
@@ -64,6 +64,7 @@ def to_nested(flat):
 
 
 def check_content(path, source):
+    """Check that the dataset has the content of `make_arrays(source)`."""
     with GraspDataset(path) as data:
         data.check()
         assert (data.source, data.hand, data.created) == (source, "two boards", "2024-05-31")
@@ -89,7 +90,7 @@ def test_every_kind_of_input_gives_the_same_dataset(tmp_path, source, kind):
     check_content(tmp_path / "x.h5", source)
     write_from_arrays(tmp_path / "y.h5", make_arrays(source))
     assert (tmp_path / "x.h5").read_bytes() == (tmp_path / "y.h5").read_bytes()
-    assert {name for name in os.listdir(tmp_path) if name.startswith(".")} == set()
+    assert {name for name in os.listdir(tmp_path) if name.startswith(".")} == set()  # no temporary file remains
 
 
 def test_existing_file_is_kept_without_overwrite_or_after_an_error(tmp_path):

@@ -30,13 +30,17 @@ def simulated(tmp_path_factory):
 
 
 def find_violations(path):
+    """Return the violations of the physical invariants in a dataset."""
     with GraspDataset(path) as data:
         return list(InvariantChecker(data).find_violations())
 
 
 @pytest.fixture
-def change(simulated, tmp_path):
-    """Function that copies the dataset and changes arrays of its first grasp; returns path, grasp id and hold frame."""
+def change_first_grasp(simulated, tmp_path):
+    """Function `change_first_grasp(edit)`: it copies the dataset and calls `edit(grasp, frame)` for its first grasp.
+
+    `frame` is a hold frame. The function returns the path of the copy, the id of the grasp, and `frame`.
+    """
 
     def apply(edit):
         path = tmp_path / "sim.h5"
@@ -55,16 +59,16 @@ def test_the_simulator_of_this_project_violates_no_invariant(simulated):
     assert find_violations(simulated) == []
 
 
-def test_a_planted_spike_of_the_force_is_found_in_its_frame(change):
+def test_a_planted_spike_of_the_force_is_found_in_its_frame(change_first_grasp):
     def plant(grasp, frame):
         grasp["contact_force"][frame] = 6.0 * grasp["contact_force"][frame]
 
-    path, grasp_id, frame = change(plant)
+    path, grasp_id, frame = change_first_grasp(plant)
     assert {(v.grasp, v.frame) for v in find_violations(path)} == {(grasp_id, frame)}
     assert "force jump" in {v.kind for v in find_violations(path)}
 
 
-def test_a_planted_penetration_is_found_at_its_taxel(change):
+def test_a_planted_penetration_is_found_at_its_taxel(change_first_grasp):
     taxels = []
 
     def plant(grasp, frame):
@@ -73,13 +77,13 @@ def test_a_planted_penetration_is_found_at_its_taxel(change):
         values[taxels[0]] = -0.004
         grasp["separation"][frame] = values
 
-    path, grasp_id, frame = change(plant)
+    path, grasp_id, frame = change_first_grasp(plant)
     found = find_violations(path)
     assert {(v.grasp, v.frame) for v in found} == {(grasp_id, frame)}
     assert ("penetration", taxels[0]) in {(v.kind, v.taxel) for v in found}
 
 
-def test_a_planted_force_without_contact_is_found_at_its_taxel(change):
+def test_a_planted_force_without_contact_is_found_at_its_taxel(change_first_grasp):
     taxels, newtons = [], 8.0
 
     def plant(grasp, frame):
@@ -88,36 +92,36 @@ def test_a_planted_force_without_contact_is_found_at_its_taxel(change):
         values[taxels[0]] = newtons
         grasp["contact_force"][frame] = values
 
-    path, grasp_id, frame = change(plant)
+    path, grasp_id, frame = change_first_grasp(plant)
     assert [(v.grasp, v.frame, v.kind, v.taxel) for v in find_violations(path)] == [
         (grasp_id, frame, "force without contact", taxels[0])
     ]
 
 
-def test_a_frame_of_the_hold_without_force_is_a_jump(change):
+def test_a_hold_frame_without_force_is_reported_as_a_force_jump(change_first_grasp):
     def plant(grasp, frame):
         grasp["contact_force"][frame] = 0.0 * grasp["contact_force"][frame]
 
-    path, grasp_id, frame = change(plant)
+    path, grasp_id, frame = change_first_grasp(plant)
     found = find_violations(path)
     assert {(v.grasp, v.frame, v.kind) for v in found} == {(grasp_id, frame, "force jump")}
 
 
-def test_a_force_that_decreases_during_the_hold_is_not_at_rest(change):
+def test_a_force_that_decreases_during_the_hold_is_reported_as_not_at_rest(change_first_grasp):
     def plant(grasp, frame):
         hold = np.flatnonzero(grasp["phase"][:] == Phase.HOLD)
         for index, number in enumerate(hold):
             grasp["contact_force"][number] = (1.0 - 0.3 * index / len(hold)) * grasp["contact_force"][number]
 
-    path, grasp_id, _ = change(plant)
+    path, grasp_id, _ = change_first_grasp(plant)
     assert "not at rest" in {v.kind for v in find_violations(path) if v.grasp == grasp_id}
 
 
-def test_the_command_lists_the_wrong_frames_and_fails(change, simulated, capsys):
+def test_the_command_lists_the_wrong_frames_and_fails(change_first_grasp, simulated, capsys):
     def plant(grasp, frame):
         grasp["contact_force"][frame] = 6.0 * grasp["contact_force"][frame]
 
-    path, grasp_id, frame = change(plant)
+    path, grasp_id, frame = change_first_grasp(plant)
     assert run_taxel("show", "--check", simulated) == 0
     assert "0 frames of 3 grasps violate an invariant" in capsys.readouterr().out
     assert run_taxel("show", "--check", path) == 1

@@ -13,7 +13,7 @@ FRAMES, TAXELS, SENSORS = 8, 3, 2
 
 
 def make_contents(source):
-    """Content of a valid file: datasets by path, attributes by path and "@"."""
+    """Make the content of a valid file: dict from path (dataset) or path@name (attribute) to value."""
     poses = np.tile(np.eye(4), (SENSORS, 1, 1))
     items = {
         "@format": "taxel-grasp-dataset",
@@ -71,6 +71,7 @@ def write_file(path, items):
 
 
 def with_value(array, index, value):
+    """Return a copy of the array in which one element or slice has another value."""
     array = array.copy()
     array[index] = value
     return array
@@ -170,7 +171,7 @@ CHANGES = {
 
 
 def read_error(path):
-    """The DatasetError for a file, whose text must be one printable line."""
+    """Return the DatasetError of a malformed file; its text must be one printable line that starts with the path."""
     with pytest.raises(DatasetError) as caught, GraspDataset(path) as data:
         data.check()
     text = str(caught.value)
@@ -307,7 +308,7 @@ def test_excessive_size_is_refused_before_memory_is_allocated(tmp_path):
         assert error.field == f"/{name}"
 
 
-def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
+def test_empty_values_are_refused(tmp_path):
     def write_empty_dataset(file):
         file["taxels/size"] = h5py.Empty("f8")
 
@@ -318,6 +319,9 @@ def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
 
     error = read_error(write_replaced(tmp_path / "x.h5", "nothing", write_empty_attribute))
     assert error.field == "/grasps/0003/session"
+
+
+def test_a_group_instead_of_a_dataset_and_the_reverse_are_refused(tmp_path):
     group = read_error(write_replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
     assert (group.field, group.found) == ("/taxels/size", "a group")
     dataset = read_error(write_replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
@@ -353,7 +357,7 @@ def test_truncated_file_is_refused(tmp_path):
     content = path.read_bytes()
     path.write_bytes(content[:-500])
     assert "truncated" in read_error(path).found
-    path.write_bytes(content[:40])
+    path.write_bytes(content[:40])  # the HDF5 signature, and a part of the first block
     read_error(path)
 
 

@@ -33,10 +33,13 @@ from taxel.recording.hdf5_output import open_new_hdf5
 
 SEED = 7
 N, S, T = 40, 2, 30  # taxels, sensors, frames
+LINK_BYTES = 19
+"""Size of the link to a grasp in the header of the group /grasps, bytes."""
 CREATED = "2024-05-31T12:00:00+00:00"
 
 
 def make_taxel_table():
+    """Make the table of N taxels, the first 20 of which are on the board 0x20, the others on 0x21."""
     number = np.arange(N)
     return TaxelTable(
         sensor=np.where(number < 20, 0x20, 0x21).astype(np.uint8),
@@ -49,6 +52,7 @@ def make_taxel_table():
 
 
 def make_header(source="real", **changes):
+    """Make the header of a dataset. source: "real" or "sim". changes: other values of its fields."""
     fields = {
         "source": source,
         "hand": "two boards",
@@ -64,7 +68,7 @@ def make_header(source="real", **changes):
 
 @cache
 def make_record(number, source="real", has_optional_arrays=False):
-    """A grasp whose values depend only on its number."""
+    """Make a grasp whose values depend only on its number."""
     generator = np.random.default_rng([SEED, number])
     grasp = GraspRecord(
         object="cube",
@@ -91,6 +95,7 @@ def make_record(number, source="real", has_optional_arrays=False):
 
 
 def check_grasp(grasp, expected):
+    """Check that a grasp of a dataset has the attributes and arrays of the written record."""
     for name in ("object", "approach", "iteration", "session"):
         assert getattr(grasp, name) == getattr(expected, name)
     for name in GRASP:
@@ -102,6 +107,7 @@ def check_grasp(grasp, expected):
 
 
 def write_dataset(path, count=3, source="real", **changes):
+    """Write a dataset with `count` grasps, and return its path. changes: other header fields."""
     with GraspDatasetWriter.create(path, make_header(source, **changes)) as out:
         for number in range(count):
             out.add(make_record(number, source))
@@ -187,12 +193,15 @@ def test_direct_calls_of_hdf5_hold_the_lock_of_h5py(tmp_path, monkeypatch):
     lock_states = []
 
     def is_free():
+        """Return whether the lock of h5py is free, as another thread sees it."""
         is_acquired = phil.acquire(False)
         if is_acquired:
             phil.release()
         return is_acquired
 
     class WatchedFunction:
+        """Function of the HDF5 library that stores the state of the lock at each call."""
+
         def __init__(self, function):
             self._function = function
 
@@ -212,10 +221,10 @@ def test_direct_calls_of_hdf5_hold_the_lock_of_h5py(tmp_path, monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", WatchedLibrary)
     with ThreadPoolExecutor(1) as other_thread:
         write_dataset(tmp_path / "x.h5")
-    assert lock_states == [False, False]
+    assert lock_states == [False, False]  # two direct calls; the lock is not free during either
 
 
-def test_existing_file_is_not_overwritten_without_request(tmp_path):
+def test_an_existing_file_is_overwritten_only_on_request(tmp_path):
     path = write_dataset(tmp_path / "x.h5")
     content = path.read_bytes()
     with pytest.raises(DatasetError, match=r"x\.h5: /: expected a new file, found an existing one") as caught:
@@ -228,16 +237,20 @@ def test_existing_file_is_not_overwritten_without_request(tmp_path):
     assert os.listdir(tmp_path) == ["x.h5"]
 
 
-def test_missing_folders_are_created_and_a_folder_is_not_replaced(tmp_path):
+def test_missing_folders_are_created(tmp_path):
     write_dataset(tmp_path / "new" / "folder" / "x.h5")
     assert os.listdir(tmp_path / "new" / "folder") == ["x.h5"]
+
+
+def test_a_folder_is_not_replaced_by_a_dataset(tmp_path):
     with pytest.raises(DatasetError, match="expected a new file"):
         GraspDatasetWriter.create(tmp_path, make_header(), overwrite=True)
 
 
 def check_first_grasps(path, last=None):
-    """Check that the file contains the first grasps completely, and return their number. last: compare only the last
-    ones.
+    """Check that the file contains the grasps of `make_record` from number 0 on, and return their count.
+
+    last: number of grasps at the end whose content is compared; None: all.
     """
     with GraspDataset(path) as data:
         assert data.ids == tuple(f"{number + 1:04}" for number in range(len(data)))
@@ -252,6 +265,7 @@ def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, m
     states = []
 
     def watch(name):
+        """Replace a function of `os`, so that each call stores the content of the file before and after it."""
         function = getattr(os, name)
 
         def call(*arguments):
@@ -330,17 +344,17 @@ def test_interruption_of_the_creation_leaves_no_file(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["x.h5"]
 
 
-def test_links_of_the_grasps_are_in_the_first_page(tmp_path):
+def test_first_page_of_a_file_has_space_for_the_links_of_all_reserved_grasps(tmp_path):
     path = write_dataset(tmp_path / "x.h5", 1)
     with h5py.File(path) as file:
         info = h5py.h5o.get_info(file["grasps"].id)
         print(info.addr, info.hdr.space.total)
         assert info.hdr.nchunks == 1
         assert 1000 < info.addr + info.hdr.space.total <= PAGE_BYTES
-        assert info.hdr.space.free >= 19 * (RESERVED_GRASPS - 1)
+        assert info.hdr.space.free >= LINK_BYTES * (RESERVED_GRASPS - 1)
 
 
-def test_more_grasps_than_the_header_has_space_for(tmp_path, monkeypatch):
+def test_a_dataset_with_more_grasps_than_its_header_has_space_for_is_readable(tmp_path, monkeypatch):
     monkeypatch.setattr("taxel.recording.grasp_storage.RESERVED_GRASPS", 2)
     path = write_dataset(tmp_path / "x.h5", 30)
     assert check_first_grasps(path) == 30

@@ -28,8 +28,8 @@ FILES = {
 }
 
 
-def move(time_s: float) -> np.ndarray:
-    """Joint angles of a motion with constant velocities, radians."""
+def compute_motion_angles(time_s: float) -> np.ndarray:
+    """Return the 22 joint angles of a motion with constant velocities, radians."""
     return np.linspace(-0.2, 0.3, 22) * time_s
 
 
@@ -39,15 +39,16 @@ def hand() -> Hand:
 
 
 def make_motion(hand: Hand) -> JointHistory:
+    """Make the joint angles of `compute_motion_angles` for 4 s, every 10 ms."""
     history = JointHistory(build_kinematics(hand).robot.joint_names, "motion")
     for time_s in np.arange(0.0, 4.0, 0.01).tolist():
-        history.add(time_s, move(time_s))
+        history.add(time_s, compute_motion_angles(time_s))
     return history
 
 
 @pytest.fixture(scope="module", params=["x.bin", "x.mcap"])
 def recorded(request: pytest.FixtureRequest, hand: Hand, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of an emulated hand in motion."""
+    """Path of a recording of an emulated hand in motion, in each of two formats."""
     path = tmp_path_factory.mktemp("joints") / str(request.param)
     with open_recorded(URL, path, hand, joint_position=make_motion(hand)) as skin:
         for _ in skin:
@@ -60,7 +61,7 @@ def test_recording_has_the_joint_angles_of_every_poll_cycle(recorded: Path, hand
     assert joints is not None
     assert len(joints) > 15
     for time_s in np.linspace(joints.first_s, joints.last_s, 7).tolist():
-        np.testing.assert_allclose(joints.interpolate(time_s), move(max(time_s, 0.0)), atol=1e-5)
+        np.testing.assert_allclose(joints.interpolate(time_s), compute_motion_angles(max(time_s, 0.0)), atol=1e-5)
 
 
 @pytest.mark.parametrize("format_name", list(FILES))
@@ -70,13 +71,14 @@ def test_conversion_keeps_the_joint_angles(recorded: Path, hand: Hand, tmp_path:
     joints = load_recorded_joints(target, format_name, hand)
     assert joints is not None
     for time_s in np.linspace(joints.first_s, joints.last_s, 5).tolist():
-        np.testing.assert_allclose(joints.interpolate(time_s), move(max(time_s, 0.0)), atol=1e-4)
+        np.testing.assert_allclose(joints.interpolate(time_s), compute_motion_angles(max(time_s, 0.0)), atol=1e-4)
     again = tmp_path / "again.mcap"
     convert(target, again)
     last = load_recorded_joints(again, "mcap", hand)
     assert last is not None
+    # A Parquet file has the joint angles in every row, not only once per poll cycle.
     assert len(last) == pytest.approx(len(joints), abs=0.1 * len(joints) + 2) or format_name == "parquet"
-    np.testing.assert_allclose(last.interpolate(joints.last_s), move(joints.last_s), atol=1e-2)
+    np.testing.assert_allclose(last.interpolate(joints.last_s), compute_motion_angles(joints.last_s), atol=1e-2)
 
 
 def test_dataset_has_the_sensor_poses_of_each_frame(recorded: Path, hand: Hand, tmp_path: Path) -> None:
@@ -86,7 +88,7 @@ def test_dataset_has_the_sensor_poses_of_each_frame(recorded: Path, hand: Hand, 
         grasp = data[data.ids[0]]
         assert grasp.sensor_pose_t is not None
         for row in (0, len(grasp.timestamp) // 2, -1):
-            expected = kinematics.compute_sensor_poses(move(float(grasp.timestamp[row])))
+            expected = kinematics.compute_sensor_poses(compute_motion_angles(float(grasp.timestamp[row])))
             np.testing.assert_allclose(grasp.sensor_pose_t[row], expected, atol=1e-5)
 
 
@@ -96,7 +98,9 @@ def test_cloud_positions_are_those_of_the_hold_frames(recorded: Path, hand: Hand
     with GraspDataset(tmp_path / "x.h5") as data:
         grasp = data[data.ids[0]]
         times = grasp.timestamp[2:].tolist()
-        expected = np.mean([kinematics.compute_taxel_positions(move(time_s)) for time_s in times], axis=0)
+        expected = np.mean(
+            [kinematics.compute_taxel_positions(compute_motion_angles(time_s)) for time_s in times], axis=0
+        )
         np.testing.assert_allclose(locate_taxels(data, grasp), expected, atol=1e-5)
 
 
@@ -117,7 +121,7 @@ def test_joint_file_in_unix_time_is_shifted_to_the_clock_of_the_recording(hand: 
     assert history.first_s == pytest.approx(1.0)
 
 
-def test_damaged_joint_file_of_a_capture_is_one_line(hand: Hand, tmp_path: Path) -> None:
+def test_a_damaged_joint_file_of_a_capture_is_refused_and_nothing_is_written(hand: Hand, tmp_path: Path) -> None:
     path = tmp_path / "x.bin"
     with open_recorded(URL, path, hand, joint_position=make_motion(hand)) as skin:
         for _ in skin:

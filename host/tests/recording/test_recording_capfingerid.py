@@ -16,6 +16,7 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 
 @pytest.fixture(scope="module")
 def importer() -> ModuleType:
+    """Module `tools/import_capfingerid.py`."""
     spec = importlib.util.spec_from_file_location("import_capfingerid", REPOSITORY / "tools" / "import_capfingerid.py")
     assert spec is not None
     assert spec.loader is not None
@@ -26,7 +27,10 @@ def importer() -> ModuleType:
 
 
 def format_line(task="TAP", seconds="1508925142", nanoseconds="30093394", values=None, end=""):
-    """A line of the source text: six fields, the last with time and 27 x 15 values. end: text after the last comma."""
+    """Return a line of the source text: six fields, the last with time and 27 x 15 values.
+
+    end: text after the last comma.
+    """
     values = ["0"] * 405 if values is None else values
     return ";".join(["2", "right", "index", task, "-1", ",".join([seconds, nanoseconds, *values, end])])
 
@@ -61,7 +65,7 @@ def test_values_of_the_thumb_equal_the_source_text():
     assert recording.time_s[-1] == (1510666040_256491154 - 1510665822_285039572) / 1e9
 
 
-def test_data_file_is_small_and_has_its_licence():
+def test_data_file_has_less_than_2_mb_and_comes_with_licence_and_origin():
     data = files("taxel.recording").joinpath("data")
     assert len(data.joinpath("capfingerid.npz").read_bytes()) < 2e6
     assert data.joinpath("capfingerid.LICENSE").read_text().startswith("MIT License")

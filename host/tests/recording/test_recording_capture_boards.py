@@ -33,7 +33,7 @@ def capture(tmp_path_factory):
 
 
 def read_all_boards(path):
-    """All frames of each board of a capture, by address."""
+    """Read all frames of each board of a capture: dict from address to frames."""
     boards = {}
     for block in read_boards(path):
         for address, frames in block.items():

@@ -15,19 +15,19 @@ CYCLE_S = 0.06
 
 
 def replay(capsys, path):
-    """The summary of `taxel replay --json`."""
+    """Return the summary of `taxel replay --json`."""
     capsys.readouterr()
     assert run_taxel("replay", path, "--json") == 0
     return json.loads(capsys.readouterr().out)
 
 
 def read_last_line(capsys):
-    """The totals that `taxel record` prints."""
+    """Return the totals that `taxel record` has printed in its last line."""
     return capsys.readouterr().out.strip().splitlines()[-1]
 
 
 def format_totals(summary):
-    """The totals of a summary as `taxel record` prints them."""
+    """Return the totals of a summary as `taxel record` prints them."""
     return (
         f"frames: {summary['frames_received']} received, {summary['frames_lost_on_wire']} lost on the wire; "
         f"bytes: {summary['bytes_received']} received, {summary['bytes_discarded']} discarded"
@@ -58,7 +58,7 @@ def test_recording_contains_the_frames_that_the_reader_has_received(capsys, tmp_
     assert summary["bytes_received"] == received
 
 
-def test_recording_of_a_complete_stream_is_not_cut(capsys, tmp_path):
+def test_a_recording_of_a_complete_stream_contains_all_its_frames(capsys, tmp_path):
     path = tmp_path / "skin.bin"
     with open_recorded("emulator:?speed=max&duration_s=1", path) as skin:
         count = sum(1 for _ in skin)
@@ -73,13 +73,13 @@ def test_negative_duration_is_refused(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("position", range(13))
-def test_capture_is_cut_at_any_byte(tmp_path, position):
+def test_capture_can_be_cut_at_any_byte(tmp_path, position):
     path = tmp_path / "x.bin"
     writer = CaptureBytes(CaptureWriter(path))
     chunks = [Chunk(b"abc", 10), Chunk(b"defg", 20), Chunk(b"h", 30), Chunk(b"ijkl", 40)]
     for chunk in chunks:
         writer.write(*chunk)
-    writer.confirm(min(position, 5))
+    writer.confirm(min(position, 5))  # the first bytes cannot be cut off any more: at most 5, inside the second chunk
     writer.cut(position)
     writer.close()
     data, times = b"", []

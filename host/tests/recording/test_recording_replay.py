@@ -14,7 +14,7 @@ ALLEGRO = load_hand("allegro")
 
 
 def make_touch_recording(touched_frames, frames=40, period_s=0.1):
-    """A recording in which a block of 3 x 4 panel values is touched during `touched_frames`."""
+    """Make a recording in which 3 x 4 neighbouring panel values are touched during `touched_frames`."""
     values = np.zeros((frames, 27, 15), np.int16)
     values[touched_frames, 10:13, 6:10] = 240
     return TouchRecording("synthetic", period_s * np.arange(frames), values, np.full(frames, "TAP"))

@@ -13,13 +13,17 @@ TAXELS = 6
 
 
 def make_source(values):
-    """A source with one row of taxel values every FRAME_S and an activation threshold of 150."""
+    """Make a source with one row of taxel values every FRAME_S and an activation threshold of 150 counts."""
     values = np.asarray(values)
     return SourceTouches(FRAME_S * np.arange(len(values)), values, 150.0)
 
 
 def decode_exactly(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample_s=SAMPLE_S):
-    """A board that converts its taxels 1 ms apart every `sample_s` and shows the source of `delay_s` earlier."""
+    """Make a board that measures the source without error, `delay_s` late.
+
+    The board starts a scan every `sample_s`, from `first_s` on, and measures its taxels one after the other, 1 ms
+    apart.
+    """
     n = taxels.stop - taxels.start
     start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
     sampled_s = start_s[:, None] + 1e-3 * np.arange(n)
@@ -29,7 +33,10 @@ def decode_exactly(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101,
 
 @pytest.fixture
 def two_touches():
-    """Touch of taxel 1 for 2 frames, then of taxels 3 (2 frames) and 4 (3 frames); taxel 5 stays at the threshold."""
+    """Source with a touch of taxel 1 (2 frames), and then of the taxels 3 (2 frames) and 4 (3 frames).
+
+    Taxel 5 stays at the threshold.
+    """
     values = np.zeros((12, TAXELS), dtype=int)
     values[2:4, 1] = 200
     values[6:8, 3] = 180
@@ -68,7 +75,7 @@ def test_exact_decoding_has_precision_recall_and_f1_of_one(two_touches):
     assert (score.onset_delay_s <= SAMPLE_S).all()
 
 
-def test_each_sample_is_counted():
+def test_each_sample_is_counted_as_true_or_false_and_positive_or_negative():
     source = make_source([[0, 0], [200, 0], [0, 0]])
     sampled_s = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
     active = np.array([[False, False], [True, False], [False, True], [False, True]])
@@ -85,7 +92,7 @@ def test_each_sample_is_counted():
 
 
 @pytest.mark.parametrize("is_active", [True, False])
-def test_both_values_are_correct_at_a_step(is_active):
+def test_a_sample_at_a_step_of_the_source_is_accepted_with_either_value(is_active):
     source = make_source([[0], [200], [0]])
     sampled_s = np.array([[0.0995], [0.15], [0.2014]])
     active = np.array([[is_active], [True], [is_active]])
@@ -94,7 +101,7 @@ def test_both_values_are_correct_at_a_step(is_active):
     assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
 
 
-def test_sample_outside_the_step_tolerance_is_decided():
+def test_a_sample_outside_the_step_tolerance_is_scored():
     source = make_source([[0], [200], [0]])
     sampled_s = np.array([[0.098], [0.15], [0.202]])
     score = score_replay(
@@ -143,6 +150,7 @@ def test_activity_far_from_any_touch_is_spurious(two_touches):
 
 
 def test_touch_between_two_samples_is_counted_as_unsampled(two_touches):
+    # Scans at 10 ms, 510 ms and 1010 ms; the touches last from 200 ms to 400 ms and from 600 ms to 900 ms.
     score = score_replay(two_touches, [decode_exactly(two_touches, sample_s=0.5)])
     assert (score.touches_found, score.touches_missed, score.touches_unsampled) == (0, 2, 2)
     assert score.f1 == 1.0

@@ -21,6 +21,7 @@ HEADER = {"hand": "flat8", "clock": "host", "baud": 1e6}
 
 
 def make_columns(**changes):
+    """Make the columns of a table with two frames. changes: other columns; None removes a column."""
     columns = {
         "time_s": [1.0, 1.1],
         "address": [BOARD.address] * 2,
@@ -35,12 +36,14 @@ def make_columns(**changes):
 
 
 def write_parquet(folder, header=HEADER, **changes):
+    """Write a Parquet recording of the columns `make_columns(**changes)`, and return its path."""
     table = pyarrow.table(make_columns(**changes)).replace_schema_metadata({"taxel": format_header(header)})
     pyarrow.parquet.write_table(table, folder / "a.parquet")
     return folder / "a.parquet"
 
 
 def read_all(path):
+    """Return all frames of a recording."""
     link, hand = open_recording(path)
     with Skin(link, hand) as skin:
         return list(skin)
@@ -105,6 +108,7 @@ def test_a_pipe_as_a_parquet_file_is_refused_without_waiting(tmp_path):
 
 
 def write_csv(folder, row):
+    """Write a CSV recording with one row (bytes), and return its path, a folder."""
     (folder / "a.csv").mkdir()
     (folder / "a.csv" / HEADER_FILE).write_text(format_header(HEADER))
     heading = ",".join((*COLUMNS, *(f"taxel_{index}" for index in range(TAXELS))))

@@ -15,14 +15,14 @@ ALLEGRO = load_hand("allegro")
 
 
 def make_flat_hand(boards):
-    """A hand of several boards of 8 x 8 taxels."""
+    """Make a hand of several boards of 8 x 8 taxels."""
     flat8 = load_hand("flat8")
     kind = flat8.boards[0].kind
     return replace(flat8, boards=tuple(Board(f"board_{i}", kind, 0x20 + i) for i in range(boards)))
 
 
 def to_panel_values(tiling, counts):
-    """Panel values [T, 27, 15] of raw counts [T, n_taxels]."""
+    """Convert raw counts [T frames, n_taxels] into panel values [T, 27, 15]."""
     return (UNTOUCHED_COUNTS - counts[:, tiling.taxel_of_cell].astype(int)).reshape(-1, 27, 15)
 
 
@@ -93,5 +93,8 @@ def test_invalid_shapes_and_counts_are_refused():
         tiling.to_counts(np.zeros((2, 15, 27), np.int16))
     with pytest.raises(ValueError, match="untouched: expected"):
         tiling.to_counts(np.zeros((2, 27, 15), np.int16), untouched=-1)
+
+
+def test_a_tiling_that_assigns_one_taxel_to_several_panel_positions_is_refused():
     with pytest.raises(ValueError, match="different taxels"):
-        Tiling(1073, np.zeros(405, np.int64), (9, 5))
+        Tiling(ALLEGRO.n_taxels, taxel_of_cell=np.zeros(27 * 15, np.int64), tile_shape=(9, 5))

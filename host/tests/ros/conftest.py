@@ -13,7 +13,10 @@ from taxel.skin.recorder import open_recorded
 
 
 def record_indented_hand(folder: Path, name: str, indentation: Indentation, joints: np.ndarray) -> RecordedSkin:
-    """A capture of a hand that is indented after its baseline is complete."""
+    """Record a capture of an emulated hand that is indented after its baseline is complete.
+
+    joints: joint angles in the header of the capture, radians.
+    """
     hand = load_hand(name)
     stimulus = folder / "indentation.stm"
     write_stimulus(stimulus, *compute_indentation_forces(hand, (indentation,)))

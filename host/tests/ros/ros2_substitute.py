@@ -48,6 +48,7 @@ class LifecycleNode:
         )
 
     def create_subscription(self, message_class: Any, topic: str, callback: Any, depth: int) -> Any:
+        """Deliver one message with the angle of one joint immediately."""
         callback(Message(name=["elbow"], position=[0.5]))
         return object()
 
@@ -81,6 +82,7 @@ class LifecycleNode:
         return "SUCCESS"
 
     def trigger_deactivate(self) -> None:
+        """Run the transition from active to inactive, which must succeed."""
         assert self.state == "active"
         assert self.on_deactivate(None) == "SUCCESS"
         self.state = "inactive"
@@ -95,7 +97,7 @@ class LifecycleNode:
 
 
 def make_modules() -> dict[str, types.ModuleType]:
-    """The modules by name, for sys.modules."""
+    """Make the substitute modules by name, for sys.modules."""
     names = ("rclpy", "rclpy.qos", "rclpy.lifecycle", "rclpy.executors", "std_srvs.srv")
     modules = {name: types.ModuleType(name) for name in names}
     modules["rclpy.qos"].DurabilityPolicy = types.SimpleNamespace(TRANSIENT_LOCAL="latched", VOLATILE="volatile")

@@ -14,7 +14,8 @@ import taxel
 from host.tests.ros.ros2_substitute import LifecycleNode, make_modules
 
 PACKAGE = Path(__file__).resolve().parents[2] / "taxel_ros2"
-STANDARD = {"launch", "ament_index_python"}
+CONFIGURE, ACTIVATE = 1, 3
+"""Ids of the transitions in lifecycle_msgs/msg/Transition."""
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def make_node(monkeypatch):
 
 
 def wait_for(condition) -> bool:
-    """True if the condition is fulfilled within 20 s."""
+    """Wait up to 20 s until `condition()` is true; return whether it is true."""
     end_s = time.monotonic() + 20.0
     while not condition() and time.monotonic() < end_s:
         time.sleep(0.01)
@@ -47,10 +48,11 @@ def wait_for(condition) -> bool:
 
 
 def collect_topics(node) -> set[str]:
+    """Return the topics on which a node has published."""
     return {topic for topic, _, _ in node.published}
 
 
-def test_active_node_publishes_and_inactive_node_does_not(make_node, recorded):
+def test_node_publishes_in_the_state_active_only_and_can_be_activated_again(make_node):
     node = make_node(url="emulator:?speed=real", hand="rig4", baseline_frames=5)
     assert node.change_state("configure")
     assert node.published == []
@@ -61,33 +63,50 @@ def test_active_node_publishes_and_inactive_node_does_not(make_node, recorded):
     time.sleep(0.2)
     assert len(node.published) == count
     assert node.timers == []
-    assert node.change_state("activate")  # the port is opened again
+    assert node.change_state("activate")
     assert wait_for(lambda: len(node.published) > count)
 
 
-def test_recording_ends_in_the_state_inactive_with_all_topics(make_node, recorded):
+@pytest.fixture
+def ended_node(make_node, recorded):
+    """A node that has published a whole recording with joint angles from a topic."""
     node = make_node(url=f"file:{recorded.path}", joint_topic="/arm/joint_states")
     sys.modules["taxel_ros2.skin_node"].Pace = lambda speed: types.SimpleNamespace(wait=lambda time_s: None)
     assert node.change_state("configure")
     assert node.change_state("activate")
     assert wait_for(lambda: "end of the recording" in node.log)
     assert wait_for(lambda: not node._thread.is_alive())
-    node.timers[0]()
-    assert node.state == "inactive"
-    topics = collect_topics(node)
+    return node
+
+
+def test_node_returns_to_the_state_inactive_at_the_end_of_a_recording(ended_node):
+    (check_thread,) = ended_node.timers
+    check_thread()
+    assert ended_node.state == "inactive"
+
+
+def test_node_publishes_the_topics_of_a_recording_but_not_the_joint_states_of_another_node(ended_node):
+    topics = collect_topics(ended_node)
     assert {"/tf", "/tf_static", "/robot_description", "/diagnostics", "/taxel/palm/scan"} <= topics
-    assert "/joint_states" not in topics  # joint states of another node are not published again
-    assert {durability for topic, durability, _ in node.published if topic == "/tf_static"} == {"latched"}
+    assert "/joint_states" not in topics
+    assert {durability for topic, durability, _ in ended_node.published if topic == "/tf_static"} == {"latched"}
 
 
-def test_missing_port_and_unknown_hand_are_one_line_in_the_log(make_node):
+def test_missing_port_prevents_the_activation_and_is_one_line_in_the_log(make_node):
     node = make_node(url="serial:///dev/ttyNONE")
     assert node.change_state("configure")
     assert not node.change_state("activate")
-    assert not make_node(hand="no_hand.toml").change_state("configure")
-    for message in (*LifecycleNode.instances[0].log, *LifecycleNode.instances[1].log):
-        assert len(message.splitlines()) == 1
-    assert "/dev/ttyNONE" in node.log[0]
+    (message,) = node.log
+    assert "/dev/ttyNONE" in message
+    assert "\n" not in message
+
+
+def test_unknown_hand_prevents_the_configuration_and_is_one_line_in_the_log(make_node):
+    node = make_node(hand="no_hand.toml")
+    assert not node.change_state("configure")
+    (message,) = node.log
+    assert "no_hand.toml" in message
+    assert "\n" not in message
 
 
 def test_the_service_restarts_the_baseline_of_an_active_node_only(make_node):
@@ -105,7 +124,7 @@ def test_the_service_restarts_the_baseline_of_an_active_node_only(make_node):
     assert wait_for(lambda: count_baselines() == 2)
 
 
-def test_every_parameter_has_a_description_and_is_in_the_parameter_file(make_node):
+def test_every_parameter_has_a_description_and_is_in_the_parameter_file_in_the_same_order(make_node):
     node = make_node()
     assert all(descriptor.description for descriptor in node.declared.values())
     lines = (PACKAGE / "config" / "skin.yaml").read_text().splitlines()
@@ -121,12 +140,12 @@ def test_package_xml_names_every_imported_ros_package():
             names = [node.module] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             imported |= {name.split(".")[0] for name in names}
-    ros = imported - set(sys.stdlib_module_names) - {"taxel", "taxel_ros2", "setuptools"}
-    assert ros <= declared
-    assert declared >= STANDARD
+    imported_ros_packages = imported - set(sys.stdlib_module_names) - {"taxel", "taxel_ros2", "setuptools"}
+    assert imported_ros_packages >= {"launch", "ament_index_python"}  # the imports of the launch file are found, too
+    assert imported_ros_packages <= declared
 
 
-def test_versions_and_installed_files_agree_with_the_repository():
+def test_package_has_the_version_of_taxel_and_installs_existing_files():
     version = taxel.__version__
     assert ElementTree.parse(PACKAGE / "package.xml").getroot().findtext("version") == version
     text = (PACKAGE / "setup.py").read_text()
@@ -139,6 +158,8 @@ def test_versions_and_installed_files_agree_with_the_repository():
 
 def test_launch_file_configures_and_then_activates_the_node(monkeypatch):
     class Recorder(types.ModuleType):
+        """A module whose functions return their own name and arguments."""
+
         def __getattr__(self, name):
             if name.startswith("__"):
                 raise AttributeError(name)
@@ -151,7 +172,7 @@ def test_launch_file_configures_and_then_activates_the_node(monkeypatch):
         monkeypatch.setitem(sys.modules, name, Recorder(name))
     packages, messages = types.ModuleType("ament_index_python.packages"), types.ModuleType("lifecycle_msgs.msg")
     packages.get_package_share_directory = lambda name: f"/share/{name}"
-    messages.Transition = types.SimpleNamespace(TRANSITION_CONFIGURE=1, TRANSITION_ACTIVATE=3)
+    messages.Transition = types.SimpleNamespace(TRANSITION_CONFIGURE=CONFIGURE, TRANSITION_ACTIVATE=ACTIVATE)
     monkeypatch.setitem(sys.modules, "ament_index_python.packages", packages)
     monkeypatch.setitem(sys.modules, "lifecycle_msgs", types.ModuleType("lifecycle_msgs"))
     monkeypatch.setitem(sys.modules, "lifecycle_msgs.msg", messages)
@@ -162,5 +183,5 @@ def test_launch_file_configures_and_then_activates_the_node(monkeypatch):
     assert kinds.index("RegisterEventHandler") < kinds.index("EmitEvent")  # the handler exists before the transition
     (handler,) = actions[kinds.index("RegisterEventHandler")].arguments
     (activate,) = handler.options["entities"]
-    assert activate.options["event"].options["transition_id"] == 3
-    assert actions[-1].options["event"].options["transition_id"] == 1
+    assert activate.options["event"].options["transition_id"] == ACTIVATE
+    assert actions[-1].options["event"].options["transition_id"] == CONFIGURE

@@ -5,7 +5,6 @@ import struct
 import subprocess
 import sys
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,22 +14,26 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import taxel
-from host.tests.recordings import ALL_FIELDS, differing_fields, read_frames
+from host.tests.recordings import ALL_FIELDS, find_differing_fields, read_frames
 from taxel.hand.kinematics import build_kinematics
 from taxel.hand.transforms import make_pose
 from taxel.link import CaptureError
 from taxel.recording.formats import convert
 from taxel.ros.contacts import POINT
+from taxel.ros.diagnostics import OK
 from taxel.ros.mcap_file import McapFile
 from taxel.ros.topics import SkinTopics
 from taxel.signal import Activation
 from taxel.skin import Skin, open_source
 from taxel.skin.recorder import open_recorded
 
+OFFSET_S = 1_800_000_000
+"""Unix time minus stream time of a bag, seconds: a time in the year 2027."""
+
 
 @pytest.fixture(scope="module")
 def mcap(recorded, tmp_path_factory):
-    """The recording as MCAP."""
+    """Path of the recording, converted to MCAP."""
     path = tmp_path_factory.mktemp("mcap") / "a.mcap"
     convert(recorded.path, path)
     return path
@@ -38,7 +41,7 @@ def mcap(recorded, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def bag(mcap):
-    """Every message by topic, read by rosbags: (time, message)."""
+    """All messages of the MCAP file by topic, read by rosbags: lists of (time in nanoseconds, message)."""
     messages = {}
     with AnyReader([mcap]) as reader:
         for connection, time_ns, data in reader.messages():
@@ -47,7 +50,7 @@ def bag(mcap):
 
 
 def to_seconds(stamp):
-    """A ROS time stamp in seconds."""
+    """Convert a ROS time stamp to seconds."""
     return stamp.sec + stamp.nanosec * 1e-9
 
 
@@ -58,10 +61,10 @@ def test_reference_reader_decodes_every_topic_and_the_header(mcap, recorded):
         names = {channel.topic for channel in summary.channels.values()}
         decoded = sum(1 for _ in reader.iter_decoded_messages())
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-    scans = {f"/taxel/{board.name}/scan" for board in recorded.hand.boards}
-    skin = {f"/taxel/{name}" for name in ("activations", "contact_cloud", "baseline", "hub_bytes")}
-    common = {"/joint_states", "/tf", "/tf_static", "/diagnostics", "/robot_description"}
-    assert names == scans | skin | common
+    scan_topics = {f"/taxel/{board.name}/scan" for board in recorded.hand.boards}
+    skin_topics = {f"/taxel/{name}" for name in ("activations", "contact_cloud", "baseline", "hub_bytes")}
+    standard_topics = {"/joint_states", "/tf", "/tf_static", "/diagnostics", "/robot_description"}
+    assert names == scan_topics | skin_topics | standard_topics
     assert decoded == summary.statistics.message_count > len(recorded.frames)
     assert set(metadata) == {"taxel", "taxel_baseline", "taxel_boards"}
     assert set(metadata["taxel"]) >= {"hand_description", "taxel_version", "url", "clock", "joint_position"}
@@ -116,31 +119,26 @@ def test_contact_cloud_read_by_rosbags_lies_at_the_indented_taxels(bag, recorded
     assert offsets["drop"] == POINT.fields["drop"][1]
 
 
-def test_recorded_activations_equal_those_of_the_library(bag, recorded):
+def test_activations_and_baseline_in_the_file_equal_those_of_the_library(bag, recorded):
     with taxel.open(f"file:{recorded.path}") as skin:
         baseline = skin.take_baseline()
         activation = Activation(baseline.mean)
         expected = [np.flatnonzero(activation(scan.raw_counts, scan.valid).active).tolist() for scan in skin.scans()]
     recorded_taxels = [message.taxel.tolist() for _, message in bag["/taxel/activations"]]
     assert recorded_taxels == expected[: len(recorded_taxels)]
-    assert len(expected) - len(recorded_taxels) <= 1
+    assert len(expected) - len(recorded_taxels) <= 1  # the recording ends within the last poll cycle
     ((_, message),) = bag["/taxel/baseline"]
     assert np.array_equal(message.mean, baseline.mean)
 
 
-def test_diagnostics_name_the_hub_and_every_board(bag, recorded):
+def test_diagnostics_have_a_status_without_error_for_the_hub_every_board_and_every_branch(bag, recorded):
     statuses = bag["/diagnostics"][-1][1].status
-    assert [status.name for status in statuses] == [
-        f"taxel: {n}"
-        for n in (
-            "hub",
-            *(b.name for b in recorded.hand.boards),
-            *(f"branch {name}" for name in recorded.hand.branches),
-        )
-    ]
-    assert {status.level for status in statuses} == {0}
-    values = {pair.key: pair.value for pair in statuses[1].values}
-    assert int(values["received"]) > 100
+    boards = [board.name for board in recorded.hand.boards]
+    branches = [f"branch {name}" for name in recorded.hand.branches]
+    assert [status.name for status in statuses] == [f"taxel: {name}" for name in ("hub", *boards, *branches)]
+    assert {status.level for status in statuses} == {OK}
+    values_of_first_board = {pair.key: pair.value for pair in statuses[1].values}
+    assert int(values_of_first_board["received"]) > 100
 
 
 def test_log_times_equal_the_stamps_of_the_messages(bag):
@@ -152,31 +150,29 @@ def test_log_times_equal_the_stamps_of_the_messages(bag):
 
 def test_mcap_file_has_the_frames_losses_and_hand_of_the_capture(mcap, recorded):
     with taxel.open(f"file:{mcap}") as skin:
-        assert differing_fields(list(skin), recorded.frames, *ALL_FIELDS) == []
+        assert find_differing_fields(list(skin), recorded.frames, *ALL_FIELDS) == []
         assert repr(skin.losses) == repr(recorded.losses)
         assert skin.hand == recorded.hand
 
 
-def test_bag_of_ros2_bag_record_is_readable(tmp_path, recorded):
-    """`ros2 bag record` writes the topics without the hub's bytes and without a header, and stamps in Unix time."""
+def test_bag_with_topics_only_is_read_as_the_frames_of_the_recording(tmp_path, recorded):
+    """`ros2 bag record` writes such a bag: without the hub's bytes and without a header, with stamps in Unix time."""
     path = tmp_path / "bag.mcap"
     link, hand = open_source(f"file:{recorded.path}")
     with Skin(link, hand) as skin, McapFile(path, {}) as file:
-        topics = SkinTopics(hand, skin.hub, epoch_offset_ns=1_800_000_000 * 10**9)
+        topics = SkinTopics(hand, skin.hub, epoch_offset_ns=OFFSET_S * 10**9)
         for frame in list(skin)[:600]:
             for message in topics.take(frame):
                 file.publish(message)
     frames, losses = read_frames(path)
-    assert (
-        differing_fields(frames, recorded.frames[:600], "address", "cycle", "sequence", "board_time_us", "raw_counts")
-        == []
-    )
-    time_errors_s = [a.time_s - 1.8e9 - b.time_s for a, b in zip(frames, recorded.frames, strict=False)]
+    field_names = ("address", "cycle", "sequence", "board_time_us", "raw_counts")
+    assert find_differing_fields(frames, recorded.frames[:600], *field_names) == []
+    time_errors_s = [a.time_s - OFFSET_S - b.time_s for a, b in zip(frames, recorded.frames, strict=False)]
     assert max(map(abs, time_errors_s)) < 2e-6
     assert sum(board.missing for board in losses.boards.values()) == 0
 
 
-KILLED = """
+PROGRAM_TO_KILL = """
 import sys, time
 from taxel.skin.recorder import open_recorded
 with open_recorded("emulator:?speed=max&duration_s=4", sys.argv[1], "flat8") as skin:
@@ -189,9 +185,9 @@ with open_recorded("emulator:?speed=max&duration_s=4", sys.argv[1], "flat8") as 
 """
 
 
-def test_frames_written_before_a_kill_are_readable(tmp_path):
+def test_frames_written_before_a_kill_are_readable_and_convertible(tmp_path):
     path = tmp_path / "killed.mcap"
-    with subprocess.Popen([sys.executable, "-c", KILLED, path], stdout=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, "-c", PROGRAM_TO_KILL, path], stdout=subprocess.PIPE) as process:
         try:
             assert process.stdout.readline() == b"written\n"
         finally:
@@ -204,7 +200,7 @@ def test_frames_written_before_a_kill_are_readable(tmp_path):
     assert len(frames) >= 300
     with pytest.raises(CaptureError, match="truncated"):
         convert(path, tmp_path / "recovered.mcap")
-    assert differing_fields(read_frames(tmp_path / "recovered.mcap")[0], frames, *ALL_FIELDS) == []
+    assert find_differing_fields(read_frames(tmp_path / "recovered.mcap")[0], frames, *ALL_FIELDS) == []
 
 
 def append_frames(skin, frames):
@@ -213,7 +209,7 @@ def append_frames(skin, frames):
         frames.append(frame)
 
 
-def test_truncated_file_gives_the_frames_before_the_truncation(tmp_path, mcap, recorded):
+def test_truncated_file_gives_the_frames_before_the_truncation_and_then_an_error(tmp_path, mcap, recorded):
     data = mcap.read_bytes()
     path = tmp_path / "truncated.mcap"
     counts = []
@@ -223,7 +219,7 @@ def test_truncated_file_gives_the_frames_before_the_truncation(tmp_path, mcap, r
         with taxel.open(f"file:{path}") as skin, pytest.raises(CaptureError) as caught:
             append_frames(skin, frames)
         assert "\n" not in str(caught.value)
-        assert differing_fields(frames, recorded.frames[: len(frames)], *ALL_FIELDS) == []
+        assert find_differing_fields(frames, recorded.frames[: len(frames)], *ALL_FIELDS) == []
         counts.append(len(frames))
     assert counts[0] == len(recorded.frames)
     assert counts == sorted(counts, reverse=True)
@@ -242,25 +238,28 @@ def test_flipped_bytes_raise_an_error_of_one_line(tmp_path, mcap, seed):
     assert "\n" not in str(caught.value), f"seed {seed}"
 
 
-def test_mcap_file_that_is_cut_short_is_refused(tmp_path):
+def test_mcap_file_that_is_truncated_before_its_header_is_refused(tmp_path):
     path = tmp_path / "short.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + b"\x0f" + (4).to_bytes(8, "little") + bytes(4))
     with pytest.raises(CaptureError, match="truncated"):
         taxel.open(f"file:{path}")
 
 
-def test_existing_file_is_kept_and_an_unreachable_hub_leaves_no_file(tmp_path):
+def test_recording_does_not_replace_an_existing_file(tmp_path):
     path = tmp_path / "a.mcap"
     path.write_bytes(b"existing")
     with pytest.raises(CaptureError, match="exists already"):
         open_recorded("emulator:?speed=max", path)
     assert path.read_bytes() == b"existing"
+
+
+def test_recording_of_an_unreachable_hub_leaves_no_file(tmp_path):
     with pytest.raises(taxel.TaxelError):
-        open_recorded("serial:///dev/ttyNONE", tmp_path / "b.mcap")
-    assert not Path(tmp_path / "b.mcap").exists()
+        open_recorded("serial:///dev/ttyNONE", tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_chunk_that_unpacks_to_more_than_its_stated_size_takes_no_memory(tmp_path):
+def test_chunk_that_unpacks_to_more_than_its_stated_size_is_refused_without_unpacking_it(tmp_path):
     """The chunk states 1000 bytes; its compressed frame contains a gigabyte of zeros."""
     body = b"".join([struct.pack("<QQQI", 0, 0, 1000, 0), struct.pack("<I", 4), b"zstd"])
     packed = zstandard.ZstdCompressor().compressobj(size=1 << 30)
@@ -273,6 +272,7 @@ def test_chunk_that_unpacks_to_more_than_its_stated_size_takes_no_memory(tmp_pat
     try:
         with pytest.raises(CaptureError, match="damaged"):
             taxel.open(f"file:{path}")
-        assert tracemalloc.get_traced_memory()[1] < 1 << 24
+        _, peak_bytes = tracemalloc.get_traced_memory()
+        assert peak_bytes < 1 << 24
     finally:
         tracemalloc.stop()

@@ -57,7 +57,7 @@ EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', version=1, seconds=1.
 
 
 def find_missing_ros1_part():
-    """Text that names the missing part of ROS 1 for pytest.skip; "" if nothing is missing."""
+    """Return a string that names the missing part of ROS 1, for pytest.skip; "" if nothing is missing."""
     if shutil.which("roscore") is None:
         return "no roscore here (apt-get install ros-core)"
     check = subprocess.run([PYTHON, "-c", "import rospy, tf2_ros, sensor_msgs"], capture_output=True, text=True)
@@ -66,7 +66,7 @@ def find_missing_ros1_part():
 
 @pytest.fixture(scope="module")
 def master(tmp_path_factory):
-    """Environment variables for a roscore that this fixture starts on a free loopback port."""
+    """Environment variables with which a program uses the roscore that this fixture starts on a free loopback port."""
     missing = find_missing_ros1_part()
     if missing:
         pytest.skip(missing)
@@ -173,7 +173,7 @@ def test_original_topics_of_ros_1_are_read_back_as_a_skin(master):
         publisher.wait()
 
 
-def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
+def test_missing_master_is_one_line_whose_remedy_depends_on_whether_roscore_is_installed(monkeypatch, capsys):
     missing = find_missing_ros1_part()
     if missing:
         pytest.skip(missing)
@@ -187,7 +187,7 @@ def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
     assert "install ROS (on Debian: apt-get install ros-core) and start roscore" in message
 
 
-def test_missing_ros_gives_an_error_of_one_line(monkeypatch, capsys):
+def test_missing_ros_is_reported_in_one_line(monkeypatch, capsys):
     for name in ("rospy", "rclpy"):
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(ros_import, "SYSTEM_FOLDERS", ())
@@ -196,10 +196,11 @@ def test_missing_ros_gives_an_error_of_one_line(monkeypatch, capsys):
 
 @pytest.fixture
 def rclpy(monkeypatch):
-    """A substitute for rclpy and its message packages; returns the list of published messages."""
+    """Replace rclpy and its message packages; returns the list of published (topic, durability, message)."""
     published = []
 
     def create_node(name):
+        """Make a node that stores published messages, and whose subscription receives an angle of 0.5 rad at once."""
         node = types.SimpleNamespace(destroy_node=lambda: None)
         node.create_publisher = lambda message_class, topic, qos: types.SimpleNamespace(
             publish=lambda message: published.append((topic, qos.durability, message))
@@ -218,32 +219,45 @@ def rclpy(monkeypatch):
     return published
 
 
-def test_ros_2_node_publishes_the_topics_with_joint_angles_from_a_topic(rclpy, recorded, capsys):
+@pytest.fixture
+def published_by_topic(rclpy, recorded, capsys):
+    """The last message of each topic, (durability, message), if the joint angles come from a topic."""
     node = Ros2Node()
     with open_skin(f"file:{recorded.path}") as skin:
-        publish_skin(skin, node, None, "/arm/joint_states", 0.5, Pace(None))
+        publish_skin(skin, node, None, joint_topic="/arm/joint_states", seconds=0.5, pace=Pace(None))
     node.close()
     assert capsys.readouterr().out.endswith("frames published\n")
-    by_topic = {topic: (durability, message) for topic, durability, message in rclpy}
-    assert "/joint_states" not in by_topic  # joint states from another node are not published again
-    assert by_topic["/tf_static"][0] == by_topic["/robot_description"][0] == "latched"
-    durability, scan = by_topic["/taxel/palm/scan"]
-    assert durability == "volatile"
+    return {topic: (durability, message) for topic, durability, message in rclpy}
+
+
+def test_ros_2_node_latches_the_static_topics_only(published_by_topic):
+    latched = {topic for topic, (durability, _) in published_by_topic.items() if durability == "latched"}
+    assert latched == {"/tf_static", "/robot_description"}
+
+
+def test_ros_2_node_publishes_complete_scans_and_diagnostics_whose_level_is_a_byte(published_by_topic):
+    _, scan = published_by_topic["/taxel/palm/scan"]
     assert len(scan.raw_counts) == 121
-    forearm = next(each for each in by_topic["/tf"][1].transforms if each.child_frame_id == "forearm")
-    assert forearm.transform.rotation.z == pytest.approx(np.sin(0.25))
-    assert by_topic["/diagnostics"][1].status[0].level == b"\0"
+    assert published_by_topic["/diagnostics"][1].status[0].level == b"\0"
+
+
+def test_ros_2_node_uses_joint_angles_of_a_topic_in_tf_and_does_not_publish_them_again(published_by_topic):
+    assert "/joint_states" not in published_by_topic
+    transforms = published_by_topic["/tf"][1].transforms
+    forearm = next(transform for transform in transforms if transform.child_frame_id == "forearm")
+    assert forearm.transform.rotation.z == pytest.approx(np.sin(0.5 / 2.0))  # the elbow is turned by 0.5 rad
 
 
 def test_ros_2_node_publishes_only_the_original_topics(rclpy, recorded):
     node = Ros2Node()
     with open_skin(f"file:{recorded.path}") as skin:
-        publish_skin(skin, node, None, None, 0.5, Pace(None), has_original_topics=True)
+        publish_skin(skin, node, None, None, seconds=0.5, pace=Pace(None), has_original_topics=True)
     assert {topic for topic, _, _ in rclpy} == {f"/sensor_{board.address}_readings" for board in recorded.hand.boards}
-    frame = next(frame for frame in recorded.frames if frame.address == 0x15)
-    _, _, message = next(each for each in rclpy if each[0] == "/sensor_21_readings")
+    palm = 21
+    frame = next(frame for frame in recorded.frames if frame.address == palm)
+    _, _, message = next(each for each in rclpy if each[0] == f"/sensor_{palm}_readings")
     assert message.data == frame.raw_counts.tolist()
-    assert (message.sensor_num, message.timestamp) == (0x15, frame.hub_time_us // 1000)
+    assert (message.sensor_num, message.timestamp) == (palm, frame.hub_time_us // 1000)
 
 
 def test_ros_2_without_taxel_msgs_gives_the_build_command(rclpy, recorded, monkeypatch):
@@ -251,4 +265,4 @@ def test_ros_2_without_taxel_msgs_gives_the_build_command(rclpy, recorded, monke
     node = Ros2Node()
     raises = pytest.raises(ros_import.RosError, match="colcon build --packages-select taxel_msgs")
     with raises, open_skin(f"file:{recorded.path}") as skin:
-        publish_skin(skin, node, None, None, 0.5, Pace(None))
+        publish_skin(skin, node, None, None, seconds=0.5, pace=Pace(None))

@@ -33,13 +33,13 @@ def test_a_missing_taxel_is_neither_active_nor_inactive():
     assert np.isnan(frame.signal_counts).tolist() == [False, True, False]
 
 
-def test_a_missing_frame_sets_no_flag_but_missing():
+def test_a_taxel_of_a_missing_frame_is_only_missing_and_neither_active_nor_saturated():
     frame = Activation([1000.0] * 2)([0, 65_535], valid=False)
     assert frame.missing.all()
     assert not (frame.active | frame.saturated | frame.suspect_baseline).any()
 
 
-def test_nan_is_reported_as_missing():
+def test_a_nan_count_is_reported_as_missing():
     frame = Activation([1000.0] * 2)(np.array([np.nan, 1000.0]))
     assert frame.missing.tolist() == [True, False]
 
@@ -66,7 +66,7 @@ def test_a_count_above_the_baseline_by_more_than_the_threshold_makes_the_baselin
     assert frame.suspect_baseline.tolist() == [False, True, False]
 
 
-def test_a_touch_through_the_whole_baseline_is_reported_after_its_release():
+def test_a_touch_through_the_whole_baseline_makes_the_baseline_suspect_after_its_release():
     touched = np.full((100, 2), 30_000, np.uint16)
     touched[:, 1] -= 400
     baseline = compute_baseline(touched)
@@ -89,7 +89,7 @@ def test_a_block_of_frames_gives_the_same_result_as_its_single_frames(raw, valid
             assert getattr(block, field)[index].tobytes() == getattr(frame, field).tobytes()
 
 
-def test_a_validity_mask_per_frame_applies_to_all_taxels_of_the_frame():
+def test_the_validity_of_a_frame_applies_to_all_its_taxels():
     block = Activation([1000.0] * 2)(np.full((3, 2), 800), valid=np.array([True, False, True]))
     assert block.missing.tolist() == [[False] * 2, [True] * 2, [False] * 2]
 

@@ -19,7 +19,7 @@ from taxel.signal import (
 
 @st.composite
 def sample_recordings(draw):
-    """Strategy for (raw counts, valid mask, number of baseline samples)."""
+    """Strategy for (raw counts u16[frames, taxels], valid mask of the same shape, number of baseline samples)."""
     frames, taxels = draw(st.integers(1, 40)), draw(st.integers(1, 5))
     raw = draw(hnp.arrays(np.uint16, (frames, taxels)))
     valid = draw(hnp.arrays(np.bool_, (frames, taxels)))
@@ -27,7 +27,7 @@ def sample_recordings(draw):
 
 
 def stream_baseline(raw, valid, samples):
-    """Baseline after all frames, one after the other."""
+    """Return the baseline after the update with each frame in turn."""
     baseline = Baseline(raw.shape[1], samples)
     for frame, mask in zip(raw, valid, strict=True):
         baseline.update(frame, mask)
@@ -69,7 +69,7 @@ def test_mean_and_noise_equal_exact_rational_arithmetic(recording):
         assert baseline.noise[taxel] == pytest.approx(float(variance) ** 0.5, rel=1e-14)
 
 
-def test_the_default_baseline_has_100_samples():
+def test_the_default_baseline_is_ready_after_100_samples():
     baseline = Baseline(2)
     ready = [baseline.update(np.array([1000, 2000], np.uint16)) for _ in range(BASELINE_SAMPLES)]
     assert BASELINE_SAMPLES == 100
@@ -106,7 +106,7 @@ def test_samples_are_counted_per_taxel():
     assert baseline.mean.tolist() == [11.0, 23.0]
 
 
-def test_a_mask_per_frame_equals_the_same_mask_per_taxel():
+def test_the_validity_of_a_frame_has_the_effect_of_the_same_validity_of_each_taxel():
     raw = np.arange(12, dtype=np.uint16).reshape(6, 2)
     frames = np.array([True, False, True, True, False, True])
     by_frame = compute_baseline(raw, frames, samples=3)
@@ -134,7 +134,7 @@ def test_reset_discards_all_samples():
 
 
 def make_touched_recording():
-    """Counts u16[100, 8]: the first seven taxels are touched for a third of the frames."""
+    """Make counts u16[100 frames, 8 taxels]: the first seven taxels are touched for a third of the frames."""
     raw = np.full((100, 8), 30_000, np.uint16)
     raw[30:63, :7] -= 400
     return raw

@@ -8,18 +8,19 @@ from taxel.signal import Baseline, compute_baseline, find_disturbed_taxels
 SKIN_TAXELS = 1073
 SAMPLES = 100
 BASELINE_COUNTS = 30_000
-MAX_SIGMA = 28.0  # counts
+MAX_SIGMA = 28.0  # largest standard deviation of the white noise, counts
 SEEDS = [1, 20_260, 3_141_592]
 
 
 @pytest.fixture(params=SEEDS, ids=lambda seed: f"seed{seed}")
 def rng(request):
+    """Random generator of each seed."""
     print(f"seed {request.param}")
     return np.random.default_rng(request.param)
 
 
 def make_untouched(rng, sigma=MAX_SIGMA, taxels=SKIN_TAXELS):
-    """Values f64[frames, taxels] with white noise of `sigma` counts around the baseline."""
+    """Make values f64[SAMPLES, taxels]: the baseline with white noise of `sigma` counts."""
     return BASELINE_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
 
 
@@ -28,7 +29,7 @@ def to_counts(values):
 
 
 def add_touch(values, first_frame, length, counts):
-    """Add a touch of every taxel, from frame first_frame[taxel] on."""
+    """Lower every taxel by `counts` for `length` frames from frame first_frame[taxel] on."""
     frame = np.arange(SAMPLES)[:, None]
     return values - counts * ((frame >= first_frame) & (frame < first_frame + length))
 
@@ -106,11 +107,11 @@ def test_missing_frames_are_not_reported_as_a_touch(rng):
     assert not compute_baseline(raw, valid).disturbed.any()
 
 
-def test_a_touch_through_all_samples_is_not_detectable(rng):
+def test_a_touch_through_all_samples_is_not_detected(rng):
     assert not find_disturbed_taxels(to_counts(make_untouched(rng) - 400)).any()
 
 
-def test_the_limit_is_a_parameter():
+def test_the_smallest_detected_touch_is_a_parameter():
     values = np.full((SAMPLES, 1), BASELINE_COUNTS)
     values[:40] -= 60
     raw = to_counts(values)

@@ -1,4 +1,4 @@
-"""Pressed and released events are reported once each, and never for a missing frame."""
+"""Each begin and each end of a contact is reported as one event, and never for a missing frame."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,12 @@ from hypothesis.extra import numpy as hnp
 
 from taxel.signal import Activation, ActivationTracker, Baseline, ContactEvent
 
-RELEASED, PRESSED = 1000, 800
+RELEASED, PRESSED = 1000, 800  # raw counts of a taxel with a baseline of 1000 counts
 
 
 @pytest.fixture
 def tracker():
+    """Tracker of two taxels with a baseline of 1000 counts."""
     return ActivationTracker(Activation([1000.0, 1000.0]))
 
 
@@ -29,7 +30,7 @@ def test_the_first_sample_can_give_a_pressed_event(tracker):
     assert tracker.update([RELEASED, PRESSED]) == (ContactEvent(0, 1, "pressed"),)
 
 
-def test_a_missing_frame_keeps_the_state(tracker):
+def test_a_missing_frame_gives_no_event_and_keeps_the_active_taxels(tracker):
     tracker.update([PRESSED, RELEASED])
     assert tracker.update([RELEASED, PRESSED], valid=False) == ()
     assert tracker.active.tolist() == [True, False]
@@ -42,12 +43,12 @@ def test_a_change_during_a_gap_is_reported_at_the_first_valid_sample_after_it(tr
     assert tracker.update([RELEASED, RELEASED]) == (ContactEvent(2, 0, "released"),)
 
 
-def test_a_single_taxel_can_be_missing(tracker):
+def test_a_missing_taxel_gives_no_event_while_the_other_taxel_does(tracker):
     assert tracker.update([PRESSED, PRESSED], valid=[False, True]) == (ContactEvent(0, 1, "pressed"),)
     assert tracker.has_valid_sample.tolist() == [False, True]
 
 
-def test_a_touch_through_the_whole_baseline_is_reported_after_its_release():
+def test_a_touch_through_the_whole_baseline_makes_the_baseline_suspect_after_its_release():
     baseline = Baseline(2)
     for _ in range(100):
         baseline.update([30_000, 29_600])

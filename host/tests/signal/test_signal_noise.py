@@ -1,4 +1,4 @@
-"""Each noise figure measures its kind of noise and is insensitive to the other kinds."""
+"""Each noise figure (white, total, drift, common mode) measures its part of the noise and ignores the other parts."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,18 @@ import pytest
 from taxel.signal import measure_noise, snr, snr_db
 
 FRAMES, TAXELS, BASELINE_COUNTS = 4000, 24, 30_000
-LINES = np.repeat([7, 3, 5], 8)
+LINES = np.repeat([7, 3, 5], 8)  # number of the line of each taxel
 
 
 @pytest.fixture(params=[2, 71_828], ids=lambda seed: f"seed{seed}")
 def rng(request):
+    """Random generator of each seed."""
     print(f"seed {request.param}")
     return np.random.default_rng(request.param)
 
 
 def make_white_noise(rng, sigma):
+    """Make values f64[FRAMES, TAXELS]: the baseline with white noise of `sigma` counts."""
     return BASELINE_COUNTS + sigma * rng.standard_normal((FRAMES, TAXELS))
 
 
@@ -24,12 +26,12 @@ def to_counts(values):
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5, 7.0, 28.0])
-def test_white_sigma_is_correct_down_to_one_count(rng, sigma):
+def test_white_and_total_noise_are_correct_down_to_one_count(rng, sigma):
     report = measure_noise(to_counts(make_white_noise(rng, sigma)))
-    rounding = (sigma**2 + 1 / 12) ** 0.5
-    assert report.white_sigma == pytest.approx(rounding, rel=0.1)
-    assert report.white_sigma.mean() == pytest.approx(rounding, rel=0.05 if sigma < 2 else 0.02)
-    assert report.total_std == pytest.approx(rounding, rel=0.05)
+    sigma_with_rounding = (sigma**2 + 1 / 12) ** 0.5
+    assert report.white_sigma == pytest.approx(sigma_with_rounding, rel=0.1)
+    assert report.white_sigma.mean() == pytest.approx(sigma_with_rounding, rel=0.05 if sigma < 2 else 0.02)
+    assert report.total_std == pytest.approx(sigma_with_rounding, rel=0.05)
 
 
 def test_drift_increases_the_total_noise_but_not_the_white_noise(rng):

@@ -14,7 +14,7 @@ SEED = 20
 
 @pytest.fixture(scope="module")
 def tool():
-    """The modules of tools/objects, imported for this file only."""
+    """Import the modules of tools/objects for the tests of this file only."""
     sys.path.insert(0, str(FOLDER))
     names = ("surfaces", "clouds", "match", "objective", "search_sizes", "thesis_tables")
     yield SimpleNamespace(**{name: importlib.import_module(name) for name in names})
@@ -25,7 +25,7 @@ def tool():
 
 
 def make_prisms(tool):
-    """A box, a cylinder and a triangular prism; sizes in mm."""
+    """Make a box, a cylinder and a triangular prism; sizes in mm."""
     return [
         tool.surfaces.make_box(70, 40, 90),
         tool.surfaces.make_cylinder(25, 90),
@@ -34,7 +34,7 @@ def make_prisms(tool):
 
 
 def sample_surface(prism, n, rng):
-    """Random points on the sides and both ends of a prism, f64[2 n, 3], in mm."""
+    """Sample n random points on the sides and n on both ends of a prism, f64[2 n, 3], in mm."""
     curve, _ = prism.profile.evaluate(rng.random(n))
     sides = np.column_stack([curve, prism.height * rng.random(n)])
     ends = np.column_stack([curve * rng.random((n, 1)), prism.height * rng.integers(0, 2, n)])
@@ -63,7 +63,7 @@ def test_nearest_points_on_the_faces_and_edges_of_a_box(tool, point, nearest):
 
 
 def compute_icp_error(points, prism, iterations):
-    """Sum of squared distances after standard ICP: closest points, then the rigid fit of Kabsch."""
+    """Return the sum of squared distances (mm2) after standard ICP: nearest points, then the rigid fit of Kabsch."""
     for _ in range(iterations):
         target = prism.nearest(points)
         a, b = points - points.mean(axis=0), target - target.mean(axis=0)
@@ -97,6 +97,7 @@ def test_contact_points_without_random_distance_lie_at_the_offset_and_not_below_
 
 def test_triangle_larger_than_the_other_objects_or_square_box_is_penalised(tool):
     space = tool.search_sizes.SearchSpace((120.0, 150.0), isosceles=False)
+    # Sides and height of the box, radius and height of the cylinder, side and height of the triangle, mm.
     allowed = [69, 35, 130, 21, 130, 36, 130]
     square = [50, 50, 130, 25, 130, 37, 130]
     large = [70, 35, 130, 21, 130, 60, 130]

@@ -34,26 +34,28 @@ FIRST_APPROACH = APPROACHES["rectangular_prism-wide_side_1"]
 
 @cache
 def build_object_scene(name):
+    """Build the scene of the hand and the test object `name`."""
     return build_scene(HAND, make_thesis_objects(ASSUMED_SIZES)[name], "palm")
 
 
 @cache
 def simulate_approach(key):
+    """Simulate the grasp of `APPROACHES[key]` with default settings."""
     return simulate_grasp(build_object_scene(APPROACHES[key].object), APPROACHES[key], TIMELINE)
 
 
 def last_sample(motion, phase):
-    """Index of the last sample of a phase."""
+    """Return the index of the last sample of a phase."""
     return int(np.flatnonzero(motion.phase == phase)[-1])
 
 
 def compute_board_forces(motion, sample):
-    """Force in N on every board at a sample, by board name."""
+    """Return the force in N on every board at a sample, by board name."""
     return dict(zip((b.name for b in HAND.boards), np.linalg.norm(motion.wrench[sample, :, :3], axis=1), strict=True))
 
 
 def compute_hold_forces(key):
-    """Force in N on every touched board at the end of hold, by board name; forces up to 0.2 N are ignored."""
+    """Return the force in N on every touched board at the end of hold, by board name; at most 0.2 N is ignored."""
     motion = simulate_approach(key)
     force = compute_board_forces(motion, last_sample(motion, Phase.HOLD))
     return {name: newtons for name, newtons in force.items() if newtons > 0.2}
@@ -90,9 +92,10 @@ def test_the_contact_forces_carry_the_weight_that_the_stand_does_not_carry(key):
     on_object = -motion.contacts.force[motion.contacts.sample == end].sum(axis=0)
     shape = make_thesis_objects(ASSUMED_SIZES)[APPROACHES[key].object].shape
     weight_n = compute_mass_properties(shape).mass_kg * GRAVITY_M_PER_S2
-    of_stand = np.array([0.0, 0.0, weight_n]) - on_object
-    assert of_stand[2] > -0.1
-    assert np.linalg.norm(of_stand[:2]) < STAND_FRICTION * of_stand[2] + 0.5  # rigid contact vibrates
+    stand_force = np.array([0.0, 0.0, weight_n]) - on_object
+    # The stand pushes upwards, and along its surface by friction; rigid contact vibrates, hence the tolerances in N.
+    assert stand_force[2] > -0.1
+    assert np.linalg.norm(stand_force[:2]) < STAND_FRICTION * stand_force[2] + 0.5
 
 
 def test_the_contact_forces_on_a_finger_balance_its_joint_torques():
@@ -149,14 +152,13 @@ def test_in_baseline_and_recovery_the_hand_is_at_rest_without_load(key):
         assert (np.ptp(motion.joint_angles[in_phase], axis=0) == 0).all()
 
 
-def test_a_withdrawn_palm_has_no_load_before_it_approaches_a_displaced_object():
+def test_only_a_withdrawn_palm_has_no_load_before_it_approaches_an_object_displaced_towards_it():
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])
     for approach in (replace(FIRST_APPROACH, withdraw_m=0.0), FIRST_APPROACH):
         motion = simulate_grasp(
             build_object_scene("rectangular_prism"), approach, TIMELINE, SimulationSettings(object_offset=offset)
         )
         assert (np.abs(motion.wrench[0]).max() == 0.0) == (approach.withdraw_m > 0)
-        assert compute_board_forces(motion, last_sample(motion, Phase.HOLD))["palm"] > 1.0
 
 
 def test_a_palm_that_is_not_withdrawn_is_loaded_in_the_baseline():
@@ -215,7 +217,7 @@ def test_half_the_torque_gives_about_half_the_fingertip_forces():
 
 
 def test_a_hand_of_one_board_on_one_hinge_is_simulated():
-    """The hand `flat8` needs no code of its own."""
+    """The simulator contains no code for particular hands; `flat8` has one board on one hinge."""
     hand = load_hand("flat8")
     scene = build_scene(hand, GraspObject("brick", ConvexPolytope.box(0.02, 0.02, 0.02), ""), "world")
     approach = Approach("brick", "under", np.eye(4), np.array([0.3]), np.array([np.nan]), np.array([0.2]))

@@ -17,7 +17,7 @@ IDENTITY = np.eye(4)[None]
 
 
 def place_palm_above(gap, shape=SLAB):
-    """Board poses f64[1, s, 4, 4]: cones of the palm `gap` metres above a shape, all other boards far away."""
+    """Return board poses f64[1, s, 4, 4]: cones of the palm `gap` metres above a shape, all other boards far away."""
     poses = np.tile(np.eye(4), (1, len(HAND.boards), 1, 1))
     poses[..., :3, 3] = [0, 0, 5.0]
     palm = [board.name for board in HAND.boards].index("palm")
@@ -26,29 +26,39 @@ def place_palm_above(gap, shape=SLAB):
     return poses
 
 
-def test_the_threshold_is_the_distance_from_tip_to_rim():
+def test_the_base_radius_of_a_cone_is_half_the_diagonal_of_a_3_mm_electrode_plus_whole_pitches():
     assert compute_base_radius(HAND) == pytest.approx(2.12e-3, abs=5e-6)
-    assert ConeSensing(compute_base_radius(HAND)).threshold_m == pytest.approx(2.35e-3, abs=5e-6)
-    assert ConeSensing(compute_base_radius(HAND, pitches=1)).threshold_m == pytest.approx(7.19e-3, abs=5e-6)
+    assert compute_base_radius(HAND, pitches=1) == pytest.approx(2.12e-3 + HAND.pitch_m, abs=5e-6)
 
 
-@pytest.mark.parametrize(("gap", "offset", "touches"), [(1e-4, 2e-4, True), (3e-4, 2e-4, False), (-1e-4, -2e-4, False)])
-def test_a_cone_touches_only_within_the_contact_offset(gap, offset, touches):
-    cones = ConeSensing(compute_base_radius(HAND), contact_offset_m=offset)
-    is_touching = cones.find_touching_tips(HAND, SLAB, place_palm_above(gap), IDENTITY)
+def test_the_threshold_of_a_1_mm_high_cone_is_the_distance_from_its_tip_to_the_rim_of_its_base():
+    for pitches, threshold_m in ((0, 2.35e-3), (1, 7.19e-3)):
+        cones = ConeSensing(compute_base_radius(HAND, pitches), cone_height_m=0.001)
+        assert cones.threshold_m == pytest.approx(threshold_m, abs=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "contact_offset_m", "touches"),
+    # With a negative offset, cones touch only after a compression: here by 0.2 mm, and they are compressed by 0.1 mm.
+    [(1e-4, 2e-4, True), (3e-4, 2e-4, False), (-1e-4, -2e-4, False)],
+)
+def test_the_cones_of_the_palm_touch_an_object_only_within_the_contact_offset(gap_m, contact_offset_m, touches):
+    cones = ConeSensing(compute_base_radius(HAND), contact_offset_m=contact_offset_m)
+    is_touching = cones.find_touching_tips(HAND, SLAB, place_palm_above(gap_m), IDENTITY)
     assert is_touching[0, PALM].all() == touches
     assert is_touching.sum() == touches * PALM_TAXELS
 
 
-def test_a_rod_activates_the_taxels_above_it_and_wide_cones_also_their_neighbours():
-    rod = Cylinder(0.004, 0.1)
+def test_an_upright_rod_activates_the_taxels_above_its_end_and_wide_cones_also_their_neighbours():
+    rod_radius_m, offset_m, wide_threshold_m = 0.004, 0.0002, 0.0072
+    rod = Cylinder(rod_radius_m, 0.1)
     poses = place_palm_above(0.0, rod)
     narrow = ConeSensing(compute_base_radius(HAND)).find_active(HAND, rod, poses, IDENTITY)[0]
     wide = ConeSensing(compute_base_radius(HAND, pitches=1)).find_active(HAND, rod, poses, IDENTITY)[0]
     centres = compute_taxel_positions(HAND, poses)[0]
-    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)  # rod radius and tip size
-    gap = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
-    np.testing.assert_array_equal(wide[PALM], gap[PALM] < 0.0072)  # distance threshold of wide cones
+    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= rod_radius_m + offset_m)
+    distance = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
+    np.testing.assert_array_equal(wide[PALM], distance[PALM] < wide_threshold_m)
     assert 0 < narrow.sum() < wide.sum() < PALM_TAXELS
 
 
@@ -71,4 +81,5 @@ def test_frames_are_evaluated_independently():
 def test_the_nominal_force_of_an_active_taxel_exceeds_twice_the_activation_threshold():
     force = assign_nominal_force(np.array([[True, False]]))
     assert force.tolist() == [[NOMINAL_FORCE_N, 0.0]]
-    assert SimSensor().predict_signal(NOMINAL_FORCE_N) > 2 * 150  # threshold: 150 counts
+    activation_threshold_counts = 150
+    assert SimSensor().predict_signal(force)[0, 0] > 2 * activation_threshold_counts

@@ -20,7 +20,7 @@ from taxel.sim.importers.active_points import import_active
 from taxel.sim.importers.gazebo_csv import compute_default_threshold, distribute_forces, import_contacts
 from taxel.sim.importers.options import ImportOptions
 from taxel.sim.scene import build_scene
-from taxel.sim.separation import compute_separations
+from taxel.sim.separation import MISS_M, compute_separations
 
 POSE_COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 HAND = load_hand("allegro")
@@ -32,17 +32,18 @@ STANDING_OPTIONS = ImportOptions(HAND, object_poses={"cylinder": make_standing_p
 
 @cache
 def simulate_motion():
-    """A short simulated grasp of the cylinder."""
+    """Simulate a short grasp of the cylinder."""
     approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
     return simulate_grasp(SCENE, approach, Timeline(0.2, 2.5, 0.7, 0.3, 0.2))
 
 
 def make_pose_row(transform):
-    """Position and quaternion (w, x, y, z) of a transform."""
+    """Return position and quaternion (w, x, y, z) of a transform as a list."""
     return [*transform[:3, 3].tolist(), *to_quaternion(transform).tolist()]
 
 
 def write_csv(path, header, rows):
+    """Write a CSV file with a header line; return its path."""
     with path.open("w", newline="") as stream:
         csv.writer(stream).writerows([header, *rows])
     return path
@@ -64,7 +65,7 @@ def write_joints_file(path, with_phase=True, with_object=True):
 
 
 def make_contact_rows(points, **extra_columns):
-    """One row per contact. points: frame [c] and position [c, 3]. extra_columns: values [c] by column name."""
+    """Make one row per contact. points: time frame [c] and position [c, 3]. extra_columns: values [c] by name."""
     frame, position = points
     return [
         [
@@ -80,6 +81,7 @@ def make_contact_rows(points, **extra_columns):
 
 
 def write_contacts_file(path, points, **extra_columns):
+    """Write a file of contact points with the rows of `make_contact_rows`; return its path."""
     return write_csv(
         path,
         ["grasp", "object", "approach", "time", "x", "y", "z", *extra_columns],
@@ -88,7 +90,7 @@ def write_contacts_file(path, points, **extra_columns):
 
 
 def find_tip_contacts():
-    """Frames [c] and positions [c, 3] of the cone tips in contact, as in the simulator of the thesis."""
+    """Find the touching cone tips, as in the simulator of the thesis: time frames [c] and positions [c, 3]."""
     motion = simulate_motion()
     frame, taxel = np.nonzero(CONES.find_touching_tips(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose))
     position = compute_taxel_positions(HAND, motion.sensor_poses) + 0.001 * compute_taxel_normals(
@@ -135,10 +137,10 @@ def test_added_baseline_frames_precede_the_grasp_without_force(tmp_path):
     )
     with GraspDataset(tmp_path / "sim.h5") as data:
         grasp = data["0001"]
-        assert report.added_frames == 100 - (simulate_motion().phase == 0).sum()
-        assert (grasp.phase == 0).sum() == 100
+        assert report.added_frames == 100 - (simulate_motion().phase == Phase.BASELINE).sum()
+        assert (grasp.phase == Phase.BASELINE).sum() == 100
         assert not grasp.contact_force[: report.added_frames].any()
-        assert (grasp.separation[: report.added_frames] == 0.05).all()
+        assert (grasp.separation[: report.added_frames] == MISS_M).all()
         assert np.allclose(np.diff(grasp.timestamp), 0.05)
         assert np.isfinite(grasp.baseline()).all()
 
@@ -147,8 +149,8 @@ def test_the_sum_of_the_taxel_forces_equals_the_given_contact_forces(tmp_path):
     motion = simulate_motion()
     frame, position = find_tip_contacts()
     rng = np.random.default_rng(5)
-    normal, size = rng.normal(size=(len(frame), 3)), rng.uniform(0.1, 2.0, len(frame))
-    force = 3.0 * size[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
+    normal, magnitude_n = rng.normal(size=(len(frame), 3)), rng.uniform(0.3, 6.0, len(frame))
+    force = magnitude_n[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
     columns = {f"n{axis}": 3 * normal[:, i] for i, axis in enumerate("xyz")}  # normals of any length are accepted
     columns |= {f"f{axis}": force[:, i] for i, axis in enumerate("xyz")}
     report = import_contacts(
@@ -160,30 +162,42 @@ def test_the_sum_of_the_taxel_forces_equals_the_given_contact_forces(tmp_path):
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
         taxel_forces = data["0001"].contact_force[report.added_frames :]
-    expected_sums = np.bincount(frame, 3.0 * size, len(motion.time_s))
+    expected_sums = np.bincount(frame, magnitude_n, len(motion.time_s))
     np.testing.assert_allclose(taxel_forces.sum(axis=1), expected_sums, rtol=1e-9, atol=1e-12)
     assert report.far_contacts == 0
 
 
 def test_the_share_of_a_taxel_decreases_linearly_with_its_distance():
-    gap = np.array([[0.0, 0.001, 0.002, 0.003]])
-    np.testing.assert_allclose(distribute_forces(gap, 0.002, np.array([3.0])), [2.0, 1.0, 0.0, 0.0], atol=1e-5)
-    np.testing.assert_allclose(distribute_forces(gap[:, 2:], 0.002, np.array([3.0])), [3.0, 0.0])
-    assert distribute_forces(gap[:, 3:], 0.002, np.array([3.0])) == [0.0]
-    assert distribute_forces(gap, 0.002, None).tolist() == [2.0, 2.0, 2.0, 0.0]
+    distance, force = np.array([[0.0, 0.001, 0.002, 0.003]]), np.array([3.0])
+    np.testing.assert_allclose(distribute_forces(distance, 0.002, force), [2.0, 1.0, 0.0, 0.0], atol=1e-5)
+
+
+def test_a_taxel_exactly_at_the_threshold_gets_the_force_that_no_nearer_taxel_bears():
+    distance, force = np.array([[0.002, 0.003]]), np.array([3.0])
+    np.testing.assert_allclose(distribute_forces(distance, 0.002, force), [3.0, 0.0])
+    assert distribute_forces(distance[:, 1:], 0.002, force) == [0.0]
+
+
+def test_contacts_without_forces_give_the_nominal_force_to_each_taxel_within_the_threshold():
+    distance = np.array([[0.0, 0.001, 0.002, 0.003]])
+    expected = [NOMINAL_FORCE_N, NOMINAL_FORCE_N, NOMINAL_FORCE_N, 0.0]
+    assert distribute_forces(distance, 0.002, None).tolist() == expected
 
 
 def test_a_contact_beyond_the_threshold_loads_no_taxel_and_is_counted(tmp_path):
+    force_n = 1.5
     frame, position = find_tip_contacts()
     position = position.copy()
     position[0, 2] += 0.3
     report = import_contacts(
-        write_contacts_file(tmp_path / "contacts.csv", (frame, position), force=np.full(len(frame), 1.5)),
+        write_contacts_file(tmp_path / "contacts.csv", (frame, position), force=np.full(len(frame), force_n)),
         tmp_path / "sim.h5",
         joints=write_joints_file(tmp_path / "joints.csv"),
         options=STANDING_OPTIONS,
     )
-    assert (report.far_contacts, report.far_force_n) == (1, 1.5)
+    assert (report.far_contacts, report.far_force_n) == (1, force_n)
+    with GraspDataset(tmp_path / "sim.h5") as data:
+        assert data["0001"].contact_force.sum() == pytest.approx(force_n * (len(frame) - 1))
 
 
 def test_a_contact_with_a_board_name_loads_only_taxels_of_this_board(tmp_path):
@@ -202,7 +216,7 @@ def test_a_contact_with_a_board_name_loads_only_taxels_of_this_board(tmp_path):
     assert report.far_contacts == len(frame) - is_near.sum()
 
 
-def test_without_phases_all_contacts_are_frames_of_hold(tmp_path):
+def test_frames_of_a_file_without_phases_have_the_phase_hold(tmp_path):
     motion = simulate_motion()
     frame, position = find_tip_contacts()
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
@@ -213,7 +227,7 @@ def test_without_phases_all_contacts_are_frames_of_hold(tmp_path):
         options=STANDING_OPTIONS,
     )
     with GraspDataset(tmp_path / "sim.h5") as data:
-        assert data["0001"].phase.tolist() == [0] * 100 + [2]
+        assert data["0001"].phase.tolist() == [Phase.BASELINE] * 100 + [Phase.HOLD]
         expected = CONES.find_active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
         np.testing.assert_array_equal(data["0001"].active_taxels()[0], expected)
     assert report.frames == 101
@@ -268,7 +282,8 @@ def test_with_joints_of_arm_and_hand_the_world_frame_is_the_robot_base(tmp_path)
     joints = write_csv(tmp_path / "j.csv", ["grasp", *kinematics.robot.joint_names], [["a", *angles]])
     sensors = kinematics.compute_sensor_poses(angles)
     object_pose = sensors[0].copy()
-    centre = compute_taxel_positions(HAND, sensors)[7]
+    taxel = 7
+    centre = compute_taxel_positions(HAND, sensors)[taxel]
     points = write_csv(
         tmp_path / "p.csv", ["grasp", "object", "approach", "x", "y", "z"], [["a", "cylinder", "?", *centre]]
     )
@@ -277,8 +292,8 @@ def test_with_joints_of_arm_and_hand_the_world_frame_is_the_robot_base(tmp_path)
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
         np.testing.assert_allclose(data["a"].sensor_pose, sensors, atol=1e-12)
-        assert np.flatnonzero(data["a"].active_taxels()[0]).tolist() == [7]
-        assert data["a"].joint_position.shape == (101, 22)
+        assert np.flatnonzero(data["a"].active_taxels()[0]).tolist() == [taxel]
+        assert data["a"].joint_position.shape == (101, 22)  # 100 baseline frames and one grasp frame; 6 + 16 joints
 
 
 def test_joint_angles_are_interpolated_between_recorded_times(tmp_path):
@@ -287,7 +302,8 @@ def test_joint_angles_are_interpolated_between_recorded_times(tmp_path):
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
     frame, position = find_tip_contacts()
     end_positions = position[frame == end]
-    rows = [["1", "cylinder", "side_1", motion.time_s[end] - 0.0125, *xyz] for xyz in end_positions]
+    time_s = motion.time_s[end] - 0.0125  # at three quarters of the 50 ms between the last two samples of hold
+    rows = [["1", "cylinder", "side_1", time_s, *xyz] for xyz in end_positions]
     contacts = write_csv(tmp_path / "c.csv", ["grasp", "object", "approach", "time", "x", "y", "z"], rows)
     import_contacts(contacts, tmp_path / "sim.h5", joints=joints, options=STANDING_OPTIONS)
     with GraspDataset(tmp_path / "sim.h5") as data:

@@ -30,7 +30,7 @@ JOINT_HEADER, ANGLE_ROW = f"grasp,{','.join(ROBOT.joint_names)}", f"1{',0' * 16}
 
 
 def join_lines(*rows):
-    """Content of a text file with the given lines."""
+    """Return the content of a text file with the given lines."""
     return "\n".join(rows) + "\n"
 
 
@@ -51,7 +51,10 @@ def run_import(tmp_path, convert, data_file, joints=JOINTS, options=OPTIONS, **o
 
 
 def read_import_error(tmp_path, *args, **options_of_import):
-    """One-line message of the failed import with the given arguments of `run_import`, without the folder name."""
+    """Return the one-line message of an import that fails, without the folder name; arguments as for `run_import`.
+
+    Checks that the import leaves no other file behind, and that the error can be pickled.
+    """
     with pytest.raises(ImportDataError) as caught:
         run_import(tmp_path, *args, **options_of_import)
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".csv"] == []
@@ -61,10 +64,9 @@ def read_import_error(tmp_path, *args, **options_of_import):
     return str(copy).replace(f"{tmp_path}/", "")
 
 
-def test_the_unmodified_files_are_imported(tmp_path):
-    run_import(tmp_path, import_contacts, CONTACTS)
-    (tmp_path / "sim.h5").unlink()
-    run_import(tmp_path, import_active, POINTS)
+@pytest.mark.parametrize(("convert", "data_file"), [(import_contacts, CONTACTS), (import_active, POINTS)])
+def test_the_unmodified_files_are_imported_as_a_valid_dataset(tmp_path, convert, data_file):
+    run_import(tmp_path, convert, data_file)
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
 

@@ -14,9 +14,10 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N
 from taxel.sim.importers.errors import ImportDataError
 from taxel.sim.importers.original_contacts import read_original_contacts
-from taxel.sim.original_sensing import OriginalRules, get_centres
+from taxel.sim.original_sensing import THRESHOLD_M, OriginalRules, get_centres
 
 HAND = load_hand("original")
+PALM = HAND.get_slice(0x15)
 ROBOT = load_robot("ur5e_original")
 OPTIONS = ("--object", "cylinder", "--approach", "side_1", "--baseline-frames", "100")
 CALIBRATION = """format = "taxel-calibration"
@@ -29,7 +30,7 @@ pose = { position_m = [0.5, 0.0, 0.1], quaternion_wxyz = [1.0, 0.0, 0.0, 0.0] }
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with the pose of the hand at joint angles 0, arm included, and the pose of the object."""
+    """Create a folder with files of the joint angles (0, arm included) of three grasps and of the object's pose."""
     with (tmp_path / "joints.csv").open("w", newline="") as file:
         rows = [[name, *[0] * len(ROBOT.joint_names)] for name in ("raw_0", "raw_1", "active_0")]
         csv.writer(file).writerows([["grasp", *ROBOT.joint_names], *rows])
@@ -38,7 +39,7 @@ def folder(tmp_path):
 
 
 def place_centres():
-    """Coded centres in the world at joint angles 0, f64[n, 3]."""
+    """Compute the plug-in's taxel centres in the world at joint angles 0, f64[n, 3], metres."""
     poses = Kinematics(ROBOT, HAND).compute_sensor_poses(np.zeros(len(ROBOT.joint_names)))
     centres = get_centres(HAND, OriginalRules())
     return np.concatenate(
@@ -59,24 +60,24 @@ def run_import(folder, *files, extra=()):
 
 
 def test_raw_contacts_activate_the_taxels_within_the_threshold(folder):
-    centres = place_centres()
-    first, second = HAND.get_slice(0x15).start + 40, HAND.get_slice(0x08).start + 5
-    files = [write(folder / f"raw_{k}.csv", [centres[t] + [0.0, 0.0, 0.0005]]) for k, t in enumerate((first, second))]
+    centres, offset = place_centres(), np.array([0.0, 0.0, 0.0005])
+    touched_taxels = PALM.start + 40, HAND.get_slice(0x08).start + 5
+    files = [write(folder / f"raw_{k}.csv", [centres[taxel] + offset]) for k, taxel in enumerate(touched_taxels)]
     assert run_import(folder, *files) == 0
     with GraspDataset(folder / "sim.h5") as data:
         data.check()
-        for name, point in zip(data.ids, (first, second), strict=True):
+        for name, taxel in zip(data.ids, touched_taxels, strict=True):
             force = data[name].contact_force[-1]
-            distance = np.linalg.norm(centres - centres[point] - [0.0, 0.0, 0.0005], axis=1)
-            expected = np.flatnonzero(np.nan_to_num(distance, nan=1.0) < 0.00234)
-            assert point in expected
+            distance = np.linalg.norm(centres - centres[taxel] - offset, axis=1)
+            expected = np.flatnonzero(np.nan_to_num(distance, nan=1.0) < THRESHOLD_M)
+            assert taxel in expected
             assert np.flatnonzero(force).tolist() == expected.tolist()
             assert (force[expected] == NOMINAL_FORCE_N).all()
         assert [data[name].iteration for name in data.ids] == [0, 1]
 
 
-def test_a_larger_distance_activates_more_taxels(folder):
-    centre = place_centres()[HAND.get_slice(0x15).start + 40]
+def test_a_larger_distance_threshold_activates_more_taxels(folder):
+    centre = place_centres()[PALM.start + 40]
     file = write(folder / "raw_0.csv", [centre])
     numbers = []
     for distance in ("2.34", "8"):
@@ -88,7 +89,7 @@ def test_a_larger_distance_activates_more_taxels(folder):
 
 def test_active_points_keep_their_forces(folder):
     centres = place_centres()
-    taxels = [HAND.get_slice(0x15).start + 3, HAND.get_slice(0x1C).start + 40]
+    taxels = [PALM.start + 3, HAND.get_slice(0x1C).start + 40]
     file = write(folder / "active_0.csv", [[*centres[t], force] for t, force in zip(taxels, (0.25, 1.5), strict=True)])
     assert run_import(folder, file) == 0
     with GraspDataset(folder / "sim.h5") as data:
@@ -125,8 +126,11 @@ def test_a_damaged_file_gives_one_line_with_the_place(text, message, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_a_header_line(tmp_path):
+def test_a_missing_contact_file_is_refused(tmp_path):
     with pytest.raises(ImportDataError, match="no such file"):
         read_original_contacts(tmp_path / "none.csv")
+
+
+def test_a_header_line_and_empty_lines_of_a_contact_file_are_skipped(tmp_path):
     (tmp_path / "raw.csv").write_text("x_m,y_m,z_m\n1,2,3 \n\n4,5,6\n")
     assert read_original_contacts(tmp_path / "raw.csv").tolist() == [[1, 2, 3], [4, 5, 6]]

@@ -53,7 +53,7 @@ def write_grasp(folder, seed, iteration=1, hand_name="original"):
 
 
 def import_arguments(folder, *more):
-    """Arguments of the import of iteration 1 of the grasp in a folder."""
+    """Return the command-line arguments to import iteration 1 of the grasp in a folder; more: further options."""
     files = (folder / ACTIVE.format(1), "--object", "cylinder", "--out", folder / "x.h5")
     return ("import", "original-hardware", *files, *more)
 
@@ -87,16 +87,17 @@ def test_hardware_files_become_a_real_dataset_with_the_recorded_differences(tmp_
     assert np.allclose(ORIGINAL_OBJECT_POSE[:3, 3], [-0.0044, 0.5437, 0.0237])  # 0.544 m before the base, 24 mm above
 
 
-def test_rows_of_zeros_are_boards_that_did_not_answer(tmp_path):
+def test_boards_whose_rows_are_all_zero_are_marked_invalid(tmp_path):
     write_grasp(tmp_path, 3)
     assert run_taxel(*import_arguments(tmp_path, "--hand", "original_complete")) == 0
     with GraspDataset(tmp_path / "x.h5") as data:
         (name,) = data.ids
         boards = zip(load_hand(data.hand).boards, data[name].valid[-1], strict=True)
+        # The boards of the complete hand that the hand `original`, whose files are imported, does not have.
         assert [board.address for board, valid in boards if not valid] == [16, 17, 18, 19, 20]
 
 
-def test_files_of_the_complete_hand_need_this_hand(tmp_path, capsys):
+def test_files_of_the_complete_hand_are_refused_for_the_hand_original(tmp_path, capsys):
     write_grasp(tmp_path, 4, hand_name="original_complete")
     message = run_refused_command(capsys, *import_arguments(tmp_path))
     assert "because hand original has no board 16" in message
@@ -128,7 +129,7 @@ def replace_line(path, number, text):
 )
 def test_damaged_file_gives_one_line(tmp_path, capsys, name, line, text, message):
     write_grasp(tmp_path, 5)
-    if name is not JOINTS and line == 9:  # the taxel is then in one of the two files only
+    if name is not JOINTS and line == 9:  # remove the taxel from the other file: it must be in only one of the two
         replace_line(tmp_path / (INACTIVE if name is ACTIVE else ACTIVE).format(1), 9, "0,0,0,0")
     replace_line(tmp_path / name.format(1), line, text)
     assert message in run_refused_command(capsys, *import_arguments(tmp_path))

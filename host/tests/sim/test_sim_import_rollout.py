@@ -31,10 +31,11 @@ STATES = ("qpos", "qvel", "mocap_pos", "mocap_quat", "qfrc_applied", "eq_active"
 
 @cache
 def record_simulated_grasp():
-    """A grasp of the built-in simulator, and the MuJoCo state at every sample by array name."""
+    """Simulate a grasp with the built-in simulator; return its motion and MuJoCo's states by array name."""
     states, original = {name: [] for name in STATES}, closing._Run._take_sample
 
     def recording_state(run):
+        """Take a sample as the simulator does, and store MuJoCo's state at this time."""
         result = original(run)
         for name in STATES:
             states[name].append(getattr(run.data, name).copy())
@@ -52,7 +53,7 @@ def record_simulated_grasp():
 
 
 def use_contacts_at_samples(motion):
-    """The motion with wrenches of the contacts at the samples instead of means over the preceding steps."""
+    """Return the motion with the wrenches of the contacts at the samples, not of means over the preceding steps."""
     wrenches = []
     for k in range(len(motion.time_s)):
         at_sample, contacts = motion.contacts.sample == k, motion.contacts
@@ -75,6 +76,7 @@ def model(tmp_path):
 
 @pytest.fixture
 def states(tmp_path):
+    """Write the recorded states of the simulated grasp, with labels, to an NPZ file."""
     motion, arrays = record_simulated_grasp()
     labels = {"time": motion.time_s, "phase": motion.phase, "approach": "side_1", "iteration": 3}
     np.savez(tmp_path / "states.npz", **arrays, **labels)
@@ -82,7 +84,7 @@ def states(tmp_path):
 
 
 def save_states(tmp_path, **arrays):
-    """Path of an NPZ file with the given arrays."""
+    """Write an NPZ file with the given arrays; return its path."""
     np.savez(tmp_path / "s.npz", **arrays)
     return tmp_path / "s.npz"
 
@@ -108,9 +110,9 @@ def test_a_rollout_of_the_built_in_scene_gives_the_forces_of_the_built_in_simula
 
 
 def test_the_object_shape_of_the_model_gives_the_same_forces_as_the_known_shape(tmp_path, model, states):
-    for name, parts in (("known", KNOWN_OBJECT), ("own", {})):
+    for name, parts in (("known", KNOWN_OBJECT), ("model", {})):
         import_rollout(model, states, tmp_path / f"{name}.h5", model_map=parts, options=OPTIONS)
-    with GraspDataset(tmp_path / "known.h5") as known, GraspDataset(tmp_path / "own.h5") as model_shape:
+    with GraspDataset(tmp_path / "known.h5") as known, GraspDataset(tmp_path / "model.h5") as model_shape:
         assert model_shape["0001"].object == "object"
         np.testing.assert_allclose(model_shape["0001"].contact_force, known["0001"].contact_force, atol=1e-6)
         np.testing.assert_allclose(model_shape["0001"].object_pose, known["0001"].object_pose, atol=1e-12)
@@ -190,7 +192,10 @@ def test_rows_are_divided_into_grasps_by_their_labels(tmp_path):
 
 
 def make_small_model(prefix="rh_", extra=""):
-    """MJCF of a plate with the palm as a site, pushed against a box by a motor; the other links are far away."""
+    """Return the MJCF of a plate with the palm as a site, which a motor pushes against a box; other links are far away.
+
+    prefix: of the link names. extra: further MJCF elements of the world.
+    """
     links = sorted({board.link_name for board in HAND.boards} - {"palm"})
     other_bodies = "".join(f'<body name="{prefix}{link}" pos="0 {k + 1} -3"/>' for k, link in enumerate(links))
     return f"""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>{other_bodies}
@@ -202,7 +207,10 @@ def make_small_model(prefix="rh_", extra=""):
 
 
 def read_import_error(tmp_path, text=None, parts=None, **states):
-    """One-line message of the failed import of a model and its states; `None` removes an array."""
+    """Return the one-line message of an import that fails.
+
+    text: MJCF of the model; None: the small model. parts: model map. states: arrays of the states; None removes one.
+    """
     (tmp_path / "m.xml").write_text(make_small_model() if text is None else text)
     arrays = {"qpos": np.zeros((3, 1))} | states
     path = save_states(tmp_path, **{name: value for name, value in arrays.items() if value is not None})

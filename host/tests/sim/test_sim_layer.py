@@ -21,6 +21,7 @@ ROD = Cylinder(0.03, 0.4)
 
 
 def make_one_board_hand(position, normal, tx=5, rx=5):
+    """Make a hand of one board, whose taxels have the given positions and normals, f64[tx * rx, 3] each."""
     distal = np.tile([1.0, 0.0, 0.0], (len(position), 1))
     kind = BoardKind("test", 1, np.ones((tx, rx), dtype=bool), Surface(position, normal, distal))
     board = Board("test", kind, 0x20, "link", np.eye(4))
@@ -28,6 +29,7 @@ def make_one_board_hand(position, normal, tx=5, rx=5):
 
 
 def make_flat_grid():
+    """Return the positions of 5 x 5 taxels in the plane z = 0, f64[25, 3], metres."""
     steps = (np.arange(5) - 2) * PITCH_M
     return np.stack([*np.meshgrid(steps, steps, indexing="ij"), np.zeros((5, 5))], axis=-1).reshape(-1, 3)
 
@@ -37,7 +39,7 @@ def make_flat_hand():
 
 
 def make_curved_hand(radius=0.02):
-    """A hand of one board of 5 x 5 taxels, bent about the y axis like a fingertip."""
+    """Make a hand of one board of 5 x 5 taxels, bent about the y axis like a fingertip."""
     grid = make_flat_grid()
     angle = grid[:, 0] / radius
     normal = np.stack([np.sin(angle), np.zeros(25), np.cos(angle)], axis=1)
@@ -45,14 +47,14 @@ def make_curved_hand(radius=0.02):
 
 
 def place_above_box(gap, rotation=(0.0, 0.0, 0.0)):
-    """Poses f64[1, 1, 4, 4] of a board that faces down, `gap` metres above the top of the box PLANE."""
+    """Return poses f64[1, 1, 4, 4] of a board that faces down, `gap` metres above the top of the box PLANE."""
     pose = from_rotation_vector(np.array(rotation)) @ from_rotation_vector(np.array([np.pi, 0, 0]))
     pose[:3, 3] = [0, 0, PLANE.height + LAYER_M + gap]
     return pose[None, None]
 
 
 def place_beside_rod(gap=0.0):
-    """Poses f64[1, 1, 4, 4] of a flat board beside ROD: x axis across the rod axis, y axis along the rod axis."""
+    """Return poses f64[1, 1, 4, 4] of a flat board beside ROD: its x axis across the rod axis, its y axis along it."""
     pose = np.eye(4)
     pose[:3, :3] = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     pose[:3, 3] = [ROD.radius + LAYER_M + gap, 0, 0.2]
@@ -60,18 +62,18 @@ def place_beside_rod(gap=0.0):
 
 
 def make_wrench(force, at=(0.0, 0.0), axis=(0.0, 0.0, -1.0)):
-    """Wrench f64[1, 1, 6] of a force along an axis through the point (x, y) of the board."""
+    """Return the wrench f64[1, 1, 6] of a force (N) along `axis` through the point `at` (x, y; metres) of the board."""
     vector = force * np.array(axis)
     return np.concatenate([vector, np.cross([*at, 0.0], vector)])[None, None]
 
 
 def press_on(hand, shape, poses, wrench, **options):
-    """Result of the uncoupled layer for an object at the origin."""
+    """Compute the result of the uncoupled layer for an object at the origin."""
     return press_layer(hand, shape, poses, np.eye(4)[None], wrench, **options)
 
 
 def compute_net_wrench(hand, force):
-    """Net force and moment of the taxel forces on the board, in the frame of the board."""
+    """Compute net force and moment of the taxel forces on the board, f64[6], in the frame of the board."""
     vectors = -force[:, None] * hand.normal
     at = hand.position + LAYER_M * hand.normal
     return np.concatenate([vectors.sum(axis=0), np.cross(at, vectors).sum(axis=0)])
@@ -129,25 +131,24 @@ def test_force_is_stiffness_times_penetration_for_every_taxel():
 
 
 def make_rod_loads(hand, seed, frames=6):
-    """(board poses, object poses, wrenches): boards against ROD with a random taxel in front.
+    """Place boards against ROD with a random taxel in front: (board poses, object poses, wrenches).
 
-    The wrench of a board is that of a uniform penetration of the taxels that face the rod.
+    The wrench of a board is that of its layer at these poses, with the taxels that face the rod compressed.
     """
     rng = np.random.default_rng(seed)
     poses = np.tile(np.eye(4), (frames, len(hand.boards), 1, 1))
     wrench = np.zeros((frames, len(hand.boards), 6))
     for frame in range(frames):
         for index, board in enumerate(hand.boards):
-            own = hand.get_slice(board.address)
-            surface, normal = hand.position[own] + hand.layer_m * hand.normal[own], hand.normal[own]
+            taxels = hand.get_slice(board.address)
+            normal = hand.normal[taxels]
+            surface = hand.position[taxels] + hand.layer_m * normal
             middle = rng.integers(len(surface))
             inward = np.array([-1.0, 0.0, 0.0])
             half = normal[middle] + inward
             axis = half / np.linalg.norm(half) if np.linalg.norm(half) > 1e-6 else np.array([0.0, 1.0, 0.0])
-            pose = from_rotation_vector(np.pi * axis) @ np.eye(
-                4
-            )  # a rotation by pi about the bisector exchanges two directions
-            pose = from_rotation_vector(rng.uniform(-0.03, 0.03, 3)) @ pose
+            # A rotation by pi about the bisector exchanges two directions.
+            pose = from_rotation_vector(rng.uniform(-0.03, 0.03, 3)) @ from_rotation_vector(np.pi * axis)
             pose[:3, 3] = np.array([ROD.radius, 0, 0.2]) - rotate(pose, surface[middle])
             at = apply(pose, surface)
             pose[:3, 3] -= [ROD.signed_distance(at).min(), 0, 0]
@@ -297,7 +298,7 @@ def test_a_common_motion_of_object_and_board_keeps_the_separation():
 
 
 def press_coupled_on(hand, shape, poses, wrench, **options):
-    """Result of the coupled layer for an object at the origin."""
+    """Compute the result of the coupled layer for an object at the origin."""
     return press_coupled_layer(hand, shape, poses, np.eye(4)[None], wrench, **options)
 
 
@@ -327,9 +328,11 @@ def test_a_coupled_layer_loads_taxels_beside_the_contact_and_keeps_the_net_force
     assert coupled_result.contact_force.min() >= 0
     assert coupled_result.contact_force.sum() == pytest.approx(1.0, rel=1e-9)
     assert coupled_result.moment_residual_nm[0, 0] < 1e-12
-    # A uniform pressure is already uniform, so coupling does not change it.
-    uniform_load = press_coupled_on(hand, PLANE, place_above_box(0.0), make_wrench(5.0))
-    np.testing.assert_allclose(uniform_load.contact_force, 0.2, rtol=1e-9)
+
+
+def test_coupling_does_not_change_a_uniform_pressure():
+    uniform_load = press_coupled_on(make_flat_hand(), PLANE, place_above_box(0.0), make_wrench(5.0))
+    np.testing.assert_allclose(uniform_load.contact_force, 5.0 / 25, rtol=1e-9)
 
 
 def test_coupled_boards_keep_the_net_force_on_every_board():
@@ -339,4 +342,9 @@ def test_coupled_boards_keep_the_net_force_on_every_board():
     magnitude = np.linalg.norm(wrench[..., :3], axis=-1)
     assert np.abs(result.force_residual_n / magnitude).max() < 1e-6
     assert result.contact_force.min() >= 0
+
+
+def test_coupled_boards_without_a_wrench_have_no_taxel_forces():
+    hand = load_hand("allegro")
+    poses, objects, wrench = make_rod_loads(hand, 7, frames=2)
     assert not press_coupled_layer(hand, ROD, poses, objects, 0 * wrench).contact_force.any()

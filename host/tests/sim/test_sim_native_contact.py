@@ -32,7 +32,10 @@ SHAPES = {
 
 
 def compare_loads(native, reference, poses, object_pose):
-    """Check that both loads agree up to rounding relative to the largest component; return the reference load."""
+    """Check that loads and taxel forces of both implementations agree up to rounding; return the reference load.
+
+    The second computation also advances both: it stores where the columns stick to the object.
+    """
     for advance in (False, True):
         result, expected = (model.compute_load(poses, object_pose, advance) for model in (native, reference))
         for value, expected_value in zip(result, expected, strict=True):
@@ -97,6 +100,7 @@ def test_loads_of_an_upright_solid_agree_with_the_numpy_reference(name):
 
 @cache
 def build_object_scene(name):
+    """Build the scene of the Allegro hand and the test object `name`."""
     return build_scene(load_hand("allegro"), make_thesis_objects(ASSUMED_SIZES)[name], "palm")
 
 
@@ -108,7 +112,8 @@ def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
         Timeline(baseline_s=0.05, closing_s=0.8, hold_s=0.1, release_s=0.0, recovery_s=0.0),
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
-    monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)  # the searches of the models differ
+    # Equal substeps: the two implementations search for near pieces at different times, which changes the choice.
+    monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)
     monkeypatch.setattr(closing, "NativePush", SoftPush)
     native = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))
     monkeypatch.setattr(closing, "NativeContact", SoftContact)

@@ -43,7 +43,10 @@ def test_a_simulated_grasp_agrees_with_the_python_steps(scene, monkeypatch):
 
 
 def prepare(scene, push_class, seed):
-    """A push and MuJoCo's data with a thrown object and joints beyond their ranges, from one seed."""
+    """Prepare a time integration (of `push_class`) and MuJoCo's data; return both and the random generator.
+
+    The object moves at a random velocity, and some joints are beyond their ranges; all random numbers follow from seed.
+    """
     push = push_class(scene, NativeContact(scene.hand, scene.grasp_object.shape, LAW))
     data, random = mujoco.MjData(scene.model), np.random.default_rng(seed)
     pose = make_standing_pose()
@@ -57,7 +60,7 @@ def prepare(scene, push_class, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_object_slides_turns_and_is_steadied_as_with_the_python_steps(scene, seed):
+def test_a_moving_and_steadied_object_follows_the_path_of_the_python_steps(scene, seed):
     results = []
     for push_class in (NativePush, SoftPush):
         push, data, random = prepare(scene, push_class, seed)

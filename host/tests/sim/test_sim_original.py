@@ -45,11 +45,11 @@ CYLINDER = make_thesis_objects()["cylinder"]
 
 
 def make_entry(bodies, *points, force=1.0):
-    """An entry whose points all have one force."""
+    """Make an entry of a contact message whose points all have the same force, newtons."""
     return PairEntry(bodies, np.array(points, dtype=float).reshape(-1, 3), np.full(len(points), force))
 
 
-def test_the_packaged_centres_are_those_of_the_figures():
+def test_the_packaged_coded_centres_agree_with_the_tool_that_extracts_them():
     script = ROOT / "tools/hand/original_coded_centres.py"
     result = subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
@@ -112,7 +112,7 @@ def test_of_taxels_at_one_position_only_the_first_is_active():
 
 
 @pytest.mark.parametrize("stale", [True, False])
-def test_contact_points_stay_until_the_next_message_with_contacts(stale):
+def test_contact_points_are_kept_after_an_empty_message_unless_the_rule_is_off(stale):
     memory = ContactMemory(replace(GENERAL, stale_contacts=stale))
     memory.receive(ContactMessage(0.2, 0, (make_entry((0, OBJECT), [0, 0, 1]),)))
     memory.receive(ContactMessage(0.4, 0, ()))
@@ -147,7 +147,7 @@ def test_a_message_is_stored_under_the_name_of_its_last_pair():
 
 
 def recompute_plainly(hand, poses, times, messages, rules):
-    """The plug-in with lists and loops, as its source describes it: set of active taxels and their forces by sample."""
+    """Recompute the plug-in with lists and loops, as in its source: for each sample, forces by active taxel."""
     centres, results = get_centres(hand, rules), []
     for sample, time in enumerate(times):
         kept = {}
@@ -185,7 +185,7 @@ def recompute_plainly(hand, poses, times, messages, rules):
 
 
 def make_random_messages(hand, rng, periods):
-    """Random messages of all boards: points near taxels, repeated pairs, contacts within the hand, empty messages."""
+    """Make random messages of all boards: points near taxels, repeated pairs, contacts in the hand, empty messages."""
     messages = []
     centres = get_centres(hand, OriginalRules() if hand is ORIGINAL else GENERAL)
     for period in range(periods):
@@ -202,14 +202,15 @@ def make_random_messages(hand, rng, periods):
 
 
 @pytest.mark.parametrize("hand", [SMALL, SEVERAL, ORIGINAL], ids=["flat8", "rig4", "original"])
-@pytest.mark.parametrize("changes", range(6))
-def test_the_mode_equals_a_plain_recomputation(hand, changes):
+@pytest.mark.parametrize("case", range(6))
+def test_sensed_messages_equal_a_plain_recomputation_for_any_combination_of_rules(hand, case):
+    """Case 0 uses the default rules, the others switch rules on and off at random."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
     base = OriginalRules() if hand is ORIGINAL else GENERAL
     switches = ("stale_contacts", "any_partner", "first_entry_only", "last_name_wins")
-    rules = replace(base, **{name: bool(rng.integers(2)) for name in switches if changes})
+    rules = replace(base, **{name: bool(rng.integers(2)) for name in switches if case > 0})
     times = np.array([0.1, 0.25, 0.3, 0.65])
     poses = np.tile(np.eye(4), (len(times), len(hand.boards), 1, 1))
     poses[..., :3, 3] = rng.normal(scale=0.0005, size=(len(times), len(hand.boards), 3))
@@ -246,13 +247,13 @@ def test_impossible_distances_are_refused(field, value):
 
 @pytest.fixture(scope="module")
 def scene():
-    """The original hand with bare boards and a cylinder."""
+    """Build a scene of a cylinder and the original hand, whose boards have palm tips but no soft layer."""
     return build_scene(ORIGINAL, CYLINDER, "palm", layer_m=get_surface_heights(ORIGINAL, OriginalRules()))
 
 
 @pytest.fixture(scope="module")
 def approach():
-    """A grasp from the side at the surface of the palm's tips."""
+    """Make a grasp of the cylinder from the side, with the surface of the palm at its tips."""
     hand = replace(ORIGINAL, layer_m=PALM_TIPS_M)
     return make_approach(CYLINDER, "side_1", PALM_PLACEMENTS["cylinder", "side_1"], hand, withdraw_m=0.02)
 
@@ -261,24 +262,21 @@ def test_a_simulated_grasp_activates_palm_tips_and_fingers_and_only_taxels_with_
     rules = OriginalRules()
     settings = SimulationSettings(recorder=make_recorder_settings(ORIGINAL, rules))
     motion = simulate_grasp(scene, approach, Timeline(0.2, 2.0, 1.0, 0.3, 0.2), settings)
-    assert len(motion.messages) % len(ORIGINAL.boards) == 0
-    times = [message.time_s for message in motion.messages]
-    assert times == sorted(times)
     result = sense(ORIGINAL, CYLINDER.shape, motion, Sensing("original", original=rules))
-    active = result.signal_force[motion.phase == Phase.HOLD][-1] > 0
-    assert active[ORIGINAL.get_slice(0x15)].any()
-    assert active.sum() > active[ORIGINAL.get_slice(0x15)].sum()
+    active, palm = result.signal_force[motion.phase == Phase.HOLD][-1] > 0, ORIGINAL.get_slice(0x15)
+    assert active[palm].any()
+    assert active.sum() > active[palm].sum()
     assert not active[np.isnan(get_centres(ORIGINAL, rules)).any(axis=1)].any()
     assert not result.signal_force[motion.phase == Phase.BASELINE].any()
-    tips = [
+    tip_distances_m = [
         point
         for message in motion.messages
         if ORIGINAL.boards[message.board].name == "palm"
         for entry in message.entries
         for point in CYLINDER.shape.signed_distance(entry.position - motion.object_pose[0, :3, 3])
     ]
-    assert tips
-    assert np.abs(tips).max() < 0.004  # the mount yields under the palm
+    assert tip_distances_m
+    assert np.abs(tip_distances_m).max() < 0.004  # the palm pushes the object away from its first pose
 
 
 def test_a_pad_has_four_corners_in_its_plane():
@@ -289,13 +287,13 @@ def test_a_pad_has_four_corners_in_its_plane():
 
 def test_a_larger_overlap_adds_corners_of_pads_near_the_object(scene, approach):
     """Without overlap the fingers report the few points of the engine, which activate few taxels around a cylinder."""
-    fingers, numbers = ORIGINAL.board_index != [board.name for board in ORIGINAL.boards].index("palm"), []
+    on_fingers, numbers = ORIGINAL.board_index != [board.name for board in ORIGINAL.boards].index("palm"), []
     for overlap_m in (0.0, OVERLAP_M, 2 * OVERLAP_M):
         rules = replace(OriginalRules(), overlap_m=overlap_m, coded_centres=False)
         settings = SimulationSettings(recorder=make_recorder_settings(ORIGINAL, rules))
         motion = simulate_grasp(scene, approach, Timeline(0.0, 2.0, 0.4, 0.0, 0.0), settings)
         active = sense(ORIGINAL, CYLINDER.shape, motion, Sensing("original", original=rules)).signal_force[-1] > 0
-        numbers.append(int(active[fingers].sum()))
+        numbers.append(int(active[on_fingers].sum()))
         points = [entry.position for message in motion.messages for entry in message.entries if OBJECT in entry.bodies]
         to_object = inverse(motion.object_pose)  # the hand moves and tilts the object while it closes
         distance = CYLINDER.shape.signed_distance(apply(to_object, np.concatenate(points))).min(axis=0)
@@ -309,14 +307,17 @@ def test_messages_contain_one_entry_for_each_pair_unless_all_entries_are_recorde
     for only_first in (True, False):
         settings = SimulationSettings(recorder=RecorderSettings(first_entries_only=only_first))
         motion = simulate_grasp(scene, approach, timeline, settings)
+        times = [message.time_s for message in motion.messages]
+        assert times == sorted(times)
+        assert len(times) % len(ORIGINAL.boards) == 0
         numbers[only_first] = [len(message.entries) for message in motion.messages]
         if only_first:
             pairs = [[frozenset(entry.bodies) for entry in message.entries] for message in motion.messages]
-            assert all(len(set(one)) == len(one) for one in pairs)
+            assert all(len(set(message_pairs)) == len(message_pairs) for message_pairs in pairs)
     assert sum(numbers[False]) > 20 * sum(numbers[True]) > 0
 
 
-def test_messages_need_rigid_contact_and_the_mode_needs_messages(scene, approach):
+def test_messages_need_rigid_contact_and_the_level_original_needs_messages(scene, approach):
     timeline = Timeline(0.0, 0.1, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="recorder: expected rigid contact"):
         simulate_grasp(scene, approach, timeline, SimulationSettings(law=LayerLaw(), recorder=RecorderSettings()))

@@ -44,13 +44,13 @@ def test_body_poses_agree_with_forward_kinematics(scene):
 
 
 def read_solid_corners(scene, board):
-    """Corners of the collision solid of a board, f64[n, 3], in the frame of its bracket."""
+    """Read the corners of a board's collision solid, f64[n, 3], in the frame of its bracket, metres."""
     model = scene.model
     geom = int(np.flatnonzero(scene.board_of_geom == HAND.boards.index(board))[0])
     mesh = int(model.geom_dataid[geom])
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     local = model.mesh_vert[first : first + count].astype(float)
-    in_link, rotation = np.zeros_like(local), np.zeros(9)
+    rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     in_link = local @ rotation.reshape(3, 3).T + model.geom_pos[geom]
     return apply(inverse(board.pose), in_link)
@@ -74,7 +74,7 @@ def test_the_collision_solid_of_a_board_encloses_its_sheet_and_its_layer_tightly
 
 
 def test_the_collision_solid_of_the_palm_extends_1_5_pitches_beyond_its_outermost_taxels(scene):
-    """Half a pitch of the square of the taxel, and one pitch of margin without taxels."""
+    """Half a pitch belongs to the square of the outermost taxel, and one pitch to the margin without taxels."""
     palm = HAND.find_board("palm")
     corners, taxels = read_solid_corners(scene, palm), HAND.position[HAND.get_slice(palm.address)]
     assert np.allclose(corners[:, :2].max(axis=0), taxels[:, :2].max(axis=0) + 1.5 * HAND.pitch_m, atol=1e-6)
@@ -110,7 +110,7 @@ def test_a_wrist_link_that_does_not_carry_all_boards_is_refused():
 
 
 def count_hand_contacts(scene, angles):
-    """Number of contacts of the hand at joint angles f64[16] while the object is 1 m away."""
+    """Count the contacts of the hand at joint angles f64[16] while the object is 1 m away."""
     data = mujoco.MjData(scene.model)
     scene.place_object(data, make_pose([1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]))
     data.qpos[scene.joint_addresses] = np.clip(angles, scene.robot.lower[6:], scene.robot.upper[6:])

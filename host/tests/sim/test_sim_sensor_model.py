@@ -12,7 +12,7 @@ HAND = load_hand("allegro")
 
 
 def sample_counts(sensor, force, seed=1):
-    """Raw counts u16[T, n] of forces in N."""
+    """Sample raw counts u16[T, n] of a sensor under forces in N, with noise from `seed`."""
     return sensor.raw_counts(HAND, force, np.random.default_rng(seed))
 
 
@@ -56,7 +56,7 @@ def test_line_noise_is_equal_on_an_rx_line_and_independent_between_lines():
     assert np.abs(correlation_between_lines).max() < 0.3, f"seed {seed}"
 
 
-def test_the_same_seed_gives_the_same_counts():
+def test_the_same_seed_gives_the_same_counts_and_another_seed_differs():
     sensor = SimSensor(noise_line_counts=3.0)
     assert (
         sample_counts(sensor, make_zero_forces(3), 5).tobytes()
@@ -69,9 +69,11 @@ def test_the_same_seed_gives_the_same_counts():
 
 
 def test_counts_are_clipped_to_16_bits():
-    force = np.full((1, HAND.n_taxels), 1e6)
-    assert (sample_counts(SimSensor(100.0, 700.0, 1.0), force) == 0).all()
-    assert (sample_counts(SimSensor(65535.0, noise_counts=1e4), make_zero_forces(1)) <= 65535).all()
+    large_force = np.full((1, HAND.n_taxels), 1e6)
+    below_zero = SimSensor(baseline_counts=100.0, full_scale_drop_counts=700.0, half_force_n=1.0)
+    assert (sample_counts(below_zero, large_force) == 0).all()
+    above_maximum = sample_counts(SimSensor(baseline_counts=65535.0, noise_counts=1e4), make_zero_forces(1))
+    assert (above_maximum == 65535).mean() > 0.3  # half of the noise is positive
 
 
 def test_attributes_have_the_names_of_the_dataset_format():

@@ -14,6 +14,7 @@ DEPTH_M = 1e-5
 
 
 def shift(pose, x_m):
+    """Return a copy of a pose, moved along x."""
     moved = pose.copy()
     moved[0, 3] += x_m
     return moved

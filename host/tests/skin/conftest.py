@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from taxel.hand import Hand, load_hand
-from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
+from taxel_protocol import Command, FrameType, ReferenceDecoder, encode_frame
 from taxel_protocol.frames import FRAMES, HubHandshake, Reply
 from taxel_protocol.layout import pack, unpack
 
@@ -28,7 +28,7 @@ def flat8() -> Hand:
 
 @pytest.fixture(scope="session")
 def known_counts() -> Callable[[Hand], NDArray[np.uint16]]:
-    """Makes raw counts, u16[n], that differ between all taxels of a hand."""
+    """Function of a hand: raw counts u16[n] that differ between all its taxels."""
 
     def make_counts(hand: Hand) -> NDArray[np.uint16]:
         return (1000 + 37 * np.arange(hand.n_taxels)).astype(np.uint16)
@@ -57,11 +57,13 @@ class FakeHub:
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
-    def _frame(self, kind: FrameType, payload: bytes) -> bytes:
+    def _encode_next_frame(self, kind: FrameType, payload: bytes) -> bytes:
+        """Encode a frame with the hub's next sequence number."""
         self._sequence += 1
         return encode_frame(kind, self._sequence - 1, payload)
 
     def _serve(self) -> None:
+        """Answer all frames of the host until the hub is unplugged (function of the thread)."""
         decoder = ReferenceDecoder()
         while not self._is_closing.is_set():
             if not select.select([self._master], [], [], 0.02)[0]:
@@ -70,17 +72,18 @@ class FakeHub:
                 self._answer(FrameType(kind), payload)
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
+        """Answer a handshake or a command of the host; ignore other frames."""
         if kind is FrameType.HOST_HANDSHAKE:
             fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
             fields |= {"uptime_us": 0}
             fields |= {"tag": payload[0], "unique_id": bytes(8)} | self._versions
-            os.write(self._master, self._frame(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields)))
+            os.write(self._master, self._encode_next_frame(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields)))
         elif kind is FrameType.COMMAND:
             fields, _ = unpack(FRAMES[kind].payload, payload)
             self.commands.append(fields["command"])
             reply = pack(Reply, {"tag": fields["tag"], "command": fields["command"], "status": 0})
-            os.write(self._master, self._frame(FrameType.REPLY, reply))
-            if fields["command"] == 1:
+            os.write(self._master, self._encode_next_frame(FrameType.REPLY, reply))
+            if fields["command"] == Command.START:
                 os.write(self._master, self._on_start)
 
     def unplug(self) -> None:
@@ -95,7 +98,7 @@ class FakeHub:
 
 @pytest.fixture
 def fake_hub() -> Iterator[Callable[..., FakeHub]]:
-    """Starts a `FakeHub` with the given options; all are unplugged after the test."""
+    """Function that starts a `FakeHub` with the given options; all hubs are unplugged after the test."""
     hubs: list[FakeHub] = []
 
     def make(**options: object) -> FakeHub:

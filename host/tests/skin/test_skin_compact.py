@@ -12,14 +12,14 @@ SCAN_COUNT = 40
 
 
 def record_scans(url, hand):
-    """40 scans after the first 10, and the losses."""
+    """Read a skin; return `SCAN_COUNT` scans after the first 10, and the losses."""
     with taxel.open(url, hand) as skin:
         scans = list(itertools.islice(skin.scans(), 10, 10 + SCAN_COUNT))
         return scans, skin.losses
 
 
 def compute_rate_hz(scans):
-    """Mean number of scans per second."""
+    """Return the mean number of scans per second."""
     return (len(scans) - 1) / (scans[-1].time_s - scans[0].time_s)
 
 

@@ -22,7 +22,7 @@ MAX_TRUNCATED_FRAMES = 3
 LARGEST_FRAME_BYTES = 600
 POLL_OUTCOMES = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
 
-SCENES = {  # name: faults (time in s, kind, address, arguments)
+SCENES = {  # name: faults of the emulated world (time in s, kind, address of the board, arguments)
     "undisturbed": (),
     "unplugged": ("3.0 unplug 0x22",),
     "unplugged and plugged": ("3.0 unplug 0x22", "4.0 plug 0x22"),
@@ -47,6 +47,7 @@ SCENES = {  # name: faults (time in s, kind, address, arguments)
 
 @pytest.fixture(scope="module")
 def stimulus(tmp_path_factory, allegro, known_counts):
+    """Path of a stimulus: in its step k, every taxel has its known count plus k x STEP_COUNTS."""
     steps = np.arange(round(DURATION_S / STEP_S) + 1)
     path = tmp_path_factory.mktemp("stimulus") / "steps.stm"
     write_stimulus(path, steps * STEP_S, known_counts(allegro) + STEP_COUNTS * steps[:, None], "counts")
@@ -54,7 +55,10 @@ def stimulus(tmp_path_factory, allegro, known_counts):
 
 
 def read_steps(frame, first_counts):
-    """Step of the stimulus for each taxel of a frame; fails for a count that the stimulus never had."""
+    """Return the step of the stimulus at which each taxel of a frame was measured.
+
+    first_counts: counts of the board's taxels in step 0. Fails for a count that the stimulus never had.
+    """
     counts = frame.raw_counts.astype(int) - first_counts
     assert not (counts % STEP_COUNTS).any(), f"a count of board 0x{frame.address:02X} was never measured"
     return counts // STEP_COUNTS
@@ -68,7 +72,10 @@ def check_statuses(hub):
 
 
 def run_scene(hand, faults, stimulus, first_counts, duration_s=DURATION_S):
-    """Run a world with faults and check each frame on arrival; return skin, frames and emulator statistics."""
+    """Run a world with faults; check the counts and the time stamp of each frame on arrival.
+
+    first_counts: counts of all taxels in step 0. Return (skin, frames, statistics of the emulator).
+    """
     link = EmulatorLink(format_world(hand, WorldSettings(faults=faults)), stimulus, fast=True, duration_s=duration_s)
     skin = Skin(link, hand)
     frames = []
@@ -145,9 +152,10 @@ def test_an_unplugged_board_loses_only_its_own_frames(allegro, known_counts, sti
     missing = {address: count.missing for address, count in skin.losses.boards.items()}
     assert missing.pop(0x22) > 5
     assert set(missing.values()) == {0}
-    own_times_s = [frame.hub_time_us * 1e-6 for frame in frames if frame.address == 0x22]
-    assert [time_s for time_s in own_times_s if 3.05 < time_s < 4.0] == []
-    assert min(time_s for time_s in own_times_s if time_s > 4.0) < 4.5
+    # The board is unplugged at 3 s and plugged in again at 4 s.
+    times_of_board_s = [frame.hub_time_us * 1e-6 for frame in frames if frame.address == 0x22]
+    assert [time_s for time_s in times_of_board_s if 3.05 < time_s < 4.0] == []
+    assert min(time_s for time_s in times_of_board_s if time_s > 4.0) < 4.5
 
 
 def test_a_host_that_does_not_read_for_a_second_has_a_gap_in_its_frames(allegro, known_counts, stimulus):

@@ -13,13 +13,14 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink, LinkError, write_stimulus
 from taxel.skin import BoardMismatchError, Skin
 from taxel.stream import HubError, VersionError, hub_client
+from taxel_protocol import Command
 
 FAST_EMULATOR = "emulator:?speed=max&duration_s=2"
 LARGEST_FRAME_BYTES = 600
 
 
 def read_single_line(error):
-    """The text of a TaxelError, which must be one non-empty line."""
+    """Check that an exception is a TaxelError with a non-empty one-line text, and return this text."""
     assert isinstance(error, TaxelError)
     assert str(error)
     assert "\n" not in str(error)
@@ -63,7 +64,7 @@ def test_a_hand_can_be_given_as_name_file_or_object(tmp_path, flat8):
             assert next(iter(skin)).address == 0x40
 
 
-def test_a_rate_is_an_upper_limit():
+def test_the_requested_rate_is_an_upper_limit():
     with taxel.open(FAST_EMULATOR, "flat8", rate_hz=20.0) as skin:
         frames = list(skin)
     periods_us = np.diff([frame.hub_time_us for frame in frames]) % 2**32
@@ -81,7 +82,7 @@ def test_an_invalid_rate_is_refused(rate_hz):
 
 
 def format_world_without(hand, *addresses):
-    """World text of a hand without the boards at the given addresses."""
+    """Return the world file of a hand without the boards at the given addresses."""
     boards = tuple(board for board in hand.boards if board.address not in addresses)
     return format_world(Hand(hand.name, hand.description, hand.pitch_m, hand.size_m, boards))
 
@@ -173,8 +174,8 @@ def test_opening_a_skin_requests_board_information_then_sets_the_rate_then_start
     hub = fake_hub()
     skin = taxel.open(hub.url, "flat8")
     assert skin.missing_boards == ["flat8"]
-    command_order = list(dict.fromkeys(hub.commands))
-    assert command_order == [9, 3, 1]  # board info, rate, start
+    command_order = list(dict.fromkeys(hub.commands))  # without repetitions
+    assert command_order == [Command.GET_BOARD_INFO, Command.SET_RATE, Command.START]
     skin.close()
 
 

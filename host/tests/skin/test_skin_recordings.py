@@ -23,6 +23,7 @@ class RecordedLink:
         self.is_real_time, self.is_recorded = link.is_real_time, link.is_recorded
 
     def read(self, timeout_s):
+        """Read a chunk of the other link and record it, divided into records of at most 500 bytes."""
         chunk = self._link.read(timeout_s)
         if chunk is not None:
             for start in range(0, len(chunk.data), 500):
@@ -45,7 +46,7 @@ def record_skin(hand, path, duration_s=1.5, stimulus=None):
 
 
 def read_chunks(path):
-    """All records of a capture file."""
+    """Return all records of a capture file."""
     chunks = []
     with closing(CaptureLink(path)) as link, suppress(EOFError):
         while True:
@@ -54,13 +55,13 @@ def read_chunks(path):
 
 
 def collect_frames(skin, frames):
-    """Append the frames of a skin to a list, which keeps the frames before an exception."""
+    """Append the frames of a skin to the list `frames`; after an exception, it has the frames before it."""
     for frame in skin:
         frames.append(frame)
 
 
 def is_same_frame(a, b):
-    """True if two frames are equal except for the time on the host."""
+    """Return whether two frames are equal except for the time on the host."""
     return a._replace(raw_counts=None, time_s=0) == b._replace(raw_counts=None, time_s=0) and np.array_equal(
         a.raw_counts, b.raw_counts
     )
@@ -150,7 +151,7 @@ def test_an_empty_recording_gives_no_frames_and_no_error(tmp_path):
 
 
 def test_frames_received_before_the_port_vanishes_are_delivered(fake_hub, recording, monkeypatch):
-    """The hub sends the first 8000 bytes of a recording and is then unplugged."""
+    # The hub sends the first 8000 bytes of a recording and is then unplugged.
     link = CaptureLink(recording[0])
     data = b""
     while len(data) < 8000:

@@ -15,12 +15,14 @@ from taxel.skin import Skin
 
 @pytest.fixture(scope="module")
 def constant_stimulus(tmp_path_factory, allegro, known_counts):
+    """Path of a stimulus in which every taxel always has its known count."""
     path = tmp_path_factory.mktemp("stimulus") / "steady.stm"
     write_stimulus(path, [0.0], [known_counts(allegro)], "counts")
     return path
 
 
 def open_emulated_skin(hand, stimulus=None, duration_s=4.0, world_hand=None, **settings):
+    """Open a skin of `hand` on an emulator of `world_hand` (None: the same hand). settings: of the emulated world."""
     world = format_world(world_hand or hand, WorldSettings(**settings))
     return Skin(EmulatorLink(world, stimulus, fast=True, duration_s=duration_s), hand)
 

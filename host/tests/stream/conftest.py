@@ -19,6 +19,7 @@ class Hub:
         self.sequence = sequence
 
     def encode_hub_frame(self, kind: FrameType, payload: bytes) -> bytes:
+        """Encode a frame with the next sequence number."""
         data = encode_frame(kind, self.sequence, payload)
         self.sequence = (self.sequence + 1) % 65536
         return data
@@ -36,7 +37,11 @@ class Hub:
         hub_us: int = 0,
         damage: int = 0,
     ) -> bytes:
-        """A TAXELS frame; `damage` is combined with the CRC of the snapshot by exclusive or."""
+        """Encode a TAXELS frame with the counts of one board.
+
+        board_sequence: number of the scan; None: 3 x `cycle`. board_us, hub_us: times on the board's and the hub's
+        clock. damage: combined with the CRC of the snapshot by exclusive or; 0: the CRC is correct.
+        """
         values = np.asarray(list(counts), dtype="<u2")
         snapshot = pack(
             SnapshotHeader,
@@ -52,6 +57,7 @@ class Hub:
         return self.encode_hub_frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
 
     def encode_handshake(self, tag: int = 0, uptime_us: int = 0) -> bytes:
+        """Encode a handshake of the hub. tag: that of the host's request; 0: the hub has started."""
         fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
         fields |= {"tag": tag, "version_min": 1, "version_max": 1, "version_chosen": 1, "unique_id": bytes(8)}
         return self.encode_message(FrameType.HUB_HANDSHAKE, **fields, uptime_us=uptime_us)
@@ -60,13 +66,18 @@ class Hub:
         return self.encode_message(FrameType.LOG, text, level=1, code=0, hub_time_us=0)
 
     def encode_sync(self, address: int, board_us: int, hub_us: int) -> bytes:
+        """Encode a reading of a board's clock: the times on both clocks at the same instant."""
         return self.encode_message(
             FrameType.TIME_SYNC, address=address, board_time_us=board_us % 2**32, hub_time_us=hub_us
         )
 
 
 class PreparedLink:
-    """Link that returns prepared chunks; with `reads_single_chunks`, None follows every chunk."""
+    """Link that returns prepared chunks and then raises `end` (None: `EOFError`).
+
+    reads_single_chunks: None follows every chunk, as on a port that is read immediately; otherwise, all chunks can be
+    read at once, as in a recording. has_pacing: whether the link declares itself as a recording.
+    """
 
     name = "prepared"
     is_recorded = True
@@ -111,17 +122,19 @@ def hub() -> Hub:
 
 @pytest.fixture(scope="session")
 def make_hub() -> type[Hub]:
+    """Class `Hub`: call it with the first sequence number."""
     return Hub
 
 
 @pytest.fixture(scope="session")
 def make_prepared_link() -> type[PreparedLink]:
+    """Class `PreparedLink`: call it with the chunks."""
     return PreparedLink
 
 
 @pytest.fixture(scope="session")
 def divide() -> Callable[..., list[Chunk]]:
-    """Divide bytes into chunks of the given sizes, which repeat."""
+    """Function that divides bytes into chunks of the given sizes, which repeat."""
 
     def divide_bytes(data: bytes, sizes: Iterable[int] = (1000,), arrival_ns: int = 0) -> list[Chunk]:
         chunks = []

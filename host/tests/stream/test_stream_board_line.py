@@ -13,6 +13,10 @@ BEGIN_US = 2**50
 
 
 def make_readings(count, jitter_us, seed=1):
+    """Make (board time, hub time) readings in microseconds, 60 ms apart.
+
+    The board's clock runs at 0.98 of the hub's rate. jitter_us: largest error of a board time.
+    """
     rng = random.Random(seed)
     hub = [BEGIN_US + 60_000 * k + rng.randrange(1000) for k in range(count)]
     return [(round(0.98 * us) + rng.randrange(-jitter_us, jitter_us + 1), us) for us in hub]

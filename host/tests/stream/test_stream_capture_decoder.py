@@ -14,7 +14,7 @@ SEEDS = range(10)
 
 
 def make_stream(hub, frames=40):
-    """Bytes of taxel frames of three boards, with log frames and stray bytes between them."""
+    """Make the bytes of taxel frames of three boards, with log frames and stray bytes between them."""
     rng = random.Random(1)
     data = bytearray(b"\0")
     for cycle in range(frames):
@@ -69,7 +69,7 @@ def decode_by_block(path):
 
 
 def list_contents(batches):
-    """Contents of all batches: (rows, counts, payloads)."""
+    """Return the contents of all batches: (stream position, address and cycle of each frame; counts; payloads)."""
     rows = [row for batch in batches for row in batch.taxel_rows[["stream_position", "address", "cycle"]].tolist()]
     counts = np.concatenate([batch.counts for batch in batches]) if batches else np.zeros(0)
     return rows, counts.tolist(), b"".join(batch.payloads for batch in batches)
@@ -111,7 +111,7 @@ def test_batches_carry_the_records_and_their_arrival_times(tmp_path, hub):
     assert decode_by_block(path)[1] == expected
 
 
-def test_losses_are_counted_and_the_header_is_read(tmp_path, hub):
+def test_the_block_decoder_counts_losses_and_reads_the_header(tmp_path, hub):
     data = hub.encode_taxels(0x20, 0) + hub.encode_taxels(0x20, 1)[:-3] + hub.encode_taxels(0x20, 2)
     decoder = CaptureDecoder(write_capture(tmp_path / "a.bin", data, random.Random(4), 62))
     assert sum(len(batch.taxel_rows) for batch, _ in decoder) == 2
@@ -130,7 +130,7 @@ def test_a_record_length_beyond_the_end_of_the_file_allocates_no_memory(tmp_path
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory_before_kib < 4096  # KiB
 
 
-def test_a_file_that_is_no_capture_is_rejected_at_once(tmp_path):
+def test_a_file_that_is_no_capture_is_rejected_before_the_first_batch(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"not a capture at all")
     with pytest.raises(CaptureError, match="not a taxel capture"):
         decode_capture(tmp_path / "a.bin")

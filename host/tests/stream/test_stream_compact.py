@@ -24,7 +24,7 @@ STOP_SCAN, RESTART = bytes([0x70, 0x02, 0xFD]), bytes([0x70, 0x04, 0xFB])
 
 
 class PreparedLink:
-    """Link that returns queued hub bytes."""
+    """Link that returns queued hub bytes, one element of the queue at each read; None if the queue is empty."""
 
     name, baud, is_recorded, is_real_time, has_flow_control = "prepared", 1e6, True, False, False
 
@@ -42,7 +42,11 @@ class PreparedLink:
 
 
 class PolledSkin:
-    """Emulated world whose boards are polled at register A0, and the frame stream of their compact frames."""
+    """Emulated boards that are polled for compact frames (register A0), and the host's stream of these frames.
+
+    acknowledgements: address -> payload that the host wants to send to the board. sizes: address -> bytes of the last
+    compact frame.
+    """
 
     def __init__(self, world: VirtualWorld) -> None:
         self.world = world
@@ -53,20 +57,26 @@ class PolledSkin:
         self.sequence = self.cycle = 0
 
     def _store_acknowledgements(self, payload: bytes) -> None:
+        """Store the acknowledgements of a host frame: three bytes for each board (address and flag, sequence)."""
         for i in range(0, len(payload), 3):
             address, forget = payload[i] & 0x7F, payload[i] & ACKNOWLEDGE_FORGET
             self.acknowledgements[address] = b"\0" if forget else payload[i + 1 : i + 3]
 
     def read(self, address: int, write: bytes = b"") -> bytes:
+        """Write bytes to a board and read its compact frame; b"" if it does not answer or has no new scan."""
         result, data = self.world.transfer(address, write, READ_SIZE)
         return b"" if result else data[1 : 1 + decode_length(data[0])]
 
     def acknowledge(self, address: int) -> None:
+        """Send a stored acknowledgement to its board."""
         if address in self.acknowledgements:
             self.world.transfer(address, bytes([REGISTER_COMPACT]) + self.acknowledgements.pop(address), 0)
 
     def poll(self, address: int, is_lost: bool = False) -> list[tuple[int, list[int]]]:
-        """Read one board; return (sequence, counts) of the decoded frame, if any."""
+        """Acknowledge and read one board; return [(sequence, counts)] of the decoded frame, or [].
+
+        is_lost: the frame does not reach the host.
+        """
         self.acknowledge(address)
         data = self.read(address)
         self.sizes[address] = len(data)
@@ -82,6 +92,7 @@ class PolledSkin:
         return received
 
     def start_compact(self) -> None:
+        """Set the register pointer of every board to the compact frames, and wait for the first scans."""
         for address in ADDRESSES:
             self.read(address, bytes([REGISTER_COMPACT]))
         self.world.run(0.05)
@@ -96,6 +107,7 @@ class PolledSkin:
 
 @pytest.fixture
 def skin():
+    """Emulated boards of HAND that have started to encode compact frames."""
     with VirtualWorld(format_world(HAND, WorldSettings(seed=3, noise_counts=1.5)), "none") as world:
         world.run(0.4)
         hub = PolledSkin(world)
@@ -130,7 +142,7 @@ def test_frames_of_quiet_boards_shrink_to_a_third_of_the_uncompressed_size(skin)
 
 
 def test_decoded_counts_are_correct_after_any_losses(skin):
-    """Frames, acknowledgements and the state of the host are lost at random; every decoded frame is correct."""
+    # Frames, acknowledgements and the state of the host are lost randomly; every decoded frame is correct.
     rng = random.Random(20)
     address = ADDRESSES[0]
     received = 0
@@ -171,7 +183,7 @@ def test_a_restarted_board_starts_with_a_new_key_frame(skin):
     assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
 
 
-def test_a_damaged_read_is_repeated_by_writing_the_pointer(skin):
+def test_writing_the_pointer_again_repeats_the_last_frame_after_a_damaged_read(skin):
     address = ADDRESSES[0]
     skin.world.transfer(address, STOP_SCAN, 0)
     skin.world.run(0.02)
@@ -184,7 +196,7 @@ def test_a_damaged_read_is_repeated_by_writing_the_pointer(skin):
 def test_boards_stop_encoding_compact_frames_that_no_host_reads(skin):
     address = ADDRESSES[0]
     assert skin.read(address)
-    skin.world.run(11.0)  # s; longer than the time after which a board stops to encode
+    skin.world.run(11.0)  # s; longer than the time without a read after which a board stops encoding
     assert skin.read(address) == b""  # this read starts the encoding again
     skin.world.run(0.05)
     assert skin.read(address)

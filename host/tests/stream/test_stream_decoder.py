@@ -17,7 +17,11 @@ TO_HUB = [kind for kind in FRAMES if kind >= 0x80]
 
 
 def make_taxel_payload(address, counts, headers, damage=0):
-    """Make a TAXELS payload. `headers`: 6 bytes of cycle and hub time, 6 bytes of sequence and timestamp."""
+    """Make the payload of a TAXELS frame.
+
+    headers: 6 bytes of cycle and hub time, and 6 bytes of board sequence and board time. damage: combined with the
+    board CRC by exclusive or.
+    """
     snapshot = headers[6:] + np.asarray(counts, "<u2").tobytes()
     crc = crc32(bytes([address]) + snapshot) ^ damage
     return bytes([address, len(counts)]) + headers[:6] + snapshot + crc.to_bytes(4, "little")
@@ -47,7 +51,7 @@ damages = st.sampled_from(["none", "none", "none", "flip", "lose", "add", "zero"
 
 
 def damage(wire, kind_of_damage, rng):
-    """Damage the wire bytes of a frame in one way."""
+    """Return the wire bytes of a frame with one damage at a random position. kind_of_damage: one of `damages`."""
     i = rng.randrange(len(wire))
     return {
         "none": wire,
@@ -85,7 +89,11 @@ def divide_randomly(data, rng):
 
 
 def decode(pieces):
-    """Decode with the batch decoder; return (taxel frames, messages, discarded bytes)."""
+    """Decode with the batch decoder; return (taxel frames, messages, number of discarded bytes).
+
+    A taxel frame is (sequence, address, cycle, hub time, board sequence, board time, counts, is_damaged). A message is
+    (type, sequence, payload).
+    """
     decoder = StreamDecoder()
     batches = [batch for piece in pieces for batch in decoder.push(piece)] + decoder.finish()
     taxels, messages = [], []
@@ -104,7 +112,7 @@ TAXEL_FRAMES = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
 
 
 def decode_with_reference(data):
-    """Decode with the reference decoder; return (taxel frames, messages)."""
+    """Decode with the reference decoder; return (taxel frames, messages) in the form of `decode`."""
     decoder = ReferenceDecoder()
     taxels, messages = [], []
     for kind, sequence, payload in decoder.push(data) + decoder.finish():
@@ -160,7 +168,7 @@ def test_discarded_bytes_are_the_bytes_outside_frames(hub):
 
 
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
-def test_a_push_of_more_frames_than_a_table_holds_is_complete(hub, size):
+def test_a_push_of_more_frames_than_a_table_holds_gives_every_frame(hub, size):
     count = 9_000
     data = bytearray()
     for i in range(count):
@@ -191,7 +199,7 @@ def test_the_stream_position_of_a_row_is_the_end_of_its_frame(hub):
     assert end_positions[1] in (len(b"".join(parts)) - 1, len(b"".join(parts)))
 
 
-def test_a_frame_with_a_wrong_board_crc_is_flagged_and_counted(hub):
+def test_a_frame_with_a_wrong_board_crc_is_flagged_as_damaged(hub):
     taxels, _, _ = decode(
         [hub.encode_taxels(0x20, 1), hub.encode_taxels(0x20, 2, damage=0x80), hub.encode_taxels(0x20, 3)]
     )

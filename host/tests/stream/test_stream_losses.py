@@ -19,7 +19,7 @@ BOARDS = (0x20, 0x23, 0x77)
 
 
 def drain(stream):
-    """Read the stream to its end; return (frames, exception)."""
+    """Read the stream to its end; return (frames, exception that ended it)."""
     frames = []
     try:
         while True:
@@ -43,7 +43,7 @@ def count_losses(make_prepared_link, divide):
 
 
 def make_cycles(hub, count, first=0, boards=BOARDS):
-    """Make (board or None, wire bytes) of every frame of `count` poll cycles."""
+    """Make the frames of `count` poll cycles: (address of the board, None for a log frame; wire bytes)."""
     sent = []
     for cycle in range(first, first + count):
         sent += [(board, hub.encode_taxels(board, cycle)) for board in boards]
@@ -116,7 +116,7 @@ def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, make_pre
 
 
 def test_a_wrong_board_crc_is_detected_for_every_board_size(count_losses, hub):
-    """The decoder derives the board CRC from the frame CRC with a table per board size, and keeps few such tables."""
+    # The decoder derives the board CRC from the frame CRC with a table per board size, and keeps few of these tables.
     rng = np.random.default_rng(1)
     sizes = [1, 2, 3, 7, 8, 15, 16, 29, 63, 64, 77, 100, 113, 128, 199, 240]
     sent = [
@@ -167,6 +167,7 @@ def test_frames_of_a_hub_that_kept_running_behind_a_closed_port_are_lost(count_l
     data = hub_before.encode_handshake(tag=1, uptime_us=9_000_000) + hub_before.encode_taxels(0x20, 5)
     data += hub_after.encode_handshake(tag=2, uptime_us=11_000_000) + hub_after.encode_taxels(0x20, 40)
     account = count_losses(data)
+    # Received: handshake 10, frame 11, handshake 500, frame 501; lost: 12 to 499.
     assert (account.restarts, account.lost_on_wire) == (0, 488)
 
 
@@ -260,7 +261,7 @@ def test_a_board_with_only_damaged_frames_is_counted_and_gives_no_frames(hub, ma
 
 
 def test_a_capture_written_according_to_the_specification_is_read(hub, tmp_path):
-    """The bytes follow part 4 of protocol/SPEC.md."""
+    # The bytes follow part 4 of protocol/SPEC.md.
     frame = hub.encode_taxels(0x20, 1)
     header = b'{"baud": 500000}'
     path = tmp_path / "a.bin"
@@ -292,16 +293,16 @@ def test_the_sequence_of_host_frames_wraps_at_65536(make_prepared_link, monkeypa
 
 
 def test_frames_of_a_newer_hub_are_unknown_but_neither_damaged_nor_lost():
-    """A valid frame of an unknown type, and a status that is longer than in this version."""
-
-    def build(frame_type: int, sequence: int, payload: bytes) -> bytes:
+    def encode_unchecked(frame_type: int, sequence: int, payload: bytes) -> bytes:
+        """Encode a frame of any type and length, with a correct CRC."""
         body = bytes([frame_type]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little") + payload
         return encode_body(body + crc32(body).to_bytes(4, "little"))
 
     status = bytes(FRAMES[FrameType.HUB_STATUS].maximum)
     stream = encode_frame(FrameType.HUB_STATUS, 0, status)
-    stream += build(0x0F, 1, bytes(range(34))) + build(FrameType.HUB_STATUS, 2, status + bytes(8))
-    stream += build(0x7F, 4, b"") + encode_frame(FrameType.HUB_STATUS, 5, status)  # frame 3 is lost
+    # Two frames of unknown types, and a status that is longer than in this version; frame 3 is lost.
+    stream += encode_unchecked(0x0F, 1, bytes(range(34))) + encode_unchecked(FrameType.HUB_STATUS, 2, status + bytes(8))
+    stream += encode_unchecked(0x7F, 4, b"") + encode_frame(FrameType.HUB_STATUS, 5, status)
     for size in (1, 7, len(stream)):
         decoder = StreamDecoder()
         batches = [b for at in range(0, len(stream), size) for b in decoder.push(stream[at : at + size])]

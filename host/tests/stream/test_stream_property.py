@@ -32,6 +32,7 @@ TAXEL_KINDS = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
 
 @pytest.fixture(scope="module")
 def tool():
+    """Modules of the folder tools/fuzz, as attributes."""
     sys.path.insert(0, str(FOLDER))
     yield SimpleNamespace(**{name: importlib.import_module(name) for name in MODULES})
     while str(FOLDER) in sys.path:
@@ -52,6 +53,7 @@ def sample_messages(draw):
 
 
 def to_dict(value):
+    """Convert a parsed construct container, also a nested one, into a dict."""
     if isinstance(value, Container):
         return {name: to_dict(inner) for name, inner in value.items() if name != "_io"}
     return value
@@ -73,7 +75,7 @@ def test_messages_have_the_same_fields_as_with_construct(sent):
 @property_settings
 @given(sent=st.lists(sample_messages(), max_size=8), lost_indices=st.sets(st.integers(0, 7)))
 def test_losses_of_any_sequence_numbers_agree_with_the_definition(tool, sent, lost_indices):
-    """Sequence numbers in any order (repeated, decreasing, wrapped), with handshakes of a restarted hub."""
+    # Sequence numbers in any order (repeated, decreasing, wrapped), with handshakes of a restarted hub.
     arrived = [frame for i, frame in enumerate(sent) if i not in lost_indices]
     decoder = StreamDecoder()
     decoder.push(b"".join(encode_frame(*frame) for frame in arrived))
@@ -82,7 +84,7 @@ def test_losses_of_any_sequence_numbers_agree_with_the_definition(tool, sent, lo
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_damaged_streams_lose_only_the_damaged_frames(tool, seed):
-    """Short run of tools/fuzz/damage_campaign.py."""
+    # Short run of tools/fuzz/damage_campaign.py.
     count = int(EXAMPLES or "1500")
     print(f"seed {seed}")
     tally, _, difference = tool.damage_campaign.check_range(seed, 0, count)

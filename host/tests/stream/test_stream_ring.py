@@ -15,10 +15,11 @@ TIMEOUT_S = 20.0
 
 
 class RingAgainstModel(RuleBasedStateMachine):
-    """Comparison with a list of (byte, arrival) pairs."""
+    """Comparison of a ring buffer with a model: a list of (byte, arrival time) pairs, oldest first."""
 
     @initialize(capacity=st.integers(1, 40), overwrite_oldest=st.booleans())
     def begin(self, capacity, overwrite_oldest):
+        """Make an empty ring buffer and an empty model."""
         self.capacity = capacity
         self.overwrite_oldest = overwrite_oldest
         self.ring = RingBuffer(capacity, overwrite_oldest)
@@ -31,6 +32,7 @@ class RingAgainstModel(RuleBasedStateMachine):
 
     @rule(data=st.binary(max_size=100), same_time=st.booleans())
     def write(self, data, same_time):
+        """Write bytes to the ring buffer and to the model; the model loses its oldest bytes above the capacity."""
         if not self.overwrite_oldest:
             data = data[: self.capacity - len(self.model)]  # the writer would wait for a reader
         self.arrival += not same_time
@@ -44,6 +46,7 @@ class RingAgainstModel(RuleBasedStateMachine):
     @rule()
     @precondition(lambda self: self.model)
     def read(self):
+        """Read all bytes of the ring buffer, and compare them with the model."""
         chunks = self.ring.read(0.0)
         assert [(byte, chunk.arrival_ns) for chunk in chunks for byte in chunk.data] == self.model
         assert all(chunk.data for chunk in chunks)
@@ -53,6 +56,7 @@ class RingAgainstModel(RuleBasedStateMachine):
     @rule()
     @precondition(lambda self: not self.model)
     def read_nothing(self):
+        """Read an empty ring buffer, which gives [] or raises the failure of the writer."""
         if self.failure is None:
             assert self.ring.read(0.0) == []
         else:
@@ -68,6 +72,7 @@ class RingAgainstModel(RuleBasedStateMachine):
 
     @invariant()
     def every_byte_is_accounted_for(self):
+        """Check after every step: written bytes = read + lost + contained bytes."""
         assert len(self.ring) == len(self.model) <= self.capacity
         assert self.ring.overrun_bytes == self.lost
         assert self.written == self.read_bytes + self.lost + len(self.ring)
@@ -78,7 +83,10 @@ TestRingAgainstModel = RingAgainstModel.TestCase
 
 
 def run_writer(ring, data, sizes, end=None):
-    """Start a thread that writes `data` in pieces and then ends the writing."""
+    """Start a thread that writes `data` in pieces of the given sizes, which repeat, and then reports `end`.
+
+    The arrival time of a piece is its number. end: None: EOFError. Return the thread.
+    """
 
     def write():
         position = 0
@@ -96,6 +104,7 @@ def run_writer(ring, data, sizes, end=None):
 
 
 def read_to_the_end(ring):
+    """Read a ring buffer until it raises; return (bytes, arrival time of each chunk, exception)."""
     data, arrivals = bytearray(), []
     while True:
         try:
@@ -168,7 +177,7 @@ def test_a_capacity_below_one_byte_is_rejected(capacity):
 
 
 @pytest.mark.parametrize("remaining", [1, 2, 3])
-def test_the_rest_of_a_chunk_after_an_overrun_keeps_its_arrival_time(remaining):
+def test_the_remainder_of_a_chunk_after_an_overrun_keeps_its_arrival_time(remaining):
     ring = RingBuffer(4, overwrite_oldest=True)
     ring.write(Chunk(b"abc", 1))
     ring.write(Chunk(b"defg"[: 4 - remaining], 2))

@@ -68,6 +68,7 @@ def run() -> Callable[..., TestRecord]:
         now_s: Callable[[], float] = lambda: float(next(clock)),
         **options: Any,
     ) -> TestRecord:
+        """Run the phases of a plan on a device and return the record. options: of `run_test`."""
         device = DeviceUnderTest(kind, serial_number, {"kind": kind, "address": "0x21"})
         conditions = RunConditions(operator, "bench 1", "0.1.0", now_s)
         return run_test(plan, phases, "the device", device, conditions, **options)
@@ -80,6 +81,7 @@ def make_record(make_plan, phase, run) -> Callable[..., TestRecord]:
     """Factory of records of one phase "noise" with the limits white <= 8 and gain 5 to 20; `measure` fills its log."""
 
     def make(measure: Callable[[PhaseLog], None] = lambda log: None, **options: Any) -> TestRecord:
+        """Create the record of the phase "noise", whose log `measure` fills. options: of `run`."""
         plan = make_plan("[phases.noise.limits]\nwhite = { max = 8 }\ngain = { min = 5, max = 20 }\n")
         noise_phase = phase("noise", lambda context, options, log: measure(log), ("white", "gain"))
         return run(plan, [noise_phase], **options)
@@ -96,6 +98,7 @@ def full_record(make_plan, phase, run) -> TestRecord:
         log.measure("supply", 3.312, "V")
 
     def measure_noise(context, options, log):
+        """Log a violated limit, values that are missing or not finite, findings, attachments and a hostile note."""
         log.measure("white", 9.5, "counts", "TX 3")
         log.measure("white", 4.0, "counts", "TX 4")
         log.measure("white", math.nan, "counts", "TX 5")

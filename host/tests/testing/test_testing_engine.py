@@ -15,6 +15,8 @@ THREE_PHASES = "[phases.first]\n[phases.second]\n[phases.third]\n"
 
 
 def raise_in_phase(error):
+    """Return the function of a phase that makes one measurement and then raises `error`."""
+
     def measure(context, options, log):
         log.measure("before", 1.0, "")
         raise error

@@ -25,6 +25,7 @@ def make_board_record(make_record):
     count = iter(range(1_000_000))
 
     def make(white, serial_number="AB-0001", place="TX 3"):
+        """Create a record with the white noise of one place; each record has a later time."""
         record = make_record(lambda log: log.measure("white", white, "counts", place), serial_number=serial_number)
         return dataclasses.replace(record, started_utc=f"2026-01-31T09:30:00.{next(count):03}Z")
 
@@ -36,6 +37,7 @@ def make_measurement(value, limit=None):
 
 
 def has_moved(value, earlier, limit=None):
+    """Return whether a value is reported as moved, compared with earlier values (oldest first)."""
     return compare_value("noise", make_measurement(value, limit), earlier).has_moved
 
 
@@ -114,7 +116,7 @@ def test_earlier_values_that_are_not_finite_are_ignored(path, make_board_record)
             history.add(make_board_record(white))
         assert history.compare(make_board_record(4.0)) == []
         history.add(make_board_record(3.5))
-        assert history.compare(make_board_record(4.0))[0].runs == 1
+        assert history.compare(make_board_record(4.0))[0].runs == 1  # only the finite value
 
 
 def test_values_in_different_units_are_not_compared(path, make_record):
@@ -245,7 +247,7 @@ def test_stations_that_write_concurrently_lose_no_test(path, make_board_record):
         assert [len(history.list_earlier(f"S{station}")) for station in range(4)] == [6] * 4
 
 
-def test_a_test_is_stored_completely_or_not_at_all(path, make_board_record, monkeypatch):
+def test_a_test_whose_storage_fails_is_not_stored_and_can_be_added_again(path, make_board_record, monkeypatch):
     with History(path) as history:
         monkeypatch.setattr(history, "_add_details", lambda run, record: 1 / 0)
         with pytest.raises(ZeroDivisionError):
@@ -255,7 +257,7 @@ def test_a_test_is_stored_completely_or_not_at_all(path, make_board_record, monk
         assert history.add(make_board_record(4.0)) is True
 
 
-def test_a_locked_history_gives_an_error(path, make_board_record, monkeypatch):
+def test_a_locked_history_refuses_a_test_until_it_is_unlocked(path, make_board_record, monkeypatch):
     monkeypatch.setattr("taxel_tools.testing.history.LOCK_TIMEOUT_S", 0.0)
     with History(path) as history:
         other_connection = sqlite3.connect(path, isolation_level=None)

@@ -12,6 +12,7 @@ from taxel_tools.testing.record import Outcome, PhaseRecord, TestRecord
 
 
 def parse_cases(record):
+    """Format a record as JUnit XML and return its test cases by (class name, name)."""
     root = ET.fromstring(format_junit(record))
     return {(case.get("classname"), case.get("name")): case for case in root.iter("testcase")}
 
@@ -31,7 +32,7 @@ def test_each_limit_and_each_finding_is_a_case(full_record):
     ]
 
 
-def test_a_failure_contains_value_and_limit(full_record):
+def test_failures_errors_and_skips_state_their_reason(full_record):
     cases = parse_cases(full_record)
     failures = {
         name: case.find("failure").get("message")
@@ -90,7 +91,7 @@ def test_characters_that_xml_cannot_contain_are_replaced(make_record):
     assert case.find("failure").text == "a\ufffd[2Jb ✓"
 
 
-def test_an_existing_file_is_not_overwritten(make_record, tmp_path):
+def test_an_existing_file_is_overwritten_only_on_request(make_record, tmp_path):
     write_junit(make_record(), tmp_path / "r.xml")
     with pytest.raises(ResultFileError, match="an existing one"):
         write_junit(make_record(), tmp_path / "r.xml")

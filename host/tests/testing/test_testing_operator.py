@@ -14,6 +14,7 @@ def terminal(monkeypatch):
     """Factory of an operator who types the given lines, and of the terminal's output."""
 
     def make(*lines, **options):
+        """Create an operator who types the given lines, and return it with the output of the terminal."""
         output = io.StringIO()
         monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
         return TerminalOperator(Console(file=output, soft_wrap=True), **options), output

@@ -18,7 +18,7 @@ from taxel_tools.testing.record import Attachment, Finding, Limit, Measurement, 
 
 
 def parse_page(page):
-    """The page parsed as XML, because the page is also well-formed XML."""
+    """Parse the page as XML, because the page is also well-formed XML."""
     return ET.fromstring(page.removeprefix("<!DOCTYPE html>\n"))
 
 
@@ -30,7 +30,7 @@ def find_section(page, title):
     return next(node for node in parse_page(page).iter("section") if read_text(node.find("h2")).startswith(title))
 
 
-def test_the_header_shows_the_verdict_and_the_problems(full_record):
+def test_the_header_shows_the_verdict_the_problems_and_the_skipped_phases(full_record):
     header = parse_page(render_page(full_record)).find("body/header")
     assert read_text(header.find("h1")) == "AB-0001 could not be tested completely: 2 faults found"
     items = [read_text(node) for node in header.find("ol")]
@@ -280,7 +280,7 @@ def test_equal_records_give_equal_pages(full_record):
     assert render_page(full_record) == render_page(dataclasses.replace(full_record))
 
 
-def test_an_existing_page_is_not_overwritten(full_record, tmp_path):
+def test_an_existing_page_is_overwritten_only_on_request(full_record, tmp_path):
     write_page(full_record, tmp_path / "r.html")
     with pytest.raises(ResultFileError, match="an existing one"):
         write_page(full_record, tmp_path / "r.html")
@@ -316,7 +316,7 @@ def test_the_digits_of_a_value_show_on_which_side_of_the_limit_it_lies(value, li
     high=st.none() | st.floats(-1e6, 1e6),
     values=st.lists(st.floats() | st.none(), min_size=1, max_size=4),
 )
-def test_a_bar_shows_its_bounds_for_any_values(low, high, values):
+def test_the_axis_of_a_bar_contains_the_bounds_for_any_values(low, high, values):
     limit = Limit(low, high) if None in (low, high) else Limit(min(low, high), max(low, high))
     axis = build_axis(limit, values)
     assert axis.low < axis.high

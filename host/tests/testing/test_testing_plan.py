@@ -34,8 +34,11 @@ enabled = true
 
 
 def test_phases_run_in_the_order_of_their_tables(make_plan):
+    assert [phase.name for phase in make_plan(PLAN).enabled_phases("palm")] == ["supply", "noise"]
+
+
+def test_a_plan_contains_its_name_version_digest_and_stop_condition(make_plan):
     plan = make_plan(PLAN)
-    assert [phase.name for phase in plan.enabled_phases("palm")] == ["supply", "noise"]
     assert (plan.name, plan.version, plan.stop_at_failure, len(plan.sha256)) == ("boards", "1", True, 64)
 
 
@@ -169,7 +172,7 @@ def test_every_error_in_a_plan_gives_one_error_line(text, expected_text):
     assert str(pickle.loads(pickle.dumps(caught_error.value))) == str(caught_error.value)
 
 
-def test_a_missing_plan_gives_one_error_line(tmp_path):
+def test_a_missing_file_and_a_folder_are_refused_as_plan(tmp_path):
     with pytest.raises(PlanError, match=r"none\.toml: file: expected a readable test plan, found No such file"):
         read_plan(tmp_path / "none.toml")
     with pytest.raises(PlanError, match="found is a folder, no regular file"):
@@ -202,14 +205,17 @@ def test_checkable_options_are_checked_before_the_test(make_plan, phase):
         check_plan(make_plan("[phases.noise]\nseconds = 2\n[kinds.k.noise]\nseconds = 'x'\n"), [noise])
 
 
-def test_missing_options_have_their_defaults():
+def test_options_have_the_values_of_the_plan():
     options = Options({"seconds": 2, "rounds": 3, "fast": True, "window": "hann"})
     assert options.take_number("seconds", 1.0) == 2.0
     assert options.take_integer("rounds", 1, 1, 9) == 3
     assert options.take_flag("fast", False) is True
     assert options.take_text("window", "none", ("hann", "none")) == "hann"
-    assert options.take_number("overlap", 0.5) == 0.5
     options.refuse_unknown_keys()
+
+
+def test_a_missing_option_has_its_default():
+    assert Options({}).take_number("overlap", 0.5) == 0.5
 
 
 @pytest.mark.parametrize(

@@ -87,12 +87,12 @@ def test_an_empty_limit_is_refused(low, high):
         Limit(low, high)
 
 
-def test_any_value_passes_without_a_limit():
+def test_even_nan_passes_without_a_limit_and_fails_with_one():
     assert judge_value(math.nan, None) is Outcome.PASS
     assert judge_value(math.nan, Limit(None, 8.0)) is Outcome.FAIL
 
 
-def test_a_finding_fails_a_phase():
+def test_a_phase_without_measurements_passes_unless_it_has_a_finding():
     assert judge_phase([], []) is Outcome.PASS
     assert judge_phase([], [Finding("open line", "TX 3", "fix it", 2.0)]) is Outcome.FAIL
 

@@ -36,18 +36,20 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def comparison_key(record):
-    """Equal for equal records, also with NaN, which is not equal to itself."""
+    """Return a string that is equal for equal records, also with NaN, which is not equal to itself."""
     return repr(record)
 
 
 @st.composite
 def limits(draw):
+    """Sample a limit with none, one or two bounds."""
     low, high = draw(st.none() | FINITE), draw(st.none() | FINITE)
     return Limit(low, high) if None in (low, high) else Limit(min(low, high), max(low, high))
 
 
 @st.composite
 def measurements(draw):
+    """Sample a measurement whose outcome agrees with its value and limit."""
     value, limit = draw(NUMBER | TEXT | st.none()), draw(st.none() | limits())
     outcome = judge_value(value, limit)
     return Measurement(draw(TEXT), value, draw(TEXT), limit, draw(TEXT), outcome)
@@ -55,6 +57,7 @@ def measurements(draw):
 
 @st.composite
 def phases(draw):
+    """Sample the record of a phase whose outcome agrees with its content."""
     phase_measurements = draw(
         st.lists(measurements(), max_size=3, unique_by=lambda measurement: (measurement.name, measurement.place))
     )
@@ -79,6 +82,7 @@ def phases(draw):
 
 @st.composite
 def records(draw):
+    """Sample a test record whose outcome agrees with its phases."""
     test_phases = draw(st.lists(phases(), max_size=3, unique_by=lambda phase: phase.name))
     return TestRecord(
         serial_number=draw(TEXT),
@@ -102,7 +106,7 @@ def test_any_record_is_read_back_as_written(record):
     data = format_json_bytes(record)
     assert comparison_key(parse_json(data, "r.json")) == comparison_key(record)
     assert format_json_bytes(parse_json(data, "r.json")) == data
-    data.decode("utf-8")
+    data.decode("utf-8")  # raises an error unless the file is UTF-8
 
 
 @settings(deadline=None, max_examples=60)
@@ -198,7 +202,7 @@ def test_the_content_is_written_to_disk_before_the_name(full_record, tmp_path, m
     assert calls == ["fsync", "link", "fsync"]
 
 
-def test_an_unwritable_path_gives_one_error_line(full_record, tmp_path):
+def test_a_path_in_a_file_and_a_folder_as_path_are_refused_for_writing(full_record, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultFileError, match="expected a writable file, found Not a directory"):
         write_json(full_record, tmp_path / "file" / "r.json")
@@ -212,7 +216,10 @@ def test_an_unreadable_file_gives_one_error_line(tmp_path):
 
 
 def damage_document(record, path, value):
-    """The document with one changed entry; `...` removes the entry."""
+    """Return the JSON bytes of a record with one changed entry; the value `...` removes the entry.
+
+    path: keys and indices that lead to the entry.
+    """
     document = json.loads(format_json_bytes(record))
     node = document
     for section in path[:-1]:

@@ -25,7 +25,7 @@ MODEL = SensorModel(30_000.0, 2000.0, 1.5, 4.0, layer="uncoupled")
 
 
 def build_board() -> TaxelTable:
-    """A flat board of 8 x 8 taxels at a pitch of 5 mm."""
+    """Make the table of a flat board of 8 x 8 taxels at a 5 mm pitch."""
     number = np.arange(TAXELS)
     tx, rx = number // SIDE, number % SIDE
     position = np.column_stack([0.005 * (tx - 3.5), 0.005 * (rx - 3.5), np.zeros(TAXELS)])
@@ -41,7 +41,7 @@ def build_board() -> TaxelTable:
 
 
 def sample_surface_pose(mesh, rng) -> np.ndarray:
-    """Pose of the board, f64[4, 4], at a random point of the surface, with its normal into the object."""
+    """Sample a pose of the board, f64[4, 4], at a random point of the surface, with its normal into the object."""
     face = rng.choice(len(mesh.faces), p=mesh.areas / mesh.areas.sum())
     corners, normal = mesh.vertices[mesh.faces[face]], mesh.normals[face]
     pose = np.eye(4)
@@ -53,10 +53,10 @@ def sample_surface_pose(mesh, rng) -> np.ndarray:
 
 
 def write_campaign(path, source: str, contact_width: float, noise_m: float, grasps: int = 6):
-    """Write a dataset of grasps of the three objects.
+    """Write a dataset of `grasps` grasps of each of the three objects; return its path.
 
-    contact_width: standard deviation of the signal over distance, in taxels. noise_m: standard deviation of the board
-    position in each grasp.
+    source: "real" or "sim". contact_width: width of the contact's signal (standard deviation of a normal curve), in
+    taxels. noise_m: standard deviation of the board's position in each grasp.
     """
     sensors = SensorTable(np.array([0x20], np.uint8), ("palm",), ("palm",), np.full(1, 6.0))
     shapes = get_builtin_models()
@@ -107,6 +107,6 @@ def write_campaign(path, source: str, contact_width: float, noise_m: float, gras
 
 @pytest.fixture(scope="session")
 def campaign(tmp_path_factory):
-    """Real and simulated dataset; the real contacts are wider and displaced."""
+    """Paths of a real and of a simulated dataset; the real contacts are wider and displaced."""
     folder = tmp_path_factory.mktemp("campaign")
     return write_campaign(folder / "real.h5", "real", 2.0, 0.0015), write_campaign(folder / "sim.h5", "sim", 1.2, 0.0)

@@ -1,4 +1,4 @@
-"""Causes of the thesis's own gap: each effect changes exactly the points that it should, and the shares add up."""
+"""Errors of the thesis's original programs: the points that each error changes, and its share of the distance."""
 
 import importlib.util
 from contextlib import closing
@@ -30,7 +30,7 @@ from taxel.thesis.own_gap.clouds import (
 from taxel.thesis.own_gap.effects import CODED_BOTH, GROUPS, NO_EFFECTS, OwnEffects, combine, switch
 from taxel.thesis.own_gap.plugin import PluginGrasp, find_plugin_contacts
 from taxel.thesis.own_gap.shares import ALL_OBJECTS, TOGETHER, compute_distances, compute_interval, compute_shares
-from taxel.thesis.own_gap.taxel_sets import get_centres, make_taxel_sets, select_counted
+from taxel.thesis.own_gap.taxel_sets import get_centres, make_taxel_sets, select_used
 
 HAND = load_hand("original")
 SETS = make_taxel_sets(HAND)
@@ -38,34 +38,35 @@ KIND = np.concatenate([np.full(board.kind.taxel_count, board.kind.name) for boar
 SEEDS = (11, 12, 13)
 EFFECTS = tuple(item.name for item in fields(OwnEffects))
 REAL_SIDE = {"coded_host", "mask", "back_boards", "rises"}
+"""Effects that change the points of the real side."""
 LAYER_SIDE = {"coded_simulation", "back_boards"}
-"""Effects that change the points of the real side, and of the simulator with a layer; poses change its input."""
+"""Effects that change the points of the simulator with an elastic layer. The effect `tuned_poses` changes its input."""
 
 
 def find_row(name, taxel):
-    """Row of a taxel of the board `name` in the tables of the hand."""
+    """Return the row of a taxel of the board `name` in the tables of the hand."""
     return HAND.get_slice(HAND.find_board(name).address).start + taxel
 
 
 def make_brackets(rng):
-    """Random poses of the brackets, f64[s, 4, 4], some centimetres from the origin."""
+    """Sample random poses of the brackets, f64[s, 4, 4], some centimetres from the origin."""
     poses = np.stack([from_rotation_vector(rng.normal(size=3)) for _ in HAND.boards])
     poses[:, :3, 3] = rng.normal(0.0, 0.05, (len(HAND.boards), 3))
     return poses
 
 
 def make_grasps(seed, grasps=3):
-    """Grasps with normally distributed signals, so that rises and decreases of more than 150 counts occur."""
+    """Make grasps with normally distributed signals: counts rise and fall by more than 150 counts."""
     rng = np.random.default_rng(seed)
     return [MeasuredGrasp("cylinder", make_brackets(rng), rng.normal(0.0, 150.0, HAND.n_taxels)) for _ in range(grasps)]
 
 
 def turn_on(name):
-    """The effects with the one of that name only."""
+    """Return the effects with only the named effect switched on."""
     return OwnEffects(**{name: True})
 
 
-def test_the_mask_ignores_117_of_463_taxels():
+def test_mask_ignores_117_of_463_used_taxels_at_the_sides_of_the_fingers():
     assert SETS.is_used.sum() == 463
     assert SETS.is_masked.sum() == 117
     for board, ranges in {
@@ -77,24 +78,29 @@ def test_the_mask_ignores_117_of_463_taxels():
         assert np.flatnonzero(SETS.is_masked[where]).tolist() == list(ranges)
 
 
-def test_coded_centres_move_the_three_kinds_by_two_to_three_millimetres():
+def test_coded_centres_move_the_front_boards_of_the_fingers_by_two_to_three_millimetres():
     moved = get_centres(SETS, turn_on("coded_host"), is_real=True) - get_centres(SETS, NO_EFFECTS, is_real=True)
     distance_mm = 1e3 * np.linalg.norm(moved, axis=1)
     for kind, mean_mm in (("proximal_front", 2.29), ("medial_front", 2.14), ("fingertip", 2.88)):
         assert distance_mm[kind == KIND].mean() == pytest.approx(mean_mm, abs=0.006)
-    turned = np.isin(KIND, ("proximal_front", "medial_front", "fingertip"))
-    is_wrong = np.flatnonzero(~turned & (distance_mm > 0.1)) - find_row("palm", 0)
-    assert is_wrong.tolist() == [60, 61, 62, 63, 64, 65, 100, 101]
 
 
-def test_a_hand_without_coded_centres_is_refused():
+def test_coded_centres_move_eight_taxels_of_the_palm_and_none_of_the_other_boards():
+    moved = get_centres(SETS, turn_on("coded_host"), is_real=True) - get_centres(SETS, NO_EFFECTS, is_real=True)
+    is_moved = np.linalg.norm(moved, axis=1) > 1e-4
+    is_on_finger_front = np.isin(KIND, ("proximal_front", "medial_front", "fingertip"))
+    moved_palm_taxels = np.flatnonzero(~is_on_finger_front & is_moved) - find_row("palm", 0)
+    assert moved_palm_taxels.tolist() == [60, 61, 62, 63, 64, 65, 100, 101]
+
+
+def test_hand_without_coded_centres_is_refused():
     with pytest.raises(NoCodedCentresError):
         make_taxel_sets(load_hand("flat8"))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", EFFECTS)
-def test_an_effect_changes_only_its_own_side(name, seed):
+def test_effect_changes_only_the_points_of_its_side(name, seed):
     grasps = make_grasps(seed)
     for collect, side in ((collect_real_points, REAL_SIDE), (collect_layer_points, LAYER_SIDE)):
         before, after = (collect(grasps, SETS, effects)["cylinder"] for effects in (NO_EFFECTS, turn_on(name)))
@@ -102,7 +108,7 @@ def test_an_effect_changes_only_its_own_side(name, seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_coded_centres_move_points_and_keep_their_number(seed):
+def test_coded_centres_move_points_by_1_to_3_mm_on_average_and_keep_their_number(seed):
     grasps = make_grasps(seed)
     before, after = (collect_real_points(grasps, SETS, e)["cylinder"] for e in (NO_EFFECTS, turn_on("coded_host")))
     assert len(before) == len(after), f"seed {seed}"
@@ -110,10 +116,10 @@ def test_coded_centres_move_points_and_keep_their_number(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_masked_taxels_are_removed_and_no_other_point(seed):
+def test_mask_removes_as_many_points_as_masked_taxels_are_active(seed):
     grasps = make_grasps(seed)
-    masked = select_counted(SETS, turn_on("mask"), is_real=True)
-    expected = sum(int((find_active(g.signal, SETS.is_used, with_rises=False) & masked).sum()) for g in grasps)
+    not_masked = select_used(SETS, turn_on("mask"), is_real=True)
+    expected = sum(int((find_active(g.signal, SETS.is_used, with_rises=False) & not_masked).sum()) for g in grasps)
     assert len(collect_real_points(grasps, SETS, turn_on("mask"))["cylinder"]) == expected, f"seed {seed}"
 
 
@@ -131,45 +137,53 @@ def test_taxels_of_back_boards_lie_at_the_origin_of_their_bracket():
     ("signal", "decreases_only", "either_sign"),
     [(151.0, True, True), (150.0, False, True), (149.0, False, False), (-150.0, False, True), (np.nan, False, False)],
 )
-def test_rises_and_exactly_150_counts_activate_with_the_rule_of_the_original(signal, decreases_only, either_sign):
-    counted, signals = np.array([True, False]), np.array([signal, signal])
-    assert find_active(signals, counted, with_rises=False).tolist() == [decreases_only, False]
-    assert find_active(signals, counted, with_rises=True).tolist() == [either_sign, False]
+def test_original_host_activates_a_used_taxel_at_150_counts_of_either_sign_and_the_thesis_rule_above_150(
+    signal, decreases_only, either_sign
+):
+    used, signals = np.array([True, False]), np.array([signal, signal])
+    assert find_active(signals, used, with_rises=False).tolist() == [decreases_only, False]
+    assert find_active(signals, used, with_rises=True).tolist() == [either_sign, False]
 
 
 def make_plugin_grasp(iteration, messages):
-    """A grasp of the plug-in with all brackets at the origin of the world."""
+    """Make a grasp of the plug-in with all brackets at the origin of the world, saved at 2 s."""
     poses = np.tile(np.eye(4), (len(HAND.boards), 1, 1))
     return PluginGrasp("cylinder", "side_1", iteration, poses, np.eye(4), 2.0, tuple(messages))
 
 
 def make_message(row, position, time_s):
-    """A message of the board of a taxel with one contact with the object, or without contact (position None)."""
+    """Make a contact message of a taxel's board with one contact with the object, or without contact (position
+    None).
+    """
     board = int(SETS.board[row])
     entry = [] if position is None else [PairEntry((board, OBJECT), np.asarray(position)[None], np.ones(1))]
     return ContactMessage(time_s, board, tuple(entry))
 
 
 @pytest.mark.parametrize("is_stale", [False, True])
-def test_a_stale_contact_activates_taxels_in_the_next_iteration(is_stale):
+def test_contact_activates_taxels_in_the_next_iteration_only_with_stale_contacts(is_stale):
     row = find_row("palm", 3)
     first = make_plugin_grasp(0, [make_message(row, SETS.true_centres[row], 1.0)])
     second = make_plugin_grasp(1, [make_message(row, None, 1.0)])
     effects = OwnEffects(stale_contacts=is_stale)
-    found = find_plugin_contacts(HAND, [second, first], effects)
-    assert found[1][row]
-    assert found[0].any() == is_stale
-    points = collect_plugin_points(HAND, [second], SETS, effects)["cylinder"]
-    assert len(points) == 0
+    in_second, in_first = find_plugin_contacts(HAND, [second, first], effects)
+    assert in_first[row]
+    assert in_second.any() == is_stale
 
 
-def test_contacts_after_the_saving_time_do_not_count():
+def test_grasp_without_contact_and_without_an_earlier_iteration_has_no_points():
+    row = find_row("palm", 3)
+    second = make_plugin_grasp(1, [make_message(row, None, 1.0)])
+    assert len(collect_plugin_points(HAND, [second], SETS, turn_on("stale_contacts"))["cylinder"]) == 0
+
+
+def test_contact_after_the_saving_time_activates_no_taxel():
     row = find_row("palm", 3)
     late = make_plugin_grasp(0, [make_message(row, SETS.true_centres[row], 2.5)])
     assert not find_plugin_contacts(HAND, [late], OwnEffects(stale_contacts=True))[0].any()
 
 
-def test_the_plugin_uses_coded_centres_for_activation_and_position():
+def test_plugin_uses_coded_centres_for_activation_and_position():
     row = find_row("fingertip_index", 45)
     grasp = make_plugin_grasp(0, [make_message(row, SETS.coded_centres[row], 1.0)])
     coded = collect_plugin_points(HAND, [grasp], SETS, turn_on("coded_simulation"))["cylinder"]
@@ -180,7 +194,7 @@ def test_the_plugin_uses_coded_centres_for_activation_and_position():
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """A real dataset of the original hand: three grasps of a cylinder with random signals."""
+    """Write a real dataset of the original hand, three grasps of a cylinder with random signals; return its path."""
     setup, path, rng = Setup(), tmp_path_factory.mktemp("own_gap") / "real.h5", np.random.default_rng(5)
     phase = np.repeat([0, 1, 2, 3], [3, 1, 2, 1]).astype(np.uint8)
     header = DatasetHeader("real", HAND.name, setup.taxel_table(), setup.sensor_table(6.0), setup.meshes(), "a test")
@@ -197,7 +211,7 @@ def dataset(tmp_path_factory):
     return path
 
 
-def test_without_effects_the_points_are_those_of_the_thesis_benchmark(dataset):
+def test_points_without_effects_are_those_of_the_accumulated_cloud(dataset):
     with closing(GraspDataset(dataset)) as data:
         expected = accumulate(data, "cylinder").points
         found = collect_real_points(read_measured_grasps(data), SETS, NO_EFFECTS)["cylinder"]
@@ -206,7 +220,7 @@ def test_without_effects_the_points_are_those_of_the_thesis_benchmark(dataset):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_distances_are_those_of_the_thesis_tables(seed):
+def test_distance_of_each_object_is_the_mean_after_alignment_as_in_the_thesis_tables(seed):
     rng = np.random.default_rng(seed)
     sim = rng.uniform(-0.03, 0.03, (300, 3))
     real = apply(from_rotation_vector(np.array([0.0, 0.0, 0.02])), sim[:200] + rng.normal(0.0, 0.001, (200, 3)))
@@ -215,15 +229,16 @@ def test_distances_are_those_of_the_thesis_tables(seed):
     assert distances == pytest.approx({"a": expected, "b": expected}), f"seed {seed}"
 
 
-def test_a_side_without_points_has_no_distance():
+def test_distance_to_a_side_without_points_is_nan():
     distances = compute_distances({"a": np.ones((4, 3))}, {})
     assert np.isnan(distances["a"])
 
 
-def test_independent_effects_have_equal_shares_alone_and_removed():
+def test_additive_effects_have_the_same_share_alone_and_when_removed():
     sizes = dict(zip(EFFECTS, np.arange(1.0, 8.0), strict=True))
 
     def measure(effects):
+        """Return distances to which every effect adds its size; one object has no distance with the mask."""
         distance = 12.0 + sum(size for name, size in sizes.items() if getattr(effects, name))
         return {"a": distance, "b": distance, "not in contact": float("nan") if effects.mask else 1.0}
 
@@ -235,15 +250,21 @@ def test_independent_effects_have_equal_shares_alone_and_removed():
 
 
 def test_all_groups_together_switch_every_effect_on():
-    everything = combine(tuple(GROUPS))
-    assert everything == OwnEffects(*[True] * len(EFFECTS))
-    assert switch(everything, CODED_BOTH, False) == OwnEffects(False, False, *[True] * (len(EFFECTS) - 2))
+    assert combine(tuple(GROUPS)) == OwnEffects(**dict.fromkeys(EFFECTS, True))
 
 
-def test_interval_of_three_seeds_is_that_of_student():
+def test_group_of_both_coded_centres_switches_exactly_these_two_effects_off():
+    expected = dict.fromkeys(EFFECTS, True) | {"coded_host": False, "coded_simulation": False}
+    assert switch(combine(tuple(GROUPS)), CODED_BOTH, False) == OwnEffects(**expected)
+
+
+def test_interval_of_three_seeds_follows_from_student_s_t_distribution():
     interval = compute_interval([1.0, 2.0, 3.0])
     assert interval.mean == 2.0
     assert interval.half_width == pytest.approx(4.303 / np.sqrt(3.0), rel=1e-3)
+
+
+def test_half_width_of_the_interval_of_one_seed_is_nan():
     assert np.isnan(compute_interval([1.0]).half_width)
 
 
@@ -257,7 +278,7 @@ def diagnose_tool():
     return tool
 
 
-def test_dropped_taxels_are_those_of_taxels_lines_and_boards(diagnose_tool):
+def test_dropped_taxels_are_the_listed_taxels_and_those_of_the_listed_lines_and_boards(diagnose_tool):
     values = {"taxels": [3], "lines": [[0x08, "tx", 5], [0x15, "rx", 0]], "sensors": [0x0C]}
     dropped = diagnose_tool.find_dropped_taxels({name: {"value": value} for name, value in values.items()})
     expected = (HAND.sensor == 0x0C) | ((HAND.sensor == 0x08) & (HAND.tx == 5))

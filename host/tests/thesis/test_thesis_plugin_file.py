@@ -1,4 +1,4 @@
-"""Files of plug-in grasps: every field is read as it was written; other files give one line."""
+"""Files of plug-in grasps: every field is read as it was written; other files give a one-line error."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ SEED = 11
 
 
 def make_grasp(rng: np.random.Generator, iteration: int) -> PluginGrasp:
-    """A grasp with messages of 0 to 2 entries, and entries of 0 to 4 points."""
+    """Make a grasp with random poses and three messages with 0, 1 and 2 entries of 0 to 4 points."""
     messages = []
     for board in range(3):
         points = rng.integers(0, 5, board)
@@ -27,7 +27,6 @@ def test_read_grasps_equal_the_written_ones(tmp_path: Path) -> None:
     rng = np.random.default_rng(SEED)
     grasps = [make_grasp(rng, iteration) for iteration in range(3)]
     write_plugin_grasps(tmp_path / "a.npz", grasps, "settings 1")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
     for read, written in zip(read_plugin_grasps(tmp_path / "a.npz", "settings 1"), grasps, strict=True):
         assert (read.object, read.approach, read.iteration) == (written.object, written.approach, written.iteration)
         assert np.array_equal(read.sensor_pose, written.sensor_pose)
@@ -41,6 +40,11 @@ def test_read_grasps_equal_the_written_ones(tmp_path: Path) -> None:
                 assert np.array_equal(entry.force_n, original.force_n)
 
 
+def test_writing_leaves_no_temporary_file(tmp_path: Path) -> None:
+    write_plugin_grasps(tmp_path / "a.npz", [make_grasp(np.random.default_rng(SEED), 0)], "settings 1")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
 def test_file_of_other_settings_is_refused(tmp_path: Path) -> None:
     write_plugin_grasps(tmp_path / "a.npz", [make_grasp(np.random.default_rng(SEED), 0)], "settings 1")
     with pytest.raises(PluginFileError, match="expected settings 2, found settings 1; delete the file"):
@@ -48,7 +52,7 @@ def test_file_of_other_settings_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive"])
-def test_other_file_is_refused_with_one_line(tmp_path: Path, content: bytes) -> None:
+def test_file_that_is_no_npz_archive_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.npz").write_bytes(content)
     with pytest.raises(PluginFileError, match="not a file of plug-in grasps") as error:
         read_plugin_grasps(tmp_path / "a.npz", "settings 1")

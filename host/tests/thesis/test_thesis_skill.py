@@ -1,4 +1,4 @@
-"""Skill of the reproduction: a constant scores 0, repeats count once."""
+"""Skill of the reproduction relative to the best constant: 1 for the printed numbers, at most 0 for a constant."""
 
 from dataclasses import replace
 
@@ -11,11 +11,10 @@ from taxel.thesis.skill import GROUPS, MAX_LOG_RATIO, STATISTICS, compute_skills
 
 
 def replace_distances(result, change):
-    """The result with `change` applied to every statistic of every cloud."""
-    apply = dict.fromkeys(STATISTICS, change)
+    """Return the result with `change` applied to mean, RMS, maximum and standard deviation in every table."""
 
     def convert(stats: DistanceStats) -> DistanceStats:
-        return replace(stats, **{key: function(getattr(stats, key)) for key, function in apply.items()})
+        return replace(stats, **{key: change(getattr(stats, key)) for key in STATISTICS})
 
     tables = {name: {key: convert(item) for key, item in getattr(result, name).items()} for name in TABLES}
     return replace(result, **tables)
@@ -28,18 +27,22 @@ def test_printed_numbers_have_a_skill_of_one():
     skills = compute_skills(build_printed_results())
     values = [skill.value for skill in (*skills.groups.values(), *skills.tables.values())]
     assert {value for value in values if value is not None} == {1.0}
+
+
+def test_every_group_of_tables_has_a_skill_for_every_statistic_of_distances():
+    skills = compute_skills(build_printed_results())
     assert {(group, column) for group in GROUPS for column in STATISTICS} <= set(skills.groups)
 
 
 @pytest.mark.parametrize("constant_m", [0.00362, 0.001, 0.02])
-def test_one_constant_has_no_skill(constant_m):
-    """3.62 mm passes the former criterion (a factor of 1.5) for 160 of 162 filtered entries."""
+def test_one_constant_for_all_distances_has_a_skill_of_at_most_zero(constant_m):
+    """A constant of 3.62 mm differs by less than a factor of 1.5 from 160 of 162 printed values after the filters."""
     results = [replace_distances(result, lambda _: constant_m) for result in build_printed_results()]
     skills = compute_skills(results)
     assert all(skill.value <= 1e-9 for (_, column), skill in skills.groups.items() if column in STATISTICS)
 
 
-def test_best_constant_is_the_median_of_the_logarithms():
+def test_no_other_constant_is_better_than_the_reported_constant():
     skills = compute_skills(build_printed_results()).groups
     best = skills["force filter", "mean_m"].constant
     for factor in (0.9, 0.99, 1.01, 1.1):
@@ -47,16 +50,15 @@ def test_best_constant_is_the_median_of_the_logarithms():
         assert compute_skills(results).groups["force filter", "mean_m"].value <= 0.0
 
 
-def test_common_factor_costs_its_logarithm():
+def test_error_of_values_with_a_common_factor_is_the_factor_s_logarithm():
     results = [replace_distances(result, lambda value: 1.1 * value) for result in build_printed_results()]
     skill = compute_skills(results).groups["real to sim", "rms_m"]
     assert skill.error == pytest.approx(np.log(1.1))
     assert skill.value == pytest.approx(1.0 - np.log(1.1) / skill.constant_error)
 
 
-def test_repeated_quantities_count_once():
-    entries = list_entries(build_printed_results())
-    counted = select_counted(entries)
+def test_repeated_quantities_are_counted_once():
+    counted = select_counted(list_entries(build_printed_results()))
     numbers = {group: sum(e.group == group and e.statistic == "mean_m" for e in counted) for group in GROUPS}
     # SOR: 36 printed rows, of which one is a copy (Table I-6, N = 143, nSigma = 2)
     assert numbers == {
@@ -67,13 +69,19 @@ def test_repeated_quantities_count_once():
         "real to sim": 12,
         "cross-shape": 12,
     }
-    assert [entry.row for entry in entries if entry.is_copy and entry.statistic == "mean_m"] == [
-        "triangular, N 143, nSigma 2"
-    ]
-    points = [entry for entry in counted if entry.statistic == "points"]
-    assert sum(entry.group == "real to sim" for entry in points) == 0  # printed in other tables, too
 
 
-def test_value_of_zero_counts_as_the_largest_deviation():
+def test_only_the_row_of_143_neighbours_is_a_copy_of_another_row():
+    entries = list_entries(build_printed_results())
+    copied = [entry.row for entry in entries if entry.is_copy and entry.statistic == "mean_m"]
+    assert copied == ["triangular, N 143, nSigma 2"]
+
+
+def test_numbers_of_points_in_the_tables_from_real_to_sim_are_repeats_of_other_tables():
+    counted = select_counted(list_entries(build_printed_results()))
+    assert not [entry for entry in counted if (entry.group, entry.statistic) == ("real to sim", "points")]
+
+
+def test_value_of_zero_has_the_largest_deviation():
     results = [replace_distances(result, lambda _: 0.0) for result in build_printed_results()]
     assert compute_skills(results).groups["raw", "mean_m"].error == MAX_LOG_RATIO

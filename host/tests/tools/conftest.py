@@ -22,6 +22,11 @@ def make_image() -> Callable[..., FirmwareImage]:
     """Factory of images with random content for one slot of a board; `size` is the size of the whole image."""
 
     def make(slot: int, version=(1, 2, 3), size=1000, kind=0, device=BootDevice.BOARD, content=None) -> FirmwareImage:
+        """Create an image for a slot (0 or 1).
+
+        size: bytes of the whole image. content: bytes behind the header; None for random bytes, which depend on slot
+        and version.
+        """
         random_bytes = random.Random(f"{slot} {version}").randbytes(size - 32)
         return parse_image(build_image(device, slot, kind, version, content or random_bytes), f"slot-{'ab'[slot]}.bin")
 
@@ -40,6 +45,11 @@ def worlds() -> Iterator[Callable[..., VirtualWorld]]:
     open_worlds: list[VirtualWorld] = []
 
     def make(*lines: str, hand: str = "rig4", boards: int | None = None, **settings) -> VirtualWorld:
+        """Create a world of a hand and run it for 0.3 s.
+
+        lines: additional lines of its world file. boards: number of boards that are kept; None for all. settings: of
+        `WorldSettings`.
+        """
         text = format_world(load_hand(hand), WorldSettings(**settings)).splitlines()
         board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]
         removed_lines = set(board_lines[boards:]) if boards is not None else set()
@@ -55,7 +65,7 @@ def worlds() -> Iterator[Callable[..., VirtualWorld]]:
 
 
 def connect(world: VirtualWorld, kind: str) -> BoardWire:
-    """The hub's pass-through, or an adapter on the same bus."""
+    """Connect to the boards of a world, through the hub ("hub") or by an adapter on the same bus ("i2c")."""
     if kind == "hub":
         return HubWire(VirtualMemoryLink(world))
     return SmbusWire(VirtualSMBus(world), "virtual", lambda: world.now_s, world.run)

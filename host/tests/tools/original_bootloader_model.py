@@ -51,7 +51,7 @@ class OriginalBootloader:
         self._ready_s = 0.0
 
     def now_s(self) -> float:
-        """Virtual time in s."""
+        """Return the virtual time in s."""
         return self.time_s
 
     def wait(self, seconds: float) -> None:
@@ -59,17 +59,17 @@ class OriginalBootloader:
         self.time_s += seconds
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing, as there is nothing to close."""
 
     def is_valid(self) -> bool:
-        """Whether the metadata describe an application with the right sum."""
+        """Return whether the metadata describe an application with the correct sum."""
         metadata = self.flash[-METADATA_OFFSET:]
         length = int.from_bytes(metadata[9:13], "little")
         begin = (int.from_bytes(metadata[5:7], "little") + 1) * BOOT_ROW_SIZE
         return length > 0 and (sum(self.flash[begin : begin + length]) + metadata[0]) & 0xFF == 0
 
     def i2c_rdwr(self, *messages: Any) -> None:
-        """One I2C transfer."""
+        """Run the messages of one I2C transfer."""
         for message in messages:
             self.time_s += (1 + message.len) * BYTE_S
             if message.addr != self.address or not self._is_listening():
@@ -80,18 +80,20 @@ class OriginalBootloader:
                 self._write(self._damaged(bytes(message)))
 
     def _is_listening(self) -> bool:
-        """Whether the bootloader runs: for 0.5 s after power-on, during a session, or without an application."""
+        """Return whether the bootloader runs: for 0.5 s after power-on, during a session, or without an application."""
         if self.has_started or not any(on_s <= self.time_s for on_s in self.on_s):
             return False
         since = self.time_s - max(on_s for on_s in self.on_s if on_s <= self.time_s)
         return self.is_in_session or not self.is_valid() or since < LISTEN_S
 
     def _damaged(self, data: bytes) -> bytes:
+        """Return the bytes of a transfer with random bit errors; `damage` is the probability for each byte."""
         return bytes(
             byte ^ 1 << self.random.randrange(8) if self.random.random() < self.damage else byte for byte in data
         )
 
     def _read(self, message: Any) -> None:
+        """Answer a read with the response once it is ready, otherwise with FF bytes. A response is read once."""
         data = self._response if self.time_s >= self._ready_s else b""
         if data:
             self._response = b""
@@ -99,6 +101,7 @@ class OriginalBootloader:
             message.buf[index] = byte
 
     def _write(self, packet: bytes) -> None:
+        """Process a packet; while a response has not been read, the packet is ignored and counted."""
         if self._response:
             self.unread_responses += 1
             return  # the component waits until its response is read
@@ -116,6 +119,7 @@ class OriginalBootloader:
         self._response = build_packet(status, reply)
 
     def _execute(self, command: int, data: bytes) -> tuple[int, bytes]:
+        """Execute a command with a response; return status and data of the response."""
         if command == BootCommand.ENTER:
             self.is_in_session, self._buffer = True, b""
             fields = {"silicon_id": self.silicon_id, "revision": 0x11, "bootloader_version": VERSION}
@@ -139,6 +143,10 @@ class OriginalBootloader:
         return BootStatus.COMMAND, b""
 
     def _program(self, row: int, data: bytes) -> int:
+        """Write a row and return the status. The first write erases the metadata of the application.
+
+        After `cut_after` rows, the power fails instead, and returns after one second.
+        """
         self._buffer = b""
         if len(data) != BOOT_ROW_SIZE:
             return BootStatus.LENGTH

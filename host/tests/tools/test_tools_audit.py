@@ -21,6 +21,7 @@ def audit(monkeypatch):
     spec.loader.exec_module(module)
 
     def run(answer):
+        """Run the audit with an answer of pip-audit (None: pip-audit is not installed) and return its exit status."""
         monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None if answer is None else object())
         finished = subprocess.CompletedProcess([], 0, stdout=answer or "")
         monkeypatch.setattr(module.subprocess, "run", lambda *arguments, **options: finished)

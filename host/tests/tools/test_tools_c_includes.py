@@ -73,18 +73,21 @@ PERMITTED = {
 
 
 def list_source_files() -> list[Path]:
-    """C files of the firmware, except test code."""
+    """List the C files of the firmware, except test code."""
     files = [path for path in FIRMWARE.rglob("*") if path.suffix in (".c", ".h")]
     return [path for path in files if path.relative_to(FIRMWARE).parts[0] not in UNRESTRICTED]
 
 
 def get_top_folder(path: Path) -> str:
-    """The folder of a file, relative to firmware/."""
+    """Return the folder of a file, relative to firmware/, such as "emulator/physics"."""
     return path.parent.relative_to(FIRMWARE).as_posix()
 
 
 def list_included_headers(source: Path) -> list[Path]:
-    """Headers of the firmware that a source includes; headers that the build writes have no path here."""
+    """List the headers of the firmware that a source includes.
+
+    Headers that the build writes have no folder in their name and are omitted.
+    """
     names = INCLUDE.findall(source.read_text())
     return [FIRMWARE / name for name in names if "/" in name]
 

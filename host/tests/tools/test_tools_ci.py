@@ -16,6 +16,7 @@ OPTIONAL_PROGRAMS = (
 
 
 def add_program(folder: Path, name: str, text: str = "exit 0") -> None:
+    """Write an executable shell script to a folder of programs. text: body of the script."""
     (folder / name).write_text(f"#!/bin/bash\n{text}\n")
     (folder / name).chmod(0o755)
 
@@ -33,6 +34,7 @@ def programs(tmp_path):
 
 
 def run_ci(programs: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run `.ci/run` with `programs` as its PATH. variables: additional environment variables."""
     environment = {"PATH": str(programs), "PYTHON": sys.executable, "TMPDIR": str(programs), **variables}
     return subprocess.run([SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=60)
 
@@ -55,7 +57,7 @@ def test_a_failed_installation_is_an_error(programs):
     assert "ci: qemu-system-arm is missing or incomplete" in finished.stderr
 
 
-def test_a_compiler_without_its_runtime_library_counts_as_missing(programs):
+def test_a_compiler_without_its_runtime_library_is_reported_as_missing(programs):
     add_program(programs, "clang", "cat > /dev/null; exit 1")
     assert "ci: clang is missing or incomplete; install it: apt-get install clang" in run_ci(programs, "--check").stderr
 

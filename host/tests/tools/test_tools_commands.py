@@ -30,6 +30,7 @@ def files(tmp_path, make_image):
     """Writes the firmware files of both slots."""
 
     def write(name="fw", **options):
+        """Write signed files of both slots and return their paths. options: of `make_image`."""
         paths = []
         for slot in (0, 1):
             image = make_image(slot, **options)

@@ -23,7 +23,11 @@ SEED = 7
 
 
 def make_world_plan(route="board, through an adapter", sequences=((2, 1, 0.005),), seed=SEED):
-    """Plan of one world; each sequence is (rows, operation, seconds into the write)."""
+    """Create the plan of one world.
+
+    sequences: one update each, as (rows of the image, number of the flash operation to cut, seconds into this
+    operation).
+    """
     cuts = tuple(cut_plan.CutSequence(rows, (cut_plan.Cut(operation, after),)) for rows, operation, after in sequences)
     return cut_plan.WorldPlan(0, seed, route, False, cuts)
 
@@ -89,7 +93,7 @@ def test_an_interrupted_operation_is_named_by_the_data_to_be_written():
     assert {cut.moment for cut in result.cut_records} == {"before"}
 
 
-def test_a_board_that_does_not_start_counts_as_bricked(monkeypatch):
+def test_a_board_that_does_not_start_is_reported_as_bricked(monkeypatch):
     versions = iter([(0, 1, 0)])
     monkeypatch.setattr(cut_routes.BoardRoute, "version", lambda self: next(versions, None))
     result = power_cuts.run_world(make_world_plan())
@@ -100,7 +104,7 @@ def test_a_board_that_does_not_start_counts_as_bricked(monkeypatch):
     assert "FAILED: world 0, sequence 0" in cut_table.render_text(tally, SEED)
 
 
-def test_a_changed_slot_in_use_counts_as_damaged(monkeypatch):
+def test_a_changed_slot_in_use_is_reported_as_damaged(monkeypatch):
     """Each read of the slot returns one byte more than the read before, as if a bootloader had changed the slot."""
     monkeypatch.setattr(cut_runs._Update, "_read_slot", lambda self, flash, slot: flash[: next(lengths)])
     lengths = iter(range(100))
@@ -108,7 +112,7 @@ def test_a_changed_slot_in_use_counts_as_damaged(monkeypatch):
     assert [cut.outcome for cut in result.cut_records] == ["damaged"]
 
 
-def test_a_running_image_that_differs_from_the_file_counts_as_damaged(monkeypatch):
+def test_a_running_image_that_differs_from_the_file_is_reported_as_damaged(monkeypatch):
     plan = make_world_plan(sequences=[(2, 5, 0.0204)])  # cut after the fifth and last write of the update
     other_firmware = cut_runs.make_firmware_images(cut_runs.BootDevice.BOARD, 2, (1, 0, 0), seed=99)
     update = cut_routes.BoardRoute.update
@@ -140,7 +144,7 @@ def test_a_campaign_with_a_failure_ends_with_status_1(monkeypatch, capsys):
     assert "FAILED: why" in capsys.readouterr().out
 
 
-def test_the_duration_of_updates_with_small_images_is_measured(tmp_path, capsys):
+def test_flow_control_and_concurrent_updates_shorten_the_measured_duration_of_updates(tmp_path, capsys):
     assert flash_speed.main(["--rows", "4", "--json", str(tmp_path / "s.json")]) == 0
     figures = json.loads((tmp_path / "s.json").read_text())
     flow_control, no_flow_control = figures["boards"][0], figures["boards"][1]

@@ -17,11 +17,13 @@ FIRST_ROWS = (32, 128)
 
 
 def cyacd_row(row: int, data: bytes, array: int = 0) -> str:
+    """Format a row line of a .cyacd file with a correct checksum."""
     body = bytes([array]) + row.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
     return ":" + (body + bytes([-sum(body) & 0xFF])).hex().upper()
 
 
 def read_error(lines: list[str]) -> str:
+    """Return the one-line message with which the lines of a .cyacd file are refused."""
     with pytest.raises(FirmwareFileError) as error:
         read_cyacd("\n".join(lines), "f.cyacd")
     assert "\n" not in str(error.value)
@@ -183,6 +185,10 @@ def manifest(tmp_path, make_image):
     (tmp_path / "b.bin").write_bytes(other_image.data[32:])
 
     def write(**changes):
+        """Write the manifest and return its path.
+
+        changes: new values by key and index of the entry, such as slot1="A"; None removes the key.
+        """
         entries = [
             {"file": "a.cyacd", "sha256": hashlib.sha256((tmp_path / "a.cyacd").read_bytes()).hexdigest()},
             {"file": "b.bin", "device": "board", "kind": 3, "slot": "B", "version": "1.2.3"},
@@ -251,8 +257,11 @@ def test_files_of_two_versions_are_refused(tmp_path, make_image):
 
 def test_a_file_of_an_unsupported_format_is_refused(tmp_path):
     (tmp_path / "f.elf").write_bytes(b"\x7fELF")
-    (tmp_path / "f.cyacd").write_bytes(b"04C811930000\n:\xff\n")
     with pytest.raises(FirmwareFileError, match=r"found '\.elf'; rename or convert it"):
         load_firmware([tmp_path / "f.elf"])
+
+
+def test_a_text_format_with_a_byte_beyond_ascii_is_refused(tmp_path):
+    (tmp_path / "f.cyacd").write_bytes(b"04C811930000\n:\xff\n")
     with pytest.raises(FirmwareFileError, match="line 2: expected ASCII text, found byte FF"):
         load_firmware([tmp_path / "f.cyacd"])

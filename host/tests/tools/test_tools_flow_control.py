@@ -26,12 +26,12 @@ SECOND_SLOT = 128 * 128
 
 
 def make_long_transfer(address: int) -> Transfer:
-    """Transfer that writes 12 bytes (the register number and 11 zeros) and reads the 12 bytes of the settings."""
+    """Create a transfer that writes 12 bytes (register number and 11 zeros) and reads the 12 bytes of the settings."""
     return Transfer(address, bytes([REGISTER_SETTINGS]) + bytes(11), 12)
 
 
 def make_short_transfer(address: int) -> Transfer:
-    """Transfer that reads the first register, whose value is always WHO_AM_I."""
+    """Create a transfer that reads the first register, whose value is always WHO_AM_I."""
     return Transfer(address, b"\x00", 1)
 
 
@@ -46,6 +46,7 @@ def read_settings_repeatedly(address: int, times: int):
 
 
 def run_burst(*transfers: Transfer):
+    """Run transfers as one burst of a procedure; return the outcomes."""
     burst = Burst(transfers)
     yield burst
     return burst.outcomes
@@ -93,7 +94,7 @@ def test_a_hub_whose_processor_stalls_loses_no_command(worlds, hub):
     assert not wire.hub.logs
 
 
-def test_an_unconnected_rts_line_is_detected_and_costs_only_time(worlds, make_firmware):
+def test_an_unconnected_rts_line_reduces_the_window_and_updates_succeed(worlds, make_firmware):
     """The link was opened with rtscts=1, but the hub reports lost bytes, and the host reduces its window."""
     world = worlds(*BOTH_WAYS, boards=4)
     link = VirtualMemoryLink(world)
@@ -120,6 +121,7 @@ def test_a_restarted_hub_needs_one_handshake_for_all_pending_commands(worlds, hu
     restarts = iter([True])
 
     def disturb(progress) -> None:
+        """Restart the hub once, while the fourth row is written."""
         if progress.stage == "writing" and progress.done == 3 and next(restarts, False):
             world.inject("hub_restart")
 
@@ -129,7 +131,7 @@ def test_a_restarted_hub_needs_one_handshake_for_all_pending_commands(worlds, hu
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])
-def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
+def test_updates_succeed_despite_damaged_and_lost_bytes_on_the_uart(worlds, hub, make_firmware, fault):
     seed = 60
     print(f"seed {seed}")
     generator = random.Random(seed)
@@ -137,6 +139,7 @@ def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
     wire = hub(world)
 
     def disturb(progress) -> None:
+        """Inject a fault at a random one of the next 200 bytes, in every third row."""
         if progress.stage == "writing" and progress.done % 3 == 1:
             world.inject(fault, 0, generator.randrange(200), 1)
 

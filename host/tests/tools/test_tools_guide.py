@@ -23,7 +23,7 @@ TOML_NAME = re.compile(r"`([\w.-]+\.toml)`")
 
 
 def read_commands():
-    """The lines of all shell blocks of the guide."""
+    """Read the lines of all shell blocks of the guide."""
     return [line for kind, text in BLOCK.findall(GUIDE.read_text()) if kind == "sh" for line in text.splitlines()]
 
 
@@ -52,7 +52,7 @@ def folder(tmp_path, monkeypatch, make_image):
 
 
 def run_guide_command(arguments):
-    """Exit status of a command of the guide, run in this process."""
+    """Run a command of the guide in this process, and return its exit status."""
     if arguments[0] == "taxel":
         return run_taxel(*arguments[1:])
     assert arguments[0] == "python"

@@ -26,11 +26,13 @@ def make_hub_firmware(make_firmware):
 
 
 def try_update(link, firmware, report=lambda progress: None, **options):
+    """Update the hub and return the outcome or the error. options: of `update_target`."""
     target = HubTarget(link)
     return run_all(target.wire, {0: update_target(target, firmware, report, **options)})[0]
 
 
 def read_version(link):
+    """Read the firmware version of the running hub by a handshake."""
     client = HubClient(link)
     client.handshake()
     client.stream.release()
@@ -38,7 +40,7 @@ def read_version(link):
 
 
 def read_slot(world, slot, size):
-    """The first `size` bytes of a slot in the flash of the hub."""
+    """Read the first `size` bytes of a slot in the flash of the hub."""
     first_byte = LAYOUTS[BootDevice.HUB].slot_address(slot)
     return world.read_flash(HUB).data[first_byte : first_byte + size]
 
@@ -165,7 +167,7 @@ def test_a_file_only_for_the_slot_in_use_is_refused(worlds, make_image):
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "up_double", "down_flip", "down_drop", "down_double"])
-def test_damage_on_the_uart_costs_only_time(worlds, make_hub_firmware, fault):
+def test_an_update_succeeds_despite_damaged_lost_and_doubled_bytes_on_the_uart(worlds, make_hub_firmware, fault):
     world = worlds()
     link = VirtualMemoryLink(world)
     firmware = make_hub_firmware(size=2048)
@@ -179,7 +181,7 @@ def test_damage_on_the_uart_costs_only_time(worlds, make_hub_firmware, fault):
     assert read_version(link) == (1, 2, 3)
 
 
-def test_latency_and_flow_control_change_only_the_duration(worlds, make_hub_firmware):
+def test_an_update_succeeds_with_latency_and_flow_control(worlds, make_hub_firmware):
     world = worlds("usb_latency_down_ms 16", "flow_control 1")
     assert try_update(VirtualMemoryLink(world), make_hub_firmware()).after == (1, 2, 3)
 

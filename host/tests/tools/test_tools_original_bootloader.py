@@ -23,24 +23,24 @@ DAMAGE = 2e-4
 
 
 def make_rows(seed: int, first_row: int = FIRST_ROW) -> dict[int, bytes]:
-    """Rows of a random application behind a bootloader, with the metadata in the last row of the flash."""
+    """Create the rows of a random application behind a bootloader, with the metadata in the last row of the flash."""
     content = random.Random(seed).randbytes(APPLICATION_ROWS * BOOT_ROW_SIZE)
     image = OriginalImage(first_row, ROWS, content, first_row * BOOT_ROW_SIZE + 1)
     return dict(image.list_rows())
 
 
 def open_model(model: OriginalBootloader) -> SmbusWire:
-    """The model behind an I2C adapter in virtual time."""
+    """Connect the model to an I2C adapter in virtual time."""
     return SmbusWire(model, "model", model.now_s, model.wait)
 
 
 def write(model: OriginalBootloader, rows: dict[int, bytes], silicon_id: int = SILICON_ID) -> None:
-    """Write rows to the model."""
+    """Update the model with the rows of a file. silicon_id: part for which the file is made."""
     run(open_model(model), update_original(ADDRESS, model.now_s, silicon_id, rows))
 
 
 def has_rows(model: OriginalBootloader, rows: dict[int, bytes]) -> bool:
-    """Whether the flash of the model contains the rows."""
+    """Return whether the flash of the model contains the rows."""
     return all(model.flash[row * BOOT_ROW_SIZE :][:BOOT_ROW_SIZE] == data for row, data in rows.items())
 
 

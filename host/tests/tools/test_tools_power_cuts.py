@@ -20,21 +20,22 @@ STEP_S = 0.0005
 
 
 def try_update(wire, firmware):
-    """Outcome of an update of the board, or its TaxelError."""
+    """Update the board, and return the outcome or the `TaxelError`."""
     return run_all(wire, {BOARD: update_board(BOARD, firmware, wire.now_s, lambda progress: None)})[BOARD]
 
 
 def read_version(wire):
-    """Version of the running application, which must start within 6 s."""
+    """Read the version of the running application, which must start within 6 s."""
     identity = run(wire, wait_for_application(BOARD, wire.now_s, 6.0))
     assert identity is not None, "bricked"
     return get_firmware_version(identity)
 
 
 def connect_with_observer(world, observe):
-    """Adapter that calls `observe` every half millisecond while waiting."""
+    """Connect an adapter that calls `observe` every half millisecond while it waits."""
 
     def wait(seconds: float) -> None:
+        """Advance the virtual time in steps, with a call of `observe` after each."""
         end = world.now_s + seconds
         while (remaining_s := end - world.now_s) > 1e-9:
             world.run(min(remaining_s, STEP_S))
@@ -44,10 +45,11 @@ def connect_with_observer(world, observe):
 
 
 def measure_write_times(world, firmware) -> list[float]:
-    """Start time of each flash operation of an update, with a resolution of 0.5 ms."""
+    """Measure the start time of each flash operation of an update, with a resolution of 0.5 ms."""
     times, last_count = [], [int(world.read_flash(BOARD).wear.sum())]
 
     def observe() -> None:
+        """Add the start time of each flash operation since the last call, according to the wear of the flash."""
         count = int(world.read_flash(BOARD).wear.sum())
         times.extend([world.now_s - STEP_S] * (count - last_count[0]))
         last_count[0] = count

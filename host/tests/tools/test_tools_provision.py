@@ -25,6 +25,7 @@ def list_devices_by_address(wire):
 
 
 def change_address(wire, old: int, new: int) -> None:
+    """Assign a new address to the board at an address, which another board may use already."""
     session = BootSession(old, wire.now_s)
 
     def procedure():

@@ -17,6 +17,7 @@ CEILING_SHARE = 90.0
 
 
 def measure(capsys: pytest.CaptureFixture[str], url: str, **options: Any) -> dict[str, Any]:
+    """Run `taxel rate --json` on a URL and return its document. options: options of the command."""
     rate_command(url, **{"seconds": 5.0, "scl_hz": None, "at_least": CEILING_SHARE, "as_json": True} | options)
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     return document
@@ -33,24 +34,26 @@ def test_skin_without_a_hub_reaches_the_ceiling_of_its_bus(capsys: pytest.Captur
     assert rate["missing"] == rate["unexplained"] == 0
 
 
-def test_ceiling_counts_nine_clocks_for_each_byte() -> None:
+def test_the_ceiling_counts_nine_clocks_for_each_byte_and_two_for_start_and_stop() -> None:
     # address byte, 10 bytes of overhead, two taxels of 2 bytes; start and stop condition
     assert compute_ceiling_hz(400e3, {0x1C: 2}) == pytest.approx(400e3 / (9 * 15 + 2))
 
 
 def test_missing_frames_of_a_silent_board_are_explained_by_counters() -> None:
+    """Four polls during the measurement are not acknowledged."""
     hand = load_hand("rig4")
     text = format_world(hand, WorldSettings(faults=[f"2.5 nack_at 0x{hand.boards[0].address:02X} 0"] * 4))
     with VirtualMasterWorld(text) as world:
-        rate = measure_rate(VirtualMemoryLink(world), 400e3, 3.0)
+        rate = measure_rate(VirtualMemoryLink(world), scl_hz=400e3, seconds=3.0)
+    assert rate.missing > 0
     assert rate.unexplained == 0
 
 
-def test_hub_is_measured_by_the_same_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_skin_with_a_hub_is_measured_without_unexplained_losses(capsys: pytest.CaptureFixture[str]) -> None:
     assert measure(capsys, "emulator:?hand=rig4", at_least=None, seconds=1.0)["unexplained"] == 0
 
 
-def test_bus_without_boards_is_one_line() -> None:
+def test_a_bus_without_boards_gives_one_error_line() -> None:
     hand = load_hand("rig4")
     with VirtualMasterWorld(format_world(hand)) as world:
         for board in hand.boards:
@@ -64,6 +67,7 @@ def test_bus_without_boards_is_one_line() -> None:
     ("options", "expected"),
     [({"seconds": 0.1}, "--seconds: expected 1 to 3600"), ({"scl_hz": 0.0}, "--scl-hz: expected a frequency above 0")],
 )
-def test_wrong_option_is_one_line(options: dict[str, float], expected: str) -> None:
-    with pytest.raises(TaxelError, match=expected):
+def test_an_option_outside_its_range_gives_one_error_line(options: dict[str, float], expected: str) -> None:
+    with pytest.raises(TaxelError, match=expected) as caught:
         rate_command("emulator:", **{"seconds": 1.0, "scl_hz": None, "at_least": None, "as_json": False} | options)
+    assert "\n" not in str(caught.value)

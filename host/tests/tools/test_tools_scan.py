@@ -60,7 +60,7 @@ def test_a_brown_out_is_reported(worlds, open_wire):
 
 
 def change_address(wire, old: int, new: int) -> None:
-    """Assign an address that another board uses already."""
+    """Assign a new address to a board, although another board uses it already."""
     session = BootSession(old, wire.now_s)
 
     def procedure():

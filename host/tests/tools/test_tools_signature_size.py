@@ -16,6 +16,7 @@ BOOTLOADER_FREE_BYTES = 12
 
 @pytest.fixture(scope="module")
 def module():
+    """Load the program signature_size.py as a module."""
     spec = importlib.util.spec_from_file_location("signature_size", SCRIPT)
     loaded = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(loaded)
@@ -24,6 +25,7 @@ def module():
 
 @pytest.fixture(scope="module")
 def verify(module, tmp_path_factory):
+    """Compile the check of signatures for this computer; return it as a function of signature, key and message."""
     path = module.compile_program("gcc", ("-O2", "-shared", "-fPIC"), tmp_path_factory.mktemp("verify"), "verify.so")
     function = ctypes.CDLL(str(path)).ed25519_verify
     function.restype = ctypes.c_bool
@@ -45,6 +47,6 @@ def test_valid_signatures_are_accepted_and_every_change_is_rejected(verify):
 
 
 @pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs gcc-arm-none-eabi")
-def test_the_bootloader_has_no_space_for_it(module, tmp_path):
+def test_a_check_of_signatures_is_more_than_ten_times_larger_than_the_free_space_of_the_bootloader(module, tmp_path):
     code, constants, _ = module.measure(tmp_path)
     assert code + constants > 10 * BOOTLOADER_FREE_BYTES

@@ -31,6 +31,7 @@ class StockHost:
         self.sent: list[int] = []
 
     def send(self, command: int, data: bytes = b"") -> bytes:
+        """Send a packet and return the data of its response, whose status must be 0; b"" for EXIT."""
         self.sent.append(command)
         self.bus.i2c_rdwr(i2c_msg.write(BOARD, build_packet(command, data, self.checksum)))
         if command == EXIT:
@@ -49,6 +50,7 @@ class StockHost:
         raise AssertionError(f"no answer to {command:02X}")
 
     def program(self, cyacd: str) -> None:
+        """Program a .cyacd file as the stock tool does. Raises ValueError for a row outside the permitted range."""
         header, *lines = cyacd.split()
         reply = self.send(ENTER)
         assert reply[:4] == bytes.fromhex(header[:8])[::-1]

@@ -31,6 +31,7 @@ def install_tools(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(folder))
 
     def make(*tool_names, body="exit 0"):
+        """Install fake tools and return the folder of the PATH. body: shell commands that end each tool."""
         for name in tool_names:
             path = folder / name
             path.write_text(

@@ -37,7 +37,7 @@ def test_names_of_a_junit_file_are_converted_to_node_ids(tmp_path):
     assert choose_slow_tests.read_times(path) == {f"{FILE}::test_a[b.c]": 1.5, f"{FILE}::TestClass::test_d": 2.0}
 
 
-def test_unknown_module_is_one_line(tmp_path):
+def test_an_unknown_module_in_a_junit_file_ends_the_program_with_an_error_line(tmp_path):
     path = tmp_path / "times.xml"
     path.write_text('<testsuite><testcase classname="nowhere.test_x" name="test_a" time="1"/></testsuite>')
     with pytest.raises(SystemExit, match=r"nowhere\.test_x: expected the module of a test"):

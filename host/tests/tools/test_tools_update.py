@@ -27,6 +27,7 @@ def read_versions(wire, addresses=BOARDS):
 
 
 def update_all(wire, firmware, addresses=BOARDS, report=ignore_progress, **options):
+    """Update boards concurrently; return their outcomes or errors by address. options: of `update_board`."""
     return run_all(
         wire, {address: update_board(address, firmware, wire.now_s, report, **options) for address in addresses}
     )
@@ -187,7 +188,7 @@ def test_a_damaged_packet_is_sent_again(worlds, adapter, make_firmware, fault, p
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])
-def test_bytes_lost_on_the_uart_cost_only_time(worlds, hub, make_firmware, fault):
+def test_updates_succeed_despite_damaged_and_lost_bytes_on_the_uart(worlds, hub, make_firmware, fault):
     world = worlds(boards=2)
     wire = hub(world)
     offsets = iter(range(1000))

@@ -30,7 +30,7 @@ class BrokenBus:
 
 
 def read_once(address: int, size: int = 1):
-    """Procedure that reads the first registers of a board; the first byte is WHO_AM_I."""
+    """Read the first `size` registers of a board, as a procedure; the first byte is WHO_AM_I."""
     return (yield Transfer(address, b"\0", size))
 
 
@@ -61,7 +61,7 @@ def test_pauses_of_several_procedures_overlap(worlds, open_wire):
     ("number", "kind"),
     [(errno.ENXIO, NackError), (errno.EREMOTEIO, NackError), (errno.ETIMEDOUT, LostError), (errno.EAGAIN, LostError)],
 )
-def test_each_error_of_an_adapter_has_its_exception_type(number, kind):
+def test_each_errno_of_an_adapter_raises_its_exception(number, kind):
     with pytest.raises(kind, match=r"board 0x50: .* on /dev/i2c-1"):
         run(SmbusWire(BrokenBus(number), "/dev/i2c-1"), read_once(0x50))
 

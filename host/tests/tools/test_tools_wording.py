@@ -14,7 +14,7 @@ IN_PROSE = [term for term in TERMS if term.paths == ("*",) and term.prose and te
 
 
 def find(content, path="host/taxel/example.py"):
-    """Words that the check finds in a file, with their lines."""
+    """Return the (word, line) pairs that the check finds in the content of a file."""
     return [(finding.word, finding.line) for finding in check_terms.Search(TERMS).findings_in(path, content)]
 
 
@@ -28,18 +28,18 @@ def test_each_word_is_found_in_comments_and_strings(term):
     assert (term.word, 1) in find(f"/* {text} */\n", "firmware/hub/example.c")
 
 
-def test_most_words_are_words_of_prose():
+def test_more_than_20_words_are_checked_in_prose():
     assert len(IN_PROSE) > 20
 
 
-def test_names_count_where_they_are_defined():
+def test_a_word_in_a_name_is_found_only_where_the_name_is_defined():
     term = next(term for term in TERMS if term.name is not None and term.name.fullmatch(term.word))
     assert (term.word, 1) in find(f"first_{term.word} = 1\n")
     assert not find(f"import other\nother.first_{term.word}()\n")
     assert not find(f'VALUE = read("first_{term.word}")\n')
 
 
-def test_code_in_prose_does_not_count():
+def test_a_word_in_code_marks_within_prose_is_not_found():
     word = IN_PROSE[0].word
     assert not find(f'TEXT = "see `{word}` first"\n')
     assert not find(f"Text with `{word}` in it.\n", "docs/page.md")

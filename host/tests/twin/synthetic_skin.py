@@ -13,12 +13,13 @@ from taxel.twin.steps import StepBuilder
 
 RATE_HZ = 25.0
 SIDE = 4
+"""Number of TX lines and of RX lines of a board."""
 TAXELS = 2 * SIDE * SIDE
 ADDRESSES = (0x20, 0x21)
 
 
 def make_tables() -> tuple[TaxelTable, SensorTable]:
-    """Tables of the two boards with 4 x 4 taxels each."""
+    """Make the tables of two boards with 4 x 4 taxels each."""
     grid = np.arange(SIDE, dtype=np.uint8)
     tx, rx = np.tile(np.repeat(grid, SIDE), 2), np.tile(np.tile(grid, SIDE), 2)
     position = np.column_stack([5e-3 * rx, 5e-3 * tx, np.zeros(TAXELS)]).astype(np.float64)
@@ -31,8 +32,12 @@ def make_tables() -> tuple[TaxelTable, SensorTable]:
 
 @dataclass
 class SyntheticSkin:
-    """Generates poll cycles. seed: of all random numbers. gain: f64[n]. offset: f64[n], counts. lost: share per
-    board. force_deviation: relative standard deviation of the force by condition; 0.05 for the others.
+    """Generates poll cycles of a skin with n taxels on two boards.
+
+    seed: seed of all random numbers. gain: f64[n], response relative to a healthy taxel. offset: f64[n], counts
+    subtracted from the raw count. lost: f64[2], share of lost frames of each board. drift_counts: standard deviation of
+    the drift after one second, counts. force_deviation: relative standard deviation of the force, by condition; 0.05
+    for the others.
     """
 
     seed: int
@@ -44,7 +49,9 @@ class SyntheticSkin:
     force_deviation: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Sample the patterns of three conditions, the second one on the other board."""
+        """Sample the contact patterns of three conditions: press_0 and press_2 on the left board, press_1 on the
+        right.
+        """
         self.rng = np.random.default_rng(self.seed)
         self.time_s = 0.0
         self._temperature = np.zeros(2)
@@ -58,12 +65,15 @@ class SyntheticSkin:
             self.patterns["peg", f"press_{number}"] = 900.0 * np.exp(-((distance / 6e-3) ** 2)) * (self._board == board)
 
     def make_contact(self, condition: tuple[str, str], pause_s: float) -> Contact:
-        """Plan a contact after a pause."""
+        """Plan a contact of 4 s that begins `pause_s` after the poll cycles generated so far."""
         start = self.time_s + pause_s
         return Contact((start, start + 1.2, start + 2.4, start + 3.2, start + 4.0), condition)
 
     def run(self, contact: Contact | None, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Poll cycles of the next seconds, with at most one contact in them."""
+        """Generate the poll cycles of the next seconds: times f64[T], raw counts u16[T, n], valid frames bool[T, 2].
+
+        contact: the only contact in this time, or None.
+        """
         count = round(seconds * RATE_HZ)
         times = self.time_s + (np.arange(count) + 0.5) / RATE_HZ
         self.time_s += count / RATE_HZ
@@ -73,16 +83,19 @@ class SyntheticSkin:
         signal = np.zeros((count, TAXELS))
         if contact is not None:
             force = 1.0 + self.force_deviation.get(contact.condition, 0.05) * self.rng.normal()
-            own = 1.0 + 0.03 * self.rng.normal(size=TAXELS)
+            taxel_factor = 1.0 + 0.03 * self.rng.normal(size=TAXELS)
             share = np.interp(times, contact.times_s, (0.0, 1.0, 1.0, 0.0, 0.0), left=0.0, right=0.0)
-            signal = force * share[:, None] * self.patterns[contact.condition] * own * self.gain
+            signal = force * share[:, None] * self.patterns[contact.condition] * taxel_factor * self.gain
         raw = 20_000.0 + drift[:, self._board] * self._loading - signal - self.offset
         raw = raw + self.noise_counts * self.rng.normal(size=raw.shape)
         valid = self.rng.random((count, 2)) >= self.lost
         return times, np.clip(np.round(raw), 0, 65_535).astype(np.uint16), valid
 
     def run_routine(self, number: int) -> tuple[list[Contact], tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """A number of contacts of random conditions, with pauses of 4.5 to 12 seconds."""
+        """Generate `number` contacts of all conditions in turn, with random pauses of 4.5 to 12 seconds before them.
+
+        Returns the contacts, and the poll cycles as `run` does.
+        """
         contacts, parts = [], []
         names = sorted(self.patterns)
         for index in range(number):
@@ -95,7 +108,7 @@ class SyntheticSkin:
 
 
 def learn(skin: SyntheticSkin, contacts: int = 36) -> Reference:
-    """Learn the reference of a healthy skin."""
+    """Generate contacts of a healthy skin and learn a reference from them; the random state of the skin advances."""
     taxels, sensors = make_tables()
     planned, cycles = skin.run_routine(contacts)
     builder = StepBuilder(ContactSchedule(planned), sensors.index_of(taxels), 2, 4.5)
@@ -104,7 +117,7 @@ def learn(skin: SyntheticSkin, contacts: int = 36) -> Reference:
 
 
 def watch(twin: Twin, cycles: tuple[np.ndarray, np.ndarray, np.ndarray], block: int = 256) -> list[object]:
-    """Run a twin on poll cycles in blocks; return its events."""
+    """Run a twin on poll cycles in blocks of `block` cycles, and end the stream; return all events."""
     events: list[object] = []
     for start in range(0, len(cycles[0]), block):
         for result in twin.take(*(column[start : start + block] for column in cycles)):

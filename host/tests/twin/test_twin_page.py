@@ -1,4 +1,4 @@
-"""The page of a twin answers only its own token and the names of the loopback interface."""
+"""The server of a twin's page answers only requests with its token and a host name of the loopback interface."""
 
 import http.client
 from types import SimpleNamespace
@@ -18,7 +18,8 @@ def page():
         yield page
 
 
-def get(page, path: str, method: str = "GET", **headers: str) -> int:
+def request_status(page, path: str, method: str = "GET", **headers: str) -> int:
+    """Send a request to the page; return the HTTP status of the answer."""
     connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
     connection.request(method, path, headers=headers)
     status = connection.getresponse().status
@@ -26,18 +27,22 @@ def get(page, path: str, method: str = "GET", **headers: str) -> int:
     return status
 
 
-def test_page_is_sent_for_its_token(page):
-    assert get(page, page.url.split(str(page.port))[1]) == 200
+def get_path_with_token(page) -> str:
+    return page.url.split(str(page.port))[1]
+
+
+def test_request_with_the_token_gets_the_page(page):
+    assert request_status(page, get_path_with_token(page)) == 200
 
 
 @pytest.mark.parametrize("path", ["/", "/?token=", "/?token=wrong", "/events", "/events?token=x", "/../etc/passwd"])
-def test_request_without_the_token_is_refused(page, path):
-    assert get(page, path) == 403
+def test_request_without_the_correct_token_is_forbidden(page, path):
+    assert request_status(page, path) == 403
 
 
-def test_foreign_host_name_is_refused(page):
-    assert get(page, page.url.split(str(page.port))[1], Host="attacker.example:80") == 403
+def test_request_with_a_foreign_host_name_is_forbidden(page):
+    assert request_status(page, get_path_with_token(page), Host="attacker.example:80") == 403
 
 
-def test_request_that_writes_is_refused(page):
-    assert get(page, page.url.split(str(page.port))[1], "POST") == 501
+def test_post_request_is_not_supported(page):
+    assert request_status(page, get_path_with_token(page), "POST") == 501

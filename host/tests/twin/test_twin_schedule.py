@@ -9,7 +9,7 @@ from taxel.twin.steps import BEFORE, CLOSING, HOLD, REST, StepBuilder
 HEADER = "closing_s,hold_s,release_s,recovery_s,end_s,object,approach\n"
 
 
-def test_schedule_is_read(tmp_path):
+def test_each_row_of_a_csv_file_is_read_as_a_contact(tmp_path):
     path = tmp_path / "contacts.csv"
     path.write_text(HEADER + "5,6,7,8,9,peg,press_1\n")
     assert list(read_schedule(path)) == [Contact((5.0, 6.0, 7.0, 8.0, 9.0), ("peg", "press_1"))]
@@ -26,14 +26,14 @@ def test_schedule_is_read(tmp_path):
         (HEADER + "5,6,7,8,9,peg,a\n8,9,10,11,12,peg,b\n", "a start at or after 9 s"),
     ],
 )
-def test_wrong_schedule_is_rejected_with_its_place(tmp_path, text, message):
+def test_invalid_schedule_is_rejected_with_a_message_that_names_the_expected_content(tmp_path, text, message):
     path = tmp_path / "contacts.csv"
     path.write_text(text)
     with pytest.raises(TwinInputError, match=message):
         read_schedule(path)
 
 
-def test_frames_of_a_contact_are_summed_by_phase():
+def test_frames_of_a_contact_are_averaged_by_phase():
     contact = Contact((6.0, 7.0, 8.0, 9.0, 10.0), ("peg", "press"))
     builder = StepBuilder(ContactSchedule([contact]), np.zeros(1, np.int64), 1, baseline_s=2.0)
     times = np.arange(0.05, 12.0, 0.1)
@@ -43,12 +43,13 @@ def test_frames_of_a_contact_are_summed_by_phase():
     assert means[REST] == 1000.0
     assert (means[HOLD] == 900.0).all()
     assert (means[CLOSING] == 1000.0).all()
+    # At 10 frames a second: 6 s without contact, of which the last 2 s are the baseline.
     assert step.count[[REST, BEFORE], 0].tolist() == [60, 20]
 
 
-def test_long_interval_without_frames_gives_no_steps():
+def test_long_interval_without_frames_gives_no_steps_of_its_own():
     builder = StepBuilder(ContactSchedule(), np.zeros(1, np.int64), 1)
-    one = np.ones((1, 1), np.uint16)
-    builder.take(np.array([0.0]), one, np.ones((1, 1), bool))
-    steps = builder.take(np.array([1e6]), one, np.ones((1, 1), bool))
-    assert len(steps) == 1
+    one_frame = np.ones((1, 1), np.uint16)
+    builder.take(np.array([0.0]), one_frame, np.ones((1, 1), bool))
+    steps = builder.take(np.array([1e6]), one_frame, np.ones((1, 1), bool))
+    assert len(steps) == 1  # the step of the first frame

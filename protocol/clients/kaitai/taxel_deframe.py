@@ -37,19 +37,19 @@ def _whiten(body: bytes) -> bytes:
     return bytes(a ^ b for a, b in zip(body, _WHITENING, strict=False))
 
 
-def _expect_size(header: bytes) -> int:
+def _compute_expected_size(header: bytes) -> int:
     """Return the size of the body with this header; 0 if no frame has this length."""
     _, _, length = struct.unpack_from("<BHH", header)
     return FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE if length <= PAYLOAD_MAX else 0
 
 
-def _is_whole(body: bytes) -> bool:
-    """Whether the CRC of a body is right."""
+def _is_crc_correct(body: bytes) -> bool:
+    """Return whether the CRC of a body is correct."""
     return zlib.crc32(body[:-FRAME_CRC_SIZE]) == int.from_bytes(body[-FRAME_CRC_SIZE:], "little")
 
 
 def _is_known(body: bytes) -> bool:
-    """Whether this version defines a whole frame: its type, length, address and number of taxels."""
+    """Return whether this version defines a complete frame: its type, length, address and number of taxels."""
     payload = body[FRAME_HEADER_SIZE:-FRAME_CRC_SIZE]
     has_address, minimum, maximum = FRAMES.get(body[0], (False, 1, 0))
     if not minimum <= len(payload) <= maximum or (has_address and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX):
@@ -68,11 +68,11 @@ def _take_frame(chunk: bytes, start: int) -> tuple[int, bytes] | None:
         out += chunk[position + 1 : end]
         position = end
         if not expected and len(out) >= FRAME_HEADER_SIZE:
-            expected = _expect_size(_whiten(bytes(out[:FRAME_HEADER_SIZE])))
+            expected = _compute_expected_size(_whiten(bytes(out[:FRAME_HEADER_SIZE])))
             if not expected:
                 return None
         if expected and len(out) >= expected:
-            is_frame = len(out) == expected and _is_whole(_whiten(bytes(out)))
+            is_frame = len(out) == expected and _is_crc_correct(_whiten(bytes(out)))
             return (position, bytes(out)) if is_frame else None
         if code < 0xFF:
             out.append(0)
@@ -83,7 +83,7 @@ class TaxelDeframe:
     """The custom process, as the compilers of Kaitai Struct call it."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return the whitened body of each whole frame, behind 1 byte (is it known?) and its size of 2 bytes."""
+        """Return all frames: for each 1 byte (1: this version defines it), 2 bytes of size, and the whitened body."""
         out = bytearray()
         for chunk in data.split(b"\0"):
             start = 0

@@ -424,7 +424,7 @@ local protocol = require("taxel.protocol")
 
 local fields = {}
 
--- The unsigned little-endian number of 1 to 4 bytes behind `offset` (0: first byte).
+-- Returns the unsigned little-endian number of 1 to 4 bytes behind `offset` (0: first byte).
 function fields.read_number(data, offset, size)
     local value = 0
     for i = size, 1, -1 do
@@ -433,7 +433,7 @@ function fields.read_number(data, offset, size)
     return value
 end
 
--- An unsigned number of any size as decimal digits: Lua has no unsigned 64-bit numbers.
+-- Formats an unsigned number of any size as decimal digits: Lua has no unsigned 64-bit numbers.
 function fields.format_decimal(data, offset, size)
     local digits = { 0 }
     for i = size, 1, -1 do
@@ -455,13 +455,14 @@ function fields.format_decimal(data, offset, size)
     return table.concat(text)
 end
 
+-- Formats bytes as hexadecimal digits.
 function fields.to_hex(data)
     return (data:gsub(".", function(byte)
         return string.format("%02x", byte:byte())
     end))
 end
 
--- The value of a field: a number; the digits of a number of 64 bits; or a string of bytes.
+-- Returns the value of a field: a number; the digits of a number of 64 bits; or a string of bytes.
 function fields.read(field, data, offset)
     if field.is_bytes then
         return data:sub(offset + field.offset + 1, offset + field.offset + field.size)
@@ -471,7 +472,7 @@ function fields.read(field, data, offset)
     return fields.read_number(data, offset + field.offset, field.size)
 end
 
--- Values of all fields of a struct by name. name: as in protocol.structs.
+-- Returns the values of all fields of a struct by name. name: as in protocol.structs.
 function fields.unpack(name, data, offset)
     local values = {}
     for _, field in ipairs(protocol.structs[name]) do
@@ -511,7 +512,7 @@ for byte = 0, 255 do
     remainders[byte] = remainder
 end
 
--- CRC-32 of the bytes `first` to `last` of a string. crc: CRC-32 of the bytes before them, 0 at the start.
+-- Computes the CRC-32 of the bytes `first` to `last` of a string. crc: CRC-32 of the bytes before them, 0 at the start.
 return function(data, crc, first, last)
     local state = bxor(crc or 0, 0xFFFFFFFF)
     for i = first or 1, last or #data do
@@ -540,7 +541,7 @@ for i = 1, protocol.BODY_MAX do
     value = (protocol.WHITENING_FACTOR * value + protocol.WHITENING_INCREMENT) % 256
 end
 
--- The bytes of a string XORed with the whitening sequence from position `first` (1: start of the body) on.
+-- Returns the bytes of a string XORed with the whitening sequence from position `first` (1: start of the body) on.
 local function whiten(data, first)
     local out = { data:byte(1, #data) }
     for i = 1, #out do
@@ -549,23 +550,24 @@ local function whiten(data, first)
     return string.char(table.unpack(out))
 end
 
--- Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+-- Returns whether frames of this type are accepted. Bit 7 of a type: from host to hub.
 function framing.is_accepted(code, directions)
     return bits.band(directions, code >= 0x80 and framing.TO_HUB or framing.TO_HOST) ~= 0
 end
 
--- The size of the body with this header; nil if no frame has this length. A newer sender may use types and lengths that
--- this version does not define.
-local function expect_size(header)
+-- Returns the size of the body with this header; nil if no frame has this length. A newer sender may use types and
+-- lengths that this version does not define.
+local function compute_expected_size(header)
     local length = fields.read_number(header, 3, 2)
     return length <= protocol.PAYLOAD_MAX and HEADER + length + CRC or nil
 end
 
-local function has_right_crc(body)
+-- Returns whether the CRC of a body is correct.
+local function is_crc_correct(body)
     return crc32(body, 0, 1, #body - CRC) == fields.read_number(body, #body - CRC, CRC)
 end
 
--- Whether this version defines a whole frame: its type, length, address and number of taxels.
+-- Returns whether this version defines a complete frame: its type, length, address and number of taxels.
 function framing.is_known(code, payload, directions)
     local rule = protocol.frames[code]
     if not rule or not framing.is_accepted(code, directions) or #payload < rule.minimum or #payload > rule.maximum then
@@ -579,7 +581,8 @@ function framing.is_known(code, payload, directions)
     return rule.name ~= "TAXELS" or #payload == header + protocol.SNAPSHOT_OVERHEAD + 2 * count
 end
 
--- The frame that begins at byte `start` of a chunk: position behind its stuffed bytes, and its body; nil if there is none.
+-- Returns the position behind the stuffed bytes, and the body, of the frame that begins at byte `start` of a chunk; nil
+-- if no frame begins there.
 local function take_frame(chunk, start)
     local parts, length, position, size = {}, 0, start, nil
     while position <= #chunk do
@@ -591,14 +594,14 @@ local function take_frame(chunk, start)
         length = length + code - 1
         position = position + code
         if not size and length >= HEADER then
-            size = expect_size(table.concat(parts))
+            size = compute_expected_size(table.concat(parts))
             if not size then
                 return nil
             end
         end
         if size and length >= size then
             local body = table.concat(parts)
-            if length == size and has_right_crc(body) then
+            if length == size and is_crc_correct(body) then
                 return position, body
             end
             return nil
@@ -617,12 +620,12 @@ end
 local Deframer = {}
 Deframer.__index = Deframer
 
--- A deframer without received bytes. directions: TO_HOST (default), TO_HUB or BOTH.
+-- Creates a deframer without received bytes. directions: TO_HOST (default), TO_HUB or BOTH.
 function framing.new_deframer(directions)
     return setmetatable({ directions = directions or framing.TO_HOST, chunk = "", discarded_bytes = 0 }, Deframer)
 end
 
--- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each whole frame that they complete.
+-- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each frame that they complete.
 -- is_known: this version defines the type with this payload.
 function Deframer:push(data, handler)
     local start = 1
@@ -683,26 +686,27 @@ local REACH, ESCAPE = protocol.COMPACT_REACH, protocol.COMPACT_ESCAPE
 local MIDDLE = ESCAPE + cumulative_table[#cumulative_table]
 local REPEAT_AFTER = 4 -- snapshots that may arrive before an answer takes effect on the board
 
--- State of a taxel: mean in 64ths of a count, level of the scale, and values that follow from the level.
+-- Creates the state of a taxel: mean in 64ths of a count, level of the scale, and values that follow from the level.
 local function new_taxel(mean, level)
     local octave = rshift(level, 6)
     return { mean = mean, level = level, octave = octave, multiplier = multipliers[rshift(level, 3) % 8 + 1],
         raw_bits = max(octave - protocol.COMPACT_COARSE_OCTAVE, 0) }
 end
 
-local function centre_of(taxel)
+-- Returns the predicted count.
+local function compute_centre(taxel)
     return min(floor((taxel.mean + 32) / 64), COUNT_MAX)
 end
 
--- A magnitude in 64ths of a count, as 1024ths of the taxel's scale.
-local function distance(taxel, difference)
+-- Converts a magnitude in 64ths of a count to 1024ths of the taxel's scale.
+local function compute_distance(taxel, difference)
     return rshift(difference * taxel.multiplier, taxel.octave)
 end
 
--- Probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
-local function cumulative(taxel, symbol)
+-- Returns the probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
+local function compute_cumulative(taxel, symbol)
     local difference = lshift(symbol, taxel.raw_bits + 6) - 32 - taxel.mean
-    local size = min(distance(taxel, abs(difference)), REACH)
+    local size = min(compute_distance(taxel, abs(difference)), REACH)
     local corner, fraction = rshift(size, 7), size % 128
     local share = cumulative_table[corner + 1]
     if fraction > 0 then
@@ -711,7 +715,7 @@ local function cumulative(taxel, symbol)
     return difference < 0 and MIDDLE - share or MIDDLE + share
 end
 
--- The largest corner of the cumulative table, 0 to 63, with at most this share.
+-- Returns the largest corner of the cumulative table, 0 to 63, with at most this share.
 local function find_corner(share)
     local low, high = 0, 63
     while low < high do
@@ -725,8 +729,8 @@ local function find_corner(share)
     return low
 end
 
--- A symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the segment of the
--- cumulative table that contains the target.
+-- Returns a symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the
+-- segment of the cumulative table that contains the target.
 local function find_first_symbol(taxel, target)
     local from, step, edge = taxel.mean + 32, lshift(1, 7 + taxel.octave), nil
     if target >= MIDDLE then
@@ -738,8 +742,8 @@ local function find_first_symbol(taxel, target)
     return min(rshift(edge, taxel.raw_bits + 6), rshift(COUNT_MAX, taxel.raw_bits))
 end
 
--- The difference between count and centre as a board stores it in one byte: exact below 64, else the middle of its
--- quarter of an octave.
+-- Rounds the difference between count and centre as a board stores it in one byte: exact below 64, else the middle of
+-- its quarter of an octave.
 local function quantise(size)
     local shift = 0
     if size >= 64 then
@@ -751,13 +755,13 @@ local function quantise(size)
     return size
 end
 
--- The state after one more key frame. gain: weight of the new count, in 256ths.
+-- Returns the state after one more key frame. gain: weight of the new count, in 256ths.
 local function update(taxel, count, gain)
-    local centre = centre_of(taxel)
+    local centre = compute_centre(taxel)
     local size = quantise(abs(count - centre))
     local difference = 64 * (centre + (count < centre and -size or size)) - taxel.mean
     local magnitude, sign = abs(difference), difference < 0 and -1 or 1
-    local scales, mean, level = distance(taxel, magnitude), nil, taxel.level
+    local scales, mean, level = compute_distance(taxel, magnitude), nil, taxel.level
     if scales >= protocol.COMPACT_JUMP then
         mean = taxel.mean + difference
     else
@@ -774,61 +778,65 @@ end
 local RangeDecoder = {}
 RangeDecoder.__index = RangeDecoder
 
+-- Creates a decoder of the coded bytes of a delta frame.
 local function new_range_decoder(data)
     local decoder = setmetatable({ data = data, position = 0, code = 0, range = WORD - 1 }, RangeDecoder)
     for _ = 1, 4 do
-        decoder:shift()
+        decoder:shift_in_byte()
     end
     return decoder
 end
 
-function RangeDecoder:shift()
+-- Moves the next byte into the code.
+function RangeDecoder:shift_in_byte()
     self.position = self.position + 1
     self.code = (self.code * 256 + (self.data:byte(self.position) or 0)) % WORD
 end
 
--- The next share out of 2^count equal shares; only damaged bytes point behind the last share.
+-- Returns the next of 2^count equal shares, without consuming it. Damaged bytes alone point behind the last one.
 function RangeDecoder:peek(count)
     return min(floor(self.code / rshift(self.range, count)), lshift(1, count) - 1)
 end
 
+-- Consumes the symbol with the interval from `first` on with `size` of 2^count equal shares.
 function RangeDecoder:take(first, size, count)
     local share = rshift(self.range, count)
     self.code = (self.code - first * share) % WORD
     self.range = size * share
     while self.range < 16777216 do
-        self:shift()
+        self:shift_in_byte()
         self.range = self.range * 256
     end
 end
 
+-- Decodes and consumes an uncoded number.
 function RangeDecoder:take_bits(count)
     local value = self:peek(count)
     self:take(value, 1, count)
     return value
 end
 
--- A count too far from its prediction; nil for bytes that no encoder produces.
+-- Decodes a count too far from its prediction; returns nil for bytes that no encoder produces.
 function RangeDecoder:take_escape(taxel)
     self:take(0, ESCAPE, 16)
     local head = self:take_bits(5)
     local exponent = rshift(head, 1)
     local size = lshift(1, exponent) + self:take_bits(exponent)
-    local count = centre_of(taxel) + (head % 2 == 1 and -size or size)
+    local count = compute_centre(taxel) + (head % 2 == 1 and -size or size)
     return count >= 0 and count <= COUNT_MAX and count or nil
 end
 
--- The next count; nil for bytes that no encoder produces.
+-- Decodes the next count; returns nil for bytes that no encoder produces.
 function RangeDecoder:take_count(taxel)
     local target = self:peek(16)
     if target < ESCAPE then
         return self:take_escape(taxel)
     end
     local symbol, last = find_first_symbol(taxel, target), rshift(COUNT_MAX, taxel.raw_bits)
-    local first, following = cumulative(taxel, symbol), cumulative(taxel, symbol + 1)
+    local first, following = compute_cumulative(taxel, symbol), compute_cumulative(taxel, symbol + 1)
     while following <= target and symbol < last do
         symbol = symbol + 1
-        first, following = following, cumulative(taxel, symbol + 1)
+        first, following = following, compute_cumulative(taxel, symbol + 1)
     end
     if target < first or target >= following then
         return nil
@@ -837,6 +845,7 @@ function RangeDecoder:take_count(taxel)
     return lshift(symbol, taxel.raw_bits) + self:take_bits(taxel.raw_bits)
 end
 
+-- Decodes the counts of a delta frame; returns nil for bytes that no encoder produces.
 local function decode_counts(taxels, data)
     local decoder, counts = new_range_decoder(data), {}
     for i, taxel in ipairs(taxels) do
@@ -848,6 +857,7 @@ local function decode_counts(taxels, data)
     return counts
 end
 
+-- Unpacks the counts of a packed frame, each of `width` bits, lowest bits first.
 local function unpack_counts(data, width, taxel_count)
     local counts, buffer, available, position = {}, 0, 0, 0
     for i = 1, taxel_count do
@@ -868,19 +878,21 @@ Receiver.__index = Receiver
 
 local compact = {}
 
--- State of the compact snapshots of one board: key_frame and pending, each {id, timestamp_us, updates, taxels} or nil;
--- answer: "acknowledge" or "forget" that the host has to send, or nil.
+-- Creates the state of the compact snapshots of one board: key_frame and pending, each {id, timestamp_us, updates, taxels}
+-- or nil; answer: "acknowledge" or "forget" that the host has to send, or nil.
 function compact.new_receiver()
-    return setmetatable({ until_repeat = 0 }, Receiver)
+    return setmetatable({ snapshots_until_repeat = 0 }, Receiver)
 end
 
+-- Stores an answer to be sent.
 function Receiver:set_answer(answer)
-    self.answer, self.until_repeat = answer, REPEAT_AFTER
+    self.answer, self.snapshots_until_repeat = answer, REPEAT_AFTER
 end
 
+-- Stores an answer again if several snapshots have arrived without its effect.
 function Receiver:repeat_answer(answer)
-    if self.until_repeat > 0 then
-        self.until_repeat = self.until_repeat - 1
+    if self.snapshots_until_repeat > 0 then
+        self.snapshots_until_repeat = self.snapshots_until_repeat - 1
     else
         self:set_answer(answer)
     end
@@ -917,6 +929,7 @@ function Receiver:receive(address, taxel_count, data)
     return counts, time
 end
 
+-- Decodes a packed frame. Returns counts, time and, if it is marked as one, the next key frame.
 function Receiver:receive_packed(content, taxel_count, width, start, is_key_frame)
     local head = fields.unpack("compact_packed", content)
     local size = protocol.structs.compact_packed.size
@@ -937,6 +950,7 @@ function Receiver:receive_packed(content, taxel_count, width, start, is_key_fram
     return counts, head.timestamp_us, { updates = 1, taxels = taxels }
 end
 
+-- Decodes a delta frame against the key frame that it names. Returns the same values.
 function Receiver:receive_delta(content, taxel_count, is_key_frame)
     local head, size = fields.unpack("compact_delta", content), protocol.structs.compact_delta.size
     if self.pending and self.pending.id == head.key_frame then -- the board has received the acknowledgement
@@ -947,7 +961,7 @@ function Receiver:receive_delta(content, taxel_count, is_key_frame)
         counts = decode_counts(key_frame.taxels, content:sub(size + 1))
     end
     if not counts then
-        return self:reject()
+        return self:reject_delta()
     end
     local low = fields.read_number(head.timestamp_low, 0, 3)
     local time = (key_frame.timestamp_us + (low - key_frame.timestamp_us) % 16777216) % WORD
@@ -964,15 +978,16 @@ function Receiver:receive_delta(content, taxel_count, is_key_frame)
     return counts, time, { updates = min(key_frame.updates + 1, #protocol.COMPACT_GAINS), taxels = taxels }
 end
 
-function Receiver:reject()
+-- Discards both key frames after a delta frame that cannot be decoded, and reports this to the board.
+function Receiver:reject_delta()
     if self.key_frame or self.pending then
-        self.key_frame, self.pending, self.until_repeat = nil, nil, 0
+        self.key_frame, self.pending, self.snapshots_until_repeat = nil, nil, 0
     end
     self:repeat_answer("forget")
     return nil, "no key frame"
 end
 
--- The answer as 3 bytes of an ACKNOWLEDGE payload, which then counts as sent; "" if there is none.
+-- Returns the answer as 3 bytes of an ACKNOWLEDGE payload, which then counts as sent; "" if there is none.
 function Receiver:take_answer(address)
     local answer = self.answer
     self.answer = nil
@@ -1002,8 +1017,9 @@ local decoder = { BOARD_CRC_BAD = BOARD_CRC_BAD, HUB_RESTARTED = HUB_RESTARTED, 
 local Decoder = {}
 Decoder.__index = Decoder
 
--- A decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (whole frames that this version
--- does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
+-- Creates a decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (complete frames that
+-- this version does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC)
+-- and undecoded (no key frame).
 function decoder.new(directions)
     return setmetatable({
         deframer = framing.new_deframer(directions),
@@ -1018,25 +1034,26 @@ end
 -- board_time_us, missing_before and counts (empty if they are not available).
 function Decoder:push(data, handler)
     self.deframer:push(data, function(...)
-        self:take(handler, ...)
+        self:deliver(handler, ...)
     end)
 end
 
 -- Decodes the remaining bytes at the end of a stream.
 function Decoder:finish(handler)
     self.deframer:finish(function(...)
-        self:take(handler, ...)
+        self:deliver(handler, ...)
     end)
 end
 
--- To be called when the host sends START: frames of the interrupted poll cycle then do not count as missing.
+-- Forgets the poll cycles of all boards. To be called when the host sends START: frames of the interrupted poll cycle
+-- then do not count as missing.
 function Decoder:forget_cycles()
     for _, board in pairs(self.boards) do
         board.cycle = nil
     end
 end
 
--- Addresses of the boards that have sent a frame, in ascending order.
+-- Returns the addresses of the boards that have sent a frame, in ascending order.
 function Decoder:list_addresses()
     local addresses = {}
     for address in pairs(self.boards) do
@@ -1046,7 +1063,7 @@ function Decoder:list_addresses()
     return addresses
 end
 
--- Pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send.
+-- Returns the pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send.
 function Decoder:take_acknowledgements()
     local parts = {}
     for _, address in ipairs(self:list_addresses()) do
@@ -1060,29 +1077,32 @@ end
 
 -- Decodes a known frame; counts an unknown one, which takes a number of the sender's sequence and is no loss. A frame of
 -- the other direction has the sequence of another sender.
-function Decoder:take(handler, code, sequence, payload, is_known)
+function Decoder:deliver(handler, code, sequence, payload, is_known)
     if is_known then
         handler(self:decode(code, sequence, payload))
         return
     end
     self.losses.unknown = self.losses.unknown + 1
     if framing.is_accepted(code, self.deframer.directions) then
-        local lost = self:count_lost(sequence)
+        local lost = self:compute_lost_before(sequence)
         self.lost_before_unknown = (self.lost_before_unknown + lost) % 65536
         self:count_frame(sequence, lost)
     end
 end
 
-function Decoder:count_lost(sequence)
+-- Returns the number of frames that are missing in the sequence before this frame.
+function Decoder:compute_lost_before(sequence)
     return self.next_sequence and (sequence - self.next_sequence) % 65536 or 0
 end
 
+-- Counts a frame with the number of frames that were lost before it.
 function Decoder:count_frame(sequence, lost)
     self.losses.frames = self.losses.frames + 1
     self.losses.lost = self.losses.lost + lost
     self.next_sequence = (sequence + 1) % 65536
 end
 
+-- Decodes a frame that this version defines.
 function Decoder:decode(code, sequence, payload)
     local frame = { code = code, type = protocol.frames[code].name, sequence = sequence, payload = payload,
         lost_before = 0, flags = 0 }
@@ -1095,6 +1115,7 @@ function Decoder:decode(code, sequence, payload)
     return frame
 end
 
+-- Counts a frame and the frames that were lost before it.
 function Decoder:count_sequence(frame)
     local losses = self.losses
     if frame.type == "HUB_HANDSHAKE" and frame.sequence == 0 and fields.unpack("hub_handshake", frame.payload).tag == 0 then
@@ -1105,7 +1126,7 @@ function Decoder:count_sequence(frame)
         end
         self:count_frame(frame.sequence, 0)
     else
-        local lost = self:count_lost(frame.sequence)
+        local lost = self:compute_lost_before(frame.sequence)
         frame.lost_before = (lost + self.lost_before_unknown) % 65536
         self:count_frame(frame.sequence, lost)
     end
@@ -1125,6 +1146,7 @@ function Decoder:read_header(frame)
     return board, header.taxel_count
 end
 
+-- Decodes a TAXELS frame and checks the CRC of its board.
 function Decoder:decode_taxels(frame)
     local board, taxel_count = self:read_header(frame)
     local payload = frame.payload
@@ -1145,6 +1167,7 @@ function Decoder:decode_taxels(frame)
     Decoder.count_cycles(board, frame, 0)
 end
 
+-- Decodes a COMPACT_TAXELS frame.
 function Decoder:decode_compact(frame)
     local board, taxel_count = self:read_header(frame)
     local snapshot = frame.payload:sub(HEADER_SIZE + 1)
@@ -1213,7 +1236,7 @@ info.text = ProtoField.string("taxel.text", "Text")
 info.unknown = ProtoField.uint32("taxel.unknown", "Frames of a newer version")
 info.discarded = ProtoField.uint32("taxel.discarded", "Bytes of no frame")
 
--- One field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
+-- Creates one field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
 local function register_struct(struct)
     for _, field in ipairs(protocol.structs[struct]) do
         local name = struct .. "." .. field.name
@@ -1262,7 +1285,7 @@ function proto.init()
     streams, packets = {}, {}
 end
 
--- Frames that end in this packet, and the bytes of no frame. Packets are decoded once, in their order.
+-- Returns the frames that end in this packet, and the number of bytes of no frame. Packets are decoded once, in order.
 local function decode_packet(number, data, direction)
     if not packets[number] then
         local stream = streams[direction] or decoder.new(direction)
@@ -1287,6 +1310,7 @@ local function add_fields(tree, frame, buffer)
     end)
 end
 
+-- Adds the decoded content of a taxel frame.
 local function add_taxels(tree, frame)
     tree:add(info.address, frame.address):set_generated()
     tree:add(info.missing, frame.missing_before):set_generated()
@@ -1297,6 +1321,7 @@ local function add_taxels(tree, frame)
     end
 end
 
+-- Adds the expert information about losses and damage.
 local function add_experts(tree, frame)
     if frame.lost_before > 0 then
         tree:add_proto_expert_info(lost_expert, frame.lost_before .. " frames were lost before this frame")
@@ -1310,7 +1335,7 @@ local function add_experts(tree, frame)
     end
 end
 
--- Text of a frame for the column Info.
+-- Returns the text of a frame for the column Info.
 local function describe(frame)
     if frame.counts then
         local count = select(2, frame.counts:gsub("%d+", ""))
@@ -1319,6 +1344,7 @@ local function describe(frame)
     return frame.type
 end
 
+-- Adds a frame with all its fields.
 local function add_frame(tree, frame)
     local buffer = ByteArray.new(fields.to_hex(frame.payload)):tvb("Payload of " .. frame.type)
     local branch = tree:add(proto, buffer(), "Taxel frame, " .. describe(frame))

@@ -18,6 +18,7 @@ static struct taxel_boot boot;
 static const struct taxel_boot_layout layout = {
     .device = TAXEL_BOOT_DEVICE_BOARD, .slot_rows = SLOT_ROWS, .first_rows = {FIRST_ROW, FIRST_ROW + SLOT_ROWS}};
 
+/* Return the bytes of flash row `row`, FIRST_ROW or a later one, in the emulated flash. */
 static uint8_t *row_at(unsigned row)
 {
     return rows + (row - FIRST_ROW) * ROW;
@@ -36,18 +37,21 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     return 0;
 }
 
+/* HAL function of the bootloader: return the time that the test has set. */
 static uint32_t on_clock(void *context)
 {
     (void)context;
     return clock_us;
 }
 
+/* HAL function of the bootloader: return the reset cause that the test has set. */
 static uint8_t on_cause(void *context)
 {
     (void)context;
     return cause;
 }
 
+/* HAL function of the bootloader: return once whether the application has requested that the bootloader stays. */
 static bool on_stay(void *context)
 {
     (void)context;
@@ -63,11 +67,13 @@ static void on_start(void *context, uint32_t vectors)
     started = vectors / ROW >= layout.first_rows[1];
 }
 
+/* HAL function of the bootloader: a restart has no effect in this program. */
 static void on_restart(void *context)
 {
     (void)context;
 }
 
+/* HAL function of the bootloader: write an arbitrary constant identifier of eight bytes. */
 static void on_unique_id(void *context, uint8_t *id)
 {
     (void)context;

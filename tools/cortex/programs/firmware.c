@@ -20,6 +20,7 @@ static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXELS)], crossing_map[TAXEL_CRO
 static unsigned started;
 static struct taxel_sensor sensor;
 
+/* Return the next number of the generator xorshift32 (Marsaglia, 2003): the same on every processor. */
 static uint32_t next_random(void)
 {
     state ^= state << 13;
@@ -27,6 +28,7 @@ static uint32_t next_random(void)
     return state ^= state << 5;
 }
 
+/* Called by the deframer for each frame that it finds: add the frame to the checksum. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
@@ -72,12 +74,14 @@ static void test_frames(void)
     put_word("discarded", (uint32_t)deframer.discarded_bytes);
 }
 
+/* HAL function of the board: there is no measuring circuit to configure. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     (void)settings;
 }
 
+/* HAL function of the board: count the conversion and add its TX and RX line to the checksum. */
 static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -85,24 +89,28 @@ static void on_start(void *context, uint8_t tx, uint8_t rx)
     checksum = checksum * 33u + tx * 16u + rx;
 }
 
+/* HAL function of the board: return a time that advances by 10 microseconds per started conversion. */
 static uint32_t on_clock(void *context)
 {
     (void)context;
     return started * 10u;
 }
 
+/* HAL function of the board: there are no interrupts to disable. */
 static uint32_t on_disable(void *context)
 {
     (void)context;
     return 0;
 }
 
+/* HAL function of the board: there are no interrupts to enable again. */
 static void on_restore(void *context, uint32_t before)
 {
     (void)context;
     (void)before;
 }
 
+/* HAL function of the board for a restart and for a start of the bootloader: print that one of them was requested. */
 static void on_leave(void *context)
 {
     (void)context;

@@ -14,6 +14,7 @@ static uint32_t call_host(uint32_t operation, uint32_t argument)
     return r0;
 }
 
+/* Print a zero-terminated string by semihosting. */
 void put_text(const char *text)
 {
     call_host(SYS_WRITE0, (uint32_t)text);

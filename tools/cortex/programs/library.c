@@ -9,7 +9,7 @@
 static uint32_t words[COUNT], state = 1;
 static uint8_t bytes[1024], copy[1024];
 
-/* The next number of the generator xorshift32 (Marsaglia, 2003): the same on every processor. */
+/* Return the next number of the generator xorshift32 (Marsaglia, 2003): the same on every processor. */
 static uint32_t next_random(void)
 {
     state ^= state << 13;
@@ -17,7 +17,7 @@ static uint32_t next_random(void)
     return state ^= state << 5;
 }
 
-/* CRC-32 (IEEE 802.3) of a buffer, bit by bit: shifts and conditional XOR. */
+/* Return the CRC-32 (IEEE 802.3) of a buffer, bit by bit: shifts and conditional XOR. */
 static uint32_t crc32(const uint8_t *data, size_t size)
 {
     uint32_t crc = ~0u;
@@ -30,6 +30,7 @@ static uint32_t crc32(const uint8_t *data, size_t size)
     return ~crc;
 }
 
+/* Comparison function for qsort(): ascending order of unsigned numbers. */
 static int compare_values(const void *a, const void *b)
 {
     const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
@@ -100,6 +101,7 @@ static void test_memory(void)
     put_word("copy", crc32(copy, sizeof copy));
 }
 
+/* Run all tests of library functions; every processor must print the same checksums. */
 int main(void)
 {
     test_sort();

@@ -23,11 +23,13 @@ static volatile uint8_t log[LOG_SIZE];
 static volatile unsigned log_count, nesting;
 static volatile uint32_t raise_in[48], raise_system_in[48];
 
+/* Append an event to the log: the exception number at an entry, with bit 7 set at an exit. */
 static void log_event(uint8_t event)
 {
     log[log_count++ % LOG_SIZE] = event;
 }
 
+/* Wait until all writes to the NVIC have taken effect, so that pending exceptions run before the next instruction. */
 static void barrier(void)
 {
     __asm__ volatile("dsb\n\tisb" ::: "memory");

@@ -7,7 +7,7 @@
 static uint32_t table[256], words[WORDS];
 static uint8_t bytes[2048];
 
-/* Table of the CRC-32 (IEEE 802.3) of each byte. */
+/* Fill the table with the CRC-32 (IEEE 802.3) of each byte. */
 static void make_table(void)
 {
     for (uint32_t i = 0; i < 256; i++) {
@@ -19,7 +19,7 @@ static void make_table(void)
     }
 }
 
-/* CRC-32 (IEEE 802.3) of a buffer by table look-up: loads of bytes and words at computed addresses. */
+/* Return the CRC-32 (IEEE 802.3) of a buffer by table look-up: loads of bytes and words at computed addresses. */
 static uint32_t crc32(const uint8_t *data, size_t size)
 {
     uint32_t crc = ~0u;

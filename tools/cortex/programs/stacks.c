@@ -33,6 +33,7 @@ __attribute__((used)) static void report_frame(uint32_t msp, uint32_t exc_return
     READ("  IPSR", "ipsr");
 }
 
+/* Body of an exception handler: pass the main stack pointer at entry and EXC_RETURN to report_frame(). */
 #define ENTER \
     __asm__ volatile("mov r0, sp\n\t" \
                      "mov r1, lr\n\t" \
@@ -40,11 +41,13 @@ __attribute__((used)) static void report_frame(uint32_t msp, uint32_t exc_return
                      "bl report_frame\n\t" \
                      "pop {r0, pc}")
 
+/* SVC handler: report the stacked frame. Naked, because a compiled prologue would move the stack pointer. */
 __attribute__((naked)) void on_svcall(void)
 {
     ENTER;
 }
 
+/* PendSV handler: report the stacked frame, as the SVC handler does. */
 __attribute__((naked)) void on_pendsv(void)
 {
     ENTER;

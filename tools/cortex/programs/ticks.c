@@ -49,6 +49,7 @@ static void check_monotonic(const char *name, bool masked)
     }
 }
 
+/* Keep the processor busy for a time that is proportional to `iterations`. */
 static void busy_loop(uint32_t iterations)
 {
     for (uint32_t i = 0; i < iterations; i++) {
@@ -56,7 +57,7 @@ static void busy_loop(uint32_t iterations)
     }
 }
 
-/* Duration of a busy loop, microseconds, measured with the clock under test. */
+/* Return the duration of a busy loop in microseconds, measured with the clock under test. */
 static uint32_t time_busy_loop(uint32_t iterations)
 {
     const uint64_t begin = ticks_us();

@@ -1,7 +1,7 @@
 /* Verification of an Ed25519 signature (RFC 8032) in as little code as possible: the measure of `signature_size.py`.
  *
  * No image contains this code. Field elements are 32 limbs of 8 bits, points have extended coordinates, and every
- * doubling is an addition. The scalar h is not reduced modulo the group order, which is right for a public key in the
+ * doubling is an addition. The scalar h is not reduced modulo the group order, which is correct for a public key in the
  * subgroup of prime order. Times depend on the data: all data of a verification are public. */
 #include <stdbool.h>
 #include <stdint.h>
@@ -24,11 +24,13 @@ static const element group_order = GROUP_ORDER;
 
 /* ---- SHA-512 (FIPS 180-4) ---- */
 
+/* Rotate to the right by 1 to 63 bits. */
 static uint64_t rotate(uint64_t x, unsigned bits)
 {
     return x >> bits | x << (64u - bits);
 }
 
+/* Add one block of 128 bytes to the hash state (FIPS 180-4, section 6.4.2). */
 static void compress(uint64_t state[8], const uint8_t *block)
 {
     uint64_t w[16], s[8];
@@ -59,7 +61,7 @@ static void compress(uint64_t state[8], const uint8_t *block)
     }
 }
 
-/* Hash of R, public key and message, 64 bytes, little-endian as the scalar of RFC 8032. */
+/* Compute the hash of R, public key and message: 64 bytes, read as the little-endian scalar h of RFC 8032. */
 static void hash(uint8_t digest[64], const uint8_t *r, const uint8_t *key, const uint8_t *message, uint32_t size)
 {
     uint64_t state[8];
@@ -89,24 +91,26 @@ static void hash(uint8_t digest[64], const uint8_t *r, const uint8_t *key, const
 
 /* ---- field of integers modulo p ---- */
 
+/* Reduce sums of limbs, each below 2^24, to limbs of 8 bits; a carry from the last limb is folded by 2^256 modulo p. */
 static void carry(element out, const uint32_t sums[LIMBS])
 {
-    uint32_t rest = 0;
+    uint32_t carried = 0;
     for (unsigned i = 0; i < LIMBS; i++) {
-        rest += sums[i];
-        out[i] = (uint8_t)rest;
-        rest >>= 8;
+        carried += sums[i];
+        out[i] = (uint8_t)carried;
+        carried >>= 8;
     }
-    while (rest) {
-        rest *= FOLD;
+    while (carried) {
+        carried *= FOLD;
         for (unsigned i = 0; i < LIMBS; i++) {
-            rest += out[i];
-            out[i] = (uint8_t)rest;
-            rest >>= 8;
+            carried += out[i];
+            out[i] = (uint8_t)carried;
+            carried >>= 8;
         }
     }
 }
 
+/* Compute a + b modulo p. */
 static void add(element out, const element a, const element b)
 {
     uint32_t sums[LIMBS];
@@ -116,6 +120,7 @@ static void add(element out, const element a, const element b)
     carry(out, sums);
 }
 
+/* Compute a - b modulo p. */
 static void subtract(element out, const element a, const element b)
 {
     uint32_t sums[LIMBS];
@@ -125,6 +130,7 @@ static void subtract(element out, const element a, const element b)
     carry(out, sums);
 }
 
+/* Compute a times b modulo p. */
 static void multiply(element out, const element a, const element b)
 {
     uint32_t sums[LIMBS];
@@ -137,7 +143,7 @@ static void multiply(element out, const element a, const element b)
     carry(out, sums);
 }
 
-/* a to the power of a number of `bits` bits, all set except in its low byte. */
+/* Compute the power of a whose exponent has `bits` bits: all are set, except that its low byte is `low`. */
 static void power(element out, const element a, unsigned bits, uint8_t low)
 {
     element result;
@@ -151,23 +157,24 @@ static void power(element out, const element a, unsigned bits, uint8_t low)
     memcpy(out, result, sizeof result);
 }
 
-/* The representative from 0 to p - 1. */
+/* Replace a field element by its representative from 0 to p - 1. */
 static void freeze(element a)
 {
     for (unsigned pass = 0; pass < 2u; pass++) {
         element reduced;
-        uint32_t rest = 19u;
+        uint32_t carried = 19u;
         for (unsigned i = 0; i < LIMBS; i++) { /* a + 19 - 2^255 */
-            rest += a[i] + (i == LIMBS - 1u ? 0x80u : 0u);
-            reduced[i] = (uint8_t)rest;
-            rest >>= 8;
+            carried += a[i] + (i == LIMBS - 1u ? 0x80u : 0u);
+            reduced[i] = (uint8_t)carried;
+            carried >>= 8;
         }
-        if (rest) {
+        if (carried) {
             memcpy(a, reduced, sizeof reduced);
         }
     }
 }
 
+/* Return whether a field element is 0 modulo p. */
 static bool is_zero(const element a)
 {
     element copy, zero = {0};
@@ -178,6 +185,7 @@ static bool is_zero(const element a)
 
 /* ---- curve ---- */
 
+/* Add two points in extended coordinates (RFC 8032, section 5.1.4). out may be p or q. */
 static void add_points(point *out, const point *p, const point *q)
 {
     element a, b, c, e, f, g;
@@ -201,6 +209,7 @@ static void add_points(point *out, const point *p, const point *q)
     multiply(out->z, f, g);
 }
 
+/* Multiply a point by a little-endian scalar of `bits` bits: double and add. */
 static void multiply_point(point *out, const point *p, const uint8_t *scalar, unsigned bits)
 {
     memset(out, 0, sizeof *out);
@@ -213,7 +222,7 @@ static void multiply_point(point *out, const point *p, const uint8_t *scalar, un
     }
 }
 
-/* The negative of the point that `bytes` encode; false if there is none. */
+/* Decode a point and store its negative (RFC 8032, section 5.1.3). Returns false if `bytes` encode no point. */
 static bool decode_negative(point *out, const uint8_t *bytes)
 {
     element u, v, v3, check;
@@ -252,7 +261,7 @@ static bool decode_negative(point *out, const uint8_t *bytes)
     return false;
 }
 
-/* True if `value`, little-endian, is smaller than the group order. */
+/* Return whether the little-endian number `value` is smaller than the group order. */
 static bool is_reduced(const uint8_t *value)
 {
     for (unsigned i = LIMBS; i--;) {
@@ -263,6 +272,8 @@ static bool is_reduced(const uint8_t *value)
     return false;
 }
 
+/* Return whether the signature (R and S) of the message of `size` bytes is valid for the public key: the encoding of
+ * S B - h A must be R, with the base point B and the public key's point A. */
 bool ed25519_verify(const uint8_t signature[64], const uint8_t key[32], const uint8_t *message, uint32_t size);
 bool ed25519_verify(const uint8_t signature[64], const uint8_t key[32], const uint8_t *message, uint32_t size)
 {

@@ -23,7 +23,7 @@ CORTEX_M0: Final = ("-mcpu=cortex-m0", "-mthumb", "-fno-expensive-optimizations"
 
 
 def list_primes(count: int) -> Iterator[int]:
-    """The first `count` prime numbers."""
+    """Yield the first `count` prime numbers."""
     found: list[int] = []
     number = 2
     while len(found) < count:
@@ -34,7 +34,7 @@ def list_primes(count: int) -> Iterator[int]:
 
 
 def compute_root(value: int, degree: int) -> int:
-    """The largest integer whose power of `degree` is at most `value`."""
+    """Return the largest integer whose power of `degree` is at most `value`."""
     low, high = 0, 1 << (value.bit_length() // degree + 1)
     while high - low > 1:
         middle = (low + high) // 2
@@ -43,13 +43,17 @@ def compute_root(value: int, degree: int) -> int:
 
 
 def compute_fraction(prime: int, degree: int) -> int:
-    """First 64 bits of the fraction of a root of a prime number (FIPS 180-4, sections 4.2.3 and 5.3.5)."""
+    """Return the first 64 bits of the fraction of a prime number's root (FIPS 180-4, sections 4.2.3 and 5.3.5).
+
+    degree: 2 for the square root, 3 for the cube root.
+    """
     return compute_root(prime << (64 * degree), degree) & (2**64 - 1)
 
 
 def format_header() -> str:
-    """Text of sha512_constants.h: constants of hash and curve (RFC 8032, section 5.1), computed from their
-    definitions.
+    """Return the text of sha512_constants.h: constants of hash and curve, computed from their definitions.
+
+    The constants of the curve are those of RFC 8032, section 5.1.
     """
     d = -121665 * pow(121666, -1, P) % P
     y = 4 * pow(5, -1, P) % P
@@ -70,7 +74,7 @@ def format_header() -> str:
 
 
 def compile_program(compiler: str, options: tuple[str, ...], folder: Path, output: str) -> Path:
-    """Compile the program into `folder`; returns the path of the output. Raises CalledProcessError, OSError."""
+    """Compile the program into `folder` and return the path of the output. Raises CalledProcessError, OSError."""
     (folder / "sha512_constants.h").write_text(format_header())
     path = folder / output
     subprocess.run([compiler, *OPTIONS, *options, f"-I{folder}", str(SOURCE), "-o", str(path)], check=True)
@@ -78,7 +82,7 @@ def compile_program(compiler: str, options: tuple[str, ...], folder: Path, outpu
 
 
 def measure(folder: Path) -> tuple[int, int, int]:
-    """Bytes of code, of constants, and of the largest stack frame, for the Cortex-M0."""
+    """Return the bytes of code, of constants, and of the largest stack frame of the program for the Cortex-M0."""
     path = compile_program("arm-none-eabi-gcc", (*CORTEX_M0, "-c"), folder, "verify.o")
     text = subprocess.run(["arm-none-eabi-size", "-A", str(path)], check=True, capture_output=True, text=True).stdout
     sizes = {match[1]: int(match[2]) for match in re.finditer(r"^(\S+)\s+(\d+)", text, re.MULTILINE)}
@@ -89,7 +93,7 @@ def measure(folder: Path) -> tuple[int, int, int]:
 
 
 def main() -> int:
-    """Print the sizes; exit status 1 without the compiler."""
+    """Print the sizes; without the compiler the exit status is 1."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             code, constants, frame = measure(Path(folder))

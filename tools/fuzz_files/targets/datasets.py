@@ -24,7 +24,7 @@ _FRAMES, _TAXELS, _SENSORS = 8, 3, 2
 
 
 def make_contents() -> dict[str, Any]:
-    """Content of a simulated dataset of version 1: datasets by path, attributes by path and "@"."""
+    """Create the content of a simulated dataset of version 1: datasets by path, attributes by path and "@"."""
     items: dict[str, Any] = {
         "@format": "taxel-grasp-dataset", "@version": 1, "@source": "sim", "@hand": "two boards",
         "@created": "2026-01-31T12:00:00+00:00", "@generator": "fuzz",
@@ -64,13 +64,13 @@ def make_contents() -> dict[str, Any]:
 
 
 def write_version_1(folder: Path) -> str:
-    """Write a dataset of version 1."""
+    """Write a dataset of version 1 and return its name."""
     (folder / "a.h5").write_bytes(Hdf5().encode(make_contents()))
     return "a.h5"
 
 
 def write_version_2(folder: Path) -> str:
-    """Write a dataset of version 2."""
+    """Write a dataset of version 2 and return its name."""
     properties = Properties("kPa", "raises", 250.0, 0.5, "resistive")
     places = TaxelPlaces(np.zeros(_TAXELS, np.int64), position=np.arange(9.0).reshape(_TAXELS, 3) * 0.01)
     values = np.arange(40.0 * _TAXELS).reshape(40, _TAXELS)
@@ -81,7 +81,7 @@ def write_version_2(folder: Path) -> str:
 
 
 def write_npz(folder: Path) -> str:
-    """Write the content of a dataset of version 1 as a NumPy archive."""
+    """Write the content of a dataset of version 1 as a NumPy archive and return its name."""
     names = {name.replace("@", "/").lstrip("/"): value for name, value in make_contents().items()}
     arrays = {name: np.asarray(value) for name, value in names.items() if name not in ("format", "version")}
     (folder / "a.npz").write_bytes(encode_npz(arrays))
@@ -89,14 +89,14 @@ def write_npz(folder: Path) -> str:
 
 
 def read_version_1(path: Path) -> Flat:
-    """All data of a dataset of version 1."""
+    """Read all data of a dataset of version 1."""
     with GraspDataset(path) as data:
         data.check()
         return flatten(describe(data))
 
 
 def describe(data: GraspDataset) -> Mapping[str, Any]:
-    """Header, tables and grasps of a dataset."""
+    """Return the header, tables and grasps of a dataset of version 1, by name."""
     grasps = {}
     for grasp in data:
         names = (
@@ -115,13 +115,13 @@ def describe(data: GraspDataset) -> Mapping[str, Any]:
 
 
 def read_version_2(path: Path) -> Flat:
-    """All data of a dataset of version 2."""
+    """Read all data of a dataset of version 2."""
     with GeneralDataset(path) as data:
         return flatten({"header": data.header, "contacts": list(data)})
 
 
 def read_npz(path: Path) -> Flat:
-    """Data of the dataset that is written from a NumPy archive."""
+    """Convert a NumPy archive to a dataset and read the dataset's data."""
     out = path.with_name("out.h5")
     try:
         write_from_arrays(out, path, overwrite=True)
@@ -131,10 +131,10 @@ def read_npz(path: Path) -> Flat:
 
 
 def copy_with_chunks(make: Callable[[Path], str]) -> Callable[[Path], str]:
-    """Return a function that writes the dataset with compressed chunks, as large datasets have them."""
+    """Return a function that writes the dataset of `make` with compressed chunks, as large datasets have them."""
 
     def write(folder: Path) -> str:
-        """Write the dataset, and write its arrays again in chunks."""
+        """Write the dataset, and write its arrays again in chunks. Returns the dataset's name."""
         name = make(folder)
         source, target = h5py.File(folder / name, "r"), io.BytesIO()
         with source, h5py.File(target, "w") as file:
@@ -147,7 +147,9 @@ def copy_with_chunks(make: Callable[[Path], str]) -> Callable[[Path], str]:
 
 
 def _copy(file: Any, path: str, item: Any) -> None:
-    """Copy a group or a dataset; an array is stored in compressed chunks with a check sum."""
+    """Copy a group or a dataset to `file`; an array of two or more axes is stored in a compressed chunk with a
+    checksum.
+    """
     if isinstance(item, h5py.Dataset):
         options = {"chunks": item.shape, "compression": "gzip", "fletcher32": True} if item.ndim > 1 else {}
         copied = file.create_dataset(path, data=item[()], dtype=item.dtype, **options)
@@ -166,7 +168,7 @@ _FIELDS: Final = (
 
 
 def _match_other_names(separator: str) -> re.Pattern[str]:
-    """Return a pattern of the paths whose last name is none of the fields. separator: between names, a pattern."""
+    """Return a pattern of the paths whose last name is none of `_FIELDS`. separator: pattern between two names."""
     return re.compile(rf"^(?!(?:.*{separator})?(?:{'|'.join(_FIELDS)})(?:\[|#|$))")
 
 

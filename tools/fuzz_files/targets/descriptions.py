@@ -130,10 +130,10 @@ share = 0.5
 
 
 def _write(text: str, name: str = "a.toml") -> Callable[[Path], str]:
-    """Return a function that writes a text file."""
+    """Return a function that writes `text` to the file `name` of a folder and returns the name."""
 
     def make(folder: Path) -> str:
-        """Write the text."""
+        """Write the text and return the file's name."""
         (folder / name).write_text(text)
         return name
 
@@ -141,12 +141,15 @@ def _write(text: str, name: str = "a.toml") -> Callable[[Path], str]:
 
 
 def _write_packaged(folder_name: str, name: str) -> Callable[[Path], str]:
-    """Return a function that writes a packaged description."""
+    """Return a function that writes a packaged description to a folder.
+
+    folder_name: subfolder of taxel.hand. name: name without suffix.
+    """
     return _write((resources.files("taxel.hand") / folder_name / f"{name}.toml").read_text())
 
 
 def write_recipe(folder: Path) -> str:
-    """Write a recipe and the mesh that it names: a tetrahedron, millimetres."""
+    """Write a recipe and the mesh that it names, a tetrahedron in millimetres. Returns the recipe's name."""
     points = 30.0 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     write_mesh(
         TriangleMesh("ball", points, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])), folder / "ball.stl"
@@ -155,13 +158,16 @@ def write_recipe(folder: Path) -> str:
 
 
 def _flatten(read: Callable[[Path], Any], *skip: str) -> Callable[[Path], Flat]:
-    """Return a reader whose data are the fields of the object that `read` returns."""
+    """Return a reader whose data are the fields of the object that `read` returns.
+
+    skip: names of fields that are omitted.
+    """
     names = (*skip, "source", "path", "location", "sha256")
     return lambda path: flatten(read(path), "", names)
 
 
 def _read_rig(path: Path) -> Flat:
-    """Read a rig and describe its parts; the hand is described by its name."""
+    """Read a rig and return its parts; the hand is represented by its name."""
     rig = load_rig(str(path))
     devices = {name: {"driver": device.driver.name, **device.options} for name, device in rig.devices.items()}
     return flatten(
@@ -170,7 +176,7 @@ def _read_rig(path: Path) -> Flat:
 
 
 def _read_calibration(path: Path) -> Flat:
-    """Read a calibration with its poses."""
+    """Read the objects and brackets of a calibration with their poses."""
     calibration = load_calibration(path)
     return flatten({kind: getattr(calibration, kind) for kind in ("objects", "brackets")})
 

@@ -37,7 +37,7 @@ class Stimulus:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return header and records."""
+        """Return the header and the records: time, and a value for each taxel."""
         magic, version, kind, taxels, reserved = _HEADER.unpack_from(data)
         row_type = np.dtype([("time", "<f8"), ("values", "<f4", (taxels,))])
         records = np.frombuffer(data[_HEADER.size :], row_type)
@@ -47,7 +47,7 @@ class Stimulus:
         }  # fmt: skip
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes."""
+        """Return the bytes of the file."""
         names = ("magic", "version", "kind", "taxels", "reserved")
         rows = [
             struct.pack("<d", row["time"]) + np.asarray(row["values"], "<f4").tobytes() for row in document["records"]
@@ -56,7 +56,7 @@ class Stimulus:
 
 
 def write_world(folder: Path) -> str:
-    """Write world and stimulus of a small skin."""
+    """Write the world and the stimulus of a small skin; returns ".", as the emulator reads the whole folder."""
     hand = load_hand(HAND)
     (folder / "world.txt").write_text(format_world(hand, WorldSettings()))
     write_stimulus(folder / "a.stm", [0.0, 0.01, 0.02], np.full((3, hand.n_taxels), 0.5))
@@ -64,7 +64,10 @@ def write_world(folder: Path) -> str:
 
 
 def run_emulator(path: Path) -> Flat:
-    """Run the emulator on the files; its data are the exit status. Raises EmulatorInputError for a refused file."""
+    """Run the emulator on the files of a folder; the data are its exit status.
+
+    Raises EmulatorInputError for a file that it refuses with one line, and RuntimeError for a crash or other output.
+    """
     command = [str(find_emulator_program()), "--world", str(path / "world.txt"), "--stimulus", str(path / "a.stm")]
     command += ["--fast", "--duration", _SECONDS, "--uart", "none"]
     completed = subprocess.run(command, capture_output=True, timeout=_TIMEOUT_S, check=False, stdin=subprocess.DEVNULL)

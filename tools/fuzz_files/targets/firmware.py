@@ -26,15 +26,15 @@ _CONTENT: Final = bytes(range(256)) * 2
 
 
 def make_image(slot: int = 0) -> bytes:
-    """An image for boards."""
+    """Create the bytes of a board's firmware image."""
     return build_image(BootDevice.BOARD, slot, 1, (1, 2, 3), _CONTENT)
 
 
 def _write(name: str) -> Callable[[Path], str]:
-    """Return a function that writes an image; the suffix of the name selects the format."""
+    """Return a function that writes an image to the file `name`, whose suffix selects the format."""
 
     def make(folder: Path) -> str:
-        """Write the image."""
+        """Write the image and return the file's name."""
         data = make_image()
         image = parse_image(data, name)
         row = LAYOUTS[BootDevice.BOARD].slot_address(0) // BOOT_ROW_SIZE
@@ -47,10 +47,10 @@ def _write(name: str) -> Callable[[Path], str]:
 
 
 def _write_manifest(name: str) -> Callable[[Path], str]:
-    """Return a function that writes two images and a manifest."""
+    """Return a function that writes two images and the manifest `name`, in JSON or TOML."""
 
     def make(folder: Path) -> str:
-        """Write images and manifest."""
+        """Write the images and the manifest, and return the manifest's name."""
         (folder / "a.bin").write_bytes(make_image())
         (folder / "raw.bin").write_bytes(_CONTENT)
         entries = [
@@ -65,12 +65,12 @@ def _write_manifest(name: str) -> Callable[[Path], str]:
 
 
 def read_firmware(path: Path) -> Flat:
-    """Images of a firmware file."""
+    """Read the images of a firmware file or manifest."""
     return flatten(load_firmware([path]), "", ("source",))
 
 
 def read_swd_rows(path: Path) -> Flat:
-    """Flash rows of a file for a blank board."""
+    """Read the flash rows of a file for programming a blank board over SWD."""
     return {"rows": str(check_hex(path))}
 
 

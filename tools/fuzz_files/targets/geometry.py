@@ -34,13 +34,13 @@ end_header
 
 
 def make_ascii_ply() -> str:
-    """A tetrahedron in the text form of PLY."""
+    """Create a tetrahedron in the text form of PLY."""
     rows = [" ".join(map(str, point)) for point in POINTS] + [f"3 {' '.join(map(str, face))}" for face in FACES]
     return _ASCII_PLY + "\n".join(rows) + "\n"
 
 
 def make_ascii_stl() -> str:
-    """A tetrahedron in the text form of STL."""
+    """Create a tetrahedron in the text form of STL."""
     lines = ["solid a"]
     for face in FACES:
         corners = [f"vertex {' '.join(map(str, POINTS[corner]))}" for corner in face]
@@ -49,10 +49,10 @@ def make_ascii_stl() -> str:
 
 
 def _write_text(name: str, make_text: Callable[[], str]) -> Callable[[Path], str]:
-    """Return a function that writes a text file."""
+    """Return a function that writes the result of `make_text` to the file `name`."""
 
     def make(folder: Path) -> str:
-        """Write the text."""
+        """Write the text and return the file's name."""
         (folder / name).write_text(make_text())
         return name
 
@@ -60,10 +60,10 @@ def _write_text(name: str, make_text: Callable[[], str]) -> Callable[[Path], str
 
 
 def _write_mesh(name: str) -> Callable[[Path], str]:
-    """Return a function that writes a tetrahedron."""
+    """Return a function that writes a tetrahedron to the file `name`, whose suffix selects the format."""
 
     def make(folder: Path) -> str:
-        """Write the mesh."""
+        """Write the mesh and return the file's name."""
         write_mesh(TriangleMesh("a", POINTS, FACES), folder / name)
         return name
 
@@ -71,10 +71,10 @@ def _write_mesh(name: str) -> Callable[[Path], str]:
 
 
 def _write_cloud(name: str) -> Callable[[Path], str]:
-    """Return a function that writes a cloud of twelve points."""
+    """Return a function that writes a cloud of twelve points to the file `name`, whose suffix selects the format."""
 
     def make(folder: Path) -> str:
-        """Write the cloud."""
+        """Write the cloud and return the file's name."""
         points = np.random.default_rng(5).random((12, 3)).astype(np.float32).astype(float)
         write_cloud(ContactCloud.from_points(points), folder / name)
         return name
@@ -83,24 +83,24 @@ def _write_cloud(name: str) -> Callable[[Path], str]:
 
 
 def read_mesh_data(path: Path) -> Flat:
-    """Vertices and triangles of a mesh."""
+    """Read the vertices and triangles of a mesh."""
     mesh = read_mesh(path)
     return {"vertices": mesh.vertices, "faces": mesh.faces}
 
 
 def read_cloud_data(path: Path) -> Flat:
-    """Points, counts and grasps of a cloud."""
+    """Read the points, counts and grasps of a cloud."""
     cloud = read_cloud(path)
     return {name: value for name, value in vars(cloud).items() if isinstance(value, np.ndarray)}
 
 
 def _mesh(name: str, make: Callable[[Path], str], codec: Codec, suffix: str, weight: float = 6.0) -> Target:
-    """Return the target of a mesh. The normals and names of a mesh do not enter the data."""
+    """Create the target of a mesh file, whose normals and names do not affect the data."""
     return Target(name, make, ((rf"\.{suffix}$", (codec,)),), read_mesh_data, weight, _MESH)
 
 
 def _cloud(name: str, codec: Codec, suffix: str) -> Target:
-    """Return the target of a cloud."""
+    """Create the target of a cloud file."""
     return Target(name, _write_cloud(f"a.{suffix}"), ((rf"\.{suffix}$", (codec,)),), read_cloud_data, 6.0, _MESH)
 
 

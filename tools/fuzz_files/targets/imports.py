@@ -36,13 +36,13 @@ _ROWS: Final = 40
 
 
 def make_table() -> dict[str, Any]:
-    """Columns of a recording of four taxels: times and values."""
+    """Create the columns of a recording of four taxels by name: times and values."""
     values = 0.25 * np.arange(_ROWS * 4).reshape(_ROWS, 4)
     return {"t": np.arange(_ROWS) * 0.02, **{f"a{column}": values[:, column] for column in range(4)}}
 
 
 def write_csv(folder: Path) -> str:
-    """Write the table as CSV."""
+    """Write the table as CSV and return the file's name."""
     table = make_table()
     rows = [list(table), *zip(*(map(float, column) for column in table.values()), strict=True)]
     (folder / "a.csv").write_bytes(Csv().encode([list(row) for row in rows]))
@@ -50,25 +50,25 @@ def write_csv(folder: Path) -> str:
 
 
 def write_npz(folder: Path) -> str:
-    """Write the table as a NumPy archive, with a text."""
+    """Write the table and an array of strings as a NumPy archive, and return the file's name."""
     (folder / "a.npz").write_bytes(encode_npz({**make_table(), "label": np.array(["x", "y"])}))
     return "a.npz"
 
 
 def write_hdf5(folder: Path) -> str:
-    """Write the table as HDF5."""
+    """Write the table as HDF5 and return the file's name."""
     (folder / "a.h5").write_bytes(Hdf5().encode({f"run/{name}": column for name, column in make_table().items()}))
     return "a.h5"
 
 
 def write_parquet(folder: Path) -> str:
-    """Write the table as Parquet."""
+    """Write the table as Parquet and return the file's name."""
     pyarrow.parquet.write_table(pyarrow.table(make_table()), folder / "a.parquet")
     return "a.parquet"
 
 
 def _make_store(is_ros1: bool) -> Any:
-    """Return a store of message types with a type of a third party."""
+    """Create a store of ROS message types that contains a type which the reader does not know in advance."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
@@ -77,7 +77,7 @@ def _make_store(is_ros1: bool) -> Any:
 
 
 def _make_message(store: Any, number: int, is_ros1: bool) -> Any:
-    """Return a message of the third party."""
+    """Create message `number` of the type a/msg/Pad: a header, four values and a label."""
     time = store.types["builtin_interfaces/msg/Time"](sec=100 + number, nanosec=0)
     fields = {"stamp": time, "frame_id": "pad"} | ({"seq": number} if is_ros1 else {})
     values = np.arange(4, dtype=np.uint16) + number
@@ -85,7 +85,7 @@ def _make_message(store: Any, number: int, is_ros1: bool) -> Any:
 
 
 def write_bag1(folder: Path) -> str:
-    """Write a ROS 1 bag."""
+    """Write a ROS 1 bag of eight messages and return its name."""
     from rosbags.rosbag1 import Writer
 
     store = _make_store(True)
@@ -98,10 +98,10 @@ def write_bag1(folder: Path) -> str:
 
 
 def _write_bag2(plugin: str) -> Callable[[Path], str]:
-    """Return a function that writes a ROS 2 bag, a folder."""
+    """Return a function that writes a ROS 2 bag, a folder. plugin: name of the storage format."""
 
     def make(folder: Path) -> str:
-        """Write the bag."""
+        """Write the bag of eight messages and return the folder's name."""
         from rosbags.rosbag2 import StoragePlugin, Writer
 
         store = _make_store(False)
@@ -116,7 +116,7 @@ def _write_bag2(plugin: str) -> Callable[[Path], str]:
 
 
 def write_lerobot(folder: Path) -> str:
-    """Write a LeRobot dataset of version 2.1 with one episode."""
+    """Write a LeRobot dataset of version 2.1 with one episode, and return its folder."""
     (folder / "set/meta").mkdir(parents=True)
     (folder / "set/data/chunk-000").mkdir(parents=True)
     (folder / "set/meta/info.json").write_text(json.dumps({"codebase_version": "v2.1", "fps": 50}))
@@ -135,7 +135,7 @@ def write_lerobot(folder: Path) -> str:
 
 
 def write_zarr(folder: Path) -> str:
-    """Write the table as a Zarr store of format 2 with one chunk for each array, not compressed."""
+    """Write the table as a Zarr store of format 2 with one uncompressed chunk for each array, and return its name."""
     store = folder / "a.zarr"
     for name, column in make_table().items():
         (store / name).mkdir(parents=True)
@@ -147,7 +147,7 @@ def write_zarr(folder: Path) -> str:
 
 
 def read_source(path: Path) -> Flat:
-    """All fields of a file, read into memory."""
+    """Read all fields of a file that `taxel import` can open."""
     source = open_source(path)
     return {name.lstrip("/"): source.read(name) for name in source.fields}
 
@@ -158,7 +158,7 @@ _POSE: Final = "x,y,z,qw,qx,qy,qz"
 
 @cache
 def _get_hand() -> tuple[Hand, Any, ImportOptions]:
-    """Return the hand, its centres of taxels at rest, f64[n, 3], and options of an import."""
+    """Return the hand, the centres f64[n, 3] of its taxels with all joint angles 0, and the options of an import."""
     hand = load_hand(HAND_NAME)
     robot = load_robot(str(hand.robot)).get_subtree("palm")
     wrist = make_pose(np.array([0.5, 0.0, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -168,7 +168,7 @@ def _get_hand() -> tuple[Hand, Any, ImportOptions]:
 
 
 def write_contacts(folder: Path) -> str:
-    """Write contact points of Gazebo and the joint angles."""
+    """Write a table of three contact points, as Gazebo gives them, and the joint angles. Returns ".", the folder."""
     hand, centres, _ = _get_hand()
     rows = [["1", "cylinder", "top", 0.5 + 0.1 * step, *centres[step].tolist(), 0.25] for step in range(3)]
     header = ["grasp", "object", "approach", "time", "x", "y", "z", "force"]
@@ -179,7 +179,7 @@ def write_contacts(folder: Path) -> str:
 
 
 def write_active(folder: Path) -> str:
-    """Write active taxels and the joint angles."""
+    """Write a table of three active taxels and the joint angles. Returns ".", the folder."""
     write_contacts(folder)
     _, centres, _ = _get_hand()
     rows = [["1", "cylinder", "top", *centres[step].tolist(), 1] for step in range(3)]
@@ -188,10 +188,10 @@ def write_active(folder: Path) -> str:
 
 
 def _read_contacts(convert: Callable[..., Any]) -> Callable[[Path], Flat]:
-    """Return a function that imports contacts and reads the dataset."""
+    """Return a function that imports the contacts and joint angles of a folder with `convert` and reads the dataset."""
 
     def read(path: Path) -> Flat:
-        """Import the files of a folder."""
+        """Import the files of a folder and read the dataset, which is deleted."""
         out = path / "out.h5"
         try:
             convert(path / "c.csv", out, joints=path / "j.csv", options=_get_hand()[2])
@@ -203,13 +203,13 @@ def _read_contacts(convert: Callable[..., Any]) -> Callable[[Path], Flat]:
 
 
 def write_original(folder: Path) -> str:
-    """Write a contact file of the original simulator."""
+    """Write a contact file of the original simulator and return its name."""
     (folder / "a.csv").write_bytes(Csv().encode([[0.1, 0.2, 0.3, 1.5], [0.4, 0.5, 0.6, 2.5]]))
     return "a.csv"
 
 
 def read_original(path: Path) -> Flat:
-    """Contacts of a file of the original simulator."""
+    """Read the contacts of a file of the original simulator."""
     return {"points": read_original_contacts(path)}
 
 
@@ -220,7 +220,7 @@ SIZES: Final[dict[str, tuple[int, ...]]] = {
 
 
 def write_states(folder: Path) -> str:
-    """Write states of a MuJoCo model."""
+    """Write the states of a MuJoCo model at six times and return the file's name."""
     rows = np.arange(6.0)
     states = {"qpos": rows[:, None] + [0.0, 1.0, 2.0], "qvel": rows[:, None] * [1.0, 0.5], "time": 0.01 * rows}
     texts = {"phase": np.array(["hold"] * 6), "grasp": np.array(["1"] * 6)}
@@ -229,14 +229,14 @@ def write_states(folder: Path) -> str:
 
 
 def read_state_file(path: Path) -> Flat:
-    """States of a MuJoCo model."""
+    """Read the states of a MuJoCo model."""
     states = read_states(path, SIZES, 0.01)
     states.rows_by_grasp()
     return flatten(states, "", ("source",))
 
 
 def write_map(folder: Path) -> str:
-    """Write a map of the names of a MuJoCo model."""
+    """Write a file that maps the names of a MuJoCo model to boards and the object, and return its name."""
     text = (
         'prefix = "rh_"\n[object]\nbody = "can"\n[boards]\npalm = "palm_pad"\nfingertip_index = { body = "ff_tip" }\n'
     )
@@ -245,7 +245,7 @@ def write_map(folder: Path) -> str:
 
 
 def read_map(path: Path) -> Flat:
-    """Content of a map."""
+    """Read the content of a map of a MuJoCo model's names."""
     return flatten(load_map(path)[0])
 
 
@@ -254,7 +254,10 @@ _NAMES: Final = Rules(unused=re.compile("^metadata"), derived=re.compile(r"^\[0\
 
 
 def _source(name: str, make: Callable[[Path], str], weight: float, *codecs: tuple[str, tuple[Codec, ...]]) -> Target:
-    """Return the target of a file that `open_source` reads. The model of a bag and of a store is coarse."""
+    """Create the target of a file that `open_source` reads.
+
+    The codec of a bag and of a store models the file only coarsely, so the rules permit every difference.
+    """
     is_coarse = name.startswith("import-bag") or name in ("import-zarr", "import-lerobot")
     return Target(name, make, codecs, read_source, weight, COARSE if is_coarse else _NAMES)
 

@@ -33,7 +33,7 @@ _CYCLE_S: Final = 0.02
 
 
 def make_frames() -> list[TaxelFrame]:
-    """Frames of all boards of the hand, with different counts in each taxel."""
+    """Create the frames of all boards of the hand, with different counts in each taxel."""
     random = np.random.default_rng(7)
     frames = []
     for cycle in range(_CYCLES):
@@ -45,7 +45,7 @@ def make_frames() -> list[TaxelFrame]:
 
 
 def write_capture(folder: Path) -> str:
-    """Write a capture of all frames; the header has all fields that readers use."""
+    """Write a capture of all frames and return its name; the header has all fields that readers use."""
     header: dict[str, object] = {
         "source": "fuzz", "url": "fuzz:", "hand": HAND, "baud": 1e6, "clock": "host", "epoch_offset_ns": 10**18,
         "created": "2026-01-31T09:30:00+00:00", "taxel_version": "0.1",
@@ -63,10 +63,10 @@ def write_capture(folder: Path) -> str:
 
 
 def _convert(name: str) -> Callable[[Path], str]:
-    """Return a function that writes the capture in another format."""
+    """Return a function that writes the capture as the file `name`, whose suffix selects the format."""
 
     def make(folder: Path) -> str:
-        """Write a recording in the format of the name."""
+        """Write the recording and return its name."""
         write_capture(folder)
         convert(folder / "a.bin", folder / name)
         (folder / "a.bin").unlink()
@@ -76,7 +76,10 @@ def _convert(name: str) -> Callable[[Path], str]:
 
 
 def read_frames(path: Path) -> Flat:
-    """Frames of a recording, as texts that contain all data but the time; those before a damage are returned too."""
+    """Read the frames of a recording, as strings that contain all their data except the time.
+
+    The frames before a damage are returned with the error under the key "reported".
+    """
     link, hand = open_recording(path)
     frames: list[str] = []
     with Skin(link, hand) as skin:
@@ -92,7 +95,11 @@ def read_frames(path: Path) -> Flat:
 
 
 def read_table(path: Path) -> Flat:
-    """Frames of a table with all their values, and the joint angles. Unlike `read_frames` without the encoder."""
+    """Read the frames of a table (CSV or Parquet) with all their values, and check the joint angles.
+
+    Unlike `read_frames` it does not encode the frames as a stream first. Raises CaptureError for a table without
+    frames.
+    """
     link, hand = open_recording(path)
     try:
         frames = [{**frame._asdict()} for frame in link._frames]  # type: ignore[attr-defined] # of FramesLink
@@ -105,7 +112,7 @@ def read_table(path: Path) -> Flat:
 
 
 def write_original_bag(folder: Path) -> str:
-    """Write a ROS 1 bag with the topics of the original stack."""
+    """Write a ROS 1 bag with the topics of the original stack and return its name."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -122,7 +129,7 @@ def write_original_bag(folder: Path) -> str:
 
 
 def write_joints(folder: Path) -> str:
-    """Write a file of joint angles."""
+    """Write a file of joint angles and return its name."""
     with (folder / "joints.csv").open("w", newline="") as file:
         rows = [[0.1 * number, *(0.01 * number + 0.001 * joint for joint in range(3))] for number in range(8)]
         csv.writer(file).writerows([["time_s", *JOINTS], *rows])
@@ -130,7 +137,7 @@ def write_joints(folder: Path) -> str:
 
 
 def read_joints(path: Path) -> Flat:
-    """Samples of a file of joint angles."""
+    """Read the samples of a file of joint angles."""
     history = read_joint_file(path, JOINTS)
     return {"time": np.array(history._times), "angles": np.array(history._angles)}
 

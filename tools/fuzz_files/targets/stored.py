@@ -46,17 +46,17 @@ def write_report(folder: Path) -> str:
 
 
 def read_report_data(path: Path) -> Flat:
-    """Effects and taxels of a report."""
+    """Read the effects and taxels of a gap report."""
     return flatten(read_report(path), "", ("path", "sha256", "effect"))
 
 
 def read_report_page(path: Path) -> Flat:
-    """Page of a report."""
+    """Read a gap report and return the text of its page."""
     return {"page": page_text(read_report_values(path))}
 
 
 def make_record() -> TestRecord:
-    """A bench test with two phases."""
+    """Create the record of a bench test with two phases, of which one has failed."""
     white = Measurement("white", 9.5, "counts", Limit(None, 8.0), "TX 3", Outcome.FAIL)
     name = Measurement("firmware", "0.3.1", "", None, "", Outcome.PASS)
     finding = Finding("noisy TX line", "TX 3", "lift the solder joint", 4.25)
@@ -71,67 +71,67 @@ def make_record() -> TestRecord:
 
 
 def write_result(folder: Path) -> str:
-    """Write the result of a bench test."""
+    """Write the result of a bench test and return the file's name."""
     write_json(make_record(), folder / "r.json")
     return "r.json"
 
 
 def write_history(folder: Path) -> str:
-    """Write a history with one test."""
+    """Write a history with one bench test and return its name."""
     with History(folder / "h.db") as history:
         history.add(make_record())
     return "h.db"
 
 
 def read_history(path: Path) -> Flat:
-    """Earlier tests and changes of a device."""
+    """Read the earlier tests of a device, and how the present test differs from them."""
     with History(path) as history:
         return flatten({"earlier": history.list_earlier("AB-0001"), "changes": history.compare(make_record())})
 
 
 def write_sealed(folder: Path) -> str:
-    """Write the sealed worlds of a blind check."""
+    """Write the sealed worlds of a blind check and return the folder's name."""
     seal_worlds(folder / "check", 2, 0, seed=1)
     return "check"
 
 
 def read_sealed(path: Path) -> Flat:
-    """Worlds of a blind check."""
+    """Read the sealed worlds of a blind check."""
     return flatten([world.to_json() for world in open_sealed_worlds(path)])
 
 
 def write_answers(folder: Path) -> str:
-    """Write the first answers of the published blind check."""
+    """Write the first two answers of the published blind check and return the file's name."""
     answers = GzipJsonLines().decode((_DOCS / "blind-check-answers.jsonl.gz").read_bytes())
     (folder / "a.jsonl.gz").write_bytes(GzipJsonLines().encode(answers[:2]))
     return "a.jsonl.gz"
 
 
 def read_answers(path: Path) -> Flat:
-    """Answers of a blind check."""
+    """Read the answers of a blind check."""
     return flatten(read_records(path))
 
 
 def write_generated(folder: Path) -> str:
-    """Write the folder of a recipe that has no shards yet."""
+    """Write a recipe and the folder of its dataset without shards (files of the dataset)."""
     (folder / "recipe.toml").write_text("grasps = 2\nseed = 3\n")
     open_folder(folder / "out", read_recipe(folder / "recipe.toml"))
     return "."
 
 
 def read_generated(path: Path) -> Flat:
-    """Numbers of the missing shards of a folder."""
+    """Return the numbers of the shards that the folder of a recipe lacks."""
     return {"missing": str(open_folder(path / "out", read_recipe(path / "recipe.toml")))}
 
 
 @cache
 def _load_hand() -> Hand:
-    """Hand of the calibration."""
+    """Load the hand of the calibration."""
     return load_hand("original")
 
 
 def write_proximity(folder: Path) -> str:
-    """Write a calibration of the response before contact."""
+    """Write a calibration of the response before contact and return the file's name."""
     curve = ResponseCurve(np.array([0.0005, 0.002, 0.014]), np.array([-310.5, -190.25, -9.75]), 3.5)
     targets = {"grounded": TargetResponse(curve, 0.025, 0.03125, ("palm",))}
     calibration = ProximityCalibration("original", {"palm": KindCalibration(4.125, 0.375, targets)})
@@ -140,20 +140,20 @@ def write_proximity(folder: Path) -> str:
 
 
 def read_proximity(path: Path) -> Flat:
-    """Calibrated kinds of board."""
+    """Read the calibrated board kinds of a proximity calibration."""
     calibration = read_calibration(path, _load_hand())
     return flatten({"hand": calibration.hand, "kinds": calibration.kinds})
 
 
 def write_hold_table(folder: Path) -> str:
-    """Write the holds of a calibration session."""
+    """Write the table of holds (times at which a target stands still) of a calibration session; returns its name."""
     holds = [Hold(1.0, 2.5, "palm", "rest", None), Hold(3.0, 4.5, "palm", "grounded", 0.0035)]
     (folder / "holds.csv").write_text(format_holds(holds))
     return "holds.csv"
 
 
 def read_hold_table(path: Path) -> Flat:
-    """Holds of a session."""
+    """Read the holds (times at which a target stands still) of a calibration session."""
     return flatten(read_holds(path, _load_hand()))
 
 

@@ -74,10 +74,10 @@ class BoardUnderTest:
         return float(self.settings["sub_conversions"] * self.settings["sense_clock_divider"])
 
     def read_at_rest(self, seconds: float, log: PhaseLog | None = None) -> Capture:
-        """Frames of the untouched board over at least `seconds`. Recorded once and shared by the phases; raises
-        `BoardError`.
+        """Return a record of the untouched board of about `seconds` or longer. Raises `BoardError`.
 
-        log: receives the progress.
+        The record is shared by the phases: it is read once, and again only for a phase that needs a longer one. log:
+        receives the progress.
         """
         self.rest_record_s = max(self.rest_record_s, seconds)
         if self._rest_record is None or self._rest_record.seconds < 0.9 * seconds:
@@ -85,10 +85,13 @@ class BoardUnderTest:
         return self._rest_record
 
     def read_for(self, seconds: float, log: PhaseLog | None = None) -> Capture:
-        """Frames of the next `seconds` seconds. Raises `BoardError`."""
+        """Read the frames of the next `seconds` seconds, at least two.
+
+        Raises `BoardError`. log: receives the progress.
+        """
 
         def is_enough(count: int, elapsed: float) -> bool:
-            """Whether the reading time has elapsed and at least two frames have arrived; also reports the progress."""
+            """Return whether the time has elapsed and at least two frames have arrived; report the progress."""
             if log is not None:
                 log.report_progress(elapsed / seconds)
             return elapsed >= seconds and count > 1
@@ -96,18 +99,21 @@ class BoardUnderTest:
         return self._read_until(is_enough)
 
     def read_frames(self, count: int, skip: int = 0) -> Capture:
-        """The next `count` frames, after `skip` discarded frames. Raises `BoardError`."""
+        """Read the next `count` frames, after `skip` discarded frames. Raises `BoardError`."""
         if skip:
             self._read_until(lambda frames, elapsed: frames >= skip)
         return self._read_until(lambda frames, elapsed: frames >= count)
 
     def _read_until(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Read frames of the board until `is_enough(frames, seconds)` is True."""
+        """Read frames of the board until `is_enough(number of frames, elapsed seconds)` returns True."""
         self.was_measured = True
         return self.readout.read_frames(is_enough)
 
     def select_inner_taxels(self, count: int) -> list[int]:
-        """Indices of `count` healthy taxels spread over the board, which have neighbours on all sides if possible."""
+        """Select `count` healthy taxels spread over the board, with neighbours on all sides if there are such taxels.
+
+        Returns their indices; fewer if the board has fewer such taxels.
+        """
         has_taxel = np.pad(self.kind.crossings, 1)
         is_inner = ~self.find_faulty_taxels()
         for row in (0, 1, 2):
@@ -118,8 +124,9 @@ class BoardUnderTest:
         return [int(taxel) for taxel in candidates[positions]]
 
     def attach_picture(self, log: PhaseLog, name: str, draw: Callable[[], bytes], caption: str) -> None:
-        """Attach a picture to the log of a phase if pictures are enabled. draw: function that returns the bytes of
-        the picture.
+        """Attach a picture to the log of a phase if pictures are enabled.
+
+        draw: function that returns the bytes of the picture; it is not called if pictures are disabled.
         """
         if self.draws_pictures:
             log.attach(name, MEDIA_TYPE, draw(), caption)
@@ -130,12 +137,16 @@ class BoardUnderTest:
         return _read_registers(self.wire, lambda: read_status(self.address))
 
     def read_fault(self) -> FaultRecord | None:
-        """Read the last fault of the board since power-on; None without one. Raises `BoardError` as `read_status`."""
+        """Read the last fault of the board since power-on; None if there was none.
+
+        Raises `BoardError` as `read_status`.
+        """
         return _read_registers(self.wire, lambda: read_fault(self.address, self.identity))
 
     def find_faulty_taxels(self) -> BoolArray:
-        """Taxels that a detected fault of a taxel or a line concerns, bool[taxels]. Faults of the whole board are
-        ignored.
+        """Return the taxels that a detected fault of a taxel or a line concerns, bool[taxels].
+
+        Faults of the whole board are ignored.
         """
         mask = np.zeros(self.kind.taxel_count, dtype=bool)
         for fault in (*self.evidence.at_rest, *(self.evidence.response or ())):
@@ -145,7 +156,10 @@ class BoardUnderTest:
 
 
 def open_board(wire: BoardWire, address: int, hand: Hand | None) -> BoardUnderTest:
-    """Read identity and settings of a board. Its probe is `NoProbe` until another one is set. Raises `BoardError`."""
+    """Read identity and settings of a board, and return its test context with the probe `NoProbe`.
+
+    Raises `BoardError` if the board does not answer or runs no taxel application.
+    """
     try:
         identity = _read_registers(wire, lambda: read_identity(address))
     except NackError:
@@ -164,9 +178,10 @@ def _read_settings(address: int) -> Procedure[bytes]:
 
 
 def _read_registers(wire: BoardWire, build_procedure: Callable[[], Procedure[T]]) -> T:
-    """Read registers of a board, repeatedly if a transfer fails, because the phases are to measure a faulty bus.
+    """Read registers of a board, and repeat the read if a transfer fails, because a test must also measure a faulty
+    bus.
 
-    build_procedure: makes the transfers of one attempt.
+    build_procedure: makes the transfers of one attempt. The error of the last of `ATTEMPTS` attempts is raised.
     """
     for _ in range(ATTEMPTS - 1):
         with suppress(TransferError):
@@ -175,8 +190,9 @@ def _read_registers(wire: BoardWire, build_procedure: Callable[[], Procedure[T]]
 
 
 def build_kind(address: int, identity: dict[str, Any], hand: Hand | None) -> BoardKind:
-    """Board kind from the identity registers, with the name of this kind in the hand description. Raises
-    `BoardError`.
+    """Build the board kind from the identity registers, with the name that the hand description gives this kind code.
+
+    Without a name there, the kind is called "kind CODE". Raises `BoardError` if the registers contradict each other.
     """
     rows, columns = identity["rows"], identity["columns"]
     bits = np.unpackbits(np.frombuffer(identity["crossing_map"], dtype=np.uint8), bitorder="little")

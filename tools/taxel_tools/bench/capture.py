@@ -47,7 +47,7 @@ class Capture:
 
 
 def unwrap_counter(values: NDArray[np.integer], modulus: int) -> IntArray:
-    """Values of a counter modulo `modulus`, without the jumps at its wraps."""
+    """Remove the wraps from the values of a counter modulo `modulus`, i64[n]; the first value stays as it is."""
     counter = np.asarray(values, dtype=np.int64)
     if not len(counter):
         return counter

@@ -33,15 +33,16 @@ WIDTH_MIN_IN: Final = 3.4
 
 
 def render_png(figure: "Figure") -> bytes:
-    """PNG bytes of a figure."""
+    """Render a figure as PNG bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()
 
 
 def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: BoolArray | None = None) -> bytes:
-    """Picture of one value per taxel at its crossing: TX lines down, RX lines to the right; marked taxels have a
-    red frame.
+    """Draw one value per taxel at its crossing, TX lines down and RX lines to the right. Returns PNG bytes.
+
+    values: f64[taxels]. marked: bool[taxels], taxels with a red frame.
     """
     grid = np.full(kind.crossings.shape, np.nan)
     grid[kind.crossings] = values
@@ -79,14 +80,17 @@ def _create_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def _make_frame(x: int, y: int) -> "Rectangle":
-    """Red frame around one element of the picture of a matrix. x, y: column and row of the element."""
+    """Create a red frame around one element of the picture of a matrix. x, y: column and row of the element."""
     from matplotlib.patches import Rectangle
 
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
 
 
 def _make_axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
-    """Create a figure with one diagram in the style of the report. x, y: labels of the axes; height: inches."""
+    """Create a figure with one diagram in the style of the report; return the figure and its axes.
+
+    x, y: labels of the axes; height: inches.
+    """
     figure = _create_figure(WIDTH_IN, height)
     axes = figure.add_subplot()
     axes.set_xlabel(x, fontsize=LABEL_PT)
@@ -100,9 +104,10 @@ def _make_axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
 
 
 def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, rate_hz: float) -> bytes:
-    """Diagram of the noise spectrum of an untouched board.
+    """Draw the noise spectrum of an untouched board, averaged over bins of the frequency. Returns PNG bytes.
 
-    density: counts^2/Hz, mean over taxels, at frequency_hz. white: standard deviation of the white noise in counts.
+    density: f64[k], counts^2/Hz, mean over taxels, at frequency_hz f64[k]. white: standard deviation of the white noise
+    in counts. rate_hz: frame rate.
     """
     figure, axes = _make_axes("frequency (Hz)", "counts² / Hz")
     bin_index = np.floor(BINS_PER_DECADE * np.log10(frequency_hz))
@@ -121,8 +126,9 @@ def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, r
 
 
 def draw_time_course(time_s: FloatArray, counts: FloatArray, slope_per_min: float) -> bytes:
-    """Diagram of the drift of a board: counts f64[k] over time, relative to the first value, and their slope in
-    counts/min.
+    """Draw the drift of a board with a line of its slope. Returns PNG bytes.
+
+    counts: f64[k] at time_s f64[k]; the picture shows their change since the first value. slope_per_min: counts/min.
     """
     figure, axes = _make_axes("time (s)", "change (counts)", height=2.8)
     change = counts - counts[0]
@@ -134,7 +140,10 @@ def draw_time_course(time_s: FloatArray, counts: FloatArray, slope_per_min: floa
 
 
 def draw_loading_curve(curve: Curve) -> bytes:
-    """Loading and unloading curve, mean over taxels with shaded standard deviation, as in Figure 2.5 of the thesis."""
+    """Draw the loading and unloading curves as in Figure 2.5 of the thesis. Returns PNG bytes.
+
+    The lines are means over taxels, the shaded areas standard deviations.
+    """
     figure, axes = _make_axes("force (N)", "count over count at rest", height=3.6)
     for branch, style, name in ((curve.loading, "-", "loading"), (curve.unloading, "--", "unloading")):
         mean = branch.mean(axis=0)
@@ -148,8 +157,10 @@ def draw_loading_curve(curve: Curve) -> bytes:
 def draw_small_forces(
     force_n: FloatArray, signal: FloatArray, error: float, detectable_n: float, sigmas: float
 ) -> bytes:
-    """Diagram of the signals f64[k] in counts under small forces, with the noise of one frame and the detectable
-    force.
+    """Draw the signals under small forces, the noise of one frame and the detectable force. Returns PNG bytes.
+
+    signal: f64[k], counts, at force_n f64[k]. error: standard deviation of one frame in counts. detectable_n: force at
+    which the signal reaches `sigmas` standard deviations; NaN if there is none.
     """
     figure, axes = _make_axes("force (N)", "signal (counts)", height=3.0)
     axes.errorbar(force_n, signal, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)

@@ -45,20 +45,21 @@ class Readout(Protocol):
         ...
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Frames from now on, until `is_enough(frames, seconds)` is True.
+        """Receive frames from now on, until `is_enough(number of frames, elapsed seconds)` returns True.
 
         Raises `BoardError` if the board stops responding, `WireError` if the connection ends.
         """
         ...
 
     def read_bus_errors(self) -> tuple[int, int]:
-        """Number of failed reads of this board so far, and number of all reads."""
+        """Return the number of failed reads of this board so far, and the number of all its reads."""
         ...
 
 
 def _build_capture(rows: list[Row], taxels: int) -> Capture:
-    """Join frames that were read from a board. rows: (sequence number, host time in s, board clock in us, raw
-    counts).
+    """Join frames that were read from a board, without the wraps of their counters.
+
+    rows: one frame each: sequence number, host time in s, board clock in us, raw counts.
     """
     counts = np.array([row[3] for row in rows], dtype=np.uint16).reshape(len(rows), taxels)
     clock = unwrap_counter(np.array([row[2] for row in rows], dtype=np.int64), 2**32)
@@ -67,7 +68,11 @@ def _build_capture(rows: list[Row], taxels: int) -> Capture:
 
 
 def _is_complete(address: int, is_enough: bool, silent_s: float) -> bool:
-    """Whether a record is complete. Raises `BoardError` if no frame has arrived for too long."""
+    """Return whether a record is complete: `is_enough`, unless the frames have stopped.
+
+    Raises `BoardError` if no frame has arrived for `END_TIMEOUT_S` at the end of the record, or for
+    `NO_FRAME_TIMEOUT_S` before.
+    """
     if silent_s > (END_TIMEOUT_S if is_enough else NO_FRAME_TIMEOUT_S):
         raise BoardError(address, f"no frame for {silent_s:.1f} s; check plug and power")
     return is_enough
@@ -96,7 +101,7 @@ class HubReadout:
         self._hub.stream.frames.clear()
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Receive frames of the board from the hub until `is_enough(frames, seconds)` is True.
+        """Receive frames of the board from the hub until `is_enough(number of frames, elapsed seconds)` returns True.
 
         Raises `BoardError` if the board stops responding, `WireError` if the connection ends.
         """
@@ -118,16 +123,17 @@ class HubReadout:
                     rows.append((frame.sequence, frame.time_s, frame.board_time_us, frame.raw_counts))
 
     def _poll(self, timeout_s: float) -> None:
-        """Receive the frames that have arrived, after waiting at most `timeout_s`. Raises `WireError` if the link
-        has ended.
-        """
+        """Receive the frames that arrive within `timeout_s`. Raises `WireError` if the link has ended."""
         try:
             self._hub.stream.poll(timeout_s)
         except EOFError:
             raise WireError(self._name, "the link ended while frames were read; check the connection") from None
 
     def read_bus_errors(self) -> tuple[int, int]:
-        """Number of failed reads of the board and of all its reads, from the counters of the hub."""
+        """Return the number of failed reads of the board and of all its reads, from the counters of the hub.
+
+        Requests the counters, and waits `STATUS_WAIT_S` for them.
+        """
         self._hub.read_status()
         deadline_s = self._hub.now_s() + STATUS_WAIT_S
         while self._hub.now_s() < deadline_s:
@@ -154,9 +160,10 @@ class AdapterReadout:
         """Do nothing, as a board scans permanently."""
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Read snapshots of the board through the adapter until `is_enough(frames, seconds)` is True.
+        """Read snapshots of the board through the adapter until `is_enough(frames, elapsed seconds)` returns True.
 
-        Raises `BoardError` if the board stops responding, `WireError` if the connection ends.
+        A scan that was already read is skipped. Raises `BoardError` if the board stops responding, `WireError` if the
+        connection ends.
         """
         rows: list[Row] = []
         start_s = last_frame_s = self._wire.now_s()
@@ -175,7 +182,7 @@ class AdapterReadout:
                 rows.append((last, self._wire.now_s(), header["timestamp_us"], counts))
 
     def read_bus_errors(self) -> tuple[int, int]:
-        """Number of failed snapshot reads and of all snapshot reads by this object."""
+        """Return the number of failed snapshot reads and of all snapshot reads by this object."""
         return self._failed_reads, self._reads
 
     def _read(self) -> Procedure[bytes | None]:

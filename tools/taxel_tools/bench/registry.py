@@ -47,8 +47,9 @@ PROBES: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def list_phase_names() -> tuple[str, ...]:
-    """Names of all phases of a board test, including those of plug-ins. Raises `PluginError` if two packages use
-    one name.
+    """List the names of all phases of a board test, including those of plug-ins.
+
+    Raises `PluginError` if two packages use one name.
     """
     return list_plugin_names(BENCH_PHASES, PHASES)
 
@@ -56,7 +57,8 @@ def list_phase_names() -> tuple[str, ...]:
 def load_phases(names: Collection[str]) -> tuple[Phase, ...]:
     """Load phases of a board test by name, in the order of `list_phase_names()`; unknown names are ignored.
 
-    Raises `PluginError` as one line, with entry point and distribution, for a phase that cannot be used.
+    Raises `PluginError` with a one-line message that names entry point and distribution, for a phase that cannot be
+    used.
     """
     return tuple(_load_phase(name) for name in list_phase_names() if name in names)
 
@@ -78,7 +80,7 @@ def _load_phase(name: str) -> Phase:
 
 
 def open_probe(request: ProbeRequest) -> Probe:
-    """Open the probe that `request.url` names. Raises `TaxelError` as one line."""
+    """Open the probe that `request.url` names. Raises `TaxelError` with a one-line message."""
     name = request.url.partition(":")[0]
     names = list_plugin_names(BENCH_PROBES, PROBES)
     if name not in names:

@@ -32,7 +32,7 @@ MERGING_PHASE: Final = "faults"
 
 @dataclass(frozen=True)
 class RecordLabels:
-    """Serial number of the board, operator, and name of the station."""
+    """Labels of a test record: serial number of the board, operator, and name of the station."""
 
     serial_number: str
     operator: str
@@ -40,7 +40,7 @@ class RecordLabels:
 
 
 def load_default_plan() -> Plan:
-    """The test plan for boards that is part of the package."""
+    """Load the test plan for boards that is part of the package."""
     data = (resources.files("taxel_tools.bench") / "plans" / DEFAULT_PLAN).read_bytes()
     return parse_plan(data, DEFAULT_PLAN)
 
@@ -66,7 +66,8 @@ def select_phases(plan: Plan, phases: Sequence[str]) -> Plan:
 def load_plan_phases(plan: Plan, kinds: Iterable[str] = ()) -> tuple[Phase, ...]:
     """Load the phases of a plan and check the plan against them, and against `kinds` of boards if any are given.
 
-    Raises `PlanError` for an invalid plan, `PluginError` for a phase of another package that cannot be used.
+    Raises `PlanError` for an invalid plan (also if the merging phase is not the last enabled phase), `PluginError` for
+    a phase of another package that cannot be used.
     """
     phases = registry.load_phases(plan.phases)
     check_plan(plan, phases, registry.list_phase_names())
@@ -93,7 +94,7 @@ def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
 
 
 def find_single_board(wire: BoardWire) -> int:
-    """I2C address of the only running board on the bus. Raises `TaxelError` for none or several."""
+    """Return the I2C address of the only running board on the bus. Raises `TaxelError` for none or several."""
     addresses = [device.address for device in scan_bus(wire) if device.runs == "application"]
     if len(addresses) == 1:
         return addresses[0]
@@ -106,7 +107,10 @@ def find_single_board(wire: BoardWire) -> int:
 
 
 def open_probe(url: str | None, board: BoardUnderTest, emulated: EmulatedBench | None, operator: Operator) -> Probe:
-    """Open the probe of `--probe`; by default `emulated` for an emulated board, else `none`. Raises `TaxelError`."""
+    """Open the probe of `--probe`. Raises `TaxelError`.
+
+    url: value of the option; None selects `emulated` for an emulated board, otherwise `none`.
+    """
     pitch_m = board.hand.pitch_m if board.hand else DEFAULT_PITCH_M
     default = "emulated" if emulated else "none"
     request = ProbeRequest(default if url is None else url, board.kind, pitch_m, operator, board.address, emulated)
@@ -114,7 +118,11 @@ def open_probe(url: str | None, board: BoardUnderTest, emulated: EmulatedBench |
 
 
 def run_board_test(plan: Plan, board: BoardUnderTest, labels: RecordLabels, report: Report) -> TestRecord:
-    """Run the plan on a board. Raises `TaxelError` for an invalid plan; no phase has run then."""
+    """Run the plan on a board and return the record of the test.
+
+    Raises `TaxelError` for an invalid plan; then no phase has run. Starts the frames of the board, and stops them at
+    the end.
+    """
     phases = load_plan_phases(plan)
     kind = board.kind.name
     durations = [

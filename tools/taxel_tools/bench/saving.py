@@ -62,7 +62,10 @@ def save_record(record: TestRecord, out: Path, history_file: Path) -> Path:
 
 
 def _create_folder(out: Path, name: str) -> PendingOutput:
-    """Create the folder for the reports of a test in `out`; tests within one second are numbered."""
+    """Create the folder for the reports of a test in `out`, with a number behind the name if the name is in use.
+
+    Tests that begin within one second have the same name. The folder appears under its name when it is complete.
+    """
     for number in range(TESTS_PER_SECOND_MAX):
         folder = out / (name if not number else f"{name}-{number}")
         try:

@@ -20,15 +20,15 @@ COUNT_ERROR: Final = 2.0
 SMALLEST_LARGEST: Final = 5.0 * COUNT_ERROR
 """Largest count of a converter that counts only noise: a count beyond it has a probability of 3e-7 without a signal."""
 LAW_DEVIATIONS: Final = 4.0
-"""Deviation from the law in standard errors that counts as another law; 15 correct counts exceed it once in 1,000."""
+"""Deviation in standard errors above which the law is rejected; 15 correct counts exceed it once in 1,000 tests."""
 
 
 @dataclass(frozen=True)
 class CapacitorResult:
     """Result of one variant of the circuit.
 
-    capacitance_pf: with the assumed current step. follows_law: whether count and code are inversely proportional.
-    usable: number of counts that are neither 0 nor saturated.
+    capacitance_pf: computed with the assumed step of the current source. follows_law: whether count and code are
+    inversely proportional. usable: number of counts that are neither 0 nor saturated.
     """
 
     capacitance_pf: float
@@ -36,14 +36,15 @@ class CapacitorResult:
     usable: int
 
     def compute_step_ua(self, known_pf: float) -> float:
-        """Step of the current source, microamperes, if the capacitance is known."""
+        """Compute the step of the current source in microamperes from the known capacitance."""
         return known_pf / self.capacitance_pf * IDAC_STEP_A * 1e6
 
 
 def evaluate_counts(counts: Mapping[int, int], supply_v: float = 3.3) -> CapacitorResult | None:
-    """Evaluate the counts by current code; None if all are 0 or saturated.
+    """Evaluate the counts of a known capacitor by code of the current source.
 
-    supply_v: supply voltage of the board, which is the voltage of the sense clock.
+    Returns None if all counts are 0 or saturated, or no larger than noise. supply_v: supply voltage of the board, which
+    is the voltage of the sense clock.
     """
     usable = {code: count for code, count in counts.items() if 0 < count < LARGEST_USABLE * PERIOD}
     if not usable or max(usable.values()) < SMALLEST_LARGEST:

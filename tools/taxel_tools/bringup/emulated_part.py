@@ -58,7 +58,7 @@ class _Settings(ctypes.Structure):
 
 @cache
 def _load_library() -> ctypes.CDLL:
-    """The emulator library with the signatures of single_part.h."""
+    """Load the emulator library and set the signatures of single_part.h."""
     library = load_library("taxel_bench", "the compiled emulator library", EmulatedPartError)
     pointer, size, text, number = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_double
     for name, result, *arguments in (
@@ -89,7 +89,7 @@ class EmulatedPart:
     name = "emulated part"
 
     def __init__(self, flash: bytes, settings: PartSettings) -> None:
-        """Power on a chip. flash: content of the flash. settings: of the part and its board."""
+        """Power on a chip. flash: content of the flash. settings: properties and faults of the chip and its board."""
         self._library = _load_library()
         self._handle = self._library.single_part_new(flash, len(flash), ctypes.byref(_Settings(**asdict(settings))))
         if not self._handle:
@@ -97,7 +97,7 @@ class EmulatedPart:
         self._time_s = 0.0
 
     def now_s(self) -> float:
-        """Seconds of virtual time."""
+        """Return the virtual time in seconds since power-on."""
         return self._time_s
 
     def write(self, data: bytes) -> None:
@@ -105,7 +105,7 @@ class EmulatedPart:
         self._library.single_part_put(self._handle, data, len(data))
 
     def read(self, timeout_s: float) -> bytes:
-        """Run until bytes arrive, at most `timeout_s`."""
+        """Let virtual time pass until bytes arrive from the UART, at most `timeout_s`; b"" if none arrive."""
         buffer = ctypes.create_string_buffer(BUFFER)
         end = self._time_s + timeout_s
         while self._time_s < end:
@@ -117,7 +117,7 @@ class EmulatedPart:
         return b""
 
     def measure_clock_pin(self, seconds: float = 0.5) -> float:
-        """Frequency of the clock pin P1.7 over a time, Hz; 0: the pin does not move."""
+        """Measure the frequency of the clock pin P1.7 over a time, in Hz; 0 if the pin does not change."""
         self._library.single_part_measure_clock_pin(self._handle)
         self.read(seconds)
         return float(self._library.single_part_measure_clock_pin(self._handle))

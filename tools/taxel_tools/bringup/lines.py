@@ -10,7 +10,10 @@ MAX_WRONG_SHARE: Final = 0.2
 
 @dataclass(frozen=True)
 class Line:
-    """One line. time_s: arrival of its end. words: words without "=". fields: values by name."""
+    """One line of text.
+
+    time_s: arrival of its end, by the clock of the port. words: words without "=". fields: values by name.
+    """
 
     time_s: float
     name: str
@@ -18,7 +21,10 @@ class Line:
     fields: dict[str, str]
 
     def get(self, field: str, base: int = 10) -> int | None:
-        """A number of the line, in digits of a base; None if the field is missing or damaged."""
+        """Return the number in a field of the line; None if the field is missing or damaged.
+
+        base: base of its digits.
+        """
         try:
             return int(self.fields[field], base)
         except (KeyError, ValueError):
@@ -26,7 +32,7 @@ class Line:
 
 
 def parse_line(text: str, time_s: float) -> Line | None:
-    """Read one line; None for an empty line. time_s: arrival of its end."""
+    """Parse one line of text; None for an empty line. time_s: arrival of its end."""
     words = text.split()
     if not words:
         return None
@@ -35,5 +41,5 @@ def parse_line(text: str, time_s: float) -> Line | None:
 
 
 def is_text(data: bytes) -> bool:
-    """Whether bytes can be text of the image, with some wrong bytes."""
+    """Return whether bytes can be text of the image; at most `MAX_WRONG_SHARE` of them may be wrong."""
     return sum(byte not in PRINTABLE for byte in data) <= MAX_WRONG_SHARE * len(data)

@@ -71,7 +71,11 @@ def measure(port: BytePort, progress: Callable[[str], None] = lambda test: None)
 
 
 class Test(NamedTuple):
-    """One test. step: number in docs/bring-up.md. run: sends its commands and stores what it measures."""
+    """One test.
+
+    name: name in messages. step: number in docs/bring-up.md. run: sends the commands of the test and stores what it
+    measures in the `Measurements`.
+    """
 
     name: str
     step: int
@@ -79,14 +83,20 @@ class Test(NamedTuple):
 
 
 def _read_until(reader: LineReader, results: Measurements, name: str) -> list[Line]:
-    """Return the lines up to the first with this name; an exception of the image is stored."""
+    """Read the lines up to the first with this name.
+
+    The line of an exception of the image ends the reading earlier; it is stored in `results.fault`.
+    """
     lines = reader.read_until(name, LINE_TIMEOUT_S)
     results.fault = next((line for line in lines if line.name == FAULT), None)
     return lines
 
 
 def _run(reader: LineReader, results: Measurements, command: str, names: tuple[str, ...]) -> list[Line]:
-    """Run one command and store its lines by name; a result line that does not arrive is noted as missing."""
+    """Run one command, and return all lines up to the line "done".
+
+    names: names of result lines, which are stored in `results`; those that do not arrive are stored as missing.
+    """
     reader.send(command)
     lines = _read_until(reader, results, "done")
     found = {line.name: line for line in lines if line.name in names}
@@ -96,14 +106,17 @@ def _run(reader: LineReader, results: Measurements, command: str, names: tuple[s
 
 
 def _measure_ticks(reader: LineReader, results: Measurements) -> None:
-    """Measure the mean interval of the lines that the image prints at equal intervals."""
+    """Measure the mean interval of the lines that the image prints at equal intervals.
+
+    Nothing is stored if a line is missing, because it would change the mean.
+    """
     times = [line.time_s for line in _run(reader, results, "t", ("tick",)) if line.name == "tick"]
     if len(times) == TICKS:  # a lost line would change the mean
         results.tick_s = (times[-1] - times[0]) / (len(times) - 1)
 
 
 def _measure_echo(reader: LineReader, results: Measurements) -> None:
-    """Send bytes and keep what comes back."""
+    """Send the bytes `ECHO` and store the bytes that the board sends back."""
     reader.send("e")
     reader.send_bytes(ECHO)
     results.echo = b""
@@ -114,22 +127,25 @@ def _measure_echo(reader: LineReader, results: Measurements) -> None:
 
 
 def _find_interrupts(reader: LineReader, results: Measurements) -> None:
-    """Find the numbers of interrupts and of the sample clock."""
+    """Let the image find the numbers of its interrupts and of the sample clock, and store its result lines."""
     _run(reader, results, "i", ("interrupts", "converter"))
 
 
 def _test_bus(reader: LineReader, results: Measurements) -> None:
-    """Test the lines of the I2C bus and the master."""
+    """Let the image test the lines of the I2C bus and the I2C master, and store its result line."""
     _run(reader, results, "b", ("bus",))
 
 
 def _write_row(reader: LineReader, results: Measurements) -> None:
-    """Write a flash row."""
+    """Let the image write a flash row, and store its result line."""
     _run(reader, results, "f", ("flash",))
 
 
 def _measure_counts(reader: LineReader, results: Measurements) -> None:
-    """Count the known capacitor with both variants of the circuit. A damaged line is left out."""
+    """Let the image count the known capacitor with both variants of the circuit; store the counts.
+
+    A damaged line is omitted.
+    """
     for line in _run(reader, results, "c", ("count", "repeats")):
         capacitors, code, count = line.get("capacitors"), line.get("code"), line.get("count")
         if line.name == "count" and capacitors is not None and code is not None and count is not None:
@@ -139,14 +155,17 @@ def _measure_counts(reader: LineReader, results: Measurements) -> None:
 
 
 def _test_memory(reader: LineReader, results: Measurements) -> None:
-    """Reset the board; its next start line states what survived."""
+    """Let the image reset the board; store its next start line, which states what survived in RAM."""
     reader.send("m")
     lines = _read_until(reader, results, START)
     results.restart = next((line for line in lines if line.name == START), None)
 
 
 def _measure_watchdog(reader: LineReader, results: Measurements) -> None:
-    """Let the watchdog reset the board and measure the time. Other lines in between, such as noise, do not count."""
+    """Let the watchdog reset the board, and store the time until the next start line.
+
+    Lines with other names, such as noise, are ignored.
+    """
     reader.send("w")
     waiting = _read_until(reader, results, "watchdog")
     if not waiting or waiting[-1].name != "watchdog":

@@ -18,7 +18,7 @@ class BytePort(Protocol):
     name: str
 
     def now_s(self) -> float:
-        """Seconds of the clock of this connection."""
+        """Return the time of this connection's clock in seconds."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -43,7 +43,7 @@ class SerialBytePort:
         self._link = SerialLink(device, BAUD, rtscts=False)
 
     def now_s(self) -> float:
-        """Seconds of the monotonic clock."""
+        """Return the seconds of the monotonic clock."""
         return time.monotonic()
 
     def write(self, data: bytes) -> None:
@@ -61,7 +61,7 @@ class SerialBytePort:
 
 
 class LineReader:
-    """Lines from a byte port. received: all bytes since the creation."""
+    """Reader of lines from a byte port. received: all bytes since the creation."""
 
     def __init__(self, port: BytePort) -> None:
         """Read the lines of an open port."""
@@ -94,10 +94,11 @@ class LineReader:
             self._rest += data
 
     def read_until(self, name: str, timeout_s: float) -> list[Line]:
-        """Return the lines up to the first with this name, or to a fault of the image, which is then the last line.
+        """Return the lines up to the first with this name, or to a fault line of the image, which is then the last
+        line.
 
-        timeout_s: for each line. The line "ready" of a board that has received nothing is left out and does not extend
-        the time.
+        timeout_s: longest wait for each line; after it, the lines so far are returned. The line "ready", which a
+        waiting image repeats, is omitted and does not extend the time.
         """
         lines: list[Line] = []
         end = self._port.now_s() + timeout_s

@@ -18,9 +18,10 @@ VERSION: Final = 1
 def write_results(
     path: Path, port: str, results: Measurements, findings: Sequence[Finding], overwrite: bool = False
 ) -> Path:
-    """Write PATH (JSON) and the same name with the suffix .md; returns the latter. port: name of the port.
+    """Write the results as JSON to `path` and as a table to the same name with the suffix .md; return the latter.
 
-    Raises `FileExistsError` or `OutputError` with one line if a file exists and `overwrite` is false.
+    port: name of the port. Raises `FileExistsError` or `OutputError` with a one-line message if a file exists and
+    `overwrite` is false.
     """
     document = {
         "format": FORMAT,
@@ -42,7 +43,7 @@ def write_results(
 
 
 def format_table(findings: Sequence[Finding]) -> str:
-    """Markdown table of the points with their measured values."""
+    """Format the findings as a Markdown page with one table row for each."""
     rows = [
         f"| {each.step} | {each.point} | {each.expected} | {each.measured} | {each.status} | {each.advice} |"
         for each in findings

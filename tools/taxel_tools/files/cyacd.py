@@ -15,8 +15,9 @@ ROW_OVERHEAD: Final = 6
 def read_cyacd(text: str, source: str) -> FirmwareImage:
     """Read the image of a `.cyacd` file. Raises `FirmwareFileError` that names the line.
 
-    Header: silicon id u32, revision, checksum kind. Row: `:`, array, row u16, length u16, data, two's complement of the
-    sum of all preceding bytes of the line. Numbers are big-endian hexadecimal.
+    Header: silicon id u32, revision u8, checksum kind u8. Row: `:`, array u8, row u16, length u16, data, two's
+    complement of the sum of all preceding bytes of the line. Numbers are big-endian hexadecimal. source: name of the
+    file.
     """
     lines = text.splitlines()
     silicon_id = _read_header(lines[0] if lines else "", source)
@@ -32,9 +33,9 @@ def read_cyacd(text: str, source: str) -> FirmwareImage:
 
 
 def read_cyacd_rows(text: str, source: str) -> tuple[int, dict[int, bytes]]:
-    """Silicon id and rows of a `.cyacd` file for any part, for example of the original firmware; rows by number.
+    """Read silicon id and rows (by number) of a `.cyacd` file for any part, for example of the original firmware.
 
-    Raises `FirmwareFileError` that names the line.
+    source: name of the file. Raises `FirmwareFileError` that names the line.
     """
     lines = text.splitlines()
     silicon_id = _read_header(lines[0] if lines else "", source)
@@ -42,7 +43,10 @@ def read_cyacd_rows(text: str, source: str) -> tuple[int, dict[int, bytes]]:
 
 
 def _read_rows(lines: list[str], source: str) -> dict[int, tuple[bytes, str]]:
-    """Rows of the lines of a .cyacd file by number, each with the name of its line. Raises `FirmwareFileError`."""
+    """Parse the row lines of a .cyacd file. Raises `FirmwareFileError`.
+
+    lines: all lines of the file. Returns (data, line such as "line 12") by row number.
+    """
     rows: dict[int, tuple[bytes, str]] = {}
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
@@ -57,7 +61,7 @@ def _read_rows(lines: list[str], source: str) -> dict[int, tuple[bytes, str]]:
 
 
 def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = BootChecksum.SUM) -> str:
-    """Text of a `.cyacd` file for `image`, whose slot begins at `first_row`."""
+    """Format the text of a `.cyacd` file for `image`, whose slot begins at the flash row `first_row`."""
     lines = [f"{BOOT_SILICON_ID:08X}00{checksum:02X}"]
     for index, data in enumerate(image.rows()):
         body = bytes([0]) + (first_row + index).to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
@@ -70,15 +74,16 @@ def _fail(
 ) -> NoReturn:
     """Raise `FirmwareFileError` for a .cyacd file.
 
-    source: name of the file. location: line or field. expected, found: the value. remedy: what the user can do.
+    source: name of the file. location: line or field. expected, found: expected and found value. remedy: what the user
+    can do.
     """
     raise FirmwareFileError(source, location, expected, found, remedy)
 
 
 def _parse_hex(digits: str, location: str, source: str) -> bytes:
-    """Bytes of a text of hexadecimal digits. Raises `FirmwareFileError` with the position of a wrong digit.
+    """Decode a string of hexadecimal digits. Raises `FirmwareFileError` with the position of a wrong digit.
 
-    location: line of the file; source: its name.
+    location: line of the file, such as "line 1"; source: name of the file; both for the message.
     """
     if len(digits) % 2:
         _fail(source, location, "two hexadecimal digits for each byte", f"{len(digits)} digits")
@@ -89,7 +94,10 @@ def _parse_hex(digits: str, location: str, source: str) -> bytes:
 
 
 def _read_header(line: str, source: str) -> int:
-    """Silicon id in the first line of a .cyacd file, whose kind of checksum is checked. Raises `FirmwareFileError`."""
+    """Return the silicon id from the first line of a .cyacd file.
+
+    Raises `FirmwareFileError` if the line is no header, or if its checksum kind is unknown. source: name of the file.
+    """
     header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
         _fail(source, "line 1", "a header of 12 digits", f"{2 * len(header)}", "is this a .cyacd file?")
@@ -99,7 +107,9 @@ def _read_header(line: str, source: str) -> int:
 
 
 def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
-    """Parse one line of a .cyacd file: number and data of a flash row. Raises `FirmwareFileError` for a damaged
+    """Parse one line of a .cyacd file: number and data of a flash row.
+
+    location: line of the file, source: name of the file, both for the message. Raises `FirmwareFileError` for a damaged
     line.
     """
     if not line.startswith(":"):

@@ -21,7 +21,7 @@ IMAGE_SIZE_MIN: Final = HEADER_SIZE + 8
 
 
 def format_slot(slot: int) -> str:
-    """Letter of a slot: A or B."""
+    """Format the letter of a flash slot: "A" for 0, "B" for 1."""
     return "AB"[slot]
 
 
@@ -42,7 +42,7 @@ class FirmwareImage:
         return int.from_bytes(self.data[CRC_OFFSET:HEADER_SIZE], "little")
 
     def rows(self) -> list[bytes]:
-        """The firmware image divided into flash rows; the last row is padded with zeros."""
+        """Divide the firmware image into flash rows; the last row is padded with zeros."""
         padded = self.data + bytes(-len(self.data) % BOOT_ROW_SIZE)
         return [padded[begin : begin + BOOT_ROW_SIZE] for begin in range(0, len(padded), BOOT_ROW_SIZE)]
 
@@ -54,7 +54,7 @@ class Firmware:
     images: tuple[FirmwareImage, ...]
 
     def select_image_for(self, slot: int) -> FirmwareImage | None:
-        """The firmware image that is linked for a flash slot; None if there is none."""
+        """Return the firmware image that is linked for a flash slot; None if there is none."""
         return next((image for image in self.images if image.slot == slot), None)
 
     @property

@@ -26,7 +26,10 @@ def read_intel_hex(text: str, source: str) -> FirmwareImage:
 
 
 def read_intel_hex_rows(text: str, source: str) -> Rows:
-    """All flash rows that an Intel HEX file sets. Raises `FirmwareFileError`."""
+    """Read all flash rows that an Intel HEX file sets, in ascending order. Raises `FirmwareFileError`.
+
+    source: name of the file. Bytes without a record are 00.
+    """
     flash = bytearray(FLASH_SIZE)
     row_sources: dict[int, str] = {}
     is_set = bytearray(FLASH_SIZE)
@@ -55,7 +58,7 @@ def read_intel_hex_rows(text: str, source: str) -> Rows:
 
 
 def write_intel_hex(data: bytes, address: int) -> str:
-    """Text of an Intel HEX file that places `data` at `address`, below 64 KiB."""
+    """Format the text of an Intel HEX file that places `data` at `address`, below 64 KiB."""
     lines = []
     for begin in range(0, len(data), 16):
         chunk = data[begin : begin + 16]
@@ -69,13 +72,17 @@ def _fail(
 ) -> NoReturn:
     """Raise `FirmwareFileError` for an Intel HEX file.
 
-    source: name of the file. location: line or field. expected, found: the value. remedy: what the user can do.
+    source: name of the file. location: line or field. expected, found: expected and found value. remedy: what the user
+    can do.
     """
     raise FirmwareFileError(source, location, expected, found, remedy)
 
 
 def _parse_record(line: str, location: str, source: str) -> tuple[int, int, bytes]:
-    """Parse one line of an Intel HEX file: type of the record, address and data."""
+    """Parse one line of an Intel HEX file: type of the record, 16-bit address, data.
+
+    location: line, such as "line 12"; source: name of the file. Raises `FirmwareFileError` for a damaged line.
+    """
     if not line.startswith(":"):
         _fail(source, location, "a record that begins with ':'", repr(line[:1]))
     try:
@@ -108,9 +115,10 @@ def _store_data(
     location: str,
     source: str,
 ) -> None:
-    """Store a data record of an Intel HEX file in the flash image, and note the first line that sets each row.
+    """Store a data record of an Intel HEX file in the flash image `flash`.
 
-    is_set: which bytes have been set. Raises `FirmwareFileError` for a byte that is set twice or outside the flash.
+    Updates is_set (1 for each byte of the flash that a record has set) and row_sources (for each row, the first line
+    that sets a byte of the row). Raises `FirmwareFileError` for a byte that is set twice or is outside the flash.
     """
     end = address + len(data)
     if end > FLASH_SIZE:

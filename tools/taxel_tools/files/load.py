@@ -54,8 +54,9 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
 
 
 def _read_one(path: Path, data: bytes) -> FirmwareImage:
-    """Read the image of one firmware file. data: its bytes. The extension selects the format. Raises
-    `FirmwareFileError`.
+    """Read the image of one firmware file, whose format follows from its suffix. Raises `FirmwareFileError`.
+
+    data: bytes of the file.
     """
     if path.suffix == ".bin":
         return parse_image(data, str(path))

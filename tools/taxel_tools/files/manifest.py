@@ -43,8 +43,9 @@ ReadOne = Callable[[Path, bytes], FirmwareImage]
 
 
 def read_firmware_bytes(path: Path) -> bytes:
-    """Content of a firmware file. Raises `FirmwareFileError` unless it is a regular file of at most `SIZE_MAX` bytes,
-    OSError.
+    """Read the content of a firmware file.
+
+    Raises `FirmwareFileError` unless it is a regular file of at most `SIZE_MAX` bytes, and OSError.
     """
     try:
         return read_regular_file(path, SIZE_MAX)
@@ -55,10 +56,9 @@ def read_firmware_bytes(path: Path) -> bytes:
 
 
 def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
-    """Read the firmware images that a manifest lists. data: bytes of the manifest. read_one: reads a file with a
-    header.
+    """Read the firmware images that a manifest lists.
 
-    Raises `FirmwareFileError`, OSError.
+    data: bytes of the manifest. read_one: reads an image file that has a header. Raises `FirmwareFileError`, OSError.
     """
     document = _parse_document(path, data)
     version = document.get("taxel_firmware")
@@ -76,8 +76,9 @@ def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareIm
 
 
 def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
-    """Parse the JSON or TOML text of a manifest, which lists firmware images. Raises `FirmwareFileError` for
-    invalid text.
+    """Parse the JSON or TOML text of a manifest. Raises `FirmwareFileError` for invalid text.
+
+    data: bytes of the manifest; the suffix of `path` selects the format.
     """
     try:
         document = parse_json(data) if path.suffix == ".json" else parse_toml(data)
@@ -94,9 +95,9 @@ def _fail(path: Path, field: str, expected: str, found: str, remedy: str) -> NoR
 
 
 def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
-    """Read the firmware image of one manifest entry, and check its hash and the properties that the entry states.
+    """Read the firmware image of one manifest entry, and check the hash and the properties that the entry states.
 
-    Raises `FirmwareFileError`.
+    field: position of the entry, such as "image[0]". Raises `FirmwareFileError`.
     """
     unknown = sorted(set(entry) - KEYS)
     if unknown:
@@ -125,7 +126,7 @@ def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne
 
 
 def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data: bytes) -> FirmwareImage:
-    """Build a firmware image from a raw image without header and the header values in its entry of the manifest.
+    """Build a firmware image from a raw image without header, and the header values in its manifest entry.
 
     path: manifest. field: position of the entry. file, data: name and bytes of the raw image. Raises
     `FirmwareFileError`.
@@ -145,8 +146,9 @@ def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data:
 
 
 def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
-    """Device, kind, slot and version that an entry of a manifest states. Raises `FirmwareFileError` for an invalid
-    value.
+    """Parse device, kind, slot and version that a manifest entry states; keys that it lacks are omitted.
+
+    Raises `FirmwareFileError` for an invalid value.
     """
     claims: dict[str, Any] = {}
     if "device" in entry:
@@ -171,8 +173,9 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
 
 
 def _check_claims(path: Path, field: str, entry: dict[str, Any], loaded_image: FirmwareImage) -> None:
-    """Compare the properties that a manifest entry states with the image. Raises `FirmwareFileError` for a
-    difference.
+    """Compare the properties that a manifest entry states with the image.
+
+    Raises `FirmwareFileError` for a difference.
     """
     formatters: dict[str, Callable[[Any], str]] = {
         "slot": format_slot,

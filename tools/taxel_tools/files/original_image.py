@@ -11,7 +11,11 @@ METADATA_OFFSET: Final = 64
 
 @dataclass(frozen=True)
 class OriginalImage:
-    """Image of a device of the original hardware. first_row: of its flash. rows: number of rows of the flash."""
+    """Image of a device of the original hardware.
+
+    first_row: flash row at which the image begins; 0 for an image without a bootloader. rows: number of rows of the
+    flash. content: bytes of the image.
+    """
 
     first_row: int
     rows: int
@@ -20,7 +24,7 @@ class OriginalImage:
     """Address at which the original bootloader enters the image."""
 
     def metadata_row(self) -> bytes:
-        """Last row of the flash, as the original bootloader validates it.
+        """Build the last row of the flash, by which the original bootloader validates the image.
 
         The checksum is the two's complement of the 8-bit sum of the image (vendor's Bootloader_v1_60; confirm).
         """
@@ -44,7 +48,10 @@ class OriginalImage:
         return (bytes(METADATA_OFFSET) + metadata).ljust(BOOT_ROW_SIZE, b"\0")
 
     def list_rows(self) -> list[tuple[int, bytes]]:
-        """Numbers and bytes of the rows to write; behind a bootloader, the metadata is the last."""
+        """List numbers and bytes of the rows to write.
+
+        For an image behind a bootloader, the metadata row is the last.
+        """
         rows = [
             (
                 self.first_row + start // BOOT_ROW_SIZE,

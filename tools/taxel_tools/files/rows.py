@@ -19,9 +19,10 @@ DEVICE_OFFSET: Final = 5
 
 
 def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareImage:
-    """Assemble a firmware image from flash rows. Raises `FirmwareFileError`.
+    """Assemble a firmware image from flash rows; rows between them that the file does not set are zeros.
 
-    rows: for each row number its 128 bytes, and the place in the file that sets the row ("line 12").
+    rows: for each row number its 128 bytes, and the place in the file that sets the row ("line 12"). Raises
+    `FirmwareFileError` for rows in the bootloader, outside the slots or in both slots, and for an invalid image.
     """
     for row, (_, location) in sorted(rows.items()):
         if row < BOOT_BOOTLOADER_ROWS:
@@ -60,13 +61,14 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
 
 
 def _find_slot(row: int, layout: FlashLayout) -> int | None:
-    """Flash slot that contains a row; None for a row outside the slots."""
+    """Return the flash slot (0 or 1) that contains a row; None for a row outside the slots."""
     return next((slot for slot, first in enumerate(layout.first_rows) if 0 <= row - first < layout.slot_rows), None)
 
 
 def _find_layout(rows: Mapping[int, tuple[bytes, str]], source: str) -> FlashLayout:
-    """Flash layout of the device that the header of a firmware image names; the layout determines the rows of the
-    slots.
+    """Return the flash layout of the device that the header of a firmware image names.
+
+    The header is at the start of the first row of a slot. Raises `FirmwareFileError` if there is no header.
     """
     magic = BOOT_IMAGE_MAGIC.to_bytes(4, "little")
     for row in sorted({first for layout in LAYOUTS.values() for first in layout.first_rows} & set(rows)):

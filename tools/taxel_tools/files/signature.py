@@ -27,7 +27,10 @@ _HEXADECIMAL: Final = re.compile(r"[0-9a-f]*")
 
 
 class Content(Enum):
-    """What a signature covers; the name enters the signed bytes, so that one content cannot pass as the other."""
+    """What a signature covers: an image or a whole file.
+
+    The name enters the signed bytes, so that a signature of one content is not valid for the other.
+    """
 
     IMAGE = "image"
     FILE = "file"
@@ -43,17 +46,17 @@ class Signature:
 
 
 def build_message(content: Content, data: bytes) -> bytes:
-    """The bytes that are signed: a text that names the purpose and version, then the data."""
+    """Build the bytes that are signed: a line that names purpose and version, then the data."""
     return f"taxel firmware {content.value} {SIGNATURE_VERSION}\n".encode() + data
 
 
 def get_signature_path(path: Path) -> Path:
-    """Path of the signature file of a firmware file."""
+    """Return the path of the signature file that belongs to a firmware file."""
     return path.with_suffix(SIGNATURE_SUFFIX)
 
 
 def format_signature(signature: Signature) -> str:
-    """Text of a signature file."""
+    """Format the text of a signature file."""
     return (
         f"# Ed25519 signature of a taxel firmware {signature.content.value}.\n"
         f"taxel_signature = {SIGNATURE_VERSION}\n"
@@ -101,12 +104,12 @@ def read_public_key(path: Path) -> bytes:
 
 
 def format_public_key(key: bytes, name: str) -> str:
-    """Text of a public key file."""
+    """Format the text of a public key file. key: 32 bytes; name: name of the signer."""
     return f'# Public key of the taxel firmware releases of "{name}".\npublic_key = "{key.hex()}"\n'
 
 
 def is_valid(signature: Signature, message: bytes) -> bool:
-    """Whether the signature of the message is right for its public key.
+    """Return whether the signature of the message is correct for its public key.
 
     Raises `MissingPackageError` without the package `cryptography`.
     """
@@ -121,7 +124,10 @@ def is_valid(signature: Signature, message: bytes) -> bool:
 
 
 def _parse_hex(text: str) -> bytes:
-    """Convert hexadecimal digits to bytes. Raises ValueError, TypeError."""
+    """Decode a string of lower-case hexadecimal digits.
+
+    Raises ValueError for other characters, TypeError if `text` is no string.
+    """
     if not _HEXADECIMAL.fullmatch(text):
         raise ValueError("not hexadecimal")
     return bytes.fromhex(text)

@@ -28,10 +28,11 @@ WIDTH_MIN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A value of this test and of earlier tests.
+    """A value of this test, compared with earlier tests of the same device.
 
-    `value` is None if nothing was measured now. `last` and `median`: of `runs` earlier finite values, at least one.
-    `shift`: distance from the median, in permitted distances; 0 without a scale. `has_moved`: shift above 1.
+    `value` is None if nothing was measured now. `last` and `median`: last value and median of `runs` earlier finite
+    values, at least one. `shift`: distance from the median, in permitted distances; 0 without a scale. `has_moved`:
+    shift above 1.
     """
 
     phase: str
@@ -47,7 +48,10 @@ class Change:
 
 
 def compare_value(phase: str, measurement: Measurement, earlier: list[float]) -> Change:
-    """Compare a measurement with its earlier finite values, oldest first, at least one. Raises TypeError for text."""
+    """Compare a measurement with its earlier finite values (at least one, oldest first).
+
+    Raises TypeError for a measurement whose value is a text.
+    """
     if isinstance(measurement.value, str):
         raise TypeError("expected a number, found text")
     centre = median(earlier)
@@ -67,10 +71,9 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
 
 
 def _compute_shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
-    """Distance of a value from the median of earlier values, in units of the permitted distance; infinite for no
-    value.
+    """Compute the distance of a value from the median of earlier values, in units of the permitted distance.
 
-    centre: the median.
+    centre: the median. Returns infinity for a missing or infinite value, 0 if there is no permitted distance.
     """
     if value is None or not math.isfinite(value):
         return math.inf
@@ -87,10 +90,10 @@ def _compute_shift(value: float | None, centre: float, earlier: list[float], lim
 
 
 def _compute_width(is_above: bool, centre: float, limit: Limit) -> float | None:
-    """Distance from a median to the bound of its limit, by which a change of the value is judged; None without a
-    bound.
+    """Compute the distance from the median to the bound of its limit, by which a change of the value is judged.
 
-    is_above: whether the value is above the median `centre`; selects the bound.
+    is_above: whether the value is above the median `centre`, which selects the upper bound. Returns None for a limit
+    without bounds.
     """
     low, high = limit.minimum, limit.maximum
     if low is not None and high is not None:

@@ -50,7 +50,7 @@ class Phase(Protocol):
         """Names of the measurements of this phase for which a test plan may set a limit."""
 
     def unmet_requirement(self, context: Any, /) -> str:
-        """Reason why the phase cannot run, in one line; empty if it can run."""
+        """Return why the phase cannot run, in one line; "" if it can run."""
 
     def run(self, context: Any, options: Options, log: PhaseLog, /) -> None:
         """Measure the object under test (`context`), and write the results to `log`.
@@ -171,7 +171,7 @@ def _run_phases(
 ) -> list[PhaseRecord]:
     """Run the enabled phases of a test plan in order; phases after a final failure are recorded as skipped.
 
-    kind: of the device. context: object under test. now_s: clock in s.
+    kind: kind of the device. context: object under test. now_s: clock in s.
     """
     records: list[PhaseRecord] = []
     end_reason = ""  # Reason why no further phase runs.
@@ -194,8 +194,8 @@ def _run_phases(
 def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> tuple[bool, str, str]:
     """Run one phase of a test.
 
-    Returns whether it was skipped, the error that ended it (else empty), and the reason why the whole test ends
-    (else empty).
+    Returns whether the phase was skipped, the error that ended it (otherwise ""), and the reason why the whole test
+    ends (otherwise "").
     """
     try:
         log.report_progress(0.0)
@@ -223,5 +223,5 @@ def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> t
 
 
 def _join_lines(text: str) -> str:
-    """Text of an exception on one line; "no reason given" for an empty text."""
+    """Join the lines of an exception's text; "no reason given" for an empty text."""
     return " ".join(text.split()) or "no reason given"

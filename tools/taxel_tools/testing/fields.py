@@ -36,7 +36,7 @@ class Field:
         raise ResultFileError(self.file, self.path or "file", expected, found or format_value(self.content), remedy)
 
     def table(self, keys: Collection[str]) -> dict[str, Field]:
-        """The fields of a JSON object that must have exactly these keys. Raises `ResultFileError` otherwise."""
+        """Return the fields of a JSON object that must have exactly these keys. Raises `ResultFileError` otherwise."""
         fields = dict(self.entries())
         for key, field in fields.items():
             if key not in keys:
@@ -47,7 +47,10 @@ class Field:
         return fields
 
     def entries(self) -> Iterator[tuple[str, Field]]:
-        """Keys and fields of a JSON object with any keys. Raises `ResultFileError` for another value."""
+        """Yield key and field of each entry of a JSON object with any keys.
+
+        Raises `ResultFileError` for another value.
+        """
         if not isinstance(self.content, dict):
             self.fail("a table")
         for key, content in self.content.items():
@@ -55,26 +58,27 @@ class Field:
             yield key, Field(self.file, content, f"{self.path}.{name}" if self.path else name)
 
     def items(self) -> list[Field]:
-        """Elements of a JSON list. Raises `ResultFileError` for another value."""
+        """Return the elements of a JSON list as fields. Raises `ResultFileError` for another value."""
         if not isinstance(self.content, list):
             self.fail("a list")
         return [Field(self.file, item, f"{self.path}[{index}]") for index, item in enumerate(self.content)]
 
     def text(self) -> str:
-        """The value of this field, which must be a string. Raises `ResultFileError` otherwise."""
+        """Return the value of this field, which must be a string. Raises `ResultFileError` otherwise."""
         if not isinstance(self.content, str):
             self.fail("a string")
         return self.content
 
     def flag(self) -> bool:
-        """The value of this field, which must be true or false. Raises `ResultFileError` otherwise."""
+        """Return the value of this field, which must be true or false. Raises `ResultFileError` otherwise."""
         if not isinstance(self.content, bool):
             self.fail("true or false")
         return self.content
 
     def number(self) -> float:
-        """The value of this field, a number that is finite or encoded by `encode_number`. Raises `ResultFileError`
-        otherwise.
+        """Return the value of this field, a number that is finite or encoded by `encode_number`.
+
+        Raises `ResultFileError` otherwise.
         """
         content = self.content
         if isinstance(content, dict) and list(content) == ["not_finite"]:
@@ -88,7 +92,7 @@ class Field:
         return float(content)
 
     def finite(self, minimum: float = -math.inf) -> float:
-        """The value of this field, a finite number of at least `minimum`. Raises `ResultFileError` otherwise."""
+        """Return the value of this field, a finite number of at least `minimum`. Raises `ResultFileError` otherwise."""
         number = self.number()
         if not math.isfinite(number) or number < minimum:
             self.fail("a finite number" if math.isinf(minimum) else f"a number of at least {minimum:g}")

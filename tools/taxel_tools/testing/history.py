@@ -115,8 +115,9 @@ class History:
             return True
 
     def list_earlier(self, serial_number: str) -> list[Summary]:
-        """Earlier tests of the device with a serial number, newest first; empty for an empty number, which
-        identifies no device.
+        """List the earlier tests of the device with a serial number, newest first.
+
+        Returns [] for an empty serial number, which identifies no device.
         """
         if not serial_number:
             return []
@@ -167,8 +168,9 @@ class History:
         ]
 
     def _list_faults(self, run: int) -> list[str]:
-        """Faults found in a test run, with their places, the most severe fault first. run: row of the run in the
-        database.
+        """List the faults found in a test run, with their places, the most severe fault first.
+
+        run: row of the run in the database.
         """
         rows = self._connection.execute(
             "SELECT fault, place FROM finding WHERE run = ? ORDER BY severity DESC, rowid", (run,)
@@ -230,17 +232,17 @@ class History:
             self._fail(f"expected an undamaged history, found: {reason}; restore a copy, or choose another file")
 
     def _is_new(self) -> bool:
-        """Whether the history file is an empty database."""
+        """Return whether the history file is an empty database."""
         tables = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
         return not (tables or self._read_pragma("application_id") or self._read_pragma("user_version"))
 
     def _read_pragma(self, name: str) -> int:
-        """Integer setting `name` of the SQLite database."""
+        """Read the integer setting `name` of the SQLite database."""
         return int(self._connection.execute(f"PRAGMA {name}").fetchone()[0])
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Context of a database transaction that locks the history file from its start; rolled back after an
+        """Provide a database transaction that locks the history file from its start and is rolled back after an
         exception.
         """
         self._connection.execute("BEGIN IMMEDIATE")
@@ -254,7 +256,7 @@ class History:
 
     @contextmanager
     def _translate_errors(self) -> Iterator[None]:
-        """Context that turns errors of SQLite into `HistoryError` with a remedy."""
+        """Provide a context that turns errors of SQLite into `HistoryError` with a remedy."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -271,15 +273,15 @@ class History:
 
 
 def _make_quantity_key(phase: str, measurement: Measurement) -> tuple[str, ...]:
-    """Key under which the history stores a measurement: phase, name, place, unit."""
+    """Create the key under which the history stores a measurement: phase, name, place, unit."""
     return tuple(map(_to_utf8, (phase, measurement.name, measurement.place, measurement.unit)))
 
 
 def _compute_digest(record: TestRecord) -> str:
-    """SHA-256 of a test record, by which the history recognises a record that is stored already."""
+    """Compute the SHA-256 of a test record, by which the history recognises a record that is stored already."""
     return hashlib.sha256(format_json_bytes(record)).hexdigest()
 
 
 def _to_utf8(text: str) -> str:
-    """Text that the database can store: UTF-8 cannot encode a lone surrogate."""
+    """Return the text that the database can store: UTF-8 cannot encode a lone surrogate."""
     return text.encode("utf-8", "replace").decode("utf-8")

@@ -47,7 +47,7 @@ def format_junit(record: TestRecord) -> bytes:
 
 
 def _list_properties(record: TestRecord) -> dict[str, str]:
-    """Properties of the JUnit suite: labels of the test and fields of the device."""
+    """List the properties of the JUnit suite: labels of the test and fields of the device."""
     return {
         "serial_number": record.serial_number,
         "operator": record.operator,
@@ -62,7 +62,7 @@ def _list_properties(record: TestRecord) -> dict[str, str]:
 
 
 def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
-    """JUnit cases of a phase of a test: measurements with limits, findings, or the phase itself."""
+    """Build the JUnit cases of a phase of a test: measurements with limits, findings, or the phase itself."""
     kind = f"{record.plan_name}.{phase.name}".replace(" ", "_")
     cases = [
         _build_measurement_case(kind, measurement)
@@ -84,7 +84,10 @@ def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
 
 
 def _build_measurement_case(kind: str, measurement: Measurement) -> ET.Element:
-    """JUnit test case of a measurement; a failure states the value and the limit. kind: class name of the case."""
+    """Build the JUnit test case of a measurement; a failure states the value and the limit.
+
+    kind: class name of the case.
+    """
     case = _build_case(kind, f"{measurement.name} at {measurement.place}" if measurement.place else measurement.name)
     if measurement.outcome is Outcome.FAIL:
         value = "no value" if measurement.value is None else f"{measurement.value} {measurement.unit}".strip()
@@ -93,14 +96,14 @@ def _build_measurement_case(kind: str, measurement: Measurement) -> ET.Element:
 
 
 def _build_finding_case(kind: str, finding: Finding) -> ET.Element:
-    """JUnit test case of a fault that was found; always a failure. kind: class name of the case."""
+    """Build the JUnit test case of a fault that was found; always a failure. kind: class name of the case."""
     case = _build_case(kind, f"{finding.fault} at {finding.place}" if finding.place else finding.fault)
     _add_result(case, "failure", finding.text or finding.fault)
     return case
 
 
 def _build_case(kind: str, name: str) -> ET.Element:
-    """JUnit test case without a failure. kind: class name of the case."""
+    """Build the JUnit test case without a failure. kind: class name of the case."""
     return ET.Element("testcase", classname=_replace_invalid(kind), name=_replace_invalid(name))
 
 

@@ -39,7 +39,7 @@ class PhaseLog:
         self._notes: list[str] = []
 
     def get_limit(self, name: str) -> Limit | None:
-        """The limit that the plan sets for a measurement; None without a limit."""
+        """Return the limit that the plan sets for a measurement; None without a limit."""
         return self._limits.get(name)
 
     def measure(self, name: str, value: SupportsFloat | str | None, unit: str, place: str = "") -> Measurement:
@@ -75,12 +75,12 @@ class PhaseLog:
         self._report(self._phase, min(max(float(fraction), 0.0), 1.0))
 
     def find_unused_limits(self) -> list[str]:
-        """Names of the limits without a measurement."""
+        """Find the names of the limits without a measurement."""
         measured = {name for name, _ in self._measurements}
         return [name for name in self._limits if name not in measured]
 
     def close(self, title: str, is_automatic: bool, seconds: float, is_skipped: bool, problem: str) -> PhaseRecord:
-        """Record of the finished phase, with all measurements, findings, attachments and notes.
+        """Return the record of the finished phase, with all measurements, findings, attachments and notes.
 
         problem: the error that ended the phase, else empty.
         """

@@ -15,7 +15,7 @@ class Operator(Protocol):
     """A person at the test station. Every method raises `OperatorNeededError` if nobody can answer."""
 
     def read_serial_number(self) -> str:
-        """The serial number of the device, without surrounding spaces."""
+        """Read the serial number of the device, without surrounding spaces."""
 
     def prompt(self, text: str) -> None:
         """Show an instruction to the operator and wait until it is done."""
@@ -57,7 +57,7 @@ class TerminalOperator:
         self._read_line("press Enter when done ")
 
     def _read_line(self, question: str) -> str:
-        """Answer of the operator to a question. Raises `OperatorNeededError` if the input has ended."""
+        """Read the answer of the operator to a question. Raises `OperatorNeededError` if the input has ended."""
         try:
             return self._console.input(question, markup=False).strip()
         except EOFError:

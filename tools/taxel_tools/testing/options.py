@@ -30,8 +30,9 @@ class Options:
         self._read_keys: set[str] = set()
 
     def take_number(self, key: str, default: float, minimum: float = -math.inf, maximum: float = math.inf) -> float:
-        """Value of an option: a finite number from `minimum` to `maximum`, both included. Raises `PlanError`
-        otherwise.
+        """Take the value of an option: a finite number from `minimum` to `maximum`, both included.
+
+        Raises `PlanError` otherwise.
         """
         value = self._take(key, default)
         if not (is_number(value) and minimum <= value <= maximum):
@@ -39,21 +40,24 @@ class Options:
         return float(value)
 
     def take_integer(self, key: str, default: int, minimum: float = -math.inf, maximum: float = math.inf) -> int:
-        """Value of an option: an integer from `minimum` to `maximum`, both included. Raises `PlanError` otherwise."""
+        """Take the value of an option: an integer from `minimum` to `maximum`, both included.
+
+        Raises `PlanError` otherwise.
+        """
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or not minimum <= value <= maximum:
             self._fail(key, f"an integer{_format_range(minimum, maximum)}", value)
         return value
 
     def take_flag(self, key: str, default: bool) -> bool:
-        """Value of an option: true or false. Raises `PlanError` otherwise."""
+        """Take the value of an option: true or false. Raises `PlanError` otherwise."""
         value = self._take(key, default)
         if not isinstance(value, bool):
             self._fail(key, "true or false", value)
         return value
 
     def take_text(self, key: str, default: str, choices: Collection[str] | None = None) -> str:
-        """Value of an option: a text, one of `choices` if given. Raises `PlanError` otherwise."""
+        """Take the value of an option: a text, one of `choices` if given. Raises `PlanError` otherwise."""
         value = self._take(key, default)
         if not isinstance(value, str) or (choices is not None and value not in choices):
             self._fail(key, "text" if choices is None else f"one of {', '.join(sorted(choices))}", value)
@@ -74,12 +78,12 @@ class Options:
                 )
 
     def _take(self, key: str, default: Any) -> Any:
-        """Value of an option, or the default; the option counts as used by the phase."""
+        """Return the value of an option, or the default, and record that the phase has read the option."""
         self._read_keys.add(key)
         return self._values.get(key, default)
 
     def _get_location(self, key: str) -> str:
-        """Position of an option in the plan, for error messages; its key if the position is unknown."""
+        """Return the position of an option in the plan, for error messages; its key if the position is unknown."""
         return self._locations.get(key, key)
 
     def _fail(self, key: str, expected: str, value: object) -> NoReturn:
@@ -90,12 +94,14 @@ class Options:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value of a file is a finite number; not a boolean, and not an integer beyond the range of a float."""
+    """Return whether a value of a file is a finite number; not a boolean, and not an integer beyond the range of a
+    float.
+    """
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
 
 
 def _format_range(minimum: float, maximum: float) -> str:
-    """Text for a permitted range, such as " from 1 to 5"; empty if both bounds are infinite."""
+    """Format the text for a permitted range, such as " from 1 to 5"; empty if both bounds are infinite."""
     if math.isinf(minimum) and math.isinf(maximum):
         return ""
     if math.isinf(maximum):

@@ -49,7 +49,7 @@ _OPTIONAL = ("serial_pattern", "stop_at_failure", "kinds")
 class PhasePlan:
     """Options and limits of one phase.
 
-    `locations`: position in the plan of each option, and of each limit as "limits.<name>".
+    `locations`: position in the plan file of each option by name, and of each limit by "limits.<name>".
     """
 
     name: str
@@ -72,19 +72,19 @@ class Plan:
     kinds: dict[str, dict[str, PhaseTable]]
 
     def enabled_phases(self, kind_name: str) -> list[PhasePlan]:
-        """Phases of the test plan that run for a kind of board, in order.
+        """Return the phases of the test plan that run for a kind of board, in order.
 
         A kind without entries of its own has the general plan.
         """
         return [phase for is_enabled, phase in self.all_phases(kind_name) if is_enabled]
 
     def all_phases(self, kind_name: str) -> list[tuple[bool, PhasePlan]]:
-        """All phases of the test plan for a kind of board, and whether each is enabled."""
+        """Return all phases of the test plan for a kind of board, each as (is enabled, phase)."""
         kind_tables = self.kinds.get(kind_name, {})
         return [self._merge(table, kind_tables.get(table.name)) for table in self.phases.values()]
 
     def build_options(self, phase: PhasePlan) -> Options:
-        """Options of a phase from the test plan; errors in them name this plan."""
+        """Build the options of a phase from the test plan; errors in them name this plan."""
         return Options(phase.options, self.source, phase.locations)
 
     def check_serial_number(self, serial_number: str) -> None:
@@ -180,8 +180,9 @@ def _check_kinds(plan: Plan, top: Location) -> None:
 
 
 def _build_limit(location: Location, bounds: dict[str, float]) -> Limit:
-    """Limit from the bounds "min" and "max" of a plan; a missing bound is infinite. Fails at `location` if min is
-    above max.
+    """Build the limit from the bounds "min" and "max" of a plan; a missing bound is infinite.
+
+    Fails at `location` if min is above max.
     """
     low, high = bounds.get("min", -math.inf), bounds.get("max", math.inf)
     if low > high:

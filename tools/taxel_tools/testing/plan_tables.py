@@ -31,13 +31,14 @@ class Location:
         raise PlanError(self.file, self.path or "file", expected, found, remedy)
 
     def key(self, name: str) -> Location:
-        """Location in a test plan of a key below this one."""
+        """Return the location in a test plan of a key below this one."""
         key = name if _NAME.fullmatch(name) else format_value(name)
         return Location(self.file, f"{self.path}.{key}" if self.path else key)
 
     def name(self, name: str) -> Location:
-        """Location of a key that names a phase, a kind or a limit in a test plan. Raises `PlanError` for an invalid
-        name.
+        """Return the location of a key that names a phase, a kind or a limit in a test plan.
+
+        Raises `PlanError` for an invalid name.
         """
         if not _NAME.fullmatch(name):
             self.key(name).fail(

@@ -41,15 +41,16 @@ class Limit:
         return low, math.inf if self.maximum is None else self.maximum
 
     def contains(self, value: Value) -> bool:
-        """Whether a value lies within the permitted range, bounds included; always False for text, None and NaN."""
+        """Return whether a value lies within the permitted range, bounds included; False for text, None and NaN."""
         low, high = self.bounds
         return isinstance(value, int | float) and low <= value <= high
 
     def severity(self, value: Value) -> float:
-        """Factor by which a value exceeds the limit: at most 1 within, above 1 beyond the limit.
+        """Return the factor by which a value exceeds the limit: at most 1 within, above 1 beyond the limit.
 
-        value / maximum above a positive maximum, minimum / value below a positive minimum. Without such a ratio
-        (different signs, a zero, no number) the severity is infinite beyond the limit and 0 within.
+        It is value / maximum above a positive maximum, minimum / value below a positive minimum. Without such a ratio
+        (different signs, a zero) the severity is infinite beyond the limit and 0 within. It is infinite for text, None
+        and NaN.
         """
         if not isinstance(value, int | float) or math.isnan(value):
             return math.inf
@@ -58,7 +59,7 @@ class Limit:
         return max(above, below)
 
     def __str__(self) -> str:
-        """Text of the permitted range, such as "<= 8" or "1 to 5"."""
+        """Return the text of the permitted range, such as "<= 8" or "1 to 5"."""
         if self.minimum is None:
             return "no limit" if self.maximum is None else f"<= {self.maximum:.10g}"
         if self.maximum is None:
@@ -69,7 +70,7 @@ class Limit:
 
 
 def _compute_ratio_above(value: float, bound: float) -> float:
-    """Factor by which a value exceeds its upper bound, above 1 only beyond the bound.
+    """Compute the factor by which a value exceeds its upper bound, above 1 only beyond the bound.
 
     If the ratio has no meaning (different signs, a zero): 0 within the bound, infinite beyond.
     """
@@ -151,25 +152,25 @@ class TestRecord:
     seconds: float
 
     def findings(self) -> list[Finding]:
-        """All faults that the phases of the test have found, in order of decreasing severity."""
+        """Return all faults that the phases of the test have found, in order of decreasing severity."""
         findings = [finding for phase in self.phases for finding in phase.findings]
         return sorted(findings, key=lambda finding: -finding.severity)
 
 
 def judge_value(value: Value, limit: Limit | None) -> Outcome:
-    """Outcome of a measurement: PASS within the limit or without a limit, else FAIL."""
+    """Judge the outcome of a measurement: PASS within the limit or without a limit, else FAIL."""
     return Outcome.PASS if limit is None or limit.contains(value) else Outcome.FAIL
 
 
 def judge_phase(measurements: Iterable[Measurement], findings: Iterable[Finding]) -> Outcome:
-    """Outcome of a completed phase: FAIL with at least one failed measurement or finding, else PASS."""
+    """Judge the outcome of a completed phase: FAIL with at least one failed measurement or finding, else PASS."""
     has_failed = any(measurement.outcome is Outcome.FAIL for measurement in measurements) or any(True for _ in findings)
     return Outcome.FAIL if has_failed else Outcome.PASS
 
 
 def judge_test(phases: Iterable[PhaseRecord]) -> Outcome:
-    """Outcome of a test, the worst of its phases: ERROR, FAIL, PASS; SKIP if no phase ran, because nothing was
-    tested.
+    """Judge the outcome of a test, the worst of its phases: ERROR, FAIL, PASS; SKIP if no phase ran, because nothing
+    was tested.
     """
     outcomes = {phase.outcome for phase in phases}
     order = (Outcome.ERROR, Outcome.FAIL, Outcome.PASS)

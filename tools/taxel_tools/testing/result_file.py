@@ -150,14 +150,14 @@ def _parse_measurement(field: Field) -> Measurement:
 
 
 def _parse_value(field: Field) -> Value:
-    """Measured value in a result file: a number, a text, or None."""
+    """Parse the measured value in a result file: a number, a text, or None."""
     if field.content is None or isinstance(field.content, str):
         return field.content
     return field.number()
 
 
 def _parse_limit(field: Field) -> Limit | None:
-    """Limit of a measurement in a result file, or None. Fails if the minimum is above the maximum."""
+    """Parse the limit of a measurement in a result file, or None. Fails if the minimum is above the maximum."""
     if field.content is None:
         return None
     fields = field.table(("minimum", "maximum"))
@@ -168,14 +168,14 @@ def _parse_limit(field: Field) -> Limit | None:
 
 
 def _parse_finding(field: Field) -> Finding:
-    """A fault that the test has found, from its table in a result file."""
+    """Parse a fault that the test has found, from its table in a result file."""
     fields = field.table(_FINDING_KEYS)
     fault, place, text = (fields[key].text() for key in ("fault", "place", "text"))
     return Finding(fault, place, text, fields["severity"].number())
 
 
 def _parse_attachment(field: Field) -> Attachment:
-    """An attachment from its table in a result file, where its bytes are coded as base64."""
+    """Parse an attachment from its table in a result file, where its bytes are coded as base64."""
     fields = field.table(_ATTACHMENT_KEYS)
     name, media_type, caption = (fields[key].text() for key in ("name", "media_type", "caption"))
     try:

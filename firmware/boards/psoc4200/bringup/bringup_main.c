@@ -38,6 +38,7 @@
 static volatile uint32_t record
     __attribute__((section(".noinit.fault"), used)); /* where applications keep their fault record */
 
+/* Wait for a number of milliseconds by polling the timer. */
 static void wait_ms(uint32_t ms)
 {
     while (ms--) {
@@ -47,7 +48,8 @@ static void wait_ms(uint32_t ms)
 }
 
 void fault_take_exception(const uint32_t *frame);
-/* An exception that no test expects: printed, then the image starts again. */
+/* Print the exception that no test expects, with the program counter of the interrupted code, and restart the image.
+ * `frame`: the stack at the entry of the handler. */
 __attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
 {
     const uint32_t pc = frame[6];
@@ -62,7 +64,7 @@ __attribute__((used, noreturn)) void fault_take_exception(const uint32_t *frame)
     }
 }
 
-/* Lines at equal intervals: the host compares the intervals with its own clock. */
+/* Print TICKS lines at equal intervals of TICK_MS; the host compares the intervals with its own clock. */
 static void print_ticks(void)
 {
     uint32_t begin = cycles_now();
@@ -76,7 +78,8 @@ static void print_ticks(void)
     }
 }
 
-/* Send back the bytes that the host sends next. */
+/* Print the bytes that the host sends next as one line in hexadecimal digits: ECHO_BYTES bytes, or those that arrive
+ * within 300 ms. */
 static void echo(void)
 {
     uint8_t bytes[ECHO_BYTES];
@@ -89,7 +92,8 @@ static void echo(void)
     text_end_line();
 }
 
-/* Pending interrupts some time after all requests of the present state. */
+/* Return the set of pending interrupts (bit n: interrupt n). Earlier requests are cleared first, so that only
+ * interrupts whose cause is still present are pending. */
 static uint32_t read_pending(void)
 {
     NVIC_PENDING_CLEAR = ~0u;
@@ -98,7 +102,7 @@ static uint32_t read_pending(void)
     return NVIC_PENDING_SET;
 }
 
-/* Number of the first interrupt of a set; NO_INTERRUPT for none. */
+/* Return the number of the first interrupt of a set; NO_INTERRUPT if the set is empty. */
 static uint32_t first_number(uint32_t pending)
 {
     for (uint32_t number = 0; number < INTERRUPTS; number++) {
@@ -109,7 +113,8 @@ static uint32_t first_number(uint32_t pending)
     return NO_INTERRUPT;
 }
 
-/* Let the empty transmit FIFO of a serial block request its interrupt, and read the number. */
+/* Return the interrupt number of a serial block: let its empty transmit FIFO request the interrupt, and find the
+ * interrupt that becomes pending. NO_INTERRUPT if none does. `ctrl`: value of the block's register CTRL. */
 static uint32_t find_serial_interrupt(struct scb_regs *scb, uint32_t ctrl)
 {
     scb->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(1u);
@@ -123,6 +128,8 @@ static uint32_t find_serial_interrupt(struct scb_regs *scb, uint32_t ctrl)
     return first_number(pending & ~before);
 }
 
+/* Find and print the interrupt numbers of both serial blocks and of the capacitance converter, the number of the
+ * converter's sample clock, and the duration of a conversion in cycles. */
 static void find_interrupts(void)
 {
     uint32_t cycles = 0;
@@ -148,7 +155,9 @@ static void find_interrupts(void)
     text_end_line();
 }
 
-/* Count the known capacitor with increasing currents, and repeatedly with one of them. */
+/* Measure the known capacitor with increasing current codes, print a line for each, then measure it REPEATS times with
+ * the code REPEATED_CODE and print the lowest and highest count. `two_capacitors`: variant of the circuit
+ * (converter.h). */
 static void count_capacitor(bool two_capacitors)
 {
     static const uint8_t codes[] = {2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 255};
@@ -177,7 +186,7 @@ static void count_capacitor(bool two_capacitors)
 
 extern uint32_t bss_end[]; /* by the linker: first word above the variables */
 
-/* Fill the free RAM below the stack pointer of this function's caller with a pattern. */
+/* Fill the free RAM, from the end of the variables up to `end` below the stack pointer, with a pattern. */
 static void paint_stack(volatile uint32_t *end)
 {
     for (volatile uint32_t *word = bss_end; word < end; word++) {
@@ -185,7 +194,8 @@ static void paint_stack(volatile uint32_t *end)
     }
 }
 
-/* Bytes below `end` that were written since paint_stack(), and those of the gap above. */
+/* Return the depth of the stack since paint_stack() in bytes: the bytes below `end` whose pattern was overwritten, plus
+ * the PAINT_GAP words between `end` and the stack pointer. */
 static uint32_t measure_stack(volatile uint32_t *end)
 {
     volatile uint32_t *word = bss_end;
@@ -195,7 +205,9 @@ static uint32_t measure_stack(volatile uint32_t *end)
     return (uint32_t)((uintptr_t)end - (uintptr_t)word) + PAINT_GAP * (uint32_t)sizeof *word;
 }
 
-static void write_row(void)
+/* Write two patterns to the free flash row and read each back. Prints the row, the number of wrong bytes, and the depth
+ * of the stack, which the functions of the ROM use. */
+static void test_flash_row(void)
 {
     volatile uint32_t *const painted_end = (uint32_t *)__builtin_frame_address(0) - PAINT_GAP;
     const uint8_t *const row = (const uint8_t *)(FREE_ROW * TAXEL_BOOT_ROW_SIZE);
@@ -218,8 +230,8 @@ static void write_row(void)
     text_end_line();
 }
 
-/* Feed the watchdog at a high rate, as the main loops of the applications do; then wait for its reset, for at most
- * WATCHDOG_MS. */
+/* Feed the watchdog FEEDS times at intervals of 1 ms, as the main loops of the applications do; then stop feeding and
+ * wait for its reset. Prints a line before the wait, and another one if no reset follows within WATCHDOG_MS. */
 static void wait_for_watchdog(void)
 {
     watchdog_start();
@@ -235,6 +247,9 @@ static void wait_for_watchdog(void)
     text_end_line();
 }
 
+/* Print the start line: version, causes of the last reset, state of the watchdog, both words that survive a reset
+ * (request for the bootloader, fault record), and the unique id. Then clear these causes and words and stop the
+ * watchdog. */
 static void print_start(void)
 {
     uint8_t id[8];
@@ -253,6 +268,7 @@ static void print_start(void)
     record = 0;
 }
 
+/* Run the test of a command, and print "done" if it returns. An unknown command has no effect. */
 static void run_command(uint8_t command)
 {
     switch (command) {
@@ -269,7 +285,7 @@ static void run_command(uint8_t command)
         bus_test_run();
         break;
     case 'f':
-        write_row();
+        test_flash_row();
         break;
     case 'c':
         count_capacitor(false);
@@ -289,7 +305,8 @@ static void run_command(uint8_t command)
     text_end_line();
 }
 
-/* Square wave of 1 kHz at the clock pin and of 1 Hz at the LED until a byte arrives; a line every 2 s. */
+/* Wait for a byte from the host and return it. Until then, output a 1 kHz square wave at the clock pin and a 1 Hz
+ * square wave at the LED, and print "ready" every 2 s. */
 static uint8_t wait_for_command(void)
 {
     uint32_t half_ms = 0, begin = cycles_now();
@@ -311,6 +328,7 @@ static uint8_t wait_for_command(void)
     return command;
 }
 
+/* Set up clock, timer, UART and converter, print the start line, and execute commands. */
 int main(void)
 {
     (void)interrupts_mask();

@@ -14,7 +14,8 @@
 #define MASTER (SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_HIGH_PHASE(14u) | SCB_I2C_CTRL_LOW_PHASE(16u))
 #define ENDED (SCB_INTR_I2C_ACK | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)
 
-/* Levels of the lines after they were driven: bit 0 SCL, bit 1 SDA. */
+/* Release (1) or drive low (0) both lines of the bus, and return their levels after they have settled: bit 0 SCL, bit 1
+ * SDA. */
 static uint32_t drive(uint32_t scl, uint32_t sda)
 {
     bus_pins_drive(scl, sda);
@@ -23,7 +24,8 @@ static uint32_t drive(uint32_t scl, uint32_t sda)
     return BUS_PORT->state & (BUS_SCL | BUS_SDA);
 }
 
-/* Wait for one of the causes of the master. Returns those that occurred; 0: none in time. */
+/* Wait for one of these interrupt causes of the I2C master. Returns the causes that occurred; 0 if none occurred within
+ * 2 ms. */
 static uint32_t wait_for(uint32_t causes)
 {
     for (uint32_t begin = cycles_now(); cycles_since(begin) < TIMEOUT;) {
@@ -34,6 +36,7 @@ static uint32_t wait_for(uint32_t causes)
     return 0;
 }
 
+/* Enable the serial block as I2C master, with an empty FIFO and without pending causes. */
 static void enable(void)
 {
     SCB0->ctrl = 0;
@@ -43,7 +46,8 @@ static void enable(void)
     SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
 }
 
-/* Send an address for writing, then a stop condition. Returns the causes that ended the address. */
+/* Send an address for writing, then a stop condition. Returns the interrupt causes with which the address ended (ACK,
+ * NACK, lost arbitration or bus error; 0 after a timeout). */
 static uint32_t probe(uint8_t address)
 {
     enable();
@@ -57,6 +61,8 @@ static uint32_t probe(uint8_t address)
     return causes;
 }
 
+/* Test the levels of the released and driven lines, then probe all addresses if both lines are high. Prints the
+ * result. */
 void bus_test_run(void)
 {
     uint32_t acknowledged = 0, refused = 0, failed = 0, first = 0;

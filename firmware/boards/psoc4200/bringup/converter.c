@@ -15,8 +15,8 @@
 #define SEARCH_CODE 32u
 #define LARGEST_SELECT 15u
 #define NO_CLOCK 0xFFu
-/* Duration of a conversion whose sample clock is the intended one: 4,000 sample clocks of 4 cycles, and its start. Another
- * divider takes much longer. */
+/* Duration of a conversion whose sample clock is the intended one: 4,000 sample clocks of 4 cycles, and its start.
+ * Another divider takes much longer. */
 #define CYCLES_MIN 15500u
 #define CYCLES_MAX 17500u
 #define CLEAR_COUNT 50u /* noise of the comparator counts less */
@@ -30,6 +30,8 @@
 
 static uint8_t sample_clock, sense_clock; /* numbers of the peripheral clocks in use */
 
+/* Assign the modulator clock to the present sample clock number, the sense clock to the present sense clock number
+ * (unless NO_CLOCK), and no clock to all other numbers that the serial blocks do not use. */
 static void select_clocks(void)
 {
     for (unsigned i = PERI_CLK_OF_SCB1 + 1u; i <= LARGEST_SELECT; i++) {
@@ -41,6 +43,7 @@ static void select_clocks(void)
     }
 }
 
+/* Set up clocks, trim and pins of the converter. */
 void converter_init(void)
 {
     sample_clock = PERI_CLK_OF_CSD_SAMPLE;
@@ -53,7 +56,8 @@ void converter_init(void)
     pin_connect(BOARD_PIN_RX, PIN_MODE_ANALOG, PIN_AMUX_A);
 }
 
-/* Connect the capacitors of a variant of the circuit to the analog bus, and disconnect the others. */
+/* Connect the integration capacitors of one variant of the circuit (CintA and CintB, or CMOD) to the analog bus, and
+ * disconnect those of the other one. */
 static void connect_capacitors(bool two_capacitors)
 {
     pin_connect(BOARD_PIN_CMOD, PIN_MODE_ANALOG, two_capacitors ? PIN_GPIO : PIN_AMUX_A);
@@ -61,6 +65,7 @@ static void connect_capacitors(bool two_capacitors)
     pin_connect(BOARD_PIN_CINT_B, PIN_MODE_ANALOG, two_capacitors ? PIN_AMUX_A : PIN_GPIO);
 }
 
+/* Run one conversion of the known capacitor (converter.h). */
 uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles)
 {
     const uint32_t begin_count = CSD_COUNTER_PERIOD(CONVERTER_PERIOD);
@@ -90,8 +95,8 @@ uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles)
     return count;
 }
 
-/* Number `step` of the order in which clocks are tried: the assumed one, then 4 to 15, then 0 and 1. Those of the serial
- * blocks (2 and 3) are in use. */
+/* Return the clock number to try in step `step` (0 to STEPS - 1) of a search: the assumed one, then 4 to 15, then 0 and
+ * 1. The numbers of the serial blocks (2 and 3) are in use. */
 static uint8_t select_at(unsigned step, uint8_t assumed)
 {
     return (uint8_t)(step ? (step + PERI_CLK_OF_SCB1) & LARGEST_SELECT : assumed);
@@ -99,6 +104,8 @@ static uint8_t select_at(unsigned step, uint8_t assumed)
 
 #define STEPS 15u /* the assumed number, 4 to 15, 0 and 1 */
 
+/* Find the number of the sample clock: the first one with which a conversion has the expected duration
+ * (converter.h). */
 uint32_t converter_find_sample_clock(void)
 {
     uint32_t cycles;
@@ -120,6 +127,8 @@ uint32_t converter_find_sample_clock(void)
     return CONVERTER_NONE;
 }
 
+/* Find the number of the sense clock: the first one with which a conversion counts clearly more than noise
+ * (converter.h). */
 uint32_t converter_find_sense_clock(bool two_capacitors)
 {
     uint32_t cycles;

@@ -9,14 +9,15 @@
     4000u /* 100 sub-conversions of 40 sample clocks of 12 MHz: the settings of the original boards */
 #define CONVERTER_NONE UINT32_MAX
 
-/* One conversion with the current code; two_capacitors: CintA and CintB, otherwise CMOD. Returns the number of sample
- * clocks in which the current source was on, or CONVERTER_NONE if the conversion did not end. cycles: its duration. */
+/* Run one conversion with the current code `code`. `two_capacitors`: integration on CintA and CintB, otherwise on CMOD.
+ * Returns the number of sample clocks in which the current source was on, or CONVERTER_NONE if the conversion did not
+ * end. `cycles` receives its duration in processor cycles if it ended. */
 uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles);
 
 void converter_init(void);
 
-/* Try all numbers of a peripheral clock in turn, the assumed one first, and keep the first with which the conversion ends
- * (sample clock) or counts (sense clock). Returns the number, or CONVERTER_NONE. */
+/* Try all numbers of a peripheral clock in turn, the assumed one first, and keep the first with which the conversion
+ * ends (sample clock) or counts (sense clock). Returns the number, or CONVERTER_NONE. */
 uint32_t converter_find_sample_clock(void);
 uint32_t converter_find_sense_clock(bool two_capacitors);
 

@@ -9,6 +9,7 @@
 #define CYCLES_MASK 0xFFFFFFu
 #define CYCLES_PER_MS 48000u
 
+/* Start the timer with the processor clock, without its interrupt. */
 static inline void cycles_init(void)
 {
     SYSTICK->reload = CYCLES_MASK;
@@ -16,12 +17,13 @@ static inline void cycles_init(void)
     SYSTICK->control = SYSTICK_CONTROL_ENABLE | SYSTICK_CONTROL_PROCESSOR_CLOCK;
 }
 
+/* Return the number of processor cycles since cycles_init(), modulo 2^24. */
 static inline uint32_t cycles_now(void)
 {
     return CYCLES_MASK - SYSTICK->value;
 }
 
-/* Cycles since a time within the last 349 ms. */
+/* Return the number of cycles since `begin`, a value of cycles_now() within the last 349 ms. */
 static inline uint32_t cycles_since(uint32_t begin)
 {
     return (cycles_now() - begin) & CYCLES_MASK;

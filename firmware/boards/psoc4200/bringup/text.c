@@ -9,6 +9,7 @@
 #define WAIT_LOOPS 20000u /* some milliseconds: a UART without a clock must not stop the tests */
 #define DIGITS 10u
 
+/* Set up serial block 1 as the UART and connect its pins. */
 void text_init(void)
 {
     const uint32_t ctrl = SCB_CTRL_MODE_UART | SCB_CTRL_OVERSAMPLE(OVERSAMPLE);
@@ -29,6 +30,7 @@ void text_init(void)
     pin_connect(BOARD_PIN_UART_TX, PIN_MODE_STRONG, PIN_UART);
 }
 
+/* Send a byte when the transmit FIFO has space; the byte is dropped if there is none after WAIT_LOOPS checks. */
 static void put_byte(uint8_t byte)
 {
     for (unsigned i = 0; i < WAIT_LOOPS; i++) {
@@ -46,6 +48,7 @@ void text_put(const char *text)
     }
 }
 
+/* Send " name=value" with decimal digits. */
 void text_number(const char *name, uint32_t value)
 {
     char digits[DIGITS + 1u];
@@ -61,6 +64,7 @@ void text_number(const char *name, uint32_t value)
     text_put(digits + first);
 }
 
+/* Send " name=bytes" with two hexadecimal digits per byte. */
 void text_hex(const char *name, const uint8_t *bytes, unsigned count)
 {
     static const char digits[] = "0123456789abcdef";
@@ -78,6 +82,7 @@ void text_end_line(void)
     text_put("\r\n");
 }
 
+/* Take a received byte. Returns false if there is none. */
 bool text_take(uint8_t *byte)
 {
     if (!(SCB1->rx_fifo_status & SCB_FIFO_STATUS_USED)) {

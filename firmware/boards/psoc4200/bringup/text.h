@@ -1,4 +1,4 @@
-/* Lines of text to the UART, and bytes from it, by polling: they need no interrupt number that may be wrong. */
+/* Lines of text to the UART, and bytes from it, by polling, because the numbers of the interrupts may be wrong. */
 #ifndef PSOC4200_BRINGUP_TEXT_H
 #define PSOC4200_BRINGUP_TEXT_H
 
@@ -8,7 +8,7 @@
 /* Set up the UART: 115,200 baud (0.2 % more), 8 data bits, 1 stop bit. */
 void text_init(void);
 void text_put(const char *text);
-/* " name=value", decimal; and the same in hexadecimal digits. */
+/* Send " name=value" with decimal digits, or " name=bytes" with hexadecimal digits. */
 void text_number(const char *name, uint32_t value);
 void text_hex(const char *name, const uint8_t *bytes, unsigned count);
 void text_end_line(void);

@@ -45,6 +45,7 @@ enum interrupt_number {
 #define IRQ_COUNT 12 /* the bootloader needs no CapSense */
 #endif
 
+/* Mask all interrupts. Returns the previous state of the mask, for interrupts_unmask(). */
 static inline uint32_t interrupts_mask(void)
 {
     uint32_t state;
@@ -53,7 +54,7 @@ static inline uint32_t interrupts_mask(void)
     return state;
 }
 
-/* Number of the exception whose handler runs: 3 HardFault, 16 + n interrupt n; 0 outside of handlers. */
+/* Return the number of the exception whose handler runs: 3 HardFault, 16 + n interrupt n; 0 outside handlers. */
 static inline uint32_t current_exception(void)
 {
     uint32_t number;
@@ -61,6 +62,7 @@ static inline uint32_t current_exception(void)
     return number;
 }
 
+/* Restore the state of the interrupt mask; 0 permits interrupts. */
 static inline void interrupts_unmask(uint32_t state)
 {
     __asm__ volatile("msr primask, %0" ::"r"(state) : "memory");
@@ -72,9 +74,9 @@ static inline void wait_for_interrupt(void)
     __asm__ volatile("wfi" ::: "memory");
 }
 
-/* On a board, all peripherals interrupt at level 1, so that none preempts another; SysTick keeps level 0 and
- * may preempt them. In the hub and the bootloaders every interrupt keeps level 0, the state after a reset, because
- * nesting would take more stack. */
+/* Enable an interrupt and set its priority. On a board, all peripherals interrupt at level 1, so that none preempts
+ * another; SysTick keeps level 0 and may preempt them. In the hub and the bootloaders every interrupt keeps level 0,
+ * the state after a reset, because nesting would take more stack. */
 static inline void interrupt_enable(unsigned number)
 {
 #if defined IMAGE_APPLICATION && IMAGE_DEVICE == 1
@@ -87,6 +89,7 @@ static inline void interrupt_enable(unsigned number)
     NVIC_ENABLE_SET = 1u << number;
 }
 
+/* Disable an interrupt. */
 static inline void interrupt_disable(unsigned number)
 {
     NVIC_ENABLE_CLEAR = 1u << number;

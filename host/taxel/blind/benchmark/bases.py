@@ -1,4 +1,7 @@
-"""Pairs of datasets without a cause, into which causes are injected. A pair is made once and serves several worlds."""
+"""Base pairs: pairs of datasets without a cause, into which causes are injected.
+
+A base pair is made once and used for several worlds.
+"""
 
 from __future__ import annotations
 
@@ -27,38 +30,46 @@ INDENTATION, GRASP, TOUCH = "indentation", "grasp", "touch"
 
 APPROACHES: Final = (2, 3)
 SESSIONS: Final = (3, 5)
-"""Smallest and largest number of approaches of an object, and of sessions, of a base of grasps."""
+"""Smallest and largest number of approaches of each object, and of sessions, in a base of grasps."""
 
 TOUCHES: Final = (16, 32)
+"""Smallest and largest number of touches in a base of measured touches."""
+
 REPEATS: Final = 8
-"""Smallest and largest number of touches of a measured base; repeats, half of which are the other side."""
+"""Number of repeats into which a measured touch is split; one half is the real, the other the simulated dataset."""
 
 
 @dataclass(frozen=True)
 class BasePair:
-    """A pair without a cause. kind: "indentation" or "grasp" (emulated skin and simulator), "touch" (two halves of the
-    repeats of measured touches). seed: of everything random.
+    """A pair of datasets without a cause.
+
+    kind: "indentation" or "grasp" (emulated skin and simulator), or "touch" (two halves of the repeats of measured
+    touches). seed: seed of all random numbers.
     """
 
     kind: str
     seed: int
 
     def provide(self, folder: Path) -> tuple[Path, Path]:
-        """The two datasets, real and simulated; they are made unless the folder contains them. Raises TaxelError."""
-        own = folder / f"{self.kind}-{self.seed}"
-        if not own.exists():
+        """Return the paths of the real and of the simulated dataset; make them unless the folder contains them.
+
+        Raises TaxelError.
+        """
+        pair_folder = folder / f"{self.kind}-{self.seed}"
+        if not pair_folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            with TemporaryDirectory(prefix=f".{own.name}-", dir=folder) as name:
+            with TemporaryDirectory(prefix=f".{pair_folder.name}-", dir=folder) as name:
                 part = Path(name) / "pair"
                 part.mkdir()
                 self._make(part / "real.h5", part / "sim.h5")
                 try:
-                    os.rename(part, own)
-                except OSError:  # another process has made it in the meantime
+                    os.rename(part, pair_folder)
+                except OSError:  # another process has made the pair in the meantime
                     shutil.rmtree(part)
-        return own / "real.h5", own / "sim.h5"
+        return pair_folder / "real.h5", pair_folder / "sim.h5"
 
     def _make(self, real: Path, sim: Path) -> None:
+        """Write the two datasets."""
         rng = np.random.default_rng([self.seed, len(self.kind)])
         if self.kind == TOUCH:
             first, second = _sample_touches(rng)
@@ -77,7 +88,7 @@ class BasePair:
 
 
 def _sample_touches(rng: np.random.Generator) -> tuple[list[Repeat], list[Repeat]]:
-    """Both halves of the repeats of some measured touches of a touch panel."""
+    """Select random measured touches of a touch panel; return the two halves of their repeats."""
     touches = [
         touch for name in list_recordings() for touch in list_touches(Frames.from_recording(load_recording(name)))
     ]

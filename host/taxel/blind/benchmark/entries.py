@@ -12,7 +12,7 @@ from taxel.gap.calibration.calibration import NO_GAP
 from taxel.gap.effects.catalogue import all_effects
 from taxel.plugins import DIAGNOSES, PluginError, list_plugin_names, load_plugin
 
-OWN: Final[Mapping[str, str]] = MappingProxyType(
+OWN_ENTRIES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "diagnosis": "taxel.blind.benchmark.entries:diagnose_by_comparison",
         "check list": "taxel.blind.benchmark.entries:diagnose_by_rules",
@@ -20,20 +20,26 @@ OWN: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
+"""Module and function of each diagnosis of the project, by name."""
+
 Entry = Callable[[Path, Path, int], Mapping[str, float]]
+"""Diagnosis: function of the real dataset, the simulated dataset and a seed that returns probabilities by cause."""
 
 
 def load_entry(name: str) -> Entry:
     """Load a diagnosis by its name. Raises PluginError for an unknown name."""
-    names = list_plugin_names(DIAGNOSES, OWN)
+    names = list_plugin_names(DIAGNOSES, OWN_ENTRIES)
     if name not in names:
         raise PluginError(f"--entry: expected one of {', '.join(names)}, found '{name}'")
-    entry: Entry = load_plugin(DIAGNOSES, name, OWN)
+    entry: Entry = load_plugin(DIAGNOSES, name, OWN_ENTRIES)
     return entry
 
 
 def check_answer(answer: Mapping[str, Any], name: str) -> dict[str, float]:
-    """The probabilities of an answer. Raises PluginError for an unknown effect or a value outside 0 to 1."""
+    """Return the probabilities in the answer of a diagnosis as floats, by cause.
+
+    name: name of the diagnosis in messages. Raises PluginError for an unknown effect or a value outside 0 to 1.
+    """
     known = {*all_effects(), UNKNOWN, NO_GAP}
     for effect, value in answer.items():
         if effect not in known:
@@ -44,14 +50,17 @@ def check_answer(answer: Mapping[str, Any], name: str) -> dict[str, float]:
 
 
 def diagnose_by_comparison(real: Path, sim: Path, seed: int) -> dict[str, float]:
-    """The calibrated probabilities of `taxel gap diagnose`."""
+    """Return the calibrated probabilities of the causes, as `taxel gap diagnose` computes them."""
     from taxel.gap.comparison.compare import compare
 
     return compare(real, sim, seed=seed).compute_probabilities()
 
 
 def diagnose_by_rules(real: Path, sim: Path, seed: int) -> dict[str, float]:
-    """The check list of an engineer (`taxel.blind.baselines`); whether there is a gap is taken from the diagnosis."""
+    """Return probability 1 for the cause that an engineer's check list names (`taxel.blind.baselines`).
+
+    Whether there is a gap is taken from the diagnosis.
+    """
     from taxel.blind.baselines import compute_baseline_verdicts
     from taxel.gap.diagnosis import diagnose
 

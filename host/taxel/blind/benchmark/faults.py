@@ -1,4 +1,7 @@
-"""Faults of a simulated dataset: what a defective simulator or exporter writes. They are no causes of the gap."""
+"""Faults of a simulated dataset, as a defective simulator or exporter writes them.
+
+They are not causes of the gap: a diagnosis must not name an effect because of them.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,15 @@ from taxel.recording.grasp_format import Phase
 from taxel.recording.hdf5_output import change_hdf5
 
 SPIKE_FACTOR: Final = (10.0, 30.0)
-"""Range of the factor on all forces in one frame of a force spike (a defect that this project's simulator once had
-multiplied the force of the hold by 21)."""
+"""Range of the factor by which a force spike multiplies all forces of one frame (a former defect of this project's
+simulator multiplied the force of the hold by 21)."""
 
 PENETRATION_M: Final = (3e-3, 8e-3)
-"""Range of the depth of a penetration beyond the layer."""
+"""Range of the depth by which a penetration pushes the object further into the skin, metres."""
 
 
 def add_spike(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
-    """Multiply all forces of one frame with contact, and the signals with them."""
+    """Multiply all forces of one frame with contact by a factor, and recompute the counts of this frame from them."""
     group = file["grasps"][grasp]
     frame = _choose_frame(group, rng)
     force = group["contact_force"][...]
@@ -32,7 +35,9 @@ def add_spike(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
 
 
 def add_penetration(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
-    """Push the object deep into the skin in three frames: separations and forces grow together."""
+    """Push the object deep into the skin in three frames: decrease the separations of loaded taxels, increase the
+    forces.
+    """
     group = file["grasps"][grasp]
     frame, depth = _choose_frame(group, rng), rng.uniform(*PENETRATION_M)
     frames = np.arange(frame, min(frame + 3, len(group["phase"])))
@@ -47,7 +52,7 @@ def add_penetration(file: h5py.File, grasp: str, rng: np.random.Generator) -> No
 
 
 def freeze_frames(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
-    """Repeat one frame until the end of the grasp: the exporter stopped."""
+    """Repeat one frame until the end of the grasp, as if the exporter had stopped."""
     group = file["grasps"][grasp]
     frame = _choose_frame(group, rng)
     for name in ("raw_counts", "contact_force", "separation"):
@@ -57,7 +62,7 @@ def freeze_frames(file: h5py.File, grasp: str, rng: np.random.Generator) -> None
 
 
 def remove_object(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
-    """Remove the contact of one grasp: the object is missing."""
+    """Remove the contact from one grasp, as if the object were missing: only noise remains."""
     group, model = file["grasps"][grasp], file["sensor_model"].attrs
     group["contact_force"][...] = 0.0
     group["separation"][...] = 0.05
@@ -67,6 +72,7 @@ def remove_object(file: h5py.File, grasp: str, rng: np.random.Generator) -> None
 
 
 Fault = Callable[[h5py.File, str, np.random.Generator], None]
+"""Function that damages one grasp of an open dataset: file, identifier of the grasp, random numbers."""
 
 FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
     {"force spike": add_spike, "penetration": add_penetration, "frozen": freeze_frames, "object missing": remove_object}
@@ -74,7 +80,10 @@ FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
 
 
 def damage(path: Path, fault: str, seed: int) -> str:
-    """Apply a fault to one grasp of a simulated dataset, in place; returns the id of the grasp. seed: of the choice."""
+    """Apply a fault to one grasp of a simulated dataset, in place; return the identifier of the grasp.
+
+    fault: key of `FAULTS`. seed: seed that selects the grasp and the parameters of the fault.
+    """
     rng = np.random.default_rng(seed)
     with GraspDataset(path) as data:
         grasp = str(rng.choice(data.ids))
@@ -84,14 +93,16 @@ def damage(path: Path, fault: str, seed: int) -> str:
 
 
 def _choose_frame(group: h5py.Group, rng: np.random.Generator) -> int:
-    """Choose a frame with contact, in closing, hold or release."""
+    """Choose a random frame with contact in closing, hold or release; the first frame of hold if there is no
+    contact.
+    """
     phase, force = group["phase"][...], group["contact_force"][...].sum(axis=1)
     frames = np.flatnonzero(np.isin(phase, [Phase.CLOSING, Phase.HOLD, Phase.RELEASE]) & (force > 0.0))
     return int(rng.choice(frames)) if len(frames) else int(np.flatnonzero(phase == Phase.HOLD)[0])
 
 
 def _write_contact(file: h5py.File, group: h5py.Group, frame: int, force: np.ndarray) -> None:
-    """Write the forces f64[T, n] of a grasp, and the counts of one frame that follow from the sensor model."""
+    """Write the forces f64[T, n] of a grasp, and recompute the counts of one frame from them with the sensor model."""
     group["contact_force"][...] = force
     model = file["sensor_model"].attrs
     full, half = model["full_scale_drop_counts"], np.asarray(model["half_force_n"])

@@ -1,4 +1,6 @@
-"""A reference diagnosis: plain least squares over the same catalogue, with the Bayesian information criterion."""
+"""A reference diagnosis: plain least squares with the same catalogue of effects and the Bayesian information
+criterion.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,23 @@ from taxel.gap.fitting.fit import start_effect
 from taxel.gap.fitting.fit_data import FitData
 
 ITERATIONS: Final = 4
+"""Iterations of each fit."""
+
 LARGEST_SET: Final = 3
+"""Largest number of effects in a set."""
 
 
 def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, float]:
-    """Probabilities from the criterion BIC = cost + p log(N) of sets that are built step by step.
+    """Compute probabilities of causes from the criterion BIC = cost + p log(N) of sets of effects.
 
-    cost: weighted squared deviation of the fit to all features. p: number of parameters. N: number of taxels and
-    conditions with known features. A set has the weight exp(-BIC / 2) (Schwarz 1978), and an effect the sum of the
-    weights of its sets. seed: not used.
+    The sets grow step by step by the effect with the smallest criterion. cost: weighted squared deviation of the fit to
+    all features. p: number of parameters. N: number of pairs of taxel and condition with known features. A set has the
+    weight exp(-BIC / 2) (Schwarz 1978); the probability of an effect is the relative weight of the sets that contain
+    it. seed: not used.
     """
-    own = prepare_pair(read_pair(real, sim))
-    # Plain least squares: only the real sessions vary.
-    fit_data = FitData(replace(own.state, mean_variance=None), own.sessions, own.layout)
+    prepared = prepare_pair(read_pair(real, sim))
+    # Plain least squares: only the variance of the real sessions is considered.
+    fit_data = FitData(replace(prepared.state, mean_variance=None), prepared.sessions, prepared.layout)
     catalogue = choose_effects()
     penalty = float(np.log(max(int((fit_data.weight > 0).any(axis=1).sum()), 2)))
     base, criterion = CompositeModel(), fit_data.build_problem().cost(fit_data.state.mean)
@@ -39,13 +45,13 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     for _ in range(LARGEST_SET):
         best = base, criterion
         for name, variants in catalogue.items():
-            links = [
+            starts = [
                 start_effect(fit_data.state, one) for one in variants if not one.find_unavailable_reason(fit_data.state)
             ]
             if name in base.names:
                 continue
-            for link in links or _find_dropout(fit_data, base):
-                fit = fit_data.fit_in_sample(base.with_effect(link), INSPECTED_EFFECTS, ITERATIONS)
+            for start in starts or _find_dropout(fit_data, base):
+                fit = fit_data.fit_in_sample(base.with_effect(start), INSPECTED_EFFECTS, ITERATIONS)
                 value = fit.cost + penalty * sum(one.values.size for one in fit.composite.fitted_effects)
                 key = frozenset(fit.composite.names)
                 found[key] = min(value, found.get(key, np.inf))
@@ -63,6 +69,9 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
 
 
 def _find_dropout(fit_data: FitData, base: CompositeModel) -> list[FittedEffect]:
-    """The taxels that do not respond, as an effect; none if all respond."""
+    """Return the effect of the taxels that do not respond as a list with one element; empty if all taxels respond.
+
+    base: effects that are already fitted.
+    """
     effect = Dropout(find_defects(fit_data.state, fit_data.sessions, base.predict_features(fit_data.state)))
     return [FittedEffect(effect, effect.make_detected_values(fit_data.state))] if effect.defects.has_any else []

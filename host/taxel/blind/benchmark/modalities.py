@@ -22,11 +22,12 @@ from taxel.types import FloatArray
 SENSORS: Final = ("resistive mat", "magnetic pad", "capacitive plate")
 
 DURATIONS: Final = {Phase.BASELINE: 2.0, Phase.CLOSING: 1.0, Phase.HOLD: 1.5, Phase.RELEASE: 0.6, Phase.RECOVERY: 1.5}
-"""Seconds of each phase."""
+"""Duration of each phase of a contact, seconds."""
 
 SESSION_STD: Final = 0.04
 REPEAT_STD: Final = 0.05
-"""Relative standard deviations of the load of a session on each taxel, and of a repeat on all taxels."""
+"""Relative standard deviations of the load: between sessions, independent for each taxel; between repeats, common to
+all taxels."""
 
 NOISE_SHARE: Final = 0.005
 """Standard deviation of the noise, relative to the full scale."""
@@ -34,8 +35,11 @@ NOISE_SHARE: Final = 0.005
 
 @dataclass(frozen=True)
 class SensorKind:
-    """A sensor: name, unit, rows and columns, pitch, full scale, frames per second, conditions, whether values rise on
-    contact, and whether a contact loads all taxels equally.
+    """A kind of sensor with taxels on a rectangular grid.
+
+    unit: unit of the values. full_scale: largest signal, in this unit. conditions: number of different contacts.
+    raises: whether values increase on contact. modality: physical principle, as in the dataset. is_vector: whether a
+    taxel has three components (shear x, shear y, normal). is_uniform: whether a contact loads all taxels equally.
     """
 
     name: str
@@ -58,7 +62,7 @@ class SensorKind:
 
     @property
     def positions(self) -> FloatArray:
-        """f64[n, 3], metres."""
+        """Centres of the taxels, f64[n, 3], metres."""
         x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         return np.column_stack([self.pitch_m * x.ravel(), self.pitch_m * y.ravel(), np.zeros(self.n)])
 
@@ -74,13 +78,17 @@ KINDS: Final = {
 }
 
 Change = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
-"""Signal f64[T, m] of one contact, time since its start f64[T], random numbers: signal with the cause."""
+"""Cause: function of the signal of one contact, f64[T, m] (T frames, m components of all taxels), the time since its
+start, f64[T], and random numbers that returns the signal with the cause."""
 
 
 @dataclass(frozen=True)
 class ModalityWorld:
-    """One world. sensor: of `SENSORS`. cause: name, "" for none. strength: relative to a typical case. sessions,
-    repeats: of the real side. conditions: number of conditions; None: that of the sensor.
+    """One world: a pair of datasets with at most one hidden cause.
+
+    sensor: one of `SENSORS`. cause: name of the cause; "": none. strength: size of the cause relative to a typical
+    case. sessions, repeats: numbers of sessions, and of repeats of each condition in a session, of the real dataset.
+    conditions: approximate number of conditions; None: that of the sensor.
     """
 
     sensor: str
@@ -92,7 +100,7 @@ class ModalityWorld:
     conditions: int | None = None
 
     def make(self, real: Path, sim: Path) -> None:
-        """Write both datasets."""
+        """Write the real and the simulated dataset."""
         kind, rng = KINDS[self.sensor], np.random.default_rng([self.seed, 5])
         loads = _sample_loads(kind, rng)[:: -(-kind.conditions // (self.conditions or kind.conditions))]
         change = _CHANGES[self.cause](kind, self.strength, rng)
@@ -100,16 +108,18 @@ class ModalityWorld:
         write_general(sim, _make_header(kind, "sim"), self._make_simulated(kind, loads))
 
     def _make_real(self, kind: SensorKind, loads: FloatArray, change: Change) -> Iterator[Contact]:
+        """Yield the contacts of the real dataset, with variations between sessions and repeats and with the cause."""
         rng, number = np.random.default_rng([self.seed, 6]), 0
         for session in range(self.sessions):
             mounting = np.exp(rng.normal(0.0, SESSION_STD, loads.shape[1]))
             for condition, load in enumerate(loads):
                 for repeat in range(self.repeats):
-                    own = load * mounting * np.exp(rng.normal(0.0, REPEAT_STD))
-                    yield _make_contact(kind, (number, session, condition, repeat), own, change, rng)
+                    varied_load = load * mounting * np.exp(rng.normal(0.0, REPEAT_STD))
+                    yield _make_contact(kind, (number, session, condition, repeat), varied_load, change, rng)
                     number += 1
 
     def _make_simulated(self, kind: SensorKind, loads: FloatArray) -> Iterator[Contact]:
+        """Yield the contacts of the simulated dataset: two repeats of each condition, without variations and cause."""
         rng = np.random.default_rng([self.seed, 7])
         for condition, load in enumerate(loads):
             for repeat in range(2):
@@ -117,8 +127,10 @@ class ModalityWorld:
 
 
 def sample_modality_worlds(count: int, seed: int, sensor: str) -> list[ModalityWorld]:
-    """Sample worlds of one sensor: a fifth without a cause, an eighth with a cause outside the catalogue, all others
-    with one cause of the catalogue that the sensor can have.
+    """Sample worlds of one sensor in random order.
+
+    A fifth of them has no cause, an eighth a cause outside the catalogue, and all others one cause of the catalogue
+    that the sensor can have.
     """
     rng = np.random.default_rng([seed, count, SENSORS.index(sensor)])
     names = [name for name in _CHANGES if name and name != UNKNOWN and _is_possible(KINDS[sensor], name)]
@@ -132,7 +144,7 @@ def sample_modality_worlds(count: int, seed: int, sensor: str) -> list[ModalityW
 
 
 def _is_possible(kind: SensorKind, cause: str) -> bool:
-    """Whether a cause can change the signals of a sensor: a uniform load has no edges that could spread."""
+    """Whether a cause can change the signals of a sensor: contact propagation does not change a uniform load."""
     return cause != "contact_propagation" or not kind.is_uniform
 
 
@@ -143,7 +155,7 @@ def _make_header(kind: SensorKind, source: str) -> GeneralHeader:
 
 
 def _sample_loads(kind: SensorKind, rng: np.random.Generator) -> FloatArray:
-    """Load of each component in each condition, relative to the full scale, f64[C, m]."""
+    """Sample the load of each condition, f64[C, m], relative to the full scale (C conditions, m components)."""
     if kind.is_uniform:
         return np.repeat(np.linspace(0.15, 0.9, kind.conditions)[:, None], kind.n, axis=1)
     place = kind.positions[:, :2] / kind.pitch_m
@@ -168,7 +180,10 @@ def _make_contact(
     change: Change,
     rng: np.random.Generator,
 ) -> Contact:
-    """One contact. labels: number, session, condition, repeat. load: f64[m], relative to the full scale."""
+    """Make one contact from its load, with the cause `change` and noise.
+
+    labels: number, session, condition and repeat of the contact. load: f64[m], relative to the full scale.
+    """
     number, session, condition, repeat = labels
     ends = np.cumsum(list(DURATIONS.values()))
     time = np.arange(0.0, ends[-1], 1.0 / kind.rate_hz)
@@ -194,8 +209,12 @@ def _make_contact(
     )
 
 
+# Each function _make_... below returns the change that one cause applies to the signal of every contact of a world, for
+# a kind of sensor and a strength; rng samples the parameters that are the same for all contacts.
+
+
 def _keep(signal: FloatArray, time: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """No cause."""
+    """Return the signal unchanged: no cause."""
     return signal
 
 
@@ -204,13 +223,14 @@ def _make_none(kind: SensorKind, strength: float, rng: np.random.Generator) -> C
 
 
 def _make_gain(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a gain mismatch: every taxel has a random gain."""
     gains = 1.0 + 0.25 * strength * rng.uniform(-1.0, 1.0, kind.n)
-    own = np.repeat(gains, 3) if kind.is_vector else gains
-    return lambda signal, time, _: signal * own
+    component_gains = np.repeat(gains, 3) if kind.is_vector else gains
+    return lambda signal, time, _: signal * component_gains
 
 
 def _make_curve(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    """A smaller sensitivity to small loads."""
+    """Make a nonlinearity: a smaller sensitivity to small loads."""
     share, scale = 0.45 * min(strength, 1.8), kind.full_scale
 
     def bend(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
@@ -221,11 +241,13 @@ def _make_curve(kind: SensorKind, strength: float, rng: np.random.Generator) -> 
 
 
 def _make_limit(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a saturation: soft (hyperbolic tangent) below strength 1, hard (clipped) from strength 1."""
     limit = kind.full_scale * (0.55 - 0.15 * strength)
     return lambda signal, time, _: limit * np.tanh(signal / limit) if strength < 1.0 else np.clip(signal, -limit, limit)
 
 
 def _make_lag(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a hysteresis: a share of the signal follows with a random time constant (creep)."""
     share, constant = 0.3 * strength, rng.uniform(0.4, 1.2)
 
     def creep(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
@@ -240,35 +262,42 @@ def _make_lag(kind: SensorKind, strength: float, rng: np.random.Generator) -> Ch
 
 
 def _make_drift(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a drift after the baseline phase, linear in time, with a slightly different slope in each contact."""
     slope = kind.full_scale * 0.02 * strength * rng.choice([-1.0, 1.0])
-    return lambda signal, time, own: signal + slope * own.normal(1.0, 0.3) * np.maximum(time - 2.0, 0.0)[:, None]
+    baseline_s = 2.0
+    return lambda signal, time, contact_rng: (
+        signal + slope * contact_rng.normal(1.0, 0.3) * np.maximum(time - baseline_s, 0.0)[:, None]
+    )
 
 
 def _make_noise(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    counts = kind.full_scale * 0.05 * strength
-    return lambda signal, time, own: signal + counts * own.laplace(0.0, 0.7, signal.shape)
+    """Make additional white noise with a Laplace distribution."""
+    scale = kind.full_scale * 0.05 * strength
+    return lambda signal, time, contact_rng: signal + scale * contact_rng.laplace(0.0, 0.7, signal.shape)
 
 
 def _make_dead(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a dropout: some random taxels have no signal."""
     width = max(1, round(0.06 * strength * kind.n))
     dead = rng.permutation(kind.n)[: width + 1]
-    own = (dead[:, None] * 3 + np.arange(3)).ravel() if kind.is_vector else dead
+    dead_components = (dead[:, None] * 3 + np.arange(3)).ravel() if kind.is_vector else dead
 
     def silence(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
         result = signal.copy()
-        result[:, own] = 0.0
+        result[:, dead_components] = 0.0
         return result
 
     return silence
 
 
 def _make_delay(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
+    """Make a latency: all signals are late by a whole number of frames."""
     frames = max(2, round(0.15 * strength * kind.rate_hz))
     return lambda signal, time, _: np.concatenate([np.repeat(signal[:1], frames, axis=0), signal[:-frames]])
 
 
 def _make_spread(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    """Each taxel passes a share to the eight taxels around it."""
+    """Make a contact propagation: each taxel passes a share of its signal to the eight taxels around it."""
     share = min(0.35 * strength, 0.7)
     apart = np.abs(kind.positions[:, None] - kind.positions).max(axis=2) / kind.pitch_m
     near = ((apart > 0.5) & (apart < 1.5)).astype(np.float64)
@@ -279,13 +308,18 @@ def _make_spread(kind: SensorKind, strength: float, rng: np.random.Generator) ->
 
 
 def _make_unknown(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    """A cause outside the catalogue: a dead zone, the mean signal subtracted, or a gain that oscillates with time."""
-    number, scale = int(rng.choice([0, 2] if kind.is_uniform else [0, 1, 2])), kind.full_scale
+    """Make a cause outside the catalogue: a dead zone, a subtracted mean signal, or a gain that oscillates with time.
 
-    def change(signal: FloatArray, time: FloatArray, own: np.random.Generator) -> FloatArray:
-        if number == 0:
+    The mean signal is not subtracted from a sensor with uniform loads, whose signals it would almost remove.
+    """
+    dead_zone, mean_removed, oscillation = range(3)
+    choices = [dead_zone, oscillation] if kind.is_uniform else [dead_zone, mean_removed, oscillation]
+    choice, scale = int(rng.choice(choices)), kind.full_scale
+
+    def change(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
+        if choice == dead_zone:
             return np.asarray(np.sign(signal) * np.maximum(np.abs(signal) - 0.12 * strength * scale, 0.0))
-        if number == 1:
+        if choice == mean_removed:
             return np.asarray(signal - 0.6 * min(strength, 1.5) * signal.mean(axis=1, keepdims=True))
         return np.asarray(signal * (1.0 + 0.35 * strength * np.sin(5.0 * time))[:, None])
 

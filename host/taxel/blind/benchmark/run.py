@@ -1,4 +1,6 @@
-"""A resumable run of the benchmark: worlds are made, diagnosed by every entry, and scored at the end."""
+"""A resumable run of the benchmark: worlds are made, diagnosed by every entry (diagnosis program), and scored at the
+end.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +21,7 @@ from taxel.errors import TaxelError
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 ANSWERS, BASES = "answers.jsonl", "bases"
+"""Names of the file of answers, and of the folder of datasets without a cause, in the folder of a run."""
 
 
 def run_benchmark(
@@ -30,11 +33,13 @@ def run_benchmark(
     jobs: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, dict[str, Any]]:
-    """Score diagnoses on `count` worlds; returns the measures of each entry and writes them to DIR/score.json.
+    """Score diagnoses on `count` worlds; write the measures to `out`/score.json and return them by name of the
+    diagnosis.
 
-    out: folder; answers of an interrupted run with the same seed and number of worlds are kept. entries: names of the
-    diagnoses. families: of the worlds. jobs: number of processes. progress: called with the number of finished worlds
-    and the total. Raises TaxelError with one line.
+    out: folder of the run; answers of an interrupted run with the same seed, number and families are kept. entries:
+    names of the diagnoses. families: names of the world families (keys of `FAMILIES`). jobs: number of processes; None:
+    one per core. progress: called with the number of finished worlds and the total. Raises TaxelError with a one-line
+    message.
     """
     for name in entries:
         load_entry(name)
@@ -58,9 +63,11 @@ def run_benchmark(
 
 
 def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bases: Path) -> dict[str, Any]:
-    """Make a world in a temporary folder and let every entry diagnose it. bases: folder of the base pairs.
+    """Make a world in a temporary folder and diagnose it with every entry (name of a diagnosis).
 
-    Returns gap and floor of the world, and for each entry its probabilities and seconds, or the line of its error.
+    bases: folder of the datasets without a cause. Returns under "gap" the gap and the floor of the world, or None if
+    they cannot be measured, and under "entries" for each name the probabilities, the run time in seconds and, if the
+    diagnosis failed, its error.
     """
     from taxel.gap.data.pair import read_pair
     from taxel.gap.data.prepare import prepare_pair
@@ -75,7 +82,7 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
             gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
             result["gap"] = [gap.gap.value, gap.floor]
         except TaxelError:
-            pass  # every entry reports the error in its own way
+            pass  # the diagnoses find the same error and report it
         for entry in entries:
             start = time.perf_counter()
             try:
@@ -87,13 +94,16 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
 
 
 def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
-    """Answers of an earlier run by world and entry. Raises TaxelError if they belong to another run."""
+    """Read the answers of an interrupted run: by number of the world, the answers by name of the diagnosis and the gap.
+
+    run: number of worlds, seed and families that each line must state. Raises TaxelError for other values.
+    """
     answers: dict[int, dict[str, Any]] = {}
     for number, text in enumerate(read_complete_lines(path), 1):
         try:
             line = json.loads(text)
             is_same = all(line[key] == value for key, value in run.items())
-            own = {**line["entries"], "gap": line["gap"]}
+            answer = {**line["entries"], "gap": line["gap"]}
         except (ValueError, KeyError, TypeError):
             raise TaxelError(
                 f"{path}: line {number}: expected an answer; remove the file or choose another --out"
@@ -102,12 +112,12 @@ def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any
             raise TaxelError(
                 f"{path}: the answers belong to another seed, number or family of worlds; choose another --out"
             )
-        answers.setdefault(line["number"], {}).update(own)
+        answers.setdefault(line["number"], {}).update(answer)
     return answers
 
 
 def _score_entry(name: str, worlds: Sequence[BenchmarkWorld], answers: dict[int, dict[str, Any]]) -> dict[str, Any]:
-    """Measures of one entry over all worlds, and for each family."""
+    """Compute the measures of one diagnosis over all worlds (key "all"), and for each family of worlds."""
     scored = []
     for world in worlds:
         answer, gap = answers[world.number][name], answers[world.number]["gap"]

@@ -14,21 +14,22 @@ from taxel.gap.verdict.verdict import list_causes
 from taxel.types import FloatArray
 
 CONFIDENT: Final = 0.8
-"""Probability from which a statement counts as confident (gap report, version 2)."""
+"""Probability from which the statement that a cause is present is treated as confident (gap report, version 2)."""
 
 BINS: Final = 10
-"""Bins of the reliability diagram."""
+"""Number of bins of the reliability diagram."""
 
 SMALLEST: Final = 1e-4
-"""Probabilities are limited to this value and its complement in the log score."""
+"""Smallest probability in the log score; probabilities are clipped to this value and to one minus this value."""
 
 
 @dataclass(frozen=True)
 class ScoredAnswer:
-    """An answer with its truth.
+    """The answer of a diagnosis for one world, with the truth.
 
-    truth: names of the hidden causes; empty: none. kind, family: of the world. probabilities: of the answer. ratio: gap
-    of the world divided by its floor. seconds: run time.
+    truth: names of the hidden causes; empty: none. kind, family: kind and family of the world. probabilities:
+    probability of each cause in the answer. ratio: gap of the world divided by its floor. seconds: run time of the
+    diagnosis.
     """
 
     truth: frozenset[str]
@@ -40,23 +41,26 @@ class ScoredAnswer:
 
     @property
     def causes(self) -> list[str]:
-        """Causes in the answer by descending probability, without no_gap."""
+        """Causes in the answer in order of descending probability, without "no_gap"."""
         names = [name for name in self.probabilities if name != NO_GAP]
         return sorted(names, key=lambda name: -self.probabilities[name])
 
     @property
     def probable(self) -> frozenset[str]:
-        """Causes with a probability of at least `LISTED`."""
+        """Causes with a probability of at least `NAMED_PROBABILITY`."""
         return frozenset(name for name in self.causes if self.probabilities[name] >= NAMED_PROBABILITY)
 
     @property
     def listed(self) -> frozenset[str]:
-        """The causes that the verdict names (`taxel.gap.verdict.verdict.list_causes`); an empty answer names none."""
+        """Causes that the verdict names (`taxel.gap.verdict.verdict.list_causes`); none for an empty answer."""
         return frozenset(list_causes({NO_GAP: 0.0, **self.probabilities})) if self.causes else frozenset()
 
 
 def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:
-    """Compute all measures of one diagnosis. A measure without worlds is None."""
+    """Compute all measures of one diagnosis by name (docs/gap-benchmark.md); a measure without worlds is None.
+
+    Clear worlds have a gap of at least two floors.
+    """
     clear = [one for one in answers if one.ratio >= 2.0]
     weak = [one for one in answers if 1.0 <= one.ratio < 2.0 and one.kind == "single"]
     single = [one for one in clear if one.kind == "single"]
@@ -89,19 +93,23 @@ def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:
 
 
 def _share(values: Sequence[bool]) -> float | None:
-    """Share of true values; None without any."""
+    """Compute the share of true values; None without values."""
     return float(np.mean(values)) if values else None
 
 
 def _compute_f1(answers: Sequence[ScoredAnswer]) -> float | None:
-    """Micro-averaged F1 of the listed causes; None without answers."""
+    """Compute the micro-averaged F1 of the causes that the verdicts name; None without answers."""
     hits = sum(len(one.listed & one.truth) for one in answers)
     total = sum(len(one.listed) + len(one.truth) for one in answers)
     return 2.0 * hits / total if total else None
 
 
 def _collect_statements(answers: Sequence[ScoredAnswer]) -> tuple[FloatArray, FloatArray]:
-    """Probabilities of all statements "X is a cause" and whether they are true (1 or 0), of all answers."""
+    """Return the probabilities of all statements "X is a cause" in all answers, and whether each is true (1) or not
+    (0).
+
+    X: every cause that occurs in an answer or in a truth; a cause that an answer does not contain has probability 0.
+    """
     names = sorted({name for one in answers for name in (*one.causes, *one.truth)})
     pairs = [(one.probabilities.get(name, 0.0), name in one.truth) for one in answers for name in names]
     probability, is_true = np.array(pairs, np.float64).reshape(-1, 2).T
@@ -109,19 +117,21 @@ def _collect_statements(answers: Sequence[ScoredAnswer]) -> tuple[FloatArray, Fl
 
 
 def _compute_calibration_error(probability: FloatArray, is_true: FloatArray) -> float | None:
-    """Expected calibration error over `BINS` bins of equal width (Naeini et al. 2015); None without statements."""
+    """Compute the expected calibration error in `BINS` bins of equal width (Naeini et al. 2015); None without
+    statements.
+    """
     if not len(probability):
         return None
     number = np.minimum((probability * BINS).astype(int), BINS - 1)
     error = 0.0
     for index in np.unique(number):
-        own = number == index
-        error += own.mean() * abs(float(probability[own].mean() - is_true[own].mean()))
+        in_bin = number == index
+        error += in_bin.mean() * abs(float(probability[in_bin].mean() - is_true[in_bin].mean()))
     return float(error)
 
 
 def _compute_log_score(probability: FloatArray, is_true: FloatArray) -> float | None:
-    """Mean log probability of what is true; None without statements."""
+    """Compute the mean log probability that was assigned to the true outcome; None without statements."""
     if not len(probability):
         return None
     limited = probability.clip(SMALLEST, 1.0 - SMALLEST)

@@ -37,9 +37,10 @@ SENSOR_FAMILIES: Final = dict.fromkeys(SENSORS, 0.1)
 """Share of worlds of other kinds of sensor, which are used only if they are selected."""
 
 BASE_KINDS: Final = {INJECTED: INDENTATION, GRASPS: GRASP, MEASURED: TOUCH}
+"""Kind of the base (pair of datasets without a cause) into which the causes of a family are injected."""
 
 WORLDS_PER_BASE: Final = {INJECTED: 6, GRASPS: 12, MEASURED: 2}
-"""Worlds that share a base, which takes far longer to make than an injection."""
+"""Number of worlds that share a base. A base takes far longer to make than an injection."""
 
 FAULTY_SHARE: Final = 0.15
 """Share of the worlds of indentations with a faulty simulator file (chosen: 60 of 420, as in the full score)."""
@@ -48,9 +49,10 @@ KINDS: Final = {"none": 0.15, "single": 0.5, "several": 0.2, "outside": 0.15}
 """Share of each kind of injected worlds: no cause, one, two or three causes, and a cause outside the catalogue."""
 
 FLOORS: Final = (0.5, 6.0)
-"""Gap that an injected cause alone produces, in floors: smallest and largest, uniform in the logarithm."""
+"""Smallest and largest gap that an injected cause alone produces, in floors; sampled uniformly in the logarithm."""
 
 FLOORS_OF_SEVERAL: Final = (1.5, 6.0)
+"""The same for each of several injected causes of one world."""
 
 NOT_ON_TOUCHES: Final = ("stiffness", "proximity")
 """Causes that need a simulated contact, which measured touches do not have."""
@@ -60,10 +62,11 @@ NOT_ON_TOUCHES: Final = ("stiffness", "proximity")
 class BenchmarkWorld:
     """A world of the benchmark.
 
-    number: in the run. family: of `FAMILIES`. kind: "none", "single", "several", "outside" or "lookalike". truth: names
-    of the hidden causes. forms: functional form of each cause. source: world of the blind check, or base and seed of
-    the injection. floors: wanted gap of each injected cause. fault: of the simulator file (`FAULTS`); "": none.
-    fault_seed: of the grasp and the frame of the fault.
+    number: index in the run. family: key of `FAMILIES` or `SENSOR_FAMILIES`. kind: "none", "single", "several",
+    "outside" or "lookalike". truth: names of the hidden causes. forms: functional form of each cause. source: from
+    which the datasets are made: world of the blind check, world of another sensor, seed of a grasp world, or base and
+    seed of the injection. floors: required gap of each injected cause, in floors. fault: fault of the simulator file
+    (`FAULTS`); "": none. fault_seed: seed that selects the grasp and the frame of the fault.
     """
 
     number: int
@@ -77,7 +80,10 @@ class BenchmarkWorld:
     fault_seed: int = 0
 
     def make(self, real: Path, sim: Path, bases: Path) -> None:
-        """Write the two datasets of the world. bases: folder of the base pairs. Raises TaxelError with one line."""
+        """Write the two datasets of the world. bases: folder of the datasets without a cause, filled as needed.
+
+        Raises TaxelError with a one-line message.
+        """
         if isinstance(self.source, World):
             make_world(self.source, real, sim)
         elif isinstance(self.source, ModalityWorld):
@@ -99,7 +105,7 @@ class BenchmarkWorld:
             damage(sim, self.fault, self.fault_seed)
 
     def to_json(self) -> dict[str, Any]:
-        """The truth of the world as JSON values."""
+        """Return the hidden truth of the world as JSON values."""
         return {
             "number": self.number,
             "family": self.family,
@@ -112,9 +118,10 @@ class BenchmarkWorld:
 
 
 def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[BenchmarkWorld]:
-    """Sample `count` worlds of some families, in the proportions of `FAMILIES`; equal arguments give equal worlds.
+    """Sample `count` worlds of some families in random order, in the proportions of `FAMILIES` and `SENSOR_FAMILIES`.
 
-    The salt that seals a world of the blind check is not used here: the truth is compared after all answers are stored.
+    Equal arguments give equal worlds. The worlds are not sealed as those of the blind check: the truth is compared
+    after all answers are stored.
     """
     rng = np.random.default_rng([seed, count])
     shares = {name: share for name, share in {**FAMILIES, **SENSOR_FAMILIES}.items() if name in families}
@@ -130,19 +137,19 @@ def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMI
         elif name in SENSOR_FAMILIES:
             worlds += _sample_sensors(name, number, seed)
         else:
-            worlds += _inject(rng, name, number, seed)
+            worlds += _sample_injected(rng, name, number, seed)
     order = rng.permutation(len(worlds)).tolist()
     return [replace(worlds[index], number=number) for number, index in enumerate(order)]
 
 
 def _sample_indentations(rng: np.random.Generator, count: int, seed: int) -> list[BenchmarkWorld]:
-    """Worlds of the blind check, some of them with a faulty simulator file."""
+    """Sample worlds of the blind check, some of them with a faulty simulator file."""
     result = []
     for world in sample_worlds(count, seed=seed):
         hidden = world.hidden
         forms = tuple(cause.emulator_effect for cause in hidden.causes)
-        own = replace(world, salt="")
-        result.append(BenchmarkWorld(world.number, INDENTATIONS, hidden.kind, hidden.names, forms, own))
+        source = replace(world, salt="")
+        result.append(BenchmarkWorld(world.number, INDENTATIONS, hidden.kind, hidden.names, forms, source))
     names = list(FAULTS)
     for place, index in enumerate(rng.permutation(count)[: round(FAULTY_SHARE * count)].tolist()):
         fault, fault_seed = names[place % len(names)], int(rng.integers(2**31))
@@ -151,15 +158,15 @@ def _sample_indentations(rng: np.random.Generator, count: int, seed: int) -> lis
 
 
 def _sample_grasps(number: int, seed: int) -> BenchmarkWorld:
-    """World of grasps of the emulated hand, as in the demonstration."""
+    """Sample a world of grasps of the emulated hand, as in the demonstration."""
     sampler = GraspWorldSampler(seed)
     names = tuple(one.name for one in sampler.types)
     forms = tuple(one.emulator_effect for one in sampler.types)
     return BenchmarkWorld(number, EMULATED_GRASPS, sampler.kind, names, forms, seed)
 
 
-def _inject(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:
-    """Worlds of a base pair with injected causes."""
+def _sample_injected(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:
+    """Sample worlds of a family with injected causes: base, forms and sizes of the causes."""
     kind_of_base = BASE_KINDS[family]
     forms = [one for one in INJECTED_FORMS if kind_of_base != TOUCH or one.name not in NOT_ON_TOUCHES]
     worlds = []
@@ -176,7 +183,7 @@ def _inject(rng: np.random.Generator, family: str, count: int, seed: int) -> lis
 
 
 def _sample_sensors(sensor: str, count: int, seed: int) -> list[BenchmarkWorld]:
-    """Worlds of another kind of sensor."""
+    """Sample worlds of another kind of sensor."""
     worlds = []
     for number, world in enumerate(sample_modality_worlds(count, seed, sensor)):
         kind = "outside" if world.cause == UNKNOWN else "single" if world.cause else "none"
@@ -187,7 +194,10 @@ def _sample_sensors(sensor: str, count: int, seed: int) -> list[BenchmarkWorld]:
 
 
 def _sample_forms(rng: np.random.Generator, forms: Sequence[InjectedForm], kind: str) -> list[InjectedForm]:
-    """Forms of the causes of a world: every effect, and each of its forms, is as probable as the others."""
+    """Sample the causes of a world of one kind as forms.
+
+    Every effect of the catalogue has the same probability, and so has every form of an effect.
+    """
     effects = sorted({one.name for one in forms} - {UNKNOWN})
     names = {
         "none": [],
@@ -195,8 +205,8 @@ def _sample_forms(rng: np.random.Generator, forms: Sequence[InjectedForm], kind:
         "several": rng.permutation(effects)[: int(rng.integers(2, 4))].tolist(),
         "outside": [UNKNOWN],
     }[kind]
-    own = [[one for one in forms if one.name == name] for name in names]
-    return [variants[int(rng.integers(len(variants)))] for variants in own]
+    forms_by_cause = [[one for one in forms if one.name == name] for name in names]
+    return [variants[int(rng.integers(len(variants)))] for variants in forms_by_cause]
 
 
 def _label(form: InjectedForm) -> str:

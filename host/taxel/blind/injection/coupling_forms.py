@@ -9,24 +9,28 @@ from taxel.types import FloatArray
 
 
 def sample_gaussian_spread(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a spread with a Gaussian kernel, half of the time with the total signal kept."""
+    """Sample a spread with a Gaussian kernel; in half of the cases, the total signal is kept."""
     reach = rng.uniform(0.004, 0.009)
     return _spread(np.exp(-((skin.distance / reach) ** 2)), bool(rng.integers(2)))
 
 
 def sample_lorentzian_spread(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a spread that decreases with the third power of the distance."""
+    """Sample a spread that decreases with the third power of the distance; in half of the cases, the total is kept."""
     reach = rng.uniform(0.003, 0.007)
     return _spread(1.0 / (1.0 + (skin.distance / reach) ** 3), bool(rng.integers(2)))
 
 
 def _spread(kernel: FloatArray, keeps_total: bool) -> Injection:
+    """Make the injection in which every taxel passes a share of its signal to others with the weights of a kernel.
+
+    kernel: f64[n, n], not normalised. keeps_total: whether the share is subtracted from the signal of the taxel.
+    """
     kernel = kernel / np.maximum(kernel.sum(axis=1, keepdims=True), 1e-12)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         share = min(strength, 0.9)
-        own = (1.0 - share) if keeps_total else 1.0
-        return own * grasp.signal + share * (grasp.signal @ kernel)
+        kept = (1.0 - share) if keeps_total else 1.0
+        return kept * grasp.signal + share * (grasp.signal @ kernel)
 
     return inject
 
@@ -41,7 +45,10 @@ def sample_ladder(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_root_sum(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a crosstalk that adds the root of the sum of squares over the other taxels of a line."""
+    """Sample a crosstalk that adds the root of the sum of squared signals over the other taxels of a line.
+
+    The lines are TX lines, RX lines or both.
+    """
     axes = [("tx",), ("rx",), ("tx", "rx")][int(rng.integers(3))]
     lines = [skin.shares_line(axis).astype(np.float64) for axis in axes]
 

@@ -13,11 +13,16 @@ from taxel.blind.injection import coupling_forms, outside_forms, taxel_forms, ti
 from taxel.blind.injection.skin_counts import Injection, SkinTable
 
 Sampler = Callable[[SkinTable, np.random.Generator], Injection]
+"""Function that samples the parameters of a form for one skin and returns the injection."""
 
 
 @dataclass(frozen=True)
 class InjectedForm:
-    """A form of a cause. name: effect of the catalogue, or "unknown". needs_separation: of the simulator."""
+    """A functional form of a cause.
+
+    name: effect of the catalogue, or "unknown" for a cause outside the catalogue. form: name of the form. sample:
+    samples its parameters. needs_separation: whether it needs the simulated separation between skin and object.
+    """
 
     name: str
     form: str
@@ -53,4 +58,4 @@ INJECTED_FORMS: Final = (
     InjectedForm(UNKNOWN, "mirrored board", outside_forms.sample_mirrored_board),
     InjectedForm(UNKNOWN, "sharpening", outside_forms.sample_sharpening),
 )
-"""All forms; none of them is a form of the emulator or of the catalogue."""
+"""All forms; neither the emulator nor the catalogue of the diagnosis contains any of them."""

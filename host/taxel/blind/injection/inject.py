@@ -1,4 +1,4 @@
-"""Injection of causes into a real dataset: the counts change, everything else remains."""
+"""Injection of causes into a real dataset: only the counts are changed."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from taxel.types import FloatArray
 
 FIRST_STRENGTH: Final = 0.5
 STRENGTHS: Final = (0.01, 4.0)
-"""First trial, and limits, of the search for the strength that produces the wanted gap."""
+"""First strength, and limits of the strength, in the search for the strength that produces the required gap."""
 
 STEPS: Final = 1
-"""Trials of the search; the gap is about proportional to the strength."""
+"""Number of iterations of the search; the gap is approximately proportional to the strength."""
 
 COUNT_MAX: Final = 65_535
 
@@ -33,10 +33,11 @@ COUNT_MAX: Final = 65_535
 def inject_causes(
     real: Path, sim: Path, out: Path, forms: Sequence[InjectedForm], floors: Sequence[float], seed: int
 ) -> list[float]:
-    """Write `out`: the real dataset with injected causes. Returns the strength of each.
+    """Write the real dataset with injected causes to `out`; return the strength of each cause.
 
-    real, sim: a pair without causes. floors: gap that each cause alone produces, in floors of the pair. The causes act
-    in the given order. Raises GapInputError if the pair cannot be compared.
+    real, sim: a pair of datasets without causes. forms: forms of the causes, which are applied in this order. floors:
+    gap that each cause alone must produce, in floors of the pair. seed: seed of all random numbers. Raises
+    GapInputError if the pair cannot be compared.
     """
     skin = read_skin(real, sim)
     parts = [form.sample(skin, np.random.default_rng([seed, number])) for number, form in enumerate(forms)]
@@ -57,7 +58,10 @@ def inject_causes(
 
 
 def read_skin(real: Path, sim: Path) -> SkinTable:
-    """Taxels of a dataset. The full scale is that of the simulator's sensor model, or the largest count."""
+    """Read the taxels of a real dataset.
+
+    The full scale is that of the simulator's sensor model, or the largest 16-bit count without a sensor model.
+    """
     with h5py.File(sim) as file:
         scale = np.max(file["sensor_model"].attrs["full_scale_drop_counts"]) if "sensor_model" in file else COUNT_MAX
     with GraspDataset(real) as data:
@@ -69,7 +73,11 @@ def read_skin(real: Path, sim: Path) -> SkinTable:
 def write_injected(
     real: Path, sim: Path, out: Path, skin: SkinTable, parts: Sequence[tuple[Injection, float]], seed: int
 ) -> None:
-    """Copy a dataset and change its counts by injections with their strengths."""
+    """Write a copy of the real dataset to `out`, with its counts changed by the injections.
+
+    parts: injections with their strengths, applied in this order. sim: provides the separations. seed: seed of the
+    random numbers of each grasp.
+    """
     shutil.copyfile(real, out)
     gaps = _read_separations(sim)
     with change_hdf5(out) as file:
@@ -80,15 +88,17 @@ def write_injected(
             signal = rest - raw
             rng = np.random.default_rng([seed, 1000 + number])
             gap = gaps.get((str(group.attrs["object"]), str(group.attrs["approach"])))
-            own = None if gap is None else _map_frames(*gap, phase)
+            separation = None if gap is None else _map_frames(*gap, phase)
             changed = signal
             for inject, strength in parts:
-                changed = inject(GraspSignal(changed, group["timestamp"][...], phase, rng, own), strength)
+                changed = inject(GraspSignal(changed, group["timestamp"][...], phase, rng, separation), strength)
             group["raw_counts"][...] = np.rint(raw - (changed - signal)).clip(0, COUNT_MAX)
 
 
 def _read_separations(sim: Path) -> dict[tuple[str, str], tuple[np.ndarray, FloatArray]]:
-    """Phase and separation of the first simulated grasp of every condition."""
+    """Read phase u8[T] and separation f64[T, n] of the first simulated grasp of each condition that states
+    separations.
+    """
     found: dict[tuple[str, str], tuple[np.ndarray, FloatArray]] = {}
     with h5py.File(sim) as file:
         for name in sorted(file["grasps"]):
@@ -100,11 +110,15 @@ def _read_separations(sim: Path) -> dict[tuple[str, str], tuple[np.ndarray, Floa
 
 
 def _map_frames(phase: np.ndarray, separation: FloatArray, target: np.ndarray) -> FloatArray:
-    """Separations f64[T, n] at the same part of the same phase as the frames of another recording, phase u8[T]."""
+    """Map the separations of a simulated grasp to the frames of another recording; return f64[len(target), n], metres.
+
+    phase, separation: u8[T] and f64[T, n] of the simulated grasp. target: phase of each frame of the other recording. A
+    frame gets the separation at the same relative time within the same phase; 50 mm in a phase that was not simulated.
+    """
     result = np.full((len(target), separation.shape[1]), 0.05)
     for value in np.unique(target):
-        rows, own = np.flatnonzero(target == value), np.flatnonzero(phase == value)
-        if len(own):
-            place = np.linspace(0, len(own) - 1, len(rows)).round().astype(int)
-            result[rows] = separation[own[place]]
+        target_frames, frames = np.flatnonzero(target == value), np.flatnonzero(phase == value)
+        if len(frames):
+            place = np.linspace(0, len(frames) - 1, len(target_frames)).round().astype(int)
+            result[target_frames] = separation[frames[place]]
     return result

@@ -1,4 +1,4 @@
-"""Injected causes outside the catalogue."""
+"""Injected causes outside the catalogue of the diagnosis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from taxel.types import FloatArray
 
 
 def sample_dead_zone(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a dead zone: signals below a limit are lost, larger ones are smaller by this limit."""
+    """Sample a dead zone: signals below a limit become 0, larger signals are reduced by this limit."""
     counts = rng.uniform(100.0, 250.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -20,7 +20,7 @@ def sample_dead_zone(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_common_mode(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a host that subtracts a share of the mean signal of a board from its taxels."""
+    """Sample a host program that subtracts a share of a board's mean signal from the board's taxels."""
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         result = grasp.signal.copy()
@@ -32,7 +32,7 @@ def sample_common_mode(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_interference(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample an interference that is synchronous with the start of a grasp: a wave over the taxels."""
+    """Sample a sinusoidal interference with a random phase for each taxel, the same in every grasp."""
     hertz, phase = rng.uniform(0.2, 1.0), rng.uniform(0.0, 2.0 * np.pi, skin.n)
     return lambda grasp, strength: (
         grasp.signal + 60.0 * strength * np.sin(2.0 * np.pi * hertz * (grasp.time_s - grasp.time_s[0])[:, None] + phase)
@@ -40,7 +40,7 @@ def sample_interference(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_automatic_gain(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample an automatic gain: the more signal a board has, the smaller is its gain."""
+    """Sample an automatic gain control: the larger the total signal of a board, the smaller its gain."""
     level = rng.uniform(4000.0, 12000.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -54,7 +54,7 @@ def sample_automatic_gain(skin: SkinTable, rng: np.random.Generator) -> Injectio
 
 
 def sample_mirrored_board(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a board whose taxels are in the wrong order. The strength mixes both orders."""
+    """Sample a board whose taxels are in reverse order; the strength is the share of the reversed signals."""
     board = skin.boards[int(rng.integers(len(skin.boards)))]
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -66,7 +66,7 @@ def sample_mirrored_board(skin: SkinTable, rng: np.random.Generator) -> Injectio
 
 
 def sample_sharpening(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a filter that subtracts a share of the mean of the neighbours, as an image filter that sharpens does."""
+    """Sample a sharpening filter, which subtracts a share of the neighbours' mean signal from each taxel."""
     kernel = (skin.distance < rng.uniform(0.006, 0.012)).astype(np.float64)
     kernel /= np.maximum(kernel.sum(axis=0), 1.0)
     return lambda grasp, strength: grasp.signal - min(strength, 1.5) * 0.6 * (grasp.signal @ kernel)

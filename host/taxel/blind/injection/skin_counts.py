@@ -1,4 +1,4 @@
-"""What an injected cause acts on: the skin, and the signal of one grasp."""
+"""Inputs of an injected cause: the taxels of the skin, and the signal of one grasp."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from taxel.types import BoolArray, FloatArray
 class SkinTable:
     """The n taxels of a skin.
 
-    position: f64[n, 3], metres, bracket frame. sensor, tx, rx: i64[n]. full_scale: largest signal of the sensor model,
-    counts.
+    position: f64[n, 3], metres, bracket frame. sensor: i64[n], address of the board. tx, rx: i64[n], line numbers.
+    full_scale: largest signal of the sensor model, counts.
     """
 
     position: FloatArray
@@ -33,19 +33,22 @@ class SkinTable:
 
     @cached_property
     def boards(self) -> list[NDArray[np.intp]]:
-        """Taxels of every board."""
+        """Indices of the taxels of each board."""
         return [np.flatnonzero(self.sensor == address) for address in np.unique(self.sensor)]
 
     @cached_property
     def distance(self) -> FloatArray:
-        """Distances in a board, f64[n, n], metres; infinite between boards and from a taxel to itself."""
+        """Distances between the taxels of a board, f64[n, n], metres.
+
+        They are infinite between taxels of different boards, and from a taxel to itself.
+        """
         apart = np.linalg.norm(self.position[:, None] - self.position, axis=2)
         apart[self.sensor[:, None] != self.sensor] = np.inf
         np.fill_diagonal(apart, np.inf)
         return np.asarray(apart)
 
     def shares_line(self, axis: str) -> BoolArray:
-        """Whether two taxels share a line, bool[n, n]. axis: "tx" or "rx"."""
+        """Return whether two different taxels share a line, bool[n, n]. axis: "tx" or "rx"."""
         line = self.tx if axis == "tx" else self.rx
         same = (self.sensor[:, None] == self.sensor) & (line[:, None] == line)
         np.fill_diagonal(same, False)
@@ -54,10 +57,11 @@ class SkinTable:
 
 @dataclass(frozen=True, eq=False)
 class GraspSignal:
-    """One grasp: signal f64[T, n], counts; time_s f64[T]; phase u8[T]; rng: random numbers of this grasp.
+    """One grasp of T frames and n taxels.
 
-    separation: f64[T, n], metres, of the simulator in the same condition, at the same part of the phase; None if the
-    simulator states none.
+    signal: f64[T, n], counts. time_s: f64[T]. phase: u8[T]. rng: random numbers of this grasp. separation: f64[T, n],
+    metres, distance between skin and object in the simulated grasp of the same condition, at the same relative time
+    within the phase; None if the simulated dataset does not contain it.
     """
 
     signal: FloatArray
@@ -68,4 +72,4 @@ class GraspSignal:
 
 
 Injection = Callable[[GraspSignal, float], FloatArray]
-"""Changed signal f64[T, n] of a grasp at a strength; strength 0 changes nothing."""
+"""Function of a grasp and a strength that returns the changed signal, f64[T, n]; strength 0 changes nothing."""

@@ -1,4 +1,4 @@
-"""Injected causes that change the signal of single taxels: gain, law, saturation, proximity, dropout."""
+"""Injected causes that change the signal of single taxels: gain, stiffness, saturation, proximity, dropout."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sample_gradient(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_uniform_gain(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample gains of all taxels that are distributed uniformly."""
+    """Sample an independent, uniformly distributed gain for each taxel."""
     deviation = rng.uniform(-0.6, 0.6, skin.n)
     return lambda grasp, strength: grasp.signal * np.maximum(1.0 + strength * deviation, 0.1)
 
@@ -73,7 +73,7 @@ def sample_near_field(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_cracked_line(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a line that is broken in its middle: the taxels behind the crack have no signal."""
+    """Sample a line that is broken in its middle: the taxels of one half have no signal."""
     (board,) = _choose_boards(skin, rng, 1)
     along, index = (skin.tx, skin.rx) if rng.integers(2) else (skin.rx, skin.tx)
     line = rng.choice(np.unique(along[board]))
@@ -83,13 +83,15 @@ def sample_cracked_line(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_dead_strip(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a strip at the edge of a board without signal, such as under a loose connector."""
+    """Sample a strip without signal at the edge of a board, for example next to a loose connector."""
     (board,) = _choose_boards(skin, rng, 1)
     place = skin.position[board] @ rng.normal(size=3)
     return _kill(board[place <= np.quantile(place, rng.uniform(0.1, 0.35))])
 
 
 def _kill(dead: np.ndarray) -> Injection:
+    """Make the injection that replaces the signals of the taxels with the indices `dead` by noise."""
+
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         result = grasp.signal.copy()
         if strength > 0.0:

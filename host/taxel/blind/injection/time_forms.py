@@ -16,7 +16,7 @@ def sample_heavy_noise(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_bursts(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample bursts of noise that begin at random and last a few frames, on all taxels of a TX line together."""
+    """Sample bursts: in random frames, all taxels of a TX line get the same random offset."""
     line = skin.sensor * 256 + skin.tx
     number = np.unique(line, return_inverse=True)[1]
     rate, counts = rng.uniform(0.1, 0.4), 120.0
@@ -31,7 +31,7 @@ def sample_bursts(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_ramp(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a drift that is linear in time, with a rate of its own for each board."""
+    """Sample a drift that is linear in time, with a different rate for each board."""
     rate = np.zeros(skin.n)
     for board in skin.boards:
         rate[board] = rng.uniform(0.3, 1.0)
@@ -40,7 +40,7 @@ def sample_ramp(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_walk(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a drift of every board that is a random walk."""
+    """Sample a drift that is a random walk in time, independent for each board."""
     number = np.unique(skin.sensor, return_inverse=True)[1]
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -52,7 +52,9 @@ def sample_walk(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_backlash(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a backlash: the signal follows only after a change that exceeds a share of its maximum."""
+    """Sample a backlash: the output follows the signal only if it differs by more than a share of the maximum
+    signal.
+    """
     share = rng.uniform(0.15, 0.35)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -68,14 +70,14 @@ def sample_backlash(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_creep(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a creep with three time constants, which remains after release."""
+    """Sample a creep with three time constants: a share of the signal follows late, and remains after the release."""
     seconds, weight = np.array([0.15, 1.0, 7.0]), rng.dirichlet(np.ones(3))
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         period = float(np.median(np.diff(grasp.time_s)))
         late = sum(
-            own * _low_pass(grasp.signal, 1.0 - np.exp(-period / constant))
-            for own, constant in zip(weight, seconds, strict=True)
+            part * _low_pass(grasp.signal, 1.0 - np.exp(-period / constant))
+            for part, constant in zip(weight, seconds, strict=True)
         )
         share = min(0.5 * strength, 0.95)
         return np.asarray((1.0 - share) * grasp.signal + share * late)
@@ -98,7 +100,7 @@ def sample_jitter(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_two_poles(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a low-pass filter of second order on one or two boards."""
+    """Sample a second-order low-pass filter on one or two boards."""
     chosen = rng.permutation(len(skin.boards))[: int(rng.integers(1, 3))]
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
@@ -114,12 +116,12 @@ def sample_two_poles(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def _low_pass(values: FloatArray, share: float) -> FloatArray:
-    """Filter of first order along the frames. share: of a step that passes in one frame."""
+    """Apply a first-order low-pass filter along the frames. share: share of a step that passes in one frame."""
     return np.asarray(lfilter([share], [1.0, share - 1.0], values, axis=0))
 
 
 def _delay(values: FloatArray, time_s: FloatArray, delay_s: float) -> FloatArray:
-    """Values f64[T, m] of `delay_s` ago, linear between frames."""
+    """Delay the values f64[T, m] by `delay_s`, with linear interpolation between frames."""
     at = np.interp(time_s - delay_s, time_s, np.arange(len(time_s)))
     low = np.floor(at).astype(int)
     high = np.minimum(low + 1, len(time_s) - 1)

@@ -25,17 +25,18 @@ from taxel.twin.schedule import Contact, ContactSchedule
 
 APPROACHES: Final = 12
 REPEATS: Final = 8
-"""Conditions of the routine, and contacts of each in the reference."""
+"""Number of conditions, and number of contacts of each condition in the reference."""
 
 PAUSE_S: Final = (4.1, 25.0)
 """Range of the time between the end of a contact and the next one, seconds."""
 
 LASTING_FORCE_N: Final = 1.0
+"""Force of the lasting contact that is not announced."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Frames after the reference, with the announced contacts. start_s: end of the reference."""
+    """Poll cycles after the reference, with the announced contacts. start_s: end of the reference, seconds."""
 
     cycles: PollCycles
     schedule: ContactSchedule
@@ -43,10 +44,10 @@ class Stream:
 
 
 def make_stream(world: StreamWorld, reference: Path) -> Stream:
-    """Emulate a stream; write its reference contacts to the dataset `reference`. Raises WorldNotMadeError.
+    """Emulate a stream; write its reference contacts to the dataset `reference`.
 
-    The fault is in the second of two runs of the same skin, which is used from the onset on: until then, both are equal
-    but for the fault.
+    A stream with a fault is joined from two runs of the same skin, without and with the fault: the second run is used
+    from the onset on. Plans without an equilibrium are replaced. Raises WorldNotMadeError after `MAX_ATTEMPTS` plans.
     """
     hand = load_hand(HAND)
     reason = ""
@@ -62,7 +63,7 @@ def make_stream(world: StreamWorld, reference: Path) -> Stream:
 
 
 def _emulate(world: StreamWorld, plan: IndentationPlan, reference: Path, rng: np.random.Generator) -> Stream:
-    """Emulate one plan."""
+    """Emulate the reference contacts of a plan and the contacts of the stream; write the reference dataset."""
     usual = replace(plan.timeline, baseline_s=PAUSE_S[0])
     contacts = [
         TimedIndentation(one, LEAD_IN_S + number * usual.duration_s, usual)
@@ -94,7 +95,10 @@ def _emulate(world: StreamWorld, plan: IndentationPlan, reference: Path, rng: np
 def _plan_stream(
     world: StreamWorld, plan: IndentationPlan, start_s: float, rng: np.random.Generator
 ) -> tuple[list[TimedIndentation], list[bool]]:
-    """Contacts after the reference with random pauses, and whether each is announced."""
+    """Plan the contacts after the reference with random pauses; return them, and whether each is announced.
+
+    Only a lasting contact (`StreamWorld.lasting_s`) is not announced.
+    """
     found: list[TimedIndentation] = []
     announced: list[bool] = []
     time_s, end_s = start_s, start_s + 3600.0 * world.hours
@@ -117,7 +121,7 @@ def _plan_stream(
 
 
 def join_runs(first: PollCycles, second: PollCycles, time_s: float) -> PollCycles:
-    """Poll cycles of `first` before a time, of `second` from it on."""
+    """Join two runs: the poll cycles of `first` before a time, and those of `second` from this time on."""
     before, after = first.time_s < time_s, second.time_s >= time_s
     return PollCycles(
         *(
@@ -128,7 +132,7 @@ def join_runs(first: PollCycles, second: PollCycles, time_s: float) -> PollCycle
 
 
 def to_contact(one: TimedIndentation) -> Contact:
-    """The announcement of an indentation."""
+    """Convert an indentation to the announced contact with the times of its phases."""
     timeline: Timeline = one.timeline
     closing, hold, release, recovery = (
         one.begin_s + timeline.get_start_s(phase)
@@ -142,11 +146,15 @@ def to_contact(one: TimedIndentation) -> Contact:
 def _write_reference(
     plan: IndentationPlan, contacts: list[TimedIndentation], cycles: PollCycles, end_s: float, path: Path
 ) -> None:
-    """Write the contacts of the reference as a dataset; each repeat of the routine counts as a session."""
+    """Write the contacts of the reference as a dataset; each repeat of a condition gets a session number of its own.
+
+    end_s: end of the reference, seconds.
+    """
     poses = {(one.object, one.name): (plan.bracket_poses, one.held_pose) for one in plan.approaches}
     recorder = ContactRecorder(ContactSchedule([to_contact(one) for one in contacts]), poses)
-    own = cycles.between(0.0, end_s + 1.0)
-    records = recorder.take(own.time_s, own.raw_counts, own.valid)
-    with open_campaign_writer(path, "real", plan.setup, 0.0 + len(own.time_s) / end_s, "reference", True) as out:
+    of_reference = cycles.between(0.0, end_s + 1.0)
+    records = recorder.take(of_reference.time_s, of_reference.raw_counts, of_reference.valid)
+    rate_hz = len(of_reference.time_s) / end_s
+    with open_campaign_writer(path, "real", plan.setup, rate_hz, "reference", True) as out:
         for _, record in records:
             out.add(record)

@@ -1,4 +1,4 @@
-"""Execution of the blind check over time: seal the streams, run the twin on each, and keep its events."""
+"""Execution of the blind check over time: seal the streams, run the twin on each stream, and store its events."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from taxel.twin.session import TwinSession
 from taxel.twin.sources import RECORDED_BLOCK, Block
 
 NAMED_AFTER: Final = (1, 10, 30, 100)
-"""Contacts after the onset at which the named cause is scored."""
+"""Numbers of contacts after the onset at which the named cause is scored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class CyclesSource:
 
 
 def seal_streams(out: Path, worlds: Sequence[StreamWorld]) -> None:
-    """Write the hash of every stream to `out`/commitments.json, before any stream is made."""
+    """Write the SHA-256 of every stream's world to `out`/commitments.json; called before any stream is made."""
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps({str(world.number): commitment(world.to_json()) for world in worlds}, indent=1)
     write_whole(out / "commitments.json", text)
@@ -53,24 +53,27 @@ def seal_streams(out: Path, worlds: Sequence[StreamWorld]) -> None:
 def run_streams(
     out: Path, worlds: Sequence[StreamWorld], jobs: int | None, progress: Callable[[int, int], None]
 ) -> None:
-    """Make each stream without a result, run the twin on it, and write its events to `out`/NUMBER.json."""
+    """Make each stream that has no result yet, run the twin on it, and write its events to `out`/NUMBER.json.
+
+    jobs: number of processes; None: one per core. progress: called with the number of finished streams and the total.
+    """
     missing = [world for world in worlds if not (out / f"{world.number}.json").exists()]
     done = len(worlds) - len(missing)
     progress(done, len(worlds))
-    for _ in _map(out, missing, jobs):
+    for _ in _run_in_processes(out, missing, jobs):
         done += 1
         progress(done, len(worlds))
 
 
-def _map(out: Path, worlds: Sequence[StreamWorld], jobs: int | None) -> Iterator[None]:
-    """Run the streams in processes, one for each core unless `jobs` states the number."""
+def _run_in_processes(out: Path, worlds: Sequence[StreamWorld], jobs: int | None) -> Iterator[None]:
+    """Run the streams in `jobs` processes (None: one per core); yield None after each stream, in their order."""
     jobs = min(jobs or os.cpu_count() or 1, max(len(worlds), 1))
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         yield from pool.map(partial(run_stream, out), worlds)
 
 
 def run_stream(out: Path, world: StreamWorld) -> None:
-    """Make one stream, run the twin on it, and write its events."""
+    """Make one stream, run the twin on it, and write its events to a file; an error if the stream cannot be made."""
     reference = out / f"{world.number}.h5"
     try:
         stream = make_stream(world, reference)
@@ -83,7 +86,10 @@ def run_stream(out: Path, world: StreamWorld) -> None:
 
 
 def watch_stream(stream: Stream, reference: Path) -> dict[str, object]:
-    """Run the twin on a stream; return its events and the largest evidence. The world is not an input."""
+    """Run the twin on a stream; return its events and its largest evidence as JSON values.
+
+    The hidden world is not an input, so that the twin cannot depend on it.
+    """
     naming = CauseNaming(ReferenceFile.read(reference), counts=NAMED_AFTER)
     twin = Twin(read_reference(reference), stream.schedule)
     events, evidence = [], 0.0
@@ -94,5 +100,5 @@ def watch_stream(stream: Stream, reference: Path) -> dict[str, object]:
 
 
 def _write(out: Path, world: StreamWorld, result: dict[str, object]) -> None:
-    """Write a result and the opened world."""
+    """Write the result of a stream together with its world, which is no longer secret."""
     write_whole(out / f"{world.number}.json", json.dumps({"world": world.to_json(), **result}))

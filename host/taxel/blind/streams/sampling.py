@@ -1,4 +1,4 @@
-"""Random streams of the blind check."""
+"""Random sampling of the streams of the blind check over time."""
 
 from __future__ import annotations
 
@@ -18,29 +18,32 @@ from taxel.hand import Hand, load_hand
 HAND: Final = "rig4"
 
 SHARES: Final = {"none": 1 / 3, "single": 1 / 2, "outside": 1 / 6}
-"""Shares of the kinds of streams."""
+"""Shares of streams without a fault, with a fault of the catalogue, and with a fault outside the catalogue."""
 
 FLOORS: Final = (2.0, 6.0)
-"""Range of the size of a fault, floors: the check states the detection of faults of two floors or more."""
+"""Range of the size of a fault, in floors: the check measures the detection of faults of two floors or more."""
 
 ONSET_SHARES: Final = (0.2, 0.5)
-"""Range of the onset as a share of the stream: enough contacts remain for naming."""
+"""Range of the onset as a share of the stream's length: enough contacts remain for naming the cause."""
 
 LASTING_SHARE: Final = 0.5
-"""Share of the stream without fault that a lasting contact takes, where there is one."""
+"""Duration of a lasting contact, as a share of the stream's length; half of the streams without a fault have one."""
 
 TEMPERATURE_COUNTS: Final = (20.0, 60.0)
 TEMPERATURE_SECONDS: Final = (900.0, 3000.0)
-"""Range of standard deviation and correlation time of the temperature drift of a board in a stream."""
+"""Ranges of standard deviation and correlation time of a board's temperature drift in a stream."""
 
 
 def sample_streams(count: int, hours: float, seed: int | None = None) -> list[StreamWorld]:
-    """Sample streams. hours: length of each. seed: None: random numbers of the operating system."""
+    """Sample the worlds of `count` streams. hours: length of each stream.
+
+    seed: seed for reproducible streams; None: random numbers of the operating system, as a sealed check requires.
+    """
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
     kinds = [kind for kind, share in SHARES.items() for _ in range(round(share * count))]
     kinds = (kinds + ["single"] * count)[:count]
     hand = load_hand(HAND)
-    names = _cycle(list(EFFECT_NAMES), rng, kinds.count("single"))
+    names = _sample_evenly(list(EFFECT_NAMES), rng, kinds.count("single"))
     order = rng.permutation(count)
     worlds = []
     for number, index in enumerate(order.tolist()):
@@ -55,7 +58,7 @@ def sample_streams(count: int, hours: float, seed: int | None = None) -> list[St
     return worlds
 
 
-def _cycle(names: list[str], rng: np.random.Generator, count: int) -> list[str]:
+def _sample_evenly(names: list[str], rng: np.random.Generator, count: int) -> list[str]:
     """Return `count` names in random order in which each name occurs about equally often."""
     found: list[str] = []
     while len(found) < count:
@@ -72,7 +75,11 @@ def _sample_stream(
     rng: np.random.Generator,
     sealed: bool,
 ) -> StreamWorld:
-    """Sample one stream. cause_type: None without fault."""
+    """Sample the world of one stream.
+
+    kind: "none", "single" or "outside". cause_type: type of the fault; None: no fault. sealed: whether the salt is
+    secret; otherwise it follows from the seed.
+    """
     strength = find_strength(float(rng.uniform(*FLOORS)))
     causes = () if cause_type is None else (cause_type.sample(rng, hand, strength),)
     nuisances = (

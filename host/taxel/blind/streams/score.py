@@ -15,13 +15,17 @@ from taxel.blind.streams.world import StreamWorld
 from taxel.gap.calibration.calibration import NAMED_PROBABILITY, NO_GAP, UNKNOWN
 
 Result = dict[str, Any]
+"""Result of a stream, as stored in its file: world, events, end times of the announced contacts; or an error."""
 
 FORBIDDEN = 0.8
-"""Probability from which a wrong name counts as a wrong statement, as in the blind check of the diagnosis."""
+"""Probability from which a wrong cause is scored as a wrong statement, as in the blind check of the diagnosis."""
 
 
 def score_streams(results: Sequence[Result], out: Path) -> dict[str, Any]:
-    """Score the results of streams, as JSON values. Raises SealBrokenError for a changed world."""
+    """Score the results of streams; return the figures as JSON values.
+
+    out: folder with the commitments. Raises SealBrokenError for a world that does not match its commitment.
+    """
     committed = json.loads((out / "commitments.json").read_text())
     for result in results:
         world = result["world"]
@@ -51,7 +55,10 @@ def score_streams(results: Sequence[Result], out: Path) -> dict[str, Any]:
 
 
 def _score_fault(world: StreamWorld, result: Result) -> dict[str, Any]:
-    """Score one stream with a fault."""
+    """Score the result of one stream with a fault.
+
+    The first alarm after the onset is treated as its detection; without one, the values that depend on it are None.
+    """
     onset = result["start_s"] + (world.onset_s or 0.0)
     alarms = [event for event in result["events"] if event["event"] == "alarm" and event["time_s"] >= onset]
     cause = world.hidden.causes[0]
@@ -72,14 +79,17 @@ def _score_fault(world: StreamWorld, result: Result) -> dict[str, Any]:
         "delay_contacts": delay,
         "quantity": first["quantity"] if first else None,
         "found_place": first["place"] if first else None,
-        "place": None if first is None else _is_place_right(world, first),
+        "place": None if first is None else _is_place_correct(world, first),
         "onset_covered": None if first is None else first["onset_ci95"][0] <= onset <= first["onset_ci95"][1],
         "names": {str(count): value for count, value in names.items()},
     }
 
 
-def _is_place_right(world: StreamWorld, alarm: dict[str, Any]) -> bool | None:
-    """Whether an alarm is on a board of the fault; None for a fault of the whole skin."""
+def _is_place_correct(world: StreamWorld, alarm: dict[str, Any]) -> bool | None:
+    """Whether an alarm is on a board of the fault; None for a fault of the whole skin.
+
+    An alarm for the whole skin is not correct for a fault of some boards.
+    """
     cause = world.hidden.causes[0]
     boards = {location.address for location in cause.locations}
     for line in cause.lines:
@@ -90,7 +100,7 @@ def _is_place_right(world: StreamWorld, alarm: dict[str, Any]) -> bool | None:
 
 
 def _count_false_alarms(made: Sequence[tuple[StreamWorld, Result]]) -> tuple[float, int]:
-    """Hours without a fault, and alarms in them."""
+    """Count the hours before the onset of a fault (all hours without a fault), and the alarms in these hours."""
     hours, false = 0.0, 0
     for world, result in made:
         onset = result["start_s"] + (world.onset_s if world.onset_s is not None else 3600.0 * world.hours)
@@ -100,7 +110,12 @@ def _count_false_alarms(made: Sequence[tuple[StreamWorld, Result]]) -> tuple[flo
 
 
 def _score_names(found: Sequence[dict[str, Any]], count: int) -> dict[str, Any]:
-    """Names after a number of contacts."""
+    """Score the named causes after `count` contacts, over all faults for which a cause was named then.
+
+    Returns the number of faults of the catalogue and the share in which the true cause is the most probable; the number
+    of faults outside the catalogue and the share reported as unknown; and the share of faults with a wrong statement. A
+    share without faults is None.
+    """
     known = [one for one in found if str(count) in one["names"] and one["cause"] != UNKNOWN]
     unknown = [one for one in found if str(count) in one["names"] and one["cause"] == UNKNOWN]
     first = [_first_cause(one["names"][str(count)]) == one["cause"] for one in known]
@@ -121,7 +136,7 @@ def _score_names(found: Sequence[dict[str, Any]], count: int) -> dict[str, Any]:
 
 
 def _first_cause(probabilities: dict[str, float]) -> str:
-    """The most probable cause."""
+    """Return the most probable cause."""
     return max((name for name in probabilities if name != NO_GAP), key=lambda name: probabilities[name])
 
 
@@ -131,9 +146,10 @@ def _is_unknown(probabilities: dict[str, float]) -> bool:
 
 
 def format_score(score: dict[str, Any]) -> str:
-    """Format a score as text."""
+    """Format a score as text: some summary lines, the score of the named causes, and one line for each fault."""
 
     def show(value: float | None, digits: int = 2) -> str:
+        """Format a number; "-" for None."""
         return "-" if value is None else f"{value:.{digits}f}"
 
     lines = [

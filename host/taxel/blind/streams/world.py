@@ -10,12 +10,13 @@ from taxel.blind.hidden import HiddenCauses
 
 @dataclass(frozen=True)
 class StreamWorld:
-    """A stream.
+    """A stream of the blind check.
 
-    number: index in the run. seed: of plan, physics and times of the contacts. hidden: the fault, or none, and the
-    deviations that every skin has. hours: length after the reference. onset_s: start of the fault, seconds after the
-    end of the reference; None without fault. lasting_s: start and end of an unannounced lasting contact, seconds after
-    the end of the reference; None without. salt: 256 random bits, hexadecimal.
+    number: index in the run. seed: seed of plan, physics and times of the contacts. hidden: the fault, if there is one,
+    and the deviations that every skin has. hours: length of the stream after the reference. onset_s: start of the
+    fault, seconds after the end of the reference; None without a fault. lasting_s: start and end of a lasting contact
+    that is not announced, seconds after the end of the reference; None without such a contact. salt: 256 random bits,
+    hexadecimal.
     """
 
     number: int
@@ -40,7 +41,7 @@ class StreamWorld:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StreamWorld:
-        """Create a stream of the JSON values of `to_json`."""
+        """Create a stream from the JSON values of `to_json`."""
         lasting = data["lasting_s"]
         return cls(
             data["number"],

@@ -48,11 +48,11 @@ def run_emulated_indentations(
 ) -> None:
     """Run the indentations of `plan` on the emulated skin and write them to the dataset `path`.
 
-    settings: seed, effects, variation (its grip applies to the force) and clocks; the phases are those of the plan.
+    settings: seed, effects, clocks and variation (its `grip` varies the force); the phases are those of the plan.
     `indentation_settings` returns the settings of a rig. jobs: number of processes; None: one per core; 1: the calling
-    process only. resume: keep the sessions that the file already contains. progress: called with the number of finished
-    indentations and the total. The same plan and settings give the same indentations for any `jobs`. Raises
-    `TaxelError` with a one-line message.
+    process only. overwrite: replace an existing file. resume: keep the sessions that the file already contains.
+    progress: called with the number of finished indentations and the total. The same plan and settings give the same
+    indentations for any `jobs`. Raises `TaxelError` with a one-line message.
     """
     setup = plan.setup
     check_world(setup, settings)
@@ -77,9 +77,9 @@ def run_emulated_indentations(
 def run_indentation_session(
     setup: Setup, indentations: Sequence[PlannedIndentation], campaign: EmulatedCampaign
 ) -> list[GraspRecord]:
-    """Compute the records of one session on the emulated skin, in order: one mounting of the skin, one power-up.
+    """Run the indentations of one session on the emulated skin and return their records in the same order.
 
-    campaign: plan and settings. Raises `TaxelError`.
+    A session has one mounting of the skin and one power-up. campaign: plan and settings. Raises `TaxelError`.
     """
     plan, settings = campaign.plan, campaign.settings
     begins = (LEAD_IN_S + plan.timeline.duration_s * np.arange(len(indentations) + 1)).tolist()
@@ -125,8 +125,8 @@ def make_scene_motion(
 ) -> SceneMotion:
     """Make the motion of the object in one indentation: inwards, hold, and back along the same poses.
 
-    The way back is the same because the equilibrium has no history. path: equilibrium poses. begin_s, end_s: of the
-    indentation in its session.
+    The poses on the way back are the same because the equilibrium has no hysteresis. path: equilibrium poses. begin_s,
+    end_s: start and end of the indentation, seconds since power-up.
     """
     stroke = Stroke.through(plan.timeline, float(path.travel_m[0]), float(path.travel_m[-1]))
     free = stroke.start_m - AWAY_M * np.array(WITHDRAWN_SHARES)
@@ -145,9 +145,9 @@ def make_scene_motion(
 def _make_record(
     plan: IndentationPlan, indentation: PlannedIndentation, cycles: PollCycles, begin_s: float
 ) -> GraspRecord:
-    """Make the dataset record of one indentation.
+    """Make the dataset record of one indentation from the frames of its session.
 
-    cycles: frames of its session. begin_s: start of the indentation in the session.
+    cycles: frames of the whole session. begin_s: start of the indentation, seconds since power-up.
     """
     recorded = cycles.between(begin_s, begin_s + plan.timeline.duration_s)
     return GraspRecord(

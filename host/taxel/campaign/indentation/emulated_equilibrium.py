@@ -1,9 +1,9 @@
 """Equilibrium of an object on a compliant mount against the emulated skin, for forces from first contact to hold.
 
 The mount pushes along its line with a given force and holds the object with springs across this line and about its
-centre; the contact solver of the emulator gives the load of the skin. The six equations are solved by Newton's method
-with the stiffness of the load. This stiffness neglects the curvature of the surfaces; secant updates (Broyden 1965)
-compensate the error.
+centre; the contact solver of the emulator gives the load of the skin. The six equations of force and moment are solved
+by Newton's method with the skin's stiffness. This stiffness neglects the curvature of the surfaces; secant updates
+(Broyden 1965) compensate for the error.
 """
 
 from typing import NamedTuple
@@ -33,9 +33,9 @@ MAX_SEARCH_M = 0.02
 
 
 class EquilibriumPath(NamedTuple):
-    """Equilibrium from first contact to hold.
+    """Equilibria of an object at k travels of its mount, from first contact to hold.
 
-    travel_m: f64[k], travel of the mount, not decreasing. pose: f64[k, 4, 4], pose of the object, world.
+    travel_m: f64[k], travel of the mount along its line, not decreasing. pose: f64[k, 4, 4], pose of the object, world.
     """
 
     travel_m: FloatArray
@@ -43,12 +43,7 @@ class EquilibriumPath(NamedTuple):
 
 
 class EmulatedEquilibrium:
-    """One object in front of the emulated skin.
-
-    contact: contact solver of the skin. index: number of the object. bracket_poses: f64[s, 4, 4], nominal. mount:
-    springs at `centre` f64[3], object frame. touch_pose: f64[4, 4], pose of the object at travel 0. direction: unit
-    vector f64[3] of the travel.
-    """
+    """Solver for the equilibrium of one object that a mount with springs presses into the emulated skin."""
 
     def __init__(
         self,
@@ -60,11 +55,12 @@ class EmulatedEquilibrium:
         touch_pose: FloatArray,
         direction: FloatArray,
     ) -> None:
-        """Create the solver for the equilibrium of an object that a mount with springs presses into the emulated skin.
+        """Create the solver of one object.
 
-        contact: computes contact loads. index: of the object in the world file. bracket_poses: f64[s, 4, 4]. centre:
-        point at which the mount holds the object, object frame. touch_pose: nominal pose at first contact f64[4, 4].
-        direction: unit vector of the motion f64[3].
+        contact: computes the contact loads of the skin. index: number of the object in the world file. bracket_poses:
+        nominal poses f64[s, 4, 4] of the s boards' brackets, world. mount: springs that hold the object. centre: point
+        f64[3] at which the mount holds the object, object frame. touch_pose: f64[4, 4], pose of the object at travel 0,
+        the nominal first contact. direction: unit vector f64[3] of the travel.
         """
         self._contact, self._index, self._brackets = contact, index, bracket_poses
         self._rest, self._direction = touch_pose, direction
@@ -82,8 +78,8 @@ class EmulatedEquilibrium:
 
         Raises `EquilibriumError` if there is no equilibrium.
         """
-        touch = self._touch_travel()
-        travels, poses = [touch], [self._pose(np.concatenate([touch * self._direction, np.zeros(3)]))]
+        touch = self._find_touch_travel()
+        travels, poses = [touch], [self._compute_pose(np.concatenate([touch * self._direction, np.zeros(3)]))]
         state = self._first_guess(touch, FORCE_SHARES[0] * force_n)
         previous, slope = 0.0, np.zeros(6)
         for share in FORCE_SHARES:
@@ -93,14 +89,15 @@ class EmulatedEquilibrium:
             slope = (solution - state) / np.log(share / previous) if previous else np.zeros(6)
             state, previous = solution, share
             travels.append(float(state[:3] @ self._direction) + share * force_n / self._along)
-            poses.append(self._pose(state))
+            poses.append(self._compute_pose(state))
         # The mount does not move backwards at a snap-through.
         return EquilibriumPath(np.maximum.accumulate(travels), np.stack(poses))
 
-    def _pose(self, state: FloatArray) -> FloatArray:
-        """Compute the pose of the object after a translation state[:3] and a rotation state[3:].
+    def _compute_pose(self, state: FloatArray) -> FloatArray:
+        """Compute the pose f64[4, 4] of the object, relative to which `state` is its motion from the pose at travel 0.
 
-        The rotation vector acts about the point at which the mount holds the object. Metres and radians.
+        state: translation state[:3], metres, and rotation vector state[3:], radians, about the point at which the mount
+        holds the object.
         """
         rotation = _rotation_matrix(state[3:])
         pose = self._rest.copy()
@@ -109,15 +106,15 @@ class EmulatedEquilibrium:
         return pose
 
     def _is_touching(self, travel: float) -> bool:
-        """Whether the object touches the skin after a travel of its mount, metres."""
+        """Return whether the object touches the skin at a travel of its mount, metres, without deflection."""
         pose = self._rest.copy()
         pose[:3, 3] += travel * self._direction
         return self._contact.compute_load(self._index, pose, self._brackets).touched_board_count > 0
 
-    def _touch_travel(self) -> float:
-        """Search the travel of a rigid mount to first contact with the skin, metres, to one micrometre.
+    def _find_touch_travel(self) -> float:
+        """Search for the travel of the undeflected mount at first contact with the skin, metres, to one micrometre.
 
-        Raises EquilibriumError if the object starts inside the skin or meets no skin.
+        Raises EquilibriumError if the object starts inside the skin or never meets it.
         """
         step, free = 4e-4, 0.0
         while self._is_touching(free):
@@ -135,9 +132,10 @@ class EmulatedEquilibrium:
         return touching
 
     def _first_guess(self, touch: float, force: float) -> FloatArray:
-        """Return the motion f64[6] of a rigid object to a depth at which the skin carries at least `force` newtons.
+        """Find a pure translation f64[6] to a depth at which the skin carries more than `force` newtons.
 
-        Newton's method converges reliably from this motion. touch: travel to first contact, metres.
+        Newton's method converges reliably from this motion. touch: travel to first contact, metres. Raises
+        EquilibriumError if the skin carries less force at any depth.
         """
         depth = FIRST_DEPTH_M
         while depth < MAX_SEARCH_M:
@@ -149,12 +147,13 @@ class EmulatedEquilibrium:
         raise EquilibriumError("meets no skin that carries the force")
 
     def _balance(self, state: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
-        """Compute the residual force and moment on the object, f64[6], and its negative derivative f64[6, 6].
+        """Compute the sum of forces and moments on the object, f64[6], and its negative derivative f64[6, 6].
 
-        state: translation and rotation vector of the object. force: of the mount, newtons. Moments are about the point
-        at which the mount holds the object.
+        The sum, the residual, is 0 in equilibrium; the negative derivative is the stiffness of skin and mount. state:
+        translation and rotation vector of the object. force: spring force of the mount along its line, newtons. Moments
+        are about the point at which the mount holds the object.
         """
-        load = self._contact.compute_load(self._index, self._pose(state), self._brackets)
+        load = self._contact.compute_load(self._index, self._compute_pose(state), self._brackets)
         loaded = np.flatnonzero(load.wrench.any(axis=1))
         to_point = np.eye(6)
         to_point[3:, :3] = -_cross_matrix(self._centre + state[:3])  # moments about the world's origin to the point
@@ -165,9 +164,10 @@ class EmulatedEquilibrium:
         return residual, stiffness + self._springs
 
     def _solve(self, state: FloatArray, force: float) -> FloatArray:
-        """Solve for the equilibrium of the object under `force` newtons, by Newton steps with secant updates.
+        """Solve for the motion f64[6] of the object in equilibrium under `force` newtons of the mount.
 
-        state: first guess, translation and rotation vector f64[6]. Raises EquilibriumError.
+        Newton's method with secant updates. state: first guess, translation and rotation vector f64[6]. Raises
+        EquilibriumError if there is no equilibrium.
         """
         residual, system = self._balance(state, force)
         norm = _norm(residual)

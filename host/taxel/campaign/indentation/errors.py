@@ -6,7 +6,7 @@ from taxel.errors import TaxelError
 
 
 class EquilibriumError(TaxelError):
-    """An indentation without equilibrium.
+    """The object of an indentation has no usable equilibrium.
 
     problem: predicate with the object as subject, such as "meets no skin". indentation: id of the indentation.
     """

@@ -26,11 +26,12 @@ NEAR_M = 0.004
 
 
 class FixedSprings(NamedTuple):
-    """Springs on fixed boards, world frame.
+    """m springs of the elastic layer on fixed boards, world frame.
 
-    point: f64[m, 3], foot of the spring on the level of the electrodes. normal: f64[m, 3]. moment: f64[m, 3], of the
-    normal about the origin. area_share: f64[m], area relative to that of the force law. taxel: [m], index of the taxel;
-    n or more for springs on the bare margin.
+    point: f64[m, 3], foot of the spring at the level of the electrodes. normal: f64[m, 3], direction of the spring.
+    moment: f64[m, 3], moment of a unit force along the normal about the world's origin. area_share: f64[m], area of the
+    spring as a fraction of the area for which the force law holds. taxel: intp[m], index of the taxel over which the
+    spring stands; at least the number of taxels for springs on the bare margin of a board.
     """
 
     point: FloatArray
@@ -40,7 +41,7 @@ class FixedSprings(NamedTuple):
     taxel: NDArray[np.intp]
 
     def select(self, mask: NDArray[np.bool_]) -> FixedSprings:
-        """The springs for which the mask bool[m] is true."""
+        """Return the springs for which the mask bool[m] is true."""
         return FixedSprings(
             self.point[mask], self.normal[mask], self.moment[mask], self.area_share[mask], self.taxel[mask]
         )
@@ -68,7 +69,7 @@ class FixedSkinLayer:
         self._law = law
 
     def near(self, shape: Shape, object_pose: FloatArray) -> FixedSprings:
-        """Select the springs of the layer that an object can reach.
+        """Select the springs whose upper ends are less than `NEAR_M` from an object, so that it can compress them.
 
         object_pose: pose of the object at its first contact, f64[4, 4].
         """
@@ -80,21 +81,28 @@ class FixedSkinLayer:
         return ball.select(shape.distance_bound(surface @ object_pose[:3, :3]) < NEAR_M)
 
     def depth(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
-        """Compute the compression of each spring of the layer by an object, metres, f64[m]."""
+        """Compute the compression of each spring by an object at `object_pose` f64[4, 4], metres, f64[m].
+
+        0 for a spring that the object does not touch. A spring whose line meets the object only far below the
+        electrodes (more than `MAX_DEPTH_M`) is treated as not touched: the object is behind the board.
+        """
         rotation = object_pose[:3, :3]
         separation = shape.ray_separation((springs.point - object_pose[:3, 3]) @ rotation, springs.normal @ rotation)
         depth = self.thickness_m - separation
         return np.where((depth > 0.0) & (depth < self.thickness_m + MAX_DEPTH_M), depth, 0.0)
 
     def force(self, springs: FixedSprings, depth_m: FloatArray) -> FloatArray:
-        """Force of each spring, newtons, f64[m]; depth_m: its compression, metres."""
+        """Compute the force of each spring, newtons, f64[m]. depth_m: compression of each spring f64[m]."""
         return np.asarray(springs.area_share * self._law.compute_force(depth_m))
 
     def stiffness(self, springs: FixedSprings, depth_m: FloatArray) -> FloatArray:
-        """Stiffness of each spring, newtons per metre, f64[m]; depth_m: its compression, metres."""
+        """Compute the stiffness of each spring, newtons per metre, f64[m]. depth_m: compression of each, f64[m]."""
         return np.asarray(springs.area_share * self._law.compute_stiffness(depth_m))
 
     def taxel_forces(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
-        """Normal force on every taxel, newtons, f64[n]; forces on the bare margin belong to no taxel."""
+        """Compute the normal force of an object at `object_pose` f64[4, 4] on every taxel, newtons, f64[n].
+
+        springs: those that the object can reach. Forces on the bare margin of a board belong to no taxel.
+        """
         force = self.force(springs, self.depth(springs, shape, object_pose))
         return np.asarray(np.bincount(springs.taxel, force, self.n_taxels)[: self.n_taxels], dtype=np.float64)

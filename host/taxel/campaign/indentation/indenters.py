@@ -26,10 +26,11 @@ FeatureKind = Literal["face", "edge", "round"]
 
 
 class Feature(NamedTuple):
-    """A part of an object's surface that can be pressed into a skin, object frame.
+    """A part of an object's surface that can be pressed into a skin: a face, an edge or a line on a cylinder's side.
 
-    outward: unit normal f64[3]. along: unit vector f64[3] of the longest line within the feature, such as an edge or
-    an axis. middle: centre f64[3], metres. half_length_m: extent along that line on either side of the centre.
+    All vectors are in the object frame. kind: "round" is a line on a cylinder's side. outward: unit normal f64[3].
+    along: unit vector f64[3] of the longest line within the feature, such as an edge or the direction of an axis.
+    middle: centre f64[3], metres. half_length_m: extent along that line on either side of the centre.
     """
 
     kind: FeatureKind
@@ -40,16 +41,17 @@ class Feature(NamedTuple):
 
 
 class Indenter(NamedTuple):
-    """An object and its features."""
+    """An object to press into a skin, and the features of its surface that can touch the skin."""
 
     item: GraspObject
     features: tuple[Feature, ...]
 
 
 def sample_indenters(rng: np.random.Generator, count: int) -> list[Indenter]:
-    """Sample `count` random objects to press into the skin, such as boxes, wedges and cylinders.
+    """Sample `count` random objects to press into the skin.
 
-    The families are in random order, and none is repeated before all have been used.
+    The families of shapes (box, prism, wedge, cylinder) are in random order, and none is repeated before all have been
+    used.
     """
     families = list(FAMILIES.items())
     indenters = []
@@ -61,38 +63,37 @@ def sample_indenters(rng: np.random.Generator, count: int) -> list[Indenter]:
     return indenters
 
 
-def _box(rng: np.random.Generator, name: str) -> Indenter:
+def _sample_box(rng: np.random.Generator, name: str) -> Indenter:
     """Sample a box of random size as an indenter."""
-    sides = _sizes(rng, 3)
-    return _polytope(rng, name, ConvexPolytope.box(*sides), f"Box, {_millimetres(*sides)}")
+    sides = _sample_sizes(rng, 3)
+    return _make_polytope(rng, name, ConvexPolytope.box(*sides), f"Box, {_format_millimetres(*sides)}")
 
 
-def _prism(rng: np.random.Generator, name: str) -> Indenter:
+def _sample_prism(rng: np.random.Generator, name: str) -> Indenter:
     """Sample a triangular prism of random size as an indenter."""
-    side, height = float(rng.uniform(0.030, SIZE_M[1])), _sizes(rng, 1)[0]
-    return _polytope(rng, name, ConvexPolytope.prism(side, height), f"Triangular prism, {_millimetres(side, height)}")
+    side, height = float(rng.uniform(0.030, SIZE_M[1])), _sample_sizes(rng, 1)[0]
+    return _make_polytope(
+        rng, name, ConvexPolytope.prism(side, height), f"Triangular prism, {_format_millimetres(side, height)}"
+    )
 
 
-def _wedge(rng: np.random.Generator, name: str) -> Indenter:
-    """Sample a wedge as an indenter: a box of random size whose top slopes downwards along x.
-
-    The local `toe` is the height of the lower end of the wedge, metres.
-    """
-    width, depth, height = _sizes(rng, 3)
-    toe = height * float(rng.uniform(0.45, 0.8))
+def _sample_wedge(rng: np.random.Generator, name: str) -> Indenter:
+    """Sample a wedge as an indenter: a box of random size whose top slopes downwards along x."""
+    width, depth, height = _sample_sizes(rng, 3)
+    low_height = height * float(rng.uniform(0.45, 0.8))
     box = ConvexPolytope.box(width, depth, height)
-    slope = np.array([height - toe, 0.0, width])
-    offset = slope @ [0.5 * width, 0.0, toe]
-    # The top of the box would share only an edge with the slope.
+    slope_normal = np.array([height - low_height, 0.0, width])
+    offset = slope_normal @ [0.5 * width, 0.0, low_height]
+    # The flat top (face 2) is removed: only one of its edges would remain, at the high end of the slope.
     normals, offsets = np.delete(box.normals, 2, axis=0), np.delete(box.offsets, 2)
-    sharp = ConvexPolytope(np.vstack([normals, slope]), np.append(offsets, offset))
-    return _polytope(rng, name, sharp, f"Wedge, {_millimetres(width, depth, height, toe)}")
+    sharp = ConvexPolytope(np.vstack([normals, slope_normal]), np.append(offsets, offset))
+    return _make_polytope(rng, name, sharp, f"Wedge, {_format_millimetres(width, depth, height, low_height)}")
 
 
-def _cylinder(rng: np.random.Generator, name: str) -> Indenter:
-    """Sample a cylinder of random size as an indenter, with eight contact features around its side.
+def _sample_cylinder(rng: np.random.Generator, name: str) -> Indenter:
+    """Sample a cylinder of random size as an indenter, with eight features evenly spaced around its side.
 
-    A contact feature is a line on the surface with its outward direction, at which the cylinder can touch the skin.
+    Each feature is a line on the side, parallel to the axis, with its outward direction.
     """
     radius, height = float(rng.uniform(0.5 * SIZE_M[0], 0.5 * SIZE_M[1])), float(rng.uniform(0.030, SIZE_M[1]))
     up = np.array([0.0, 0.0, 1.0])
@@ -101,48 +102,48 @@ def _cylinder(rng: np.random.Generator, name: str) -> Indenter:
     ]
     middle = 0.5 * height * up
     features = [Feature("round", out, up, middle + radius * out, 0.5 * height) for out in around]
-    text = f"Cylinder, {_millimetres(2.0 * radius, height)}"
+    text = f"Cylinder, {_format_millimetres(2.0 * radius, height)}"
     return Indenter(GraspObject(name, Cylinder(radius, height), text), tuple(features))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator, str], Indenter]] = {
-    "box": _box,
-    "prism": _prism,
-    "wedge": _wedge,
-    "cylinder": _cylinder,
+    "box": _sample_box,
+    "prism": _sample_prism,
+    "wedge": _sample_wedge,
+    "cylinder": _sample_cylinder,
 }
 
 
-def _sizes(rng: np.random.Generator, count: int) -> list[float]:
+def _sample_sizes(rng: np.random.Generator, count: int) -> list[float]:
     """Sample `count` random side lengths, metres."""
     return [float(size) for size in rng.uniform(*SIZE_M, count)]
 
 
-def _millimetres(*sizes: float) -> str:
-    """Format lengths in metres as text such as "40.0 x 25.0 mm"."""
+def _format_millimetres(*sizes: float) -> str:
+    """Format lengths in metres as a string such as "40.0 x 25.0 mm"."""
     return " x ".join(f"{1e3 * size:.1f}" for size in sizes) + " mm"
 
 
-def _polytope(rng: np.random.Generator, name: str, sharp: ConvexPolytope, text: str) -> Indenter:
-    """Make an indenter with rounded edges of random radius.
+def _make_polytope(rng: np.random.Generator, name: str, sharp: ConvexPolytope, text: str) -> Indenter:
+    """Make an indenter with rounded edges of random radius and with a feature for each face and each edge.
 
-    sharp: the solid without rounding. text: its description.
+    sharp: the solid without rounding. text: description of the object.
     """
     side = float(np.ptp(sharp.bounds, axis=0).min())
     shape = sharp.rounded(min(float(rng.uniform(*ROUNDING_M)), MAX_ROUNDING_SHARE * side), ROUNDING_STEP_RAD)
-    return Indenter(GraspObject(name, shape, text), (*_faces(sharp), *_edges(sharp)))
+    return Indenter(GraspObject(name, shape, text), (*_make_face_features(sharp), *_make_edge_features(sharp)))
 
 
-def _corners_on_faces(sharp: ConvexPolytope) -> NDArray[np.bool_]:
-    """Find which corners belong to which face of a polytope, bool[faces, corners]."""
+def _find_corners_on_faces(sharp: ConvexPolytope) -> NDArray[np.bool_]:
+    """Return which corners belong to which face of a polytope, bool[F, C] for F faces and C corners."""
     above = sharp.normals @ sharp.vertices.T - sharp.offsets[:, None]
     return np.asarray(np.abs(above) < 1e-9)
 
 
-def _faces(sharp: ConvexPolytope) -> list[Feature]:
-    """Make a contact feature for each face of a polytope; its line is the longest direction of the face."""
+def _make_face_features(sharp: ConvexPolytope) -> list[Feature]:
+    """Make a feature for each face of a polytope; its line has the direction in which the face is longest."""
     features = []
-    for normal, is_corner in zip(sharp.normals, _corners_on_faces(sharp), strict=True):
+    for normal, is_corner in zip(sharp.normals, _find_corners_on_faces(sharp), strict=True):
         corners = sharp.vertices[is_corner]
         middle = corners.mean(axis=0)
         _, _, axes = np.linalg.svd(corners - middle)
@@ -152,9 +153,9 @@ def _faces(sharp: ConvexPolytope) -> list[Feature]:
     return features
 
 
-def _edges(sharp: ConvexPolytope) -> list[Feature]:
-    """Make a contact feature for each edge of a polytope, directed outwards between its two faces."""
-    incidence, features = _corners_on_faces(sharp), []
+def _make_edge_features(sharp: ConvexPolytope) -> list[Feature]:
+    """Make a feature for each edge of a polytope; its outward direction is midway between those of its two faces."""
+    incidence, features = _find_corners_on_faces(sharp), []
     for first in range(len(incidence)):
         for second in range(first + 1, len(incidence)):
             ends = sharp.vertices[incidence[first] & incidence[second]]

@@ -1,4 +1,4 @@
-"""Random placements of an object against the skin: a feature of the object against one board or two.
+"""Random placements of an object against the skin: a face, an edge or a side of the object against one board or two.
 
 Every sample is checked with the simulator's equilibrium before it is accepted.
 """
@@ -33,13 +33,13 @@ MAX_NEIGHBOUR_DISTANCE_M = 0.025
 """Boards closer than this can be loaded together."""
 
 TILT_RAD = 0.015
-"""Standard deviation of the angle between the direction and the normal of the target taxel."""
+"""Standard deviation, per axis, of the angle between the approach's direction and the normal of the target taxel."""
 
 MAX_SLIDE_M = 0.012
 """Largest distance of the feature's centre from the target point, along the feature."""
 
 LOADED_N = 0.15
-"""Force above which a taxel counts as loaded: a signal of about 150 counts."""
+"""Force above which a taxel is treated as loaded: a signal of about 150 counts."""
 
 MIN_LOADED_PER_BOARD, MIN_LOADED, MAX_LOADED = 3, 5, 60
 """Limits of the number of loaded taxels: minimum on each target board, minimum and maximum in total."""
@@ -47,18 +47,18 @@ MIN_LOADED_PER_BOARD, MIN_LOADED, MAX_LOADED = 3, 5, 60
 MAX_TAXEL_FORCE_N = 3.0
 
 MIN_GAP_M = 0.002
-"""Smallest distance to boards that are not targets."""
+"""Smallest distance of the object from boards that are not targets."""
 
 MAX_LATERAL_MOTION_M, MAX_ROTATION_RAD = 0.0015, 0.04
-"""Largest deflection of the mount across its line and about its centre."""
+"""Largest deflection of the mount across its line of motion, and largest rotation about its centre."""
 
 MAX_SENSITIVITY_COUNTS = 90.0
-"""Largest change of the signal (RMS over loaded taxels) when object and force are one standard deviation off. The
-features of a more sensitive indentation would be dominated by the variation between its repeats."""
+"""Largest change of the signal (RMS over loaded taxels) if the object's pose and the force deviate by one standard
+deviation. The signals of a more sensitive indentation would be dominated by the variation between its repeats."""
 
 COARSE_DEPTH_M, COARSE_FORCE_N = 0.0012, 1.4
-"""Coarse check before the equilibrium is solved: depth of a rigid object, and largest force per taxel that the object
-reaches at this depth."""
+"""Coarse check before the equilibrium is solved: a rigid object is pressed in by this depth, and an approach is
+rejected if it needs more than this force for each taxel that the object then touches."""
 
 COARSE_SPRINGS_PER_SIDE = 3
 """Springs along each side of a taxel while a placement is checked."""
@@ -68,15 +68,19 @@ MAX_DISCRETISATION_COUNTS = 10.0
 it the contact patch is too narrow for the discretisation of the layer."""
 
 CHECKED_LEVELS = (0.1, 1.0)
+"""Shares of the force at which the equilibrium of a placement is solved; fewer than in a campaign, to save time."""
+
 _MAX_SIDEWAYS_M = 0.015
+"""Largest sideways motion of an object that makes it touch two boards at the same time."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinSurface:
-    """Outer surface of a hand with fixed brackets.
+    """Outer surface of the skin of a hand with fixed brackets, divided into m squares.
 
-    surface, normal: centre and normal of every square of the sheet, world, f64[m, 3]; the first n squares are the
-    taxels. board: index of the board of each square, [m].
+    bracket_poses: f64[s, 4, 4], poses of the s boards' brackets, world. surface, normal: f64[m, 3], centre and normal
+    of every square, world; the first n squares are the n taxels, the others the bare margins of the boards. board:
+    intp[m], index of the board of each square.
     """
 
     hand: Hand
@@ -100,7 +104,7 @@ class SkinSurface:
         return np.flatnonzero(self.board[: self.hand.n_taxels] == board)
 
     def neighbours(self, boards: Sequence[int]) -> list[tuple[int, ...]]:
-        """List the pairs of boards that are near enough for one object to touch both at the same time.
+        """List the pairs of board indices that are near enough for one object to touch both boards at the same time.
 
         boards: indices of the boards to consider.
         """
@@ -113,10 +117,10 @@ class SkinSurface:
 
 
 def compute_travel(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
-    """Compute the travel of an object until it touches the centre of each square of the skin, f64[m], metres.
+    """Compute the travel of an object along `direction` until it touches the centre of each of the skin's m squares.
 
-    pose: start pose of the object f64[4, 4]. direction: unit vector f64[3]. Infinite for squares that the object never
-    touches.
+    f64[m], metres; infinite for a square that the object never touches. pose: start pose of the object f64[4, 4],
+    world. direction: unit vector f64[3].
     """
     low, high = shape.bounds
     arm = surface.surface - pose[:3, 3] - pose[:3, :3] @ (0.5 * (low + high))
@@ -128,8 +132,12 @@ def compute_travel(surface: SkinSurface, shape: Shape, pose: FloatArray, directi
     return travel
 
 
-class _Checked(NamedTuple):
-    """Equilibrium of a placement. depth_m: travel since first contact; pose: f64[4, 4]; force: f64[n], newtons."""
+class _CheckedEquilibrium(NamedTuple):
+    """Simulated equilibrium of a placement.
+
+    depth_m: motion of the object along the approach's direction since first contact. pose: f64[4, 4] of the object,
+    world. force: f64[n], force on each taxel, newtons.
+    """
 
     depth_m: float
     pose: FloatArray
@@ -137,13 +145,10 @@ class _Checked(NamedTuple):
 
 
 class PlacementSampler:
-    """Samples placements of objects against `surface` with the mount `mount`. rng: source of the random numbers."""
+    """Samples placements of objects against a skin; each sample is checked by a simulation."""
 
     def __init__(self, surface: SkinSurface, mount: IndenterMount, rng: np.random.Generator) -> None:
-        """Create a sampler of poses at which an object touches the skin; each pose is checked by a simulation.
-
-        surface: of the skin. mount: stiffness of the object's support.
-        """
+        """Create a sampler for one skin. mount: springs that hold the object. rng: source of the random numbers."""
         self.surface, self._mount, self._rng = surface, mount, rng
         self._fine, self._layer, self._coarsest = (
             FixedSkinLayer(surface.hand, surface.bracket_poses, LayerLaw(), springs)
@@ -151,14 +156,14 @@ class PlacementSampler:
         )
 
     def sample(self, indenter: Indenter, boards: tuple[int, ...], force_n: float) -> IndentationApproach | None:
-        """Sample one approach of an object to one board or to two neighbouring boards, without a name.
+        """Sample one approach of an object to one board or to two neighbouring boards; its name is empty.
 
-        force_n: force in equilibrium, newtons. None if the sample does not load exactly `boards`, or has no suitable
-        equilibrium.
+        boards: indices of these boards. force_n: force in equilibrium, newtons. Returns None if the sampled approach
+        loads other boards than `boards`, or has no suitable equilibrium; the caller then samples again.
         """
         suitable = [feature for feature in indenter.features if len(boards) == 1 or feature.kind != "edge"]
         feature = suitable[self._rng.integers(len(suitable))]
-        target, outward, line = self._target(boards)
+        target, outward, line = self._sample_target(boards)
         if line is None:
             vector = self._rng.normal(size=3)
             line = vector - (vector @ outward) * outward
@@ -166,15 +171,15 @@ class PlacementSampler:
             outward = from_rotation_vector(TILT_RAD * self._rng.normal(size=3))[:3, :3] @ outward
         else:
             slide = 0.0
-        pose = _pose_facing(feature, -outward, line, target, slide)
+        pose = _compute_facing_pose(feature, -outward, line, target, slide)
         if len(boards) == 2:
             pose = self._balance_between(indenter.item.shape, pose, -outward, line, boards)
         return self._check(indenter, pose, -outward, boards, force_n)
 
-    def _target(self, boards: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Sample the target of an approach: a point of the skin and the outward direction at this point.
+    def _sample_target(self, boards: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Sample the target of an approach: a point of the skin f64[3] and the outward direction f64[3] at this point.
 
-        For two boards, the third value is the direction of the valley between the boards, otherwise None.
+        The third value is the direction f64[3] of the valley between the two boards; None for one board.
         """
         surface = self.surface
         first = self._rng.choice(surface.taxels_of(boards[0]))
@@ -194,49 +199,50 @@ class PlacementSampler:
     def _balance_between(
         self, shape: Shape, pose: FloatArray, direction: FloatArray, line: FloatArray, boards: tuple[int, ...]
     ) -> FloatArray:
-        """Move a pose sideways until the object touches both boards at the same time, if this is possible.
+        """Return a pose f64[4, 4] that is shifted sideways so that the object touches both boards at the same time.
 
-        pose: f64[4, 4]. direction: of the approach. line: of the valley between the boards. Returns the new pose.
+        pose: f64[4, 4]; returned unchanged if no shift within `_MAX_SIDEWAYS_M` achieves this. direction: unit vector
+        f64[3] of the approach. line: direction f64[3] of the valley between the boards.
         """
         side = np.cross(direction, line)
         squares = [self.surface.board == board for board in boards]
 
-        def travel_difference(offset: float) -> float:
-            """Compute the difference of the travels to first contact with both boards, metres, at a sideways offset."""
-            travel = compute_travel(self.surface, shape, _translated(pose, offset * side), direction)
+        def compute_travel_difference(offset: float) -> float:
+            """Compute travel to the first board minus travel to the second, metres, after a sideways shift."""
+            travel = compute_travel(self.surface, shape, _translate(pose, offset * side), direction)
             return float(np.clip(travel[squares[0]].min(), -1.0, 1.0) - np.clip(travel[squares[1]].min(), -1.0, 1.0))
 
         low, high = -_MAX_SIDEWAYS_M, _MAX_SIDEWAYS_M
-        sign = np.sign(travel_difference(low))
-        if sign == np.sign(travel_difference(high)):
+        sign = np.sign(compute_travel_difference(low))
+        if sign == np.sign(compute_travel_difference(high)):
             return pose
         for _ in range(20):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if np.sign(travel_difference(middle)) == sign else (low, middle)
-        return _translated(pose, high * side)
+            low, high = (middle, high) if np.sign(compute_travel_difference(middle)) == sign else (low, middle)
+        return _translate(pose, high * side)
 
     def _check(
         self, indenter: Indenter, pose: FloatArray, direction: FloatArray, boards: tuple[int, ...], force_n: float
     ) -> IndentationApproach | None:
-        """Check a sampled approach by simulation; returns the approach, or None if it is unsuitable.
+        """Check a sampled approach by simulation; return the approach, or None if it is unsuitable.
 
-        pose: start pose f64[4, 4]. direction: unit vector of the motion. boards: boards that the object must load, and
-        no others. force_n: newtons.
+        pose: start pose f64[4, 4] of the object. direction: unit vector f64[3] of the motion. boards: indices of the
+        boards that the object must load; it must load no others. force_n: newtons.
         """
         shape, surface = indenter.item.shape, self.surface
         travel = compute_travel(surface, shape, pose, direction)
         first = float(travel.min())
         if not np.isfinite(first) or surface.board[np.argmin(travel)] not in boards:
             return None
-        touch, gap = _translated(pose, first * direction), travel[~np.isin(surface.board, boards)] - first
-        coarse_force = self._rigid_force(self._coarsest, shape, _translated(touch, COARSE_DEPTH_M * direction))
+        touch, gap = _translate(pose, first * direction), travel[~np.isin(surface.board, boards)] - first
+        coarse_force = self._compute_rigid_force(self._coarsest, shape, _translate(touch, COARSE_DEPTH_M * direction))
         reached = np.count_nonzero(coarse_force)
         if reached < MIN_LOADED or force_n > COARSE_FORCE_N * reached:
             return None
-        behind = compute_travel(surface, shape, _translated(touch, -MIN_CLEARANCE_M * direction), -direction)
+        behind = compute_travel(surface, shape, _translate(touch, -MIN_CLEARANCE_M * direction), -direction)
         if behind.min() < AWAY_M + CLEARANCE_M + MIN_GAP_M:
             return None  # the withdrawn object would touch the skin behind it
-        checked = self._equilibrium(shape, touch, direction, force_n)
+        checked = self._solve_equilibrium(shape, touch, direction, force_n)
         if checked is None or gap.min(initial=np.inf) < checked.depth_m + MIN_GAP_M:
             return None
         if not self._is_load_suitable(checked.force, boards) or not self._is_resolved(checked, shape):
@@ -246,11 +252,13 @@ class PlacementSampler:
         names = tuple(surface.hand.boards[board].name for board in boards)
         return IndentationApproach(indenter.item.name, "", names, direction, touch, checked.pose, force_n)
 
-    def _equilibrium(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Checked | None:
+    def _solve_equilibrium(
+        self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
+    ) -> _CheckedEquilibrium | None:
         """Simulate the equilibrium of an object under `force_n` newtons: depth, pose and taxel forces.
 
-        touch: pose at first contact f64[4, 4]. None without equilibrium, or for an object that moves too far sideways
-        or rotates too far.
+        touch: pose at first contact f64[4, 4]. direction: unit vector f64[3] of the motion. Returns None if there is no
+        equilibrium, or if the object moves too far sideways or rotates too far.
         """
         equilibrium = SimulatedEquilibrium(self._layer, shape, self._mount, touch, direction)
         try:
@@ -261,35 +269,36 @@ class PlacementSampler:
         lateral, rotation = np.linalg.norm(motion[:3] - depth * direction), np.linalg.norm(motion[3:])
         if lateral > MAX_LATERAL_MOTION_M or rotation > MAX_ROTATION_RAD:
             return None
-        return _Checked(depth, equilibrium.pose(motion), equilibrium.taxel_forces(motion))
+        return _CheckedEquilibrium(depth, equilibrium.pose(motion), equilibrium.taxel_forces(motion))
 
     def _is_too_sensitive(
-        self, checked: _Checked, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
+        self, checked: _CheckedEquilibrium, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
     ) -> bool:
-        """Whether a typical variation of pose and force changes the signals so much that repeats are not comparable.
+        """Return whether a typical variation of pose and force changes the signals so much that repeats differ greatly.
 
-        checked: equilibrium without the variation. touch: pose at first contact f64[4, 4]. force_n: newtons.
+        One random variation is tried, whose elements each deviate by one standard deviation. checked: equilibrium
+        without the variation. touch: pose at first contact f64[4, 4]. force_n: newtons.
         """
         signs = self._rng.choice([-1.0, 1.0], FACTORS)
         offset, force_factor = RIG_VARIATION.apply(signs)
-        varied = self._equilibrium(shape, touch @ offset, direction, force_factor * force_n)
+        varied = self._solve_equilibrium(shape, touch @ offset, direction, force_factor * force_n)
         if varied is None:
             return True
-        return _rms_difference(checked.force, varied.force) > MAX_SENSITIVITY_COUNTS
+        return _compute_rms_difference(checked.force, varied.force) > MAX_SENSITIVITY_COUNTS
 
-    def _is_resolved(self, checked: _Checked, shape: Shape) -> bool:
-        """Whether the simulation's coarse springs are dense enough for the contact, compared with fine springs."""
-        fine_force = self._rigid_force(self._fine, shape, checked.pose)
-        return _rms_difference(checked.force, fine_force) < MAX_DISCRETISATION_COUNTS
+    def _is_resolved(self, checked: _CheckedEquilibrium, shape: Shape) -> bool:
+        """Return whether the coarse springs are dense enough: with fine springs the signals are nearly the same."""
+        fine_force = self._compute_rigid_force(self._fine, shape, checked.pose)
+        return _compute_rms_difference(checked.force, fine_force) < MAX_DISCRETISATION_COUNTS
 
-    def _rigid_force(self, layer: FixedSkinLayer, shape: Shape, pose: FloatArray) -> FloatArray:
-        """Compute the force of a rigid object at `pose` on every taxel of a layer, newtons, f64[n]."""
+    def _compute_rigid_force(self, layer: FixedSkinLayer, shape: Shape, pose: FloatArray) -> FloatArray:
+        """Compute the force of an object that is fixed at `pose` f64[4, 4] on each taxel, newtons, f64[n]."""
         return layer.taxel_forces(layer.near(shape, pose), shape, pose)
 
     def _is_load_suitable(self, force: FloatArray, boards: tuple[int, ...]) -> bool:
-        """Whether the number of loaded taxels and the largest force are within limits. force: f64[n], newtons.
+        """Return whether the number of loaded taxels and the largest force are within their limits.
 
-        boards: boards that the object must load.
+        force: force on each taxel f64[n], newtons. boards: indices of the boards that the object must load.
         """
         loaded = force > LOADED_N
         per_board = [int(loaded[self.surface.taxels_of(board)].sum()) for board in boards]
@@ -300,29 +309,30 @@ class PlacementSampler:
         )
 
 
-def _rms_difference(first: FloatArray, second: FloatArray) -> float:
-    """Compute the RMS difference of the signals that two sets of forces f64[n] newtons cause, counts.
+def _compute_rms_difference(first: FloatArray, second: FloatArray) -> float:
+    """Compute the RMS difference, in counts, of the signals that two sets of taxel forces f64[n] newtons cause.
 
-    Only taxels that one of the two sets loads are compared.
+    Only taxels that at least one of the two sets loads are compared.
     """
     loaded = np.maximum(first, second) > LOADED_N
-    change = SimSensor().predict_signal(second[loaded]) - SimSensor().predict_signal(first[loaded])
-    return float(np.sqrt(np.mean(change**2)))
+    difference = SimSensor().predict_signal(second[loaded]) - SimSensor().predict_signal(first[loaded])
+    return float(np.sqrt(np.mean(difference**2)))
 
 
-def _translated(pose: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return a pose f64[4, 4] moved by an offset f64[3], metres."""
+def _translate(pose: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return a pose f64[4, 4] that is shifted by an offset f64[3], metres, world."""
     result = pose.copy()
     result[:3, 3] += offset
     return result
 
 
-def _pose_facing(
+def _compute_facing_pose(
     feature: Feature, direction: FloatArray, line: FloatArray, target: FloatArray, slide: float
 ) -> FloatArray:
-    """Compute the pose f64[4, 4] of an object with one of its contact features (face, edge, side) at `target`.
+    """Compute the pose f64[4, 4] of an object with one of its features (face, edge or side) at the point `target`.
 
-    The feature faces along `direction`, and its line is along `line`. slide: shift along this line, metres.
+    The feature's outward normal points along `direction` f64[3], and its longest line along the component of `line`
+    f64[3] that is perpendicular to `direction`. slide: shift of the feature's centre along this line, metres.
     """
     line = line - (line @ direction) * direction
     line = line / np.linalg.norm(line)

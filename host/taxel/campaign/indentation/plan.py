@@ -16,11 +16,11 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class IndenterMount:
-    """Springs that carry the object at the centre of its bounds: `n_per_m` along each axis, `nm_per_rad` about it.
+    """Springs that hold the object at the centre of its bounding box.
 
-    The default values are chosen: 20 N compress the springs by 7 mm, ten times the deflection of a skin, so that the
-    exact position of the mount is uncritical; 0.1 Nm rotate the object by 0.7 degrees, so that a face aligns itself
-    with the skin.
+    n_per_m: stiffness along each axis. nm_per_rad: rotational stiffness about each axis. The default values are chosen:
+    20 N compress the springs by 7 mm, ten times the deflection of a skin, so that the exact position of the mount is
+    uncritical; 0.1 Nm rotate the object by 0.7 degrees, so that a face aligns itself with the skin.
     """
 
     n_per_m: float = 3000.0
@@ -33,7 +33,7 @@ class IndentationApproach:
 
     Attributes:
         object: name of the object.
-        name: such as "press_1"; independent of the boards and the object.
+        name: such as "press_1"; the number is independent of the boards and the object.
         boards: names of the one or two boards that are loaded.
         direction: unit vector f64[3], world, along which the object moves.
         touch_pose: f64[4, 4], world: nominal pose of the object at first contact, with the mount unloaded.
@@ -52,7 +52,11 @@ class IndentationApproach:
 
 @dataclass(frozen=True, eq=False)
 class PlannedIndentation:
-    """One indentation. id: unique, sorts by time. iteration: number of earlier indentations of the same approach."""
+    """One indentation of a plan.
+
+    id: unique; the alphabetical order of the ids is the order of execution. iteration: number of earlier indentations
+    of the same approach in the plan. session: number of its session, from 0.
+    """
 
     id: str
     approach: IndentationApproach
@@ -65,10 +69,10 @@ class IndentationPlan:
     """Indentations of a hand whose boards do not move.
 
     Attributes:
-        hand: the skin.
+        hand: the hand that wears the skin.
         bracket_poses: f64[s, 4, 4], world: nominal poses of the brackets on the rig.
-        objects: by name.
-        approaches: each occurs in every session.
+        objects: objects that are pressed into the skin, by name.
+        approaches: ways to press an object into the skin; each occurs in every session.
         indentations: in the order of execution.
         timeline: the phases of one indentation.
         mount: springs that carry the object.
@@ -92,9 +96,9 @@ class IndentationPlan:
         return np.asarray(self.objects[name].shape.bounds.mean(axis=0))
 
     def describe(self) -> str:
-        """Return a short text with a digest of the plan for the generator attribute of a dataset.
+        """Return a short description with a digest of the plan, for the generator attribute of a dataset.
 
-        Equal plans give equal texts.
+        Equal plans give equal descriptions.
         """
         digest = hashlib.sha256(repr((self.hand.name, self.timeline, self.mount)).encode())
         digest.update(self.bracket_poses.tobytes())
@@ -110,7 +114,7 @@ class IndentationPlan:
 def order_indentations(
     approaches: tuple[IndentationApproach, ...], sessions: int, repeats: int, rng: np.random.Generator
 ) -> tuple[PlannedIndentation, ...]:
-    """Order the indentations of a plan: every approach `repeats` times in each session, in random order."""
+    """Make the indentations of a plan in order of execution: every approach `repeats` times per session, shuffled."""
     iterations = dict.fromkeys((approach.name for approach in approaches), 0)
     per_session, session_digits = len(approaches) * repeats, len(str(sessions - 1))
     indentations = []

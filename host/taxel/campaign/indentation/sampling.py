@@ -22,9 +22,10 @@ PAIR_SHARE = 0.25
 """Share of the approaches that load two neighbouring boards, if the skin has neighbouring boards."""
 
 MAX_ATTEMPTS, MAX_ATTEMPTS_PAIR = 1000, 100
-"""Samples for one approach until its board counts as unreachable, or its pair of boards as unsuitable."""
+"""Number of samples after which a board is treated as unreachable, and a pair of boards as unsuitable."""
 
 FORCE_N = (4.0, 20.0)
+"""Default range of the nominal force of an approach, newtons."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +67,8 @@ def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | N
     """Sample an indentation plan with random objects and approaches on the skin of `hand`.
 
     Boards on the back of the hand, and boards that no object reaches, are not loaded; every other board is loaded by at
-    least `MIN_APPROACHES_PER_BOARD` approaches. design: numbers of approaches, sessions and repeats; None: the default
-    ones. Raises IndentationPlanError for a design that is not feasible, such as one with too few approaches for the
-    boards.
+    least `MIN_APPROACHES_PER_BOARD` approaches. design: size and conditions of the campaign; None: the default ones.
+    Raises IndentationPlanError for a design that is not feasible, such as one with too few approaches for the boards.
     """
     design = design or IndentationDesign()
     rng = np.random.default_rng(seed)
@@ -88,7 +88,10 @@ def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | N
 
 
 def _bracket_poses(hand: Hand, joints: ArrayLike | None) -> NDArray[np.float64]:
-    """Compute the poses of the board brackets, f64[s, 4, 4], for joint angles f64[j]; None: angles nearest to zero."""
+    """Compute the poses f64[s, 4, 4] of the board brackets, world, for joint angles f64[j], radians.
+
+    joints: None: the permitted angles that are nearest to zero.
+    """
     kinematics = build_kinematics(hand)
     robot = kinematics.robot
     angles = np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper) if joints is None else joints
@@ -105,10 +108,10 @@ class _ApproachSampler:
         force_n: tuple[float, float],
         rng: np.random.Generator,
     ) -> None:
-        """Create a sampler of approaches that loads the boards of a hand evenly.
+        """Create a sampler of approaches that load the boards of a hand evenly.
 
-        placement: samples the pose of an object on a board. indenters: objects. force_n: smallest and largest force,
-        newtons.
+        placement: samples the pose of an object on a board. indenters: objects to press into the skin. force_n:
+        smallest and largest force, newtons. rng: source of the random numbers.
         """
         self._placement, self._indenters, self._force, self._rng = placement, indenters, force_n, rng
         self._hand = placement.surface.hand
@@ -118,9 +121,10 @@ class _ApproachSampler:
         self._approaches: list[IndentationApproach] = []
 
     def sample(self, count: int) -> tuple[IndentationApproach, ...]:
-        """Sample `count` approaches, a part of them on pairs of neighbouring boards, named in random order.
+        """Sample `count` approaches and name them "press_1", "press_2" ... in random order.
 
-        Raises IndentationPlanError if no object reaches a board, or if a board has too few approaches.
+        The share `PAIR_SHARE` of them loads pairs of neighbouring boards, if there are suitable pairs. Raises
+        IndentationPlanError if no object reaches any board, or if `count` is too small for the reachable boards.
         """
         pairs = round(PAIR_SHARE * count)
         while len(self._approaches) < pairs and self._pairs:
@@ -147,7 +151,7 @@ class _ApproachSampler:
         )
 
     def _add(self, boards: tuple[int, ...]) -> bool:
-        """Sample an approach that loads `boards`, and add it; False if no suitable approach was found.
+        """Sample an approach that loads `boards`, and add it; return False if no suitable approach was found.
 
         boards: indices of one board or of two neighbouring boards.
         """

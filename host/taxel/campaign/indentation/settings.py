@@ -1,4 +1,4 @@
-"""Default settings of an indentation campaign: clocks, phases, variation, and the simulator's side."""
+"""Settings of indentation campaigns: defaults for the emulated skin, and settings of the simulator."""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -13,8 +13,8 @@ from taxel.sim.sensor_model import SimSensor
 from taxel.sim.soft_contact import LayerLaw
 
 RIG_VARIATION = Variation(object_m=0.3e-3, object_rad=0.006, grip=0.04, remount_m=0.08e-3, remount_rad=0.002)
-"""Variation of a rig, which places objects and brackets better than an arm and a hand do (assumed). grip: of the
-force."""
+"""Variation of a rig, which places objects and brackets more accurately than an arm and a hand do (assumed). grip:
+relative standard deviation of the force."""
 
 I2C_MODES_HZ = (100e3, 400e3, 1e6)
 """Clock frequencies of the I2C standard (NXP UM10204: standard mode, fast mode, fast mode plus)."""
@@ -29,17 +29,20 @@ _POLL_BITS, _BOARD_BITS, _TAXEL_BITS = 64, 66, 18
 
 
 def compute_poll_rate(hand: Hand, scl_hz: float) -> float:
-    """Compute the poll cycles per second of the hub if only the clock of I2C limits the rate.
+    """Compute the hub's poll cycles per second if only the I2C clock limits the rate, rounded to 0.01.
 
-    scl_hz: clock of I2C. Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle
-    (addresses, header and CRC of a snapshot, a clock read-out, probes) was counted in captures.
+    scl_hz: I2C clock. Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle (addresses,
+    header and CRC of a snapshot, a clock read-out, probes) was counted in captures.
     """
     bits = _POLL_BITS + _BOARD_BITS * len(hand.boards) + _TAXEL_BITS * hand.n_taxels
     return round(scl_hz / bits, 2)
 
 
 def choose_scl_frequency(hand: Hand) -> float:
-    """Choose the lowest I2C clock, hertz, that reaches `MIN_ROW_RATE_HZ`; a higher clock only takes more time."""
+    """Choose the lowest I2C clock, hertz, that reaches `MIN_ROW_RATE_HZ`; the highest clock if none reaches it.
+
+    A higher clock gives more frames, whose emulation only takes more time.
+    """
     sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if compute_poll_rate(hand, scl_hz) >= MIN_ROW_RATE_HZ]
     return sufficient[0] if sufficient else I2C_MODES_HZ[-1]
 
@@ -53,14 +56,14 @@ def indentation_timeline(hand: Hand) -> Timeline:
 def indentation_settings(hand: Hand, **changes: Any) -> EmulatedSettings:
     """Make the settings of the emulated skin of `hand` on a rig: I2C clock and variation, no effects.
 
-    changes: other values of fields of `EmulatedSettings`.
+    changes: values of other fields of `EmulatedSettings`, or values that replace these three.
     """
     return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=choose_scl_frequency(hand)), **changes)
 
 
 @dataclass(frozen=True)
 class SimIndentationSettings:
-    """Settings of the simulator's side of an indentation campaign.
+    """Settings of an indentation campaign in the simulator.
 
     repeats: indentations per approach, preferably an even number, because `variation` is applied as a balanced design
     (`taxel.campaign.variation.sample_balanced_variation`). law: force law of the layer under one taxel. rate_hz: frame

@@ -49,8 +49,8 @@ def run_simulated_indentations(
     """Simulate every approach of an indentation plan, `settings.repeats` times each, and write the records to `path`.
 
     settings: None: the default ones. jobs: number of processes; None: one per core; 1: the calling process only.
-    resume: keep the indentations that the file already contains. progress: called with the number of finished
-    indentations and the total. Raises `TaxelError` with a one-line message.
+    overwrite: replace an existing file. resume: keep the indentations that the file already contains. progress: called
+    with the number of finished indentations and the total. Raises `TaxelError` with a one-line message.
     """
     settings, setup = settings or SimIndentationSettings(), plan.setup
     description = f"{settings.describe()}, {plan.describe()}"
@@ -70,7 +70,7 @@ def run_simulated_indentations(
 
 
 def plan_simulated_indentations(plan: IndentationPlan, repeats: int) -> list[PlannedIndentation]:
-    """List the indentations to simulate, in a single session: `repeats` of every approach of the plan."""
+    """List the indentations to simulate, in a single session: every approach of the plan `repeats` times."""
     keys = [(approach, number) for approach in plan.approaches for number in range(repeats)]
     width = len(str(len(keys) - 1))
     return [
@@ -80,8 +80,8 @@ def plan_simulated_indentations(plan: IndentationPlan, repeats: int) -> list[Pla
 
 
 @lru_cache(maxsize=1)
-def _layer(plan: IndentationPlan, law: LayerLaw) -> FixedSkinLayer:
-    """Make the elastic layer of the plan's hand with its boards at fixed poses; cached."""
+def _make_layer(plan: IndentationPlan, law: LayerLaw) -> FixedSkinLayer:
+    """Make the elastic layer of the plan's hand with its boards at fixed poses; the latest result is cached."""
     return FixedSkinLayer(plan.hand, plan.bracket_poses, law)
 
 
@@ -95,14 +95,14 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
         sample_balanced_variation(settings.seed, f"{approach.object} {approach.name}", indentation.iteration)
     )
     shape = setup.objects[approach.object].shape
-    layer = _layer(plan, settings.law)
+    layer = _make_layer(plan, settings.law)
     equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose @ offset, approach.direction)
     times = plan.timeline.make_sample_times(settings.rate_hz)
     try:
         path = equilibrium.solve_path(force_factor * approach.force_n)
     except EquilibriumError as error:
         raise error.for_indentation(indentation.id) from None
-    force, separation = _force_and_separation(plan, approach, equilibrium, path, times)
+    force, separation = _compute_force_and_separation(plan, approach, equilibrium, path, times)
     rng = np.random.default_rng([settings.seed, _STREAM, *indentation.id.encode()])
     return GraspRecord(
         object=approach.object,
@@ -120,7 +120,7 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
     )
 
 
-def _force_and_separation(
+def _compute_force_and_separation(
     plan: IndentationPlan,
     approach: IndentationApproach,
     equilibrium: SimulatedEquilibrium,
@@ -129,11 +129,11 @@ def _force_and_separation(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the force on every taxel, newtons, and its separation from the object, metres, each f64[T, n].
 
-    path: equilibrium motion of the object. times: f64[T], seconds. The values are computed once for each distinct
-    travel of the mount.
+    path: equilibrium motion of the object. times: f64[T], seconds since the start of the indentation. The values are
+    computed once for each distinct travel of the mount.
     """
     stroke = Stroke.through(plan.timeline, float(path.curve.x[0]), path.travel_m)
-    travel, row = np.unique(stroke.travel_at(times), return_inverse=True)
+    travel, travel_index = np.unique(stroke.travel_at(times), return_inverse=True)
     motions = path.motions(travel, approach.direction)
     poses = np.stack([equilibrium.pose(motion) for motion in motions])
     force = np.zeros((len(travel), plan.hand.n_taxels))
@@ -141,4 +141,4 @@ def _force_and_separation(
         force[index] = equilibrium.taxel_forces(motions[index])
     brackets = np.broadcast_to(plan.bracket_poses, (len(travel), *plan.bracket_poses.shape))
     separation = compute_separations(plan.hand, plan.objects[approach.object].shape, brackets, poses)
-    return force[row], separation[row]
+    return force[travel_index], separation[travel_index]

@@ -36,10 +36,11 @@ FIRST_DEPTHS_M = np.geomspace(1e-5, 4e-3, 40).tolist()
 
 
 class SimulatedPath(NamedTuple):
-    """Equilibrium from first contact to hold.
+    """Equilibria of an object from first contact to hold.
 
-    travel_m: travel of the mount in the hold. motion: f64[6] of the object in the hold: translation, and rotation
-    vector about the point of the mount. curve: the motion as a function of the travel, from first contact to hold.
+    travel_m: travel of the mount in the hold. motion: f64[6] of the object in the hold: translation, metres, and
+    rotation vector, radians, about the point at which the mount holds it. curve: this motion as a function of the
+    mount's travel, from first contact to hold.
     """
 
     travel_m: float
@@ -47,10 +48,10 @@ class SimulatedPath(NamedTuple):
     curve: PchipInterpolator
 
     def motions(self, travel_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Interpolate the motion f64[k, 6] of the object at `travel_m` f64[k] of its mount, metres.
+        """Interpolate the motion f64[k, 6] of the object between the solved equilibria, at k travels of its mount.
 
-        The motion is interpolated between the solved equilibria. Before first contact the object moves with the mount
-        along `direction`, without deflection.
+        travel_m: f64[k]. Before first contact the object moves with the mount along `direction` f64[3], without
+        deflection.
         """
         loaded = np.asarray(self.curve(np.clip(travel_m, self.curve.x[0], self.travel_m)))
         loaded[:, :3] += np.minimum(travel_m - self.curve.x[0], 0.0)[:, None] * direction
@@ -58,18 +59,15 @@ class SimulatedPath(NamedTuple):
 
 
 class SimulatedEquilibrium:
-    """One object in front of a simulated skin with fixed boards.
-
-    touch_pose: f64[4, 4], pose of the object at travel 0. direction: unit vector f64[3] of the travel. The mount holds
-    the object at the centre of its bounds.
-    """
+    """Solver for the equilibrium of one object that a mount with springs presses into the simulated layer."""
 
     def __init__(
         self, layer: FixedSkinLayer, shape: Shape, mount: IndenterMount, touch_pose: FloatArray, direction: FloatArray
     ) -> None:
-        """Create the solver for the equilibrium of an object that a mount with springs presses into the layer.
+        """Create the solver of one object, which the mount holds at the centre of its bounding box.
 
-        touch_pose: nominal pose of the object at first contact, f64[4, 4]. direction: unit vector of the motion f64[3].
+        touch_pose: f64[4, 4], pose of the object at travel 0, the nominal first contact. direction: unit vector f64[3]
+        of the travel.
         """
         self._layer, self._shape, self._mount = layer, shape, mount
         self._touch, self._direction = touch_pose, direction
@@ -85,9 +83,10 @@ class SimulatedEquilibrium:
     def solve_path(self, force_n: float, levels: tuple[float, ...] = LEVELS) -> SimulatedPath:
         """Solve for the equilibrium of the object at increasing forces from first contact to `force_n` newtons.
 
-        levels: shares of the force. Raises `EquilibriumError` if there is no equilibrium.
+        levels: increasing shares of the force, the last of which is 1. Raises `EquilibriumError` if there is no
+        equilibrium.
         """
-        touch_m = self._touch_travel()
+        touch_m = self._compute_touch_travel()
         motion = self._first_guess(levels[0] * force_n, touch_m)
         # The first contact with the layer may precede the contact with the centre of any of its squares.
         touch_m = min(touch_m, float(motion[:3] @ self._direction) - FIRST_DEPTHS_M[0])
@@ -105,7 +104,10 @@ class SimulatedEquilibrium:
         return SimulatedPath(travels[-1], motion, curve)
 
     def pose(self, motion: FloatArray) -> FloatArray:
-        """Compute the pose f64[4, 4] of the object after a motion f64[6] (metres, rotation vector), world."""
+        """Compute the pose f64[4, 4] of the object, world, after a motion f64[6] from its pose at travel 0.
+
+        The motion is a translation, metres, and a rotation vector, radians, about the point of the mount.
+        """
         rotation = from_rotation_vector(motion[3:])
         pose = rotation @ self._touch
         pose[:3, 3] = motion[:3] + self._pivot + rotation[:3, :3] @ self._arm
@@ -115,10 +117,10 @@ class SimulatedEquilibrium:
         """Compute the normal force on every taxel after a motion f64[6] of the object, newtons, f64[n]."""
         return self._layer.taxel_forces(self._near, self._shape, self.pose(motion))
 
-    def _touch_travel(self) -> float:
-        """Compute the travel to first contact, metres: with the centre of any square of the layer's surface.
+    def _compute_touch_travel(self) -> float:
+        """Compute the travel of the undeflected mount at which the object first touches the upper end of a spring.
 
-        Raises EquilibriumError if the object meets no skin.
+        Unit: metres. Raises EquilibriumError if the object meets no skin.
         """
         surface = self._near.point + self._layer.thickness_m * self._near.normal
         points = (surface - self._touch[:3, 3]) @ self._touch[:3, :3]
@@ -129,9 +131,10 @@ class SimulatedEquilibrium:
         return first
 
     def _first_guess(self, force: float, touch_m: float) -> FloatArray:
-        """Return the motion of a rigid object to the smallest tried depth at which the layer carries `force` newtons.
+        """Find the translation f64[6] to the smallest of `FIRST_DEPTHS_M` at which the layer carries `force` newtons.
 
-        touch_m: travel to first contact, metres. Raises EquilibriumError.
+        touch_m: travel to first contact, metres. Raises EquilibriumError if the layer carries less force at any of
+        these depths.
         """
 
         def motion(depth: float) -> FloatArray:
@@ -139,6 +142,7 @@ class SimulatedEquilibrium:
             return np.concatenate([(touch_m + depth) * self._direction, np.zeros(3)])
 
         def layer_force(depth: float) -> float:
+            """Compute the force of the layer against the motion, newtons, at a depth in metres."""
             forces = self._layer.force(self._near, self._layer.depth(self._near, self._shape, self.pose(motion(depth))))
             return -float(forces @ (self._near.normal @ self._direction))
 
@@ -148,10 +152,11 @@ class SimulatedEquilibrium:
         return motion(FIRST_DEPTHS_M[index])
 
     def _residual(self, scaled: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
-        """Compute the scaled residual of forces and moments on the object, f64[6], and its Jacobian f64[6, 6].
+        """Compute the sum of forces and moments on the object, f64[6], and its Jacobian f64[6, 6], both dimensionless.
 
-        scaled: motion of the object in units that make its six elements comparable. force: of the mount, newtons. The
-        residual is 0 in equilibrium; moments are about the point at which the mount holds the object.
+        The sum, the residual, is 0 in equilibrium. It is given in units of `force`, the spring force of the mount along
+        its line, newtons; moments are about the point of the mount and are divided by `ARM_M`. scaled: motion of the
+        object in units of `LENGTH_M`.
         """
         motion = scaled * self._unit
         depth = self._layer.depth(self._near, self._shape, self.pose(motion))
@@ -167,10 +172,11 @@ class SimulatedEquilibrium:
         return weight * residual, weight[:, None] * jacobian * self._unit
 
     def _solve(self, guess: FloatArray, previous: FloatArray, force: float) -> FloatArray:
-        """Solve for the motion of the object in equilibrium under `force` newtons.
+        """Solve for the motion f64[6] of the object in equilibrium under `force` newtons of the mount.
 
-        guess: first start. previous: equilibrium under a smaller force, the next start. The Levenberg-Marquardt method,
-        which is tried last, is slower but converges where Powell's method stops at a kink. Raises EquilibriumError.
+        guess: start of the first attempt. previous: equilibrium under a smaller force, the start of the next two. The
+        Levenberg-Marquardt method, which is tried last, is slower but converges where Powell's method stops at a kink.
+        Raises EquilibriumError if all attempts fail.
         """
         attempts: tuple[tuple[FloatArray, Literal["hybr", "lm"]], ...] = (
             (guess, "hybr"),

@@ -1,4 +1,4 @@
-"""A long stream of indentations on the emulated skin: hours of use, with contacts at given times."""
+"""Many indentations at given times in one run of the emulated skin, to emulate hours of use."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from taxel.grasp.timeline import Timeline
 
 @dataclass(frozen=True, eq=False)
 class TimedIndentation:
-    """An indentation of a stream. begin_s: start of its baseline, seconds since power-up. timeline: its phases."""
+    """An indentation at a given time. begin_s: start of its baseline, seconds since power-up. timeline: its phases."""
 
     indentation: PlannedIndentation
     begin_s: float
@@ -24,23 +24,23 @@ class TimedIndentation:
 def run_emulated_stream(
     plan: IndentationPlan, contacts: Sequence[TimedIndentation], settings: EmulatedSettings, duration_s: float
 ) -> PollCycles:
-    """Run the emulated skin during a stream of indentations; return its poll cycles.
+    """Run the emulated skin for `duration_s` seconds since power-up with indentations at given times.
 
-    contacts: in order of time, without overlap; between two contacts the object is away from the skin. duration_s: of
-    the stream since power-up. Raises `TaxelError`.
+    Returns the frames by poll cycle. contacts: at least one indentation, all of the same session, in order of time and
+    without overlap; between two indentations the object is away from the skin. Raises `TaxelError`.
     """
     session = contacts[0].indentation.session
     world = format_session_world(plan.setup, settings, session)
-    ends = [*(one.begin_s for one in contacts[1:]), duration_s]
+    ends = [*(timed.begin_s for timed in contacts[1:]), duration_s]
     with SkinContact(world) as contact:
         motions = [
             make_scene_motion(
-                replace(plan, timeline=one.timeline),
-                one.indentation,
-                solve_path(plan, one.indentation, settings, contact),
-                one.begin_s,
+                replace(plan, timeline=timed.timeline),
+                timed.indentation,
+                solve_path(plan, timed.indentation, settings, contact),
+                timed.begin_s,
                 end_s,
             )
-            for one, end_s in zip(contacts, ends, strict=True)
+            for timed, end_s in zip(contacts, ends, strict=True)
         ]
     return run_emulated_skin(plan.hand, world, motions, duration_s)

@@ -24,11 +24,15 @@ CLEARANCE_M = 0.0015
 object's position (chosen)."""
 
 MIN_CLEARANCE_M = 0.0005
-"""The same distance if an offset causes the first contact earlier than the nominal one."""
+"""Smallest such distance before the true first contact, which an offset of the object can make earlier than planned."""
 
 
 class Stroke(NamedTuple):
-    """Travel over the phases: fast from far away to `start_m`, then slowly to `end_m`, where the mount is held."""
+    """Travel of the mount over the phases of an indentation.
+
+    The mount moves fast from far away to `start_m`, then slowly to `end_m`, where it is held; it returns the same way.
+    Both values are travels in metres.
+    """
 
     timeline: Timeline
     start_m: float
@@ -49,16 +53,17 @@ class Stroke(NamedTuple):
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
 
     def _get_slow_share(self, time_s: float) -> float:
-        """Return the share of the slow travel at a time, 0..1, seconds since the start of the indentation."""
+        """Return the covered share of the slow travel, 0 to 1, at `time_s` seconds since the indentation's start."""
         if time_s >= self.timeline.get_start_s(Phase.RELEASE):
             return self.timeline.get_grip_fraction(time_s)
         progress = self.timeline.get_phase_progress(Phase.CLOSING, time_s)
         return min(max(progress - ADVANCE_END, 0.0) / (PRESS_END - ADVANCE_END), 1.0)
 
     def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Compute the times at which the mount passes `travel_m` f64[k], metres: inwards f64[k] and outwards f64[k].
+        """Compute the times at which the mount passes the travels `travel_m` f64[k], metres.
 
-        Seconds since the start of the indentation. The travel is at most `end_m`.
+        Returns the times on the way inwards f64[k] and on the way back f64[k], in seconds since the indentation's
+        start. No travel exceeds `end_m`.
         """
         withdrawn = np.clip((self.start_m - travel_m) / AWAY_M, 0.0, 1.0)
         grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)

@@ -1,7 +1,8 @@
 """Counts, grasps, approaches and inactive taxels of a cloud as columns and comments of a file.
 
-Comments ``taxel.approach ROW NAME`` and ``taxel.grasp ROW APPROACH_ROW ID`` name the rows to which the column ``grasp``
-refers. A file of another program has no such comments: then all points belong to one grasp.
+Comments ``taxel.approach ROW NAME`` and ``taxel.grasp ROW APPROACH_ROW ID`` name the grasps to which the row numbers in
+the column ``grasp`` refer. If a file has no such comments because another program wrote it, all points belong to one
+grasp.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +32,10 @@ MAX_NAMES: Final = 100_000
 
 @dataclass(frozen=True)
 class GraspNames:
-    """grasps: ids. approach: row in `approaches` of each grasp."""
+    """Names in the comments of a cloud file.
+
+    grasps: identifiers of the grasps. approach: row in `approaches` of each grasp. approaches: names of the approaches.
+    """
 
     grasps: tuple[str, ...]
     approach: tuple[int, ...]
@@ -48,7 +52,7 @@ def format_comments(cloud: ContactCloud) -> list[str]:
 
 
 def parse_comments(source: Source, comments: Sequence[str]) -> GraspNames | None:
-    """Parse the names of approaches and grasps from the comments of a cloud file; None without such comments.
+    """Parse the names of approaches and grasps from the comments of a cloud file; return None without named grasps.
 
     Raises CloudFileError for rows that are not in order and for approaches that are not named before.
     """
@@ -106,9 +110,8 @@ def build_cloud(source: Source, columns: Columns, names: GraspNames | None) -> C
 
 
 def build_silent_rows(cloud: ContactCloud) -> npt.NDArray[np.float64]:
-    """Return x, y, z and grasp of the inactive taxels of a cloud, f64[M, 4].
-
-    A cloud without names of grasps gives no rows.
+    """Return x, y, z and grasp of the M inactive taxels of a cloud, f64[M, 4]; no row for a cloud without grasp
+    names.
     """
     rows = np.column_stack([cloud.inactive_points, cloud.inactive_grasp.astype(np.float64)])
     return np.asarray(rows[: len(rows) if any(cloud.grasps) else 0])

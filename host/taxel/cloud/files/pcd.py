@@ -15,7 +15,7 @@ TYPES: Final = {
     **{("I", size): f"<i{size}" for size in (1, 2, 4, 8)},
     **{("U", size): f"<u{size}" for size in (1, 2, 4, 8)},
 }
-"""NumPy types by TYPE and SIZE."""
+"""NumPy types by the words TYPE and SIZE of a PCD header."""
 
 
 def read_cloud(source: Source) -> ContactCloud:
@@ -64,7 +64,11 @@ def encode_cloud(cloud: ContactCloud) -> bytes:
 
 
 def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
-    """Read the header of a PCD file: words of each line by their first word, comments, and offset of the points."""
+    """Read the header of a PCD file.
+
+    Returns the words of each line by the first word of the line, the comments, and the byte offset of the points.
+    Raises CloudFileError for a file without the line DATA.
+    """
     header: dict[str, list[str]] = {}
     comments = []
     start = 0
@@ -83,7 +87,9 @@ def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
 
 
 def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
-    """Return the number of points in the header of a PCD file, checked against its size. Raises CloudFileError."""
+    """Return the number of points that a PCD header states. Raises CloudFileError for more points than bytes in the
+    file.
+    """
     words = header.get("POINTS") or header.get("WIDTH") or ["nothing"]
     count = parse_natural(words[0])
     if count is None or count > len(source.data):

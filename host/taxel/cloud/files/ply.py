@@ -24,7 +24,7 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.types import FloatArray, IntArray
 
 Columns = dict[str, FloatArray]
-"""Values of an element by property: f64[rows], for a list property f64[rows, length]."""
+"""Values of an element by name of the property: f64[rows] for numbers, f64[rows, length] for lists."""
 
 BYTE_ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -42,7 +42,7 @@ TYPES: Final = {
     )
     for name in names
 }
-"""NumPy types by the names of the format."""
+"""NumPy types by the type names in a PLY header."""
 
 INDEX_LISTS: Final = ("vertex_indices", "vertex_index")
 """Names of the property with the vertex numbers of a face."""
@@ -194,9 +194,9 @@ def _add_property(source: Source, header: Header, added: Property, line: str) ->
 
 
 def _read_elements(source: Source, header: Header, names: tuple[str, ...]) -> dict[str, Columns]:
-    """Read the values of the named elements of a PLY file, by element and property.
+    """Read the elements of a PLY file up to the last of the named elements; return the values by element and property.
 
-    Raises CloudFileError if an element is missing.
+    Raises CloudFileError if a named element is missing.
     """
     read = _binary_reader(source, header) if header.byte_order else _text_reader(source, header)
     values: dict[str, Columns] = {}

@@ -13,18 +13,19 @@ from taxel.cloud.errors import CloudFileError
 from taxel.input_files import check_regular_file, read_regular_file
 
 MAX_FILE_BYTES: Final = 64 * 2**20
-"""More than a million triangles. The cloud of a campaign has less than one megabyte."""
+"""Largest accepted size of a file: more than a million triangles. The cloud of a campaign has less than one
+megabyte."""
 
 MAX_HEADER_BYTES: Final = 2**20
-"""Largest offset of the end of a header."""
+"""Largest accepted size of a header, bytes."""
 
 MAX_WORDS: Final = 8 * 2**20
-"""Words of a text; each takes some fifty bytes of memory after splitting."""
+"""Largest number of words in a text; each takes some fifty bytes of memory after splitting."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Content of a file. name: for messages. data: all bytes of the file."""
+    """Content of a file. name: path in messages. data: all bytes of the file."""
 
     name: str
     data: bytes
@@ -45,7 +46,7 @@ class Source:
         return cls(str(path), data)
 
     def fail(self, field: str, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise CloudFileError for a field of this point cloud or mesh file."""
+        """Raise CloudFileError for a field of this point cloud or mesh file; remedy: what the user can do."""
         raise CloudFileError(self.name, field, expected, found, remedy)
 
     def decode_text(self) -> str:
@@ -66,7 +67,7 @@ class Source:
         return text
 
     def parse_numbers(self, text: str, field: str) -> npt.NDArray[np.float64]:
-        """Parse the numbers of a text, f64[k]. Raises CloudFileError for any other word.
+        """Parse a string of numbers separated by blanks or line ends, f64[k]. Raises CloudFileError for any other word.
 
         field: part of the file, for the message.
         """
@@ -77,7 +78,7 @@ class Source:
             self.fail(field, "numbers", quote(str(error).rpartition(":")[2].strip(" '")), "correct it")
 
     def parse_table(self, text: str, columns: int, field: str) -> npt.NDArray[np.float64]:
-        """Parse rows of numbers, f64[rows, columns].
+        """Parse a string of numbers as rows of `columns` numbers, f64[rows, columns].
 
         field: part of the file, for the message. Raises CloudFileError if the values do not fill the last row.
         """
@@ -88,7 +89,7 @@ class Source:
 
 
 def parse_natural(word: str) -> int | None:
-    """Parse a word of at most 18 decimal digits; None for any other word."""
+    """Parse a word of 1 to 18 decimal digits; return None for any other word."""
     return int(word) if word.isascii() and word.isdecimal() and len(word) <= 18 else None
 
 

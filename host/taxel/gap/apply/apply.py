@@ -60,9 +60,10 @@ def apply_report(
 ) -> AppliedReport:
     """Write a copy of a simulated dataset with the effects of a report's verdict added to its counts.
 
-    report, sim: input files. out: dataset to write. seed: of noise, drift and lost frames. overwrite: whether `out` may
-    replace an existing file. The result is a bit-identical copy of `sim` if the verdict is no gap or an unknown cause.
-    Raises DatasetError and GapInputError of one line; an existing file `out` then remains unchanged.
+    report, sim: input files. out: dataset to write. seed: seed of the random numbers of noise, drift and lost frames.
+    overwrite: whether `out` may replace an existing file. The result is a bit-identical copy of `sim` if the verdict is
+    no gap or an unknown cause. Raises DatasetError and GapInputError with a one-line message; an existing file `out`
+    then remains unchanged.
     """
     with _prepare_output(report, sim, out, overwrite) as (gap, temporary):
         notes = _describe_result(gap, Path(sim), Path(out))
@@ -76,8 +77,9 @@ def apply_report(
 def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: bool = False) -> AppliedReport:
     """Run the user's own simulator with the effects of a report's verdict, and check the dataset that it writes.
 
-    command: see `run_simulator`; the command is not run, and the result is a copy of `sim`, if the verdict is no gap or
-    an unknown cause. Raises the same exceptions as `apply_report`.
+    report, sim: input files. out: dataset to write. command: command of the simulator, see `run_simulator`. If the
+    verdict is no gap or an unknown cause, the command is not run, and the result is a copy of `sim`. Raises the same
+    exceptions as `apply_report`.
     """
     with _prepare_output(report, sim, out, overwrite) as (gap, temporary):
         notes = _describe_result(gap, Path(sim), Path(out))
@@ -91,9 +93,10 @@ def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: b
 
 @contextmanager
 def _prepare_output(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple[ReportedGap, Path]]:
-    """Context manager that yields the report and the temporary path of the dataset, and checks the dataset at the end.
+    """Yield the report and a temporary path for the dataset; at the end of the context, check the dataset and rename it
+    to `out`.
 
-    The dataset at the temporary path is already a copy of `sim` if the report has no effects.
+    If the report has no effects, the dataset at the temporary path is already a copy of `sim`.
     """
     gap = read_report(report)
     inputs = Path(report), Path(sim), *([gap.real] if gap.real is not None else [])
@@ -115,10 +118,10 @@ def add_effects(
     seed: int = 0,
     show: ProgressCallback = ignore_progress,
 ) -> None:
-    """Add effects, in the order in which they act, to every frame of `target`, a copy of `sim`.
+    """Add effects to every frame of `target`, a copy of `sim`.
 
-    note: provenance for the attributes of the file. seed: of noise, drift and lost frames. Raises DatasetError and
-    GapInputError.
+    effects: effects in the order in which they act. note: provenance for the attributes of the file. seed: seed of the
+    random numbers of noise, drift and lost frames. Raises DatasetError and GapInputError.
     """
     with GraspDataset(sim) as data, DatasetEditor(target) as copy:
         keys = [(grasp.object, grasp.approach) for grasp in data]
@@ -158,7 +161,8 @@ def _format_provenance(gap: ReportedGap, settings: Mapping[str, Any]) -> str:
 
 
 def _check_simulated(gap: ReportedGap, sim: Path, written: Path, out: Path) -> None:
-    """Check a dataset of the user's simulator. Raises GapInputError for other taxels and for a dataset without grasps.
+    """Check a dataset of the user's simulator. Raises GapInputError if its taxels differ from those of `sim`, and for a
+    dataset without grasps.
 
     written: temporary path of the dataset. out: path that the error message states.
     """

@@ -39,19 +39,19 @@ class SimulatedGrasp(GraspPhases, Protocol):
 
     @property
     def timestamp(self) -> FloatArray:
-        """Times of the frames, f64[T], seconds."""
+        """Times of the frames, f64[T] (T frames), seconds."""
 
     @property
     def raw_counts(self) -> NDArray[np.uint16]:
-        """Raw counts, u16[T, n]."""
+        """Raw counts, u16[T, n] (T frames, n taxels)."""
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Whether the frame of a sensor arrived, bool[T, s]."""
+        """Whether the frame of a sensor arrived, bool[T, s] (T frames, s boards)."""
 
     @property
     def sensor_pose(self) -> FloatArray:
-        """Poses of the sensor brackets during hold in world coordinates, f64[s, 4, 4], metres."""
+        """Poses of the sensor brackets during hold in world coordinates, f64[s, 4, 4] (s boards), metres."""
 
     @property
     def object_pose(self) -> FloatArray:
@@ -59,11 +59,11 @@ class SimulatedGrasp(GraspPhases, Protocol):
 
     @property
     def contact_force(self) -> FloatArray | None:
-        """Contact forces, f64[T, n], newtons."""
+        """Contact forces, f64[T, n] (T frames, n taxels), newtons."""
 
     @property
     def separation(self) -> FloatArray | None:
-        """Distances between taxel and object, f64[T, n], metres; negative for a penetration."""
+        """Distances between taxel and object, f64[T, n] (T frames, n taxels), metres; negative for a penetration."""
 
 
 class Simulation(Protocol):
@@ -99,9 +99,9 @@ class FrameTimeGrid(TimeGrid):
 
     @classmethod
     def from_frames(cls, time_s: FloatArray, phase: NDArray[np.uint8]) -> FrameTimeGrid:
-        """Return the time grid of K frames. time_s: f64[K], seconds. phase: u8[K].
+        """Return the time grid of K frames. time_s: times of the frames, f64[K], seconds. phase: u8[K].
 
-        The last node has the median duration.
+        Each node lasts until the next frame; the last node has the median duration.
         """
         since = time_s - time_s[0]
         last_duration = float(np.median(np.diff(since))) if len(since) > 1 else 0.0
@@ -110,7 +110,7 @@ class FrameTimeGrid(TimeGrid):
 
     @cached_property
     def time_since_start_s(self) -> FloatArray:
-        """Middle of each node in seconds since the first frame, f64[K].
+        """Middle of each node in seconds since the first frame, f64[K] (K frames).
 
         Unlike in the base class, the times already count from the first frame, not from the beginning of a phase.
         """
@@ -120,22 +120,23 @@ class FrameTimeGrid(TimeGrid):
 def find_effect_frames(grasp: GraspPhases) -> NDArray[np.intp]:
     """Return the indices of the frames that effects on the signal change: all frames outside the baseline phase.
 
-    The signal is the difference from the baseline, so that effects on the signal do not change baseline frames.
+    The signal is the difference from the baseline, so effects on the signal do not change baseline frames.
     """
     return np.flatnonzero(grasp.phase != Phase.BASELINE)
 
 
 class FrameStates:
-    """States of the grasps of a simulation. data: a simulated dataset; a file must be open."""
+    """Builder of states for the grasps of a simulation. A state has the frames of one grasp as time nodes."""
 
     def __init__(self, data: Simulation) -> None:
+        """Prepare the builder. data: a simulated dataset; a file must be open."""
         self._data, self._groups = data, group_taxels(data.taxels, data.sensors)
 
     def build_state(self, grasp: SimulatedGrasp) -> State:
         """Return the state of the frames of a grasp outside the baseline phase.
 
-        Fields that only features need are empty. Raises GapInputError for a grasp without hold, and for
-        a grasp with a constant time.
+        Fields of the state that only the features need are empty. Raises GapInputError for a grasp without hold, and
+        for a grasp with a constant time.
         """
         assert grasp.contact_force is not None  # a simulated dataset always contains forces
         assert grasp.separation is not None
@@ -150,7 +151,7 @@ class FrameStates:
         return State(pair, layout, time_grid, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
 
     def _build_pair(self, grasp: SimulatedGrasp, time_grid: TimeGrid) -> Pair:
-        """Return a pair with one condition, which contains only the data that effects use."""
+        """Return a pair with the condition of one grasp, which contains only the data that effects use."""
         data = self._data
         empty_fields: dict[str, Any] = dict.fromkeys(Recording.__dataclass_fields__, np.zeros(0))
         baseline_frames = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)

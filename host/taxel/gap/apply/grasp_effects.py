@@ -29,11 +29,11 @@ from taxel.types import FloatArray
 def add_effects_to_grasp(
     state: State, grasp: SimulatedGrasp, effects: Sequence[ReportedEffect], streams: RandomStreams
 ) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-    """Return raw_counts u16[T, n] and valid bool[T, s] of a grasp with effects.
+    """Return raw_counts u16[T, n] (T frames, n taxels) and valid bool[T, s] (s boards) of a grasp with effects.
 
-    state: state of the frames of the grasp (`FrameStates.build_state`). effects: in the order in which they act. An
-    array that no effect changes is returned as the same object. Raises GapInputError if the forces of the grasp give
-    counts that are not finite.
+    state: state of the frames of the grasp (`FrameStates.build_state`). effects: effects in the order in which they
+    act. streams: random numbers of this grasp. An array that no effect changes is returned as the same object. Raises
+    GapInputError if the forces of the grasp produce counts that are not finite.
     """
     pair, raw, valid = state.pair, grasp.raw_counts, grasp.valid
     change = np.zeros((len(grasp.phase), pair.n))
@@ -59,15 +59,18 @@ def add_effects_to_grasp(
 
 
 def _compute_rest_counts(grasp: SimulatedGrasp) -> FloatArray:
-    """Return the median baseline counts of each taxel, f64[n]; of all frames if the grasp has no baseline frames."""
+    """Return the median baseline counts of each taxel, f64[n] (n taxels); the median of all frames if the grasp has no
+    baseline frames.
+    """
     is_baseline = grasp.phase == Phase.BASELINE
     return np.asarray(np.rint(np.median(grasp.raw_counts[is_baseline | ~is_baseline.any()], axis=0)))
 
 
 def compute_signal_change(state: State, effects: Sequence[ReportedEffect], streams: RandomStreams) -> FloatArray:
-    """Return the change of the signal by effects in the K frames of one grasp, f64[K, n], counts.
+    """Return the change of the signal by effects in the K frames of one grasp, f64[K, n] (n taxels), counts.
 
-    A latency here includes the common time shift of all boards, because the frames have the simulator's own times.
+    Noise is omitted, because it does not change the mean signal. A latency here includes the common time shift of all
+    boards, because the frames have the simulator's own times.
     """
     signal = state.base
     for reported in effects:
@@ -87,7 +90,7 @@ def compute_signal_change(state: State, effects: Sequence[ReportedEffect], strea
 
 
 def get_noise_deviations(reported: ReportedEffect, pair: Pair) -> FloatArray:
-    """Return the standard deviations of the noise components of each taxel, f64[4, n], counts.
+    """Return the standard deviations of the noise components of each taxel, f64[4, n] (n taxels), counts.
 
     The components are independent: white noise, and noise common to the TX line, the RX line and the board.
     """
@@ -96,7 +99,8 @@ def get_noise_deviations(reported: ReportedEffect, pair: Pair) -> FloatArray:
 
 
 def map_values_to_blocks(reported: ReportedEffect, neutral: FloatArray, pair: Pair) -> FloatArray:
-    """Return the values of a reported effect in the blocks of a pair, f64[P, G], matched by the names of the blocks.
+    """Return the values of a reported effect in the blocks of a pair, f64[P, G] (P parameters; G blocks: the hand,
+    boards, objects or taxels), matched by the names of the blocks.
 
     neutral: f64[P, G], neutral values, which apply to blocks that the report lacks.
     """

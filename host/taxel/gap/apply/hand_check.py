@@ -17,10 +17,10 @@ SAME_HAND_REMEDY: Final = "give the simulation of the hand that was diagnosed: s
 
 
 def check_hand(gap: ReportedGap, data: GraspDataset, path: str) -> None:
-    """Check the taxels of a simulated dataset against a report.
+    """Check that a dataset is simulated and has the taxels of a report, in the same order. Raises GapInputError
+    otherwise.
 
-    path: of the dataset, for the error message. Raises GapInputError for a dataset that is not simulated, or that has
-    other taxels than the report.
+    gap: content of the report. path: path of the dataset, for the error message.
     """
     if data.source != SIM:
         remedy = "give the simulation, because effects are never added to a recording"

@@ -42,16 +42,17 @@ class RandomStreams:
     repeats: int
 
     def create_stream(self, *stream_key: int) -> np.random.Generator:
-        """Return the random generator of this grasp for a stream key."""
+        """Return the random generator of this grasp for a stream key, such as (`LOSS_STREAM`, board)."""
         return self._create_stream(self.repeat, *stream_key)
 
     def sample_balanced(self, sample: Callable[[np.random.Generator], FloatArray], *stream_key: int) -> FloatArray:
-        """Return the sample of this grasp, balanced with the samples of the other repeats of its group.
+        """Return the sample of this grasp, balanced with the samples of the other repeats of its group: their sum is 0.
 
-        sample: function that returns independent values from a generator; it is called once for each repeat of the
-        group. A grasp without other repeats gets an unbalanced sample.
+        sample: function that returns independent values from a random generator; it is called once for each of the two
+        or three repeats of the group. A grasp without other repeats gets an unbalanced sample. stream_key: key of the
+        random stream.
         """
-        group = min(self.repeat // 2, max(self.repeats // 2, 1) - 1)
+        group = min(self.repeat // 2, max(self.repeats // 2, 1) - 1)  # pairs of repeats; the last group may have three
         first = 2 * group
         last = first + 2 if first + 4 <= self.repeats else self.repeats
         samples = [sample(self._create_stream(number, *stream_key)) for number in range(first, last)]
@@ -67,33 +68,35 @@ class RandomStreams:
 
 
 def sample_noise(deviations: FloatArray, groups: TaxelGroups, frames: int, streams: RandomStreams) -> FloatArray:
-    """Return noise in counts, f64[T, n].
+    """Return noise in counts for each frame and taxel, f64[T, n] (n taxels).
 
     deviations: f64[4, n], counts, standard deviations of the white noise of each taxel and of the noise common to its
-    TX line, its RX line and its board. frames: T.
+    TX line, its RX line and its board. groups: lines and boards of the taxels. frames: number T of frames. streams:
+    random numbers of the grasp.
     """
     result = np.zeros((frames, deviations.shape[1]))
     each_taxel = np.arange(deviations.shape[1])
-    for number, (deviation, member) in enumerate(
+    for component, (deviation, group) in enumerate(
         zip(deviations, (each_taxel, groups.tx, groups.rx, groups.sensor), strict=True)
     ):
         if deviation.any():
-            shape = (frames, int(member.max()) + 1)
+            shape = (frames, int(group.max()) + 1)
             result += (
-                deviation * streams.sample_balanced(partial(_sample_normal, shape), NOISE_STREAM, number)[:, member]
+                deviation * streams.sample_balanced(partial(_sample_normal, shape), NOISE_STREAM, component)[:, group]
             )
     return result
 
 
 def _sample_normal(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
-    """Return independent standard normal numbers."""
+    """Return an array of independent standard normal numbers."""
     return rng.normal(size=shape)
 
 
 def sample_drift(
     values: FloatArray, measured_share: float, relative_duration: float, streams: RandomStreams
 ) -> FloatArray:
-    """Return the values of a baseline drift for one grasp, f64[2, G], counts: a sampled slope, and deviation 0.
+    """Return the values of a baseline drift for one grasp, f64[2, G] (G blocks: the hand, boards, objects or taxels),
+    counts: a sampled slope, and deviation 0.
 
     values: f64[2, G], counts, mean slope and standard deviation between grasps. measured_share: mean share of the slope
     that is reached in the phase in which the standard deviation was measured. relative_duration: duration of the grasp
@@ -106,11 +109,11 @@ def sample_drift(
 def remove_lost_frames(
     grasp: GraspPhases, valid: NDArray[np.bool_], missing: FloatArray, streams: RandomStreams
 ) -> NDArray[np.bool_]:
-    """Return the frames that still arrive after random losses, bool[T, s].
+    """Return the frames that still arrive after random losses, bool[T, s] (T frames).
 
     valid: bool[T, s], frames that arrive without the losses. missing: f64[s], additional lost frames of each board as a
-    share of all frames. A board that is not silent throughout keeps its first `MIN_BASELINE_FRAMES` baseline frames,
-    because its signal is unknown without a baseline.
+    share of all frames. A board keeps its first `MIN_BASELINE_FRAMES` baseline frames, because its signal is unknown
+    without a baseline, unless all its frames are lost.
     """
     result = valid.copy()
     frames = len(valid)
@@ -128,9 +131,11 @@ def remove_lost_frames(
 def repeat_last_counts(
     raw: NDArray[np.uint16], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
 ) -> NDArray[np.uint16]:
-    """Return counts u16[T, n] in which a lost frame repeats the last frame that arrived; 0 before the first frame.
+    """Return counts u16[T, n] (T frames, n taxels) in which a lost frame repeats the last frame that arrived; 0 before
+    the first frame.
 
-    raw: u16[T, n]. valid: bool[T, s], frames that arrived. sensor: [n], column of `valid` of each taxel.
+    raw: u16[T, n], counts of all frames. valid: bool[T, s], frames of each board that arrived. sensor: [n], column of
+    each taxel's board in `valid`.
     """
     row = np.where(valid, np.arange(len(valid))[:, None], -1)
     last_row = np.maximum.accumulate(row, axis=0)[:, sensor]

@@ -41,7 +41,7 @@ class Resimulator:
         command: command of the user's simulator (`taxel.gap.apply.user_simulator.run_simulator`), or `BUILTIN`.
         folder: folder of the simulated datasets; complete datasets of an earlier run with the same inputs are reused.
         budget: largest number of simulations.
-        seed: of noise, drift and lost frames of `BUILTIN`.
+        seed: seed of the random numbers of noise, drift and lost frames, used by `BUILTIN`.
     """
 
     command: str
@@ -50,15 +50,16 @@ class Resimulator:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check the command. Raises GapInputError."""
+        """Check the command. Raises GapInputError for an invalid command."""
         if self.command != BUILTIN:
             split_command(self.command)
 
     def simulate(self, effects: Sequence[ReportedEffect], sim: Path) -> Path:
-        """Simulate with effects, and return the path of the dataset.
+        """Simulate with effects, and return the path of the dataset. A dataset of an earlier run with the same inputs
+        is reused.
 
-        effects: in the order in which they act. sim: simulated dataset without effects. Raises GapInputError and
-        DatasetError.
+        effects: effects in the order in which they act. sim: simulated dataset without effects. Raises GapInputError
+        and DatasetError.
         """
         text = format_effects(effects, None)
         content = "\n".join([text, self.command, str(self.seed), _digest(sim)])
@@ -126,9 +127,10 @@ def resimulate_sets(
 ) -> Resimulation:
     """Simulate with the most probable sets of effects, and return the comparison with new weights of all sets.
 
-    In each step the set with the largest weight that is not yet simulated is simulated, as long as its weight is at
-    least `RIVAL_ODDS` times the largest weight and the budget lasts; see `taxel.gap.comparison.candidates.reevaluate`.
-    seed: of the bootstrap. Raises GapInputError and DatasetError.
+    In each step the set with the largest weight that is not yet simulated is simulated. The steps end if its weight is
+    below `RIVAL_ODDS` times the largest weight, or if the budget is used up. The measured features replace the
+    predictions of the simulated sets (`taxel.gap.comparison.candidates.reevaluate`). seed: seed of the bootstrap.
+    Raises GapInputError and DatasetError.
     """
     fit_data, results = comparison.fit_data, []
     simulated: dict[frozenset[str], FloatArray] = {}
@@ -154,10 +156,10 @@ def resimulate_sets(
 
 
 def read_features(fit_data: FitData, path: Path) -> FloatArray:
-    """Return the features of a further simulation of the same grasps, aligned in time with the hand.
+    """Return the features of a further simulation of the same grasps, aligned in time with the hand, f64[C, F, n] (C
+    conditions, F features, n taxels), counts.
 
-    The result is f64[C, F, n], counts. Raises GapInputError for a dataset with other taxels, conditions or
-    durations of the phases.
+    Raises GapInputError for a dataset whose taxels, conditions or durations of the phases differ.
     """
     pair = fit_data.state.pair
     other = read_pair(pair.paths[0], path)
@@ -170,7 +172,9 @@ def read_features(fit_data: FitData, path: Path) -> FloatArray:
 
 
 def _measure_set(fit_data: FitData, effects: tuple[str, ...], features: FloatArray, path: Path) -> ResimulatedSet:
-    """Return gap before and after, and shrink, of simulated features. features: f64[C, F, n], counts."""
+    """Return gap before and after, floor and shrink of a simulation with effects. features: its features, f64[C, F, n]
+    (C conditions, F features, n taxels), counts.
+    """
     real, layout, before = fit_data.sessions, fit_data.layout, fit_data.state.mean
     gaps = [measure_gap(real, model, layout) for model in (before, features)]
     reduction = compute_shrink_interval(real, before, features, layout)

@@ -22,12 +22,12 @@ from taxel.recording.grasp_storage import check_target, convert_writing_errors, 
 from taxel.recording.hdf5_output import extend_hdf5
 
 PROVENANCE_ATTRIBUTE: Final = "gap_applied"
-"""Attribute of the file that states the added effects; a further one is called gap_applied_2, and so on."""
+"""Attribute of the file that states the added effects; further attributes are named gap_applied_2, and so on."""
 
 
 @contextmanager
 def open_temporary_output(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iterator[Path]:
-    """Context manager that yields a temporary path beside the target, and renames the complete file to the target.
+    """Yield a temporary path for a new file; at the end of the context, rename the complete file to `target`.
 
     An existing target remains unchanged if an error occurs. inputs: files that must not be the target. overwrite:
     whether an existing target may be replaced. Raises DatasetError for a target that exists or cannot be written, and
@@ -36,7 +36,7 @@ def open_temporary_output(target: Path, inputs: tuple[Path, ...], overwrite: boo
     location = Location(str(target))
     for path in inputs:
         if target.exists() and path.exists() and target.samefile(path):
-            raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
+            raise GapInputError("--out", "a file other than the inputs", format_path(target), "choose another name")
     check_target(target, overwrite, location)
     with convert_writing_errors(location):
         pending = PendingOutput(target, overwrite=overwrite)
@@ -69,12 +69,16 @@ class DatasetEditor:
     """Open dataset whose arrays can be replaced. Use the editor as a context manager."""
 
     def __init__(self, path: Path) -> None:
+        """Open an existing dataset for changes. Raises DatasetError if this fails."""
         self._location = Location(str(path))
         self._output = LiveOutput.without_name(path)
         self._file = extend_hdf5(self._output, self._location)
 
     def replace_array(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:
-        """Replace an array of a grasp; its attributes remain. Raises DatasetError if writing fails."""
+        """Replace an array of a grasp; its attributes remain. Raises DatasetError if writing fails.
+
+        An array that other grasps share (hard links) is replaced for this grasp only.
+        """
         with convert_writing_errors(self._location.key("grasps").key(grasp_id).key(name)):
             group = self._file["grasps"][grasp_id]
             node = group[name]
@@ -90,7 +94,7 @@ class DatasetEditor:
             self._file.check()
 
     def add_provenance(self, text: str) -> None:
-        """Add a provenance text to the attributes of the file. Raises DatasetError if writing fails."""
+        """Add a provenance text as a further attribute of the file. Raises DatasetError if writing fails."""
         with convert_writing_errors(self._location):
             number = 1
             while self._get_attribute_name(number) in self._file.attrs:
@@ -105,6 +109,7 @@ class DatasetEditor:
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Close the file. Raises DatasetError if the remaining changes cannot be written."""
         try:
             with convert_writing_errors(self._location):
                 self._file.close()

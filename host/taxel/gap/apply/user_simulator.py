@@ -45,9 +45,10 @@ def format_effects(effects: Sequence[ReportedEffect], report: Mapping[str, str] 
 def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
     """Run a command that writes the dataset `out`.
 
-    command: split into words as by a shell, and run without a shell; {effects}, {sim} and {out} are replaced by
-    absolute paths. effects: JSON text, written to the file `effects.json` beside `out`. The output of the command goes
-    to standard error. Raises GapInputError for a command that cannot run, fails or writes no file.
+    command: text that is split into words as by a shell, and run without a shell; {effects}, {sim} and {out} are
+    replaced by absolute paths. effects: JSON text, written to the file `effects.json` beside `out`. sim: path that
+    replaces {sim}. The output of the command goes to standard error. Raises GapInputError for a command that cannot
+    run, fails or writes no file.
     """
     arguments = split_command(command)
     paths = {"effects": out.with_name("effects.json"), "sim": sim, "out": out}

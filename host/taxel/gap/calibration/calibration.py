@@ -57,12 +57,19 @@ class Logistic:
 
     @classmethod
     def fit(cls, inputs: FloatArray, labels: Sequence[bool]) -> Logistic:
-        """Fit the model by penalised maximum likelihood. inputs: f64[m, k]. labels: truth of each of m statements."""
+        """Fit the model by penalised maximum likelihood.
+
+        inputs: f64[m, k], k inputs for each of m statements that a cause is present. labels: whether each statement is
+        true.
+        """
         mean, std = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-9)
         design = np.column_stack([np.ones(len(inputs)), (inputs - mean) / std])
         target = np.asarray(labels, np.float64)
 
-        def loss(parameters: FloatArray) -> tuple[float, FloatArray]:
+        def compute_loss(parameters: FloatArray) -> tuple[float, FloatArray]:
+            """Return the negative log likelihood with the ridge penalty, and its gradient, for the intercept and the
+            coefficients.
+            """
             value = design @ parameters
             gradient = design.T @ (expit(value) - target)
             gradient[1:] += COEFFICIENT_PRECISION * parameters[1:]
@@ -74,7 +81,7 @@ class Logistic:
             return float(cost), gradient
 
         start, bounds = np.zeros(design.shape[1]), [(-MAX_COEFFICIENT, MAX_COEFFICIENT)] * design.shape[1]
-        solution = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
+        solution = minimize(compute_loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         return cls(float(solution[0]), solution[1:], mean, std)
 
     def to_json(self) -> dict[str, object]:
@@ -93,12 +100,12 @@ class Logistic:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Calibrated probabilities.
+    """Models that convert evidence into calibrated probabilities.
 
-    effect: of an effect that was part of a candidate set, from `combine_inputs`. unknown: of a cause
-    outside the catalogue, from the inputs of `RemainderEvidence`. any_cause: of at least one cause, from the size of
-    the gap (first input of `RemainderEvidence`) and from the largest gain of an effect (second input of
-    `EffectEvidence`). not_compared: of an effect that no coarse fit selected. source: how the calibration was produced.
+    effect: model for an effect that is part of a candidate set; inputs of `combine_inputs`. unknown: model for a cause
+    outside the catalogue; inputs of `RemainderEvidence`. any_cause: model for at least one cause; inputs of
+    `compute_any_inputs`. not_compared: probability of an effect that no candidate set contains. source: how the
+    calibration was produced.
     """
 
     effect: Logistic
@@ -131,8 +138,10 @@ class Calibration:
     def compute_odds(
         self, effects: Mapping[str, FloatArray], remainder: FloatArray, tried: Sequence[str]
     ) -> FloatArray:
-        """Compute the log odds of every effect that was tried and of an unknown cause, f64[len(tried) + 1].
+        """Compute the log odds of every effect that was tried and of an unknown cause, f64[len(tried) + 1], in this
+        order.
 
+        effects: inputs of each effect with evidence, f64[6]. remainder: inputs f64[6]. tried: names of the effects.
         Each cause is evaluated independently of the others.
         """
         probabilities = [
@@ -153,19 +162,19 @@ class Calibration:
 
 
 def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
-    """Build the inputs of `Calibration.effect`, f64[9].
+    """Return the inputs of `Calibration.effect`, f64[9].
 
-    The inputs are those of the effect, f64[6], and three inputs of the remainder, f64[6]: deviation, size and gain. An
+    They are the inputs of the effect, f64[6], and three inputs of the remainder, f64[6]: deviation, size and gain. An
     effect is less certain if the remainder of the best set is large.
     """
     return np.concatenate([effect, remainder[[2, 4, 5]]])
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
-    """Build the inputs of `Calibration.any_cause`, f64[3].
+    """Return the inputs of `Calibration.any_cause`, f64[3].
 
-    The inputs are the logarithm of the gap in floors, the largest gain of an effect, and the positive part of this
-    logarithm. effects: inputs f64[6] of each effect. remainder: f64[6].
+    They are the logarithm of the gap in floors, the largest gain of an effect (0 without effects), and the positive
+    part of this logarithm. effects: inputs f64[6] of each effect. remainder: inputs f64[6].
     """
     gain = max((values[1] for values in effects.values()), default=0.0)
     return np.array([remainder[0], gain, max(float(remainder[0]), 0.0)])

@@ -25,11 +25,12 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Candidate: a set of effects with fitted values, and its evaluation.
+    """A candidate: a set of effects with fitted values, and its evaluation.
 
-    composite: model with fitted values. features: f64[C, F, n], predicted by the fit to all features. prediction:
-    held-out prediction of the features. in_sample, held_out: log density of each block (condition, board, family),
-    f64[C, s, 5], for these two predictions. log_prior: log prior of the forms and the parameters.
+    composite: model with fitted values. features: f64[C, F, n] (C conditions, F features, n taxels), features that the
+    fit to all data predicts, counts. prediction: held-out prediction of the features. in_sample, held_out: log density
+    of each block for these two predictions, f64[C, s, 5]; a block consists of the features of one of 5 families on one
+    of s boards in one condition. log_prior: log prior of the forms of the effects and of their parameters.
     """
 
     composite: CompositeModel
@@ -59,7 +60,7 @@ class CandidateSets:
     """Result of a search.
 
     sets: best candidate of each set of effects, including the empty set. single_fits: coarse fit of each effect alone,
-    by name. repeat_share: share of the variance between simulated repeats that applies to their mean.
+    by name. repeat_share: share of the variance between simulated repeats that is a part of the variance of their mean.
     """
 
     sets: Sets
@@ -71,11 +72,18 @@ class CandidateSearch:
     """Search for the candidate sets of one pair, starting from the empty set."""
 
     def __init__(self, fit_data: FitData, forms: Forms, density: BlockDensity, settings: ComparisonSettings) -> None:
-        """Prepare the search. forms: forms of each effect by its name."""
+        """Prepare the search. forms: forms of each effect by its name. density: predictive density of the real
+        features.
+        """
         self._fit_data, self._forms, self._density, self._settings = fit_data, forms, density, settings
 
     def run(self, progress: Callable[[int, int], None]) -> CandidateSets:
-        """Fit and evaluate candidate sets. progress: called with the steps done and their number."""
+        """Fit and evaluate candidate sets, and return them.
+
+        In each iteration every further effect is fitted coarsely together with the best set so far (`base`), and the
+        best of these sets are fitted in full. progress: called with the number of finished iterations and their largest
+        number.
+        """
         empty = self.evaluate(CompositeModel(), self._fit_data.state.mean)
         sets: Sets = {empty.names: empty}
         single_fits: dict[str, FittedEffect] = {}
@@ -130,7 +138,9 @@ class CandidateSearch:
         return self.evaluate(fit.composite, fit.features)
 
     def evaluate(self, composite: CompositeModel, features: FloatArray) -> Candidate:
-        """Evaluate a fitted composite model, in sample and held out. features: f64[C, F, n], its prediction."""
+        """Evaluate a fitted composite model, in sample and held out. features: f64[C, F, n] (C conditions, F features,
+        n taxels), its prediction.
+        """
         prediction = (
             predict_held_out(self._fit_data, composite, INSPECTED_EFFECTS)
             if composite.fitted_effects
@@ -143,8 +153,8 @@ class CandidateSearch:
     def _fit_coarsely(self, base: Candidate) -> list[tuple[CompositeModel, float]]:
         """Fit every further effect coarsely together with the effects of `base`.
 
-        Returns composite models with their log density plus log prior, largest first; of each effect and scope only the
-        best form. Forms whose fitted values have no consequence of their own are omitted.
+        Return composite models with their log density plus log prior, largest first; for each effect and scope only the
+        best form. Forms whose fitted values have no consequence of their own (`Effect.is_idle`) are omitted.
         """
         state = self._fit_data.state
         fixed_columns = (
@@ -160,6 +170,9 @@ class CandidateSearch:
         ]
 
         def fit_one(fitted_effect: FittedEffect) -> tuple[CompositeModel, float] | None:
+            """Return the composite model with one more effect, coarsely fitted, and its log density plus log prior;
+            None if the fitted values have no consequence of their own.
+            """
             composite = base.composite.with_effect(fitted_effect)
             fit = self._fit_data.fit_in_sample(
                 composite, INSPECTED_EFFECTS, self._settings.coarse_iterations, fixed_columns
@@ -180,7 +193,8 @@ class CandidateSearch:
     def _list_start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
         """Return the available forms of an effect with their start values.
 
-        A dropout has the values that an inspection finds with the features of `base`; no entry if nothing is found.
+        A dropout has the values that an inspection finds with the features of `base`; the list is empty if nothing is
+        found.
         """
         state = self._fit_data.state
         if name == DROPOUT:
@@ -196,11 +210,12 @@ def reevaluate(
     settings: ComparisonSettings,
     simulated: Mapping[frozenset[str], FloatArray],
 ) -> CandidateSets:
-    """Evaluate all sets once more, with the model error that is estimated from the best set.
+    """Evaluate all candidate sets once more, with the model error that is estimated from the best set, and return them.
 
-    simulated: features f64[C, F, n] of simulations with some sets. They replace the features of the fits; the change
-    from fit to held-out prediction is kept. The mean change of the log density over the simulated sets is removed,
-    because a simulation has random errors and a fit has none: simulations decide only between simulated sets.
+    simulated: features f64[C, F, n] (C conditions, F features, n taxels) of simulations with some sets, by the names of
+    the effects. They replace the features of the fits; the change from the fit to its held-out prediction is kept. The
+    mean change of the log density over the simulated sets is removed, because a simulation has random errors and a fit
+    has none: simulations decide only between simulated sets.
     """
     best = max(candidate_sets.sets.values(), key=lambda candidate: candidate.value)
     density = fit_density(fit_data, settings, best.prediction.features)

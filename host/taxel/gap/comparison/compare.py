@@ -63,14 +63,17 @@ class Comparison:
         return max(self.weights, key=lambda key: self.weights[key])
 
     def get_best_with(self, name: str) -> Candidate | None:
-        """Return the set with the largest weight that contains an effect; None if no set contains this effect."""
+        """Return the candidate with the largest weight whose set contains an effect; None if no set contains this
+        effect.
+        """
         keys = [key for key in self.sets if name in key]
         return self.sets[max(keys, key=lambda key: self.weights[key])] if keys else None
 
     def compute_probabilities(self, calibration: Calibration | None = None) -> dict[str, float]:
-        """Compute the marginal probability of every effect that was tried, of an unknown cause and of no gap.
+        """Compute the marginal probability of every effect that was tried, of an unknown cause and of no gap, by name.
 
-        calibration: None: the packaged calibration.
+        calibration: conversion from evidence to probabilities; None: the packaged calibration. With a single session
+        the probabilities of causes are multiplied by `ONE_SESSION`.
         """
         inputs = {name: one.to_inputs() for name, one in self.effects.items()}
         calibration = calibration or load_calibration()
@@ -85,10 +88,10 @@ class Comparison:
         An effect is a rival if a set with the rival and without the named effect has a weight of at least `RIVAL_ODDS`
         times the weight of the best set with the named effect.
         """
-        own = max((weight for key, weight in self.weights.items() if name in key), default=0.0)
+        weight_with_name = max((weight for key, weight in self.weights.items() if name in key), default=0.0)
         others: dict[str, float] = {}
         for key, weight in self.weights.items():
-            if name not in key and weight >= RIVAL_ODDS * own > 0.0:
+            if name not in key and weight >= RIVAL_ODDS * weight_with_name > 0.0:
                 others.update({other: max(weight, others.get(other, 0.0)) for other in key})
         return sorted(others, key=lambda other: -others[other])
 
@@ -98,19 +101,20 @@ class Comparison:
         return single.composite.fitted_effects[0] if single is not None else self.single_fits.get(name)
 
     def compute_influence(self, name: str) -> list[tuple[int, float]]:
-        """Compute the share of every condition in the evidence for an effect: [(index of the condition, share)].
+        """Compute the share of each condition in the evidence for an effect: pairs of condition index and share,
+        largest first.
 
         The evidence is the held-out log density of the best set with the effect minus that of the best set without it;
-        conditions that are evidence against the effect have share 0. Largest share first; empty if no set contains the
-        effect.
+        conditions that are evidence against the effect have the share 0. The list is empty if no set contains the
+        effect, or if no condition supports it.
         """
-        with_name = [key for key in self.sets if name in key]
-        if not with_name:
+        keys_with = [key for key in self.sets if name in key]
+        if not keys_with:
             return []
-        own = self.sets[max(with_name, key=lambda key: self.sets[key].value)]
-        others = [key for key in self.sets if name not in key]
-        without = self.sets[max(others, key=lambda key: self.sets[key].value)]
-        gain = np.maximum((own.held_out - without.held_out).sum(axis=(1, 2)), 0.0)
+        best_with = self.sets[max(keys_with, key=lambda key: self.sets[key].value)]
+        keys_without = [key for key in self.sets if name not in key]
+        best_without = self.sets[max(keys_without, key=lambda key: self.sets[key].value)]
+        gain = np.maximum((best_with.held_out - best_without.held_out).sum(axis=(1, 2)), 0.0)
         order = np.argsort(-gain, kind="stable").tolist()
         return [(index, float(gain[index] / gain.sum())) for index in order] if gain.sum() > 0.0 else []
 
@@ -129,8 +133,8 @@ def compare(
 ) -> Comparison:
     """Compare sets of effects on a real and a simulated dataset.
 
-    without: names of effects that are not tried. seed: of the bootstrap. Raises DatasetError and GapInputError with one
-    line.
+    without: names of effects that are not tried. seed: seed of the bootstrap's random numbers. show: callback for
+    progress. Raises DatasetError and GapInputError with a one-line message.
     """
     with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
@@ -148,7 +152,11 @@ def compare_sets(
 
     forms: forms of the effects by name. An effect whose forms are all unavailable on this pair is not tried.
     """
-    forms = {name: own for name, own in forms.items() if not find_unavailable_reason(fit_data.state, own)}
+    forms = {
+        name: effect_forms
+        for name, effect_forms in forms.items()
+        if not find_unavailable_reason(fit_data.state, effect_forms)
+    }
     search = CandidateSearch(fit_data, forms, BlockDensity(fit_data, settings), settings)
     candidate_sets = search.run(lambda done, total: show("effect search", done, total))
     show("effect search", settings.largest_set, settings.largest_set)
@@ -163,9 +171,10 @@ def weigh_sets(
     settings: ComparisonSettings = DEFAULT_SETTINGS,
     simulated: Mapping[frozenset[str], FloatArray] = MappingProxyType({}),
 ) -> Comparison:
-    """Weigh candidate sets and collect their evidence.
+    """Compute the weights of candidate sets and the evidence for each effect and for an unknown cause.
 
-    tried: names of the effects that were tried. simulated: see `taxel.gap.comparison.candidates.reevaluate`.
+    tried: names of the effects that were tried. seed: seed of the bootstrap's random numbers. simulated: features of
+    simulations with some sets, see `taxel.gap.comparison.candidates.reevaluate`.
     """
     candidate_sets = reevaluate(fit_data, candidate_sets, settings, simulated)
     values = np.stack([one.held_out.sum(axis=(1, 2)) for one in candidate_sets.sets.values()])

@@ -12,14 +12,15 @@ from taxel.gap.fitting.fit_data import FitData
 from taxel.types import FloatArray
 
 REPEAT_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the variance between simulated repeats that are compared (chosen): 1 for random repeats, less for repeats
-that were planned such that their variation cancels in the mean."""
+"""Values that are compared for the share of the variance between simulated repeats that remains in their mean (chosen):
+1 for random repeats, less for repeats that were planned such that their variation cancels in the mean."""
 
 
 class BlockDensity:
     """Log density of the real features, given predicted features, for each block.
 
-    A block consists of the features of one family on one board in one condition.
+    A block consists of the features of one of 5 families (signal, noise, missing frames, onset, drift residual) on one
+    board in one condition.
 
     The deviation of a block is the mean squared difference of its features, each divided by the variance of the real
     mean. The density of a block is that of a multivariate Student t distribution with S - 1 degrees of freedom for S
@@ -32,8 +33,9 @@ class BlockDensity:
     ) -> None:
         """Prepare the density for the real sessions of a pair; unknown and excluded features have weight 0.
 
-        model_error: relative error of the simulated signal, of a taxel in a condition (`estimate_model_error`).
-        repeat_share: share of the variance of the simulated mean (`State.mean_variance`) that applies.
+        model_error: standard deviation of the error of the simulated signal, relative to the signal
+        (`estimate_model_error`). repeat_share: share of the variance of the simulated mean (`State.mean_variance`) that
+        is added to the variance.
         """
         self._fit_data, self._settings = fit_data, settings
         self.repeat_share = repeat_share
@@ -57,11 +59,12 @@ class BlockDensity:
         self._log_variance = self._average_blocks(self._share * np.log(variance))
 
     def estimate_model_error(self, features: FloatArray) -> float:
-        """Estimate the relative error of the simulated signal from features f64[C, F, n] with the best set of effects.
+        """Estimate the relative error of the simulated signal.
 
-        The error of a block is the root of its mean square deviation beyond the variance of the real mean, relative to
-        its mean square signal. The result is the median over the loaded blocks, at least
-        `settings.smallest_model_error`, so that a few blocks with an error of another kind do not determine it.
+        features: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts. The
+        error of a block is the root of its mean square deviation beyond the variance of the real mean, relative to its
+        mean square signal. The result is the median over the loaded blocks, so a few blocks with another kind of error
+        do not determine it. It is at least `settings.smallest_model_error`.
         """
         bins = self._fit_data.layout.bins
         share = self._share[:, :bins]
@@ -72,21 +75,26 @@ class BlockDensity:
         return max(float(np.sqrt(max(error2, 0.0))), self._settings.smallest_model_error)
 
     def compute_simulated_floor2(self) -> float:
-        """Compute the squared gap that the variation between simulated repeats alone causes, counts^2."""
+        """Compute the squared gap that the variation between simulated repeats alone causes, counts^2; 0 if it is
+        unknown.
+        """
         variance = self._fit_data.state.mean_variance
         if variance is None:
             return 0.0
         return self.repeat_share * sum_terms(np.where(self._share > 0.0, self._share * variance, 0.0))
 
     def compute_deviations(self, features: FloatArray) -> FloatArray:
-        """Compute the mean squared standardised difference of each block from features f64[C, F, n], f64[C, s, 5].
+        """Compute the mean squared standardised difference of each block, f64[C, s, 5] (C conditions, s boards, 5
+        families), for predicted features f64[C, F, n] (F features, n taxels).
 
-        It is about 1 if only sessions and repeats vary, and 0 for a block without features.
+        The deviation is about 1 if only sessions and repeats vary, and 0 for a block without features.
         """
         return self._average_blocks(self._weight * (self._fit_data.target - features) ** 2)
 
     def compute_log_density(self, features: FloatArray) -> FloatArray:
-        """Compute the log density of each block for predicted features f64[C, F, n], up to a constant, f64[C, s, 5]."""
+        """Compute the log density of each block for predicted features f64[C, F, n] (C conditions, F features, n
+        taxels), up to a constant, f64[C, s, 5] (s boards, 5 families).
+        """
         dimensions, degrees_of_freedom = np.array(self._settings.dimensions), self._degrees_of_freedom
         deviations = self.compute_deviations(features)
         return np.asarray(
@@ -94,30 +102,38 @@ class BlockDensity:
         )
 
     def compute_normalised_density(self, features: FloatArray) -> float:
-        """Compute the log density of all signal blocks for predicted features f64[C, F, n].
+        """Compute the sum of the log densities of all signal blocks for predicted features f64[C, F, n] (C conditions,
+        F features, n taxels).
 
-        The omitted constant does not depend on the variances, so that different variances can be compared.
+        Unlike `compute_log_density`, the result contains the term of the variances, so densities with different
+        variances can be compared.
         """
         dimensions = np.array(self._settings.dimensions)
         density = self.compute_log_density(features) - 0.5 * dimensions * self._log_variance
         return float(density[..., 0].sum())
 
     def _average_blocks(self, values: FloatArray) -> FloatArray:
-        """Compute the means of weighted values f64[C, F, n] over each block, f64[C, s, 5]; 0 for an empty block."""
+        """Compute the means of weighted values f64[C, F, n] (C conditions, F features, n taxels) over each block,
+        f64[C, s, 5] (s boards, 5 families); 0 for an empty block.
+        """
         sums = self._sum_blocks(values)
         return np.divide(sums, self._total, out=np.zeros_like(sums), where=self._total > 0.0)
 
     def _sum_blocks(self, values: FloatArray) -> FloatArray:
-        """Compute the sums of values f64[C, F, n] over the features and taxels of each block, f64[C, s, 5]."""
+        """Compute the sums of values f64[C, F, n] (C conditions, F features, n taxels) over the features and taxels of
+        each block, f64[C, s, 5] (s boards, 5 families).
+        """
         families = self._fit_data.layout.families
         return np.asarray(np.stack([values[:, family].sum(axis=1) @ self._boards for family in families], axis=-1))
 
 
 def fit_density(fit_data: FitData, settings: ComparisonSettings, features: FloatArray) -> BlockDensity:
-    """Fit the two variances of the simulated mean to features f64[C, F, n] with the best set of effects.
+    """Return the density with the model error and the repeat share that fit best to the features of the best set of
+    effects.
 
-    The share of the variance between repeats is the element of `REPEAT_SHARES` with the largest density of the signal.
-    The model error of each share is the result of `BlockDensity.estimate_model_error`.
+    features: f64[C, F, n] (C conditions, F features, n taxels). The repeat share (share of the variance between
+    simulated repeats) is the element of `REPEAT_SHARES` with the largest density of the signal. The model error for
+    each share is the result of `BlockDensity.estimate_model_error`.
     """
     shares = REPEAT_SHARES if fit_data.state.mean_variance is not None else REPEAT_SHARES[:1]
     densities = []

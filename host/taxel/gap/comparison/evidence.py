@@ -25,7 +25,8 @@ SMALLEST_FLOOR = 0.1
 rounding of counts alone produces such a floor in the mean of a few frames."""
 
 LOADED_SHARE = 0.02
-"""Share of the largest simulated signal of a block (condition, board) from which a block counts as loaded (chosen)."""
+"""Share of the largest simulated signal of a board in a condition, above which a board in a condition is treated as
+loaded (chosen)."""
 
 USUAL_BLOCKS = 20.0
 """Number of loaded blocks of a usual dataset (chosen). Gains in log density are scaled to this number, because small
@@ -57,7 +58,11 @@ class EffectEvidence:
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Return the inputs of the calibration, f64[6]; the fifth input is 0 for an effect of the size of a cause."""
+        """Return the six inputs of the calibration, f64[6].
+
+        They are the log odds of the weight; the logarithms of gain, size and share; the logarithm of the size relative
+        to the smallest cause, at most 0; the logarithm of the number of parameters.
+        """
         odds = np.log((self.weight + 1e-3) / (1.0 - self.weight + 1e-3))
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         size, share = (np.log(max(value, SMALLEST_RATIO)) for value in (self.size, self.share))
@@ -71,11 +76,11 @@ class RemainderEvidence:
 
     Attributes:
         before, after: root of the excess without effects and with the best set, divided by the floor. The variance of
-            the simulated mean counts as a part of the floor here.
+            the simulated mean is treated as a part of the floor here.
         deviation: mean deviation (`BlockDensity`) of the signal from the best set, over the blocks, weighted by the
             simulated signal.
-        common: share of the remaining excess in the signal that the sessions have in common in more than one condition:
-            the second largest share of a condition.
+        common: second largest share of a condition in the remaining excess of the signal. It is small if only one
+            condition shows the remainder.
         gain: held-out log density of the generic remainder beyond the best set, minus that of the best set.
         size: gap that the generic remainder alone produces, divided by the floor.
         blocks: number of loaded blocks.
@@ -90,7 +95,11 @@ class RemainderEvidence:
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Return the inputs of the calibration, f64[6]; the first is also an input of the probability of any cause."""
+        """Return the six inputs of the calibration, f64[6]: logarithms of before, after, deviation, common, size and
+        gain.
+
+        The first input is also an input of the probability of any cause.
+        """
         ratios = np.array([self.before, self.after, self.deviation, self.common, self.size])
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         return np.append(np.log(np.maximum(ratios, SMALLEST_RATIO)), gain)
@@ -99,7 +108,7 @@ class RemainderEvidence:
 def collect_effects(
     fit_data: FitData, gap: Gap, sets: Sets, weights: Mapping[frozenset[str], float]
 ) -> dict[str, EffectEvidence]:
-    """Collect the evidence for every effect that is part of a candidate set. weights: weight of each set."""
+    """Collect the evidence for every effect that is part of a candidate set, by name. weights: weight of each set."""
     names = sorted({name for key in sets for name in key})
     density = {key: one.value for key, one in sets.items()}
     floor = max(gap.floor, SMALLEST_FLOOR)
@@ -108,7 +117,7 @@ def collect_effects(
     for name in names:
         best = max((key for key in sets if name in key), key=lambda key: density[key])
         without = max((key for key in sets if name not in key), key=lambda key: density[key])
-        sizes = {own: compute_single_gap(fit_data, sets[best].composite, own) for own in best}
+        sizes = {effect: compute_single_gap(fit_data, sets[best].composite, effect) for effect in best}
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
         gains = np.maximum((sets[best].held_out - sets[without].held_out).sum(axis=(1, 2)), 0.0)
         evidence[name] = EffectEvidence(
@@ -124,7 +133,9 @@ def collect_effects(
 
 
 def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
-    """Collect the evidence for a cause outside the catalogue. best: the set with the largest weight."""
+    """Collect the evidence for a cause outside the catalogue. best: set with the largest weight. density: predictive
+    density without model error, which would hide the remainder of an unknown cause.
+    """
     after = measure_gap(fit_data.sessions, best.features, fit_data.layout)
     repeats2 = density.compute_simulated_floor2()
     floor = max(float(np.hypot(gap.floor, np.sqrt(repeats2))), SMALLEST_FLOOR)
@@ -152,12 +163,16 @@ def compute_single_gap(fit_data: FitData, composite: CompositeModel, name: str) 
 
 
 def _compute_size(fit_data: FitData, change: FloatArray) -> float:
-    """Compute the gap in counts of a change f64[C, F, n] of those features that are known in the real data."""
+    """Compute the gap, counts, that a change f64[C, F, n] (C conditions, F features, n taxels) of the features causes.
+    Features that are unknown in the real data are omitted.
+    """
     return compute_gap_of_change(np.where(fit_data.sessions.is_known.any(axis=1), change, 0.0), fit_data.layout)
 
 
 def _compute_loads(fit_data: FitData) -> tuple[FloatArray, FloatArray]:
-    """Compute the sum of the simulated signal of each block, counts, and whether the block is loaded, [C, s] each."""
+    """Compute for each board in each condition the sum of the simulated signal, counts, and whether the board is
+    loaded, [C, s] (C conditions) each.
+    """
     signal = np.abs(fit_data.state.mean[:, : fit_data.layout.bins]).sum(axis=1)
     sensor = fit_data.state.pair.groups.sensor
     boards = np.arange(int(sensor.max()) + 1)[:, None] == sensor

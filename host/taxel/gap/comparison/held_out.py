@@ -20,10 +20,10 @@ fold. A larger value draws poorly determined parameters towards the full fit."""
 
 @dataclass(frozen=True, eq=False)
 class HeldOutPrediction:
-    """Held-out prediction.
+    """Prediction of each fold of the features by a fit to the other folds.
 
-    features: f64[C, F, n]; each fold is predicted by the fit to the other folds. composites: these fits, one for each
-    fold.
+    features: f64[C, F, n] (C conditions, F features, n taxels), counts. composites: fits without each fold; empty if no
+    parameter is fitted.
     """
 
     features: FloatArray
@@ -67,7 +67,11 @@ def predict_held_out(fit_data: FitData, composite: CompositeModel, fixed: tuple[
 
 
 def _limit_step(composite: CompositeModel, fixed: tuple[str, ...], step: FloatArray) -> FloatArray:
-    """Shorten a step of the free parameters f64[p], so that every parameter stays within its bounds."""
+    """Return a step of the free parameters f64[p] (p parameter values) that is shortened so that every parameter stays
+    within its bounds.
+
+    fixed: names of effects whose values are not fitted and which have no entries in the step.
+    """
     limited_step, offset = step.copy(), 0
     for fitted_effect in composite.fitted_effects:
         if fitted_effect.effect.name in fixed:

@@ -27,9 +27,9 @@ MIN_BLOCKS: Final = 8
 def compute_load_trend(state: State, fitted_effect: FittedEffect) -> float:
     """Compute the largest absolute t value of the regressions of fitted values on the logarithm of the load.
 
-    Each parameter has a regression over its loaded blocks. The load of a block is the largest simulated signal of its
-    taxels. The result is 0 for an effect whose values may depend on the load, for a value of the whole hand or of an
-    object, and below `MIN_BLOCKS` loaded blocks.
+    Each parameter has one regression over its loaded blocks (boards or taxels with a value of their own). The load of a
+    block is the largest simulated signal of its taxels. The result is 0 for an effect whose values may depend on the
+    load, for a value of the whole hand or of an object, and with fewer than `MIN_BLOCKS` loaded blocks.
     """
     if not fitted_effect.effect.is_load_independent or fitted_effect.effect.scope in (HAND, OBJECT):
         return 0.0
@@ -46,7 +46,7 @@ def compute_load_trend(state: State, fitted_effect: FittedEffect) -> float:
 
 
 def _compute_loads(state: State, fitted_effect: FittedEffect) -> FloatArray:
-    """Return the largest simulated signal of each block, f64[G] counts."""
+    """Return the largest simulated signal of the taxels of each of the G blocks of an effect, f64[G], counts."""
     signal = np.abs(state.mean[:, : state.layout.bins]).max(axis=1)
     loads = np.zeros(fitted_effect.values.shape[1])
     np.maximum.at(loads, fitted_effect.effect.find_blocks(state).ravel(), signal.ravel())

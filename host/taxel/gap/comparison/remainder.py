@@ -30,9 +30,11 @@ NEIGHBOURS: Final = 8
 
 
 def predict_remainder(fit_data: FitData, in_sample: FloatArray, held_out: FloatArray) -> FloatArray:
-    """Predict the features with a set of effects and the generic remainder, f64[C, F, n]; each fold by the other folds.
+    """Return the features that a set of effects and the generic remainder together predict, f64[C, F, n] (C conditions,
+    F features, n taxels), counts.
 
-    in_sample, held_out: features with the set, from the fit and from the held-out prediction, f64[C, F, n].
+    Each fold is predicted by regressions on the other folds. in_sample, held_out: features that the set alone predicts,
+    from the fit to all data and from the held-out prediction, f64[C, F, n].
     """
     bins, pair = fit_data.layout.bins, fit_data.state.pair
     functions = build_functions(fit_data, in_sample)
@@ -60,10 +62,13 @@ def predict_remainder(fit_data: FitData, in_sample: FloatArray, held_out: FloatA
 
 
 def build_functions(fit_data: FitData, features: FloatArray) -> FloatArray:
-    """Compute p generic functions of the signal in features f64[C, F, n], in counts, f64[p, C, B, n].
+    """Compute the p generic functions of the predicted signal, counts, f64[p, C, B, n] (C conditions, B time bins, n
+    taxels).
 
-    Signal, its square over the full scale, a function of small signals; means over neighbours, lines and board; rise
-    since the previous bin, largest earlier signal; a constant for closing and hold, and one for the time after release.
+    features: f64[C, F, n] (F features), predicted features. The functions are: the signal, its square over the full
+    scale, a function of small signals; means over neighbours, TX line, RX line and board; the rise since the previous
+    bin, the decrease from the largest earlier signal; a constant for closing and hold, and a constant for the time
+    after release.
     """
     state, layout, bins = fit_data.state, fit_data.layout, fit_data.layout.bins
     signal = features[:, :bins]
@@ -87,14 +92,18 @@ def build_functions(fit_data: FitData, features: FloatArray) -> FloatArray:
 
 
 def _build_group_means(group: NDArray[np.intp]) -> FloatArray:
-    """Return the matrix of means over the other taxels of a group, f64[n, n]: from taxels, to taxels."""
+    """Return the matrix of means over the other taxels of the same group, f64[n, n] (n taxels): row is the source,
+    column the result. group: number of the group of each taxel.
+    """
     is_other_member = (group[:, None] == group).astype(np.float64)
     np.fill_diagonal(is_other_member, 0.0)
     return np.asarray(is_other_member / np.maximum(is_other_member.sum(axis=0), 1.0))
 
 
 def _build_neighbour_means(fit_data: FitData) -> FloatArray:
-    """Return the matrix of means over the nearest taxels of the same board, f64[n, n]: from taxels, to taxels."""
+    """Return the matrix of means over the nearest taxels of the same board, f64[n, n] (n taxels): row is the source,
+    column the result.
+    """
     result = np.zeros((fit_data.state.pair.n, fit_data.state.pair.n))
     for board in fit_data.state.pair.boards:
         count = min(NEIGHBOURS, len(board.taxels) - 1)

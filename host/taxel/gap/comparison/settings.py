@@ -8,7 +8,7 @@ class ComparisonSettings:
     """Settings of a comparison.
 
     Attributes:
-        dimensions: effective number of independent features in one block (condition, board), by family of features:
+        dimensions: effective number of independent features of one board in one condition, by family of features:
             signal, noise, missing frames, onset, drift. The features of a block are correlated (one contact, a few
             time bins). Chosen; larger numbers make the weights of sets sharper, for which the calibration compensates.
         resolution_counts: standard deviation, by family, below which differences are not resolved: rounding of counts
@@ -21,7 +21,8 @@ class ComparisonSettings:
             deviation (normal prior). Two standard deviations contain 95 % of a normal distribution.
         smallest_model_error: lower limit of the relative error of a simulated signal. Chosen: no simulator of a soft
             contact is assumed to be more accurate than one per cent.
-        loaded_share: share of the largest mean square signal of a block from which a block counts as loaded (chosen).
+        loaded_share: share of the largest mean square signal of a board in a condition, above which a board in a
+            condition is treated as loaded (chosen).
         candidates: number of sets that are fitted in full in the first iteration and in each further iteration.
         coarse_iterations, fit_iterations: iterations of the fits that select the candidates, and of the full fits.
         largest_set: number of effects in the largest set.

@@ -15,12 +15,13 @@ def compute_set_weights(
     seed: int = 0,
     log_prior: Sequence[float] | None = None,
 ) -> FloatArray:
-    """Compute the weight of each of m sets from its held-out log density in every condition, f64[m, C]; they sum to 1.
+    """Compute the weight of each of m sets of effects, f64[m]; the weights add up to 1.
 
-    The conditions are the independent units: their weights are sampled from a Dirichlet distribution (Bayesian
-    bootstrap, Rubin 1981), and the weights of the sets are averaged over the samples (Yao et al. 2018). sizes: number
-    of effects of each set; every effect has the prior odds of the settings. seed: of the samples. log_prior: of the
-    forms and parameters of each set; None: 0.
+    density: f64[m, C] (C conditions), held-out log density of each set in each condition. The conditions are the
+    independent units: their weights are sampled from a Dirichlet distribution (Bayesian bootstrap, Rubin 1981), and the
+    weights of the sets are averaged over the samples (Yao et al. 2018). sizes: number of effects of each set; every
+    effect has the prior odds of the settings. seed: seed of the samples. log_prior: log prior of the forms and
+    parameters of each set; None: 0.
     """
     conditions = density.shape[1]
     samples = np.random.default_rng(seed).dirichlet(np.ones(conditions), settings.bootstrap_samples) * conditions

@@ -17,15 +17,15 @@ from taxel.types import FloatArray
 MAX_SIGNAL_RATIO: Final = 2.0
 """Largest ratio between the signals of two files that do not both declare a unit (chosen). A wrong sensitivity of all
 taxels by a factor of two is unusual, so that a larger ratio indicates different units. A declared unit in both files
-removes this check."""
+makes this check unnecessary."""
 
 MIN_CONDITIONS: Final = 3
 """Smallest number of conditions, and of independent patterns of signals, that identify a taxel by its signals (chosen).
 With fewer, the order of the taxels is not checked."""
 
 MIN_SINGULAR_VALUE_SHARE: Final = 0.05
-"""Ratio of a singular value of the signals to the largest singular value above which the singular value counts as an
-independent pattern of signals (chosen)."""
+"""Ratio of a singular value of the signals to the largest singular value, above which the singular value is treated as
+an independent pattern of signals (chosen)."""
 
 OFFSET_SHARE: Final = 0.05
 """Difference of the rest values above which the difference is reported, as a share of the strongest signal (chosen).
@@ -56,10 +56,11 @@ def check_agreement(
     sim_means: HoldMeans,
     directions: tuple[Direction, Direction],
 ) -> list[str]:
-    """Return sentences for the report on two datasets that agree. Raises GapInputError for contradictions.
+    """Check that two datasets agree, and return sentences for the report. Raises GapInputError for contradictions.
 
     real_means, sim_means: means in hold of the two datasets. directions: direction in which contact changes the values
-    of the real and of the simulated dataset.
+    of the real and of the simulated dataset. The sentences state an offset of the rest values (values without contact),
+    and whether the order of the taxels was not checked.
     """
     paths = format_path(str(real.path)), format_path(str(sim.path))
     _check_shapes(real, sim, paths)
@@ -73,7 +74,9 @@ def check_agreement(
 
 
 def _describe_offset(real: GeneralDataset, real_means: HoldMeans, sim_means: HoldMeans) -> list[str]:
-    """Return a sentence on rest values that differ by more than `OFFSET_SHARE` of the strongest signal."""
+    """Return a sentence on rest values (values without contact) that differ by more than `OFFSET_SHARE` of the
+    strongest signal; an empty list if they agree.
+    """
     offset = float(np.median(np.nanmean(real_means.rest, axis=0) - np.nanmean(sim_means.rest, axis=0)))
     strong = float(np.nanmax(np.abs(sim_means.change), initial=0.0))
     if abs(offset) <= OFFSET_SHARE * strong:
@@ -84,27 +87,32 @@ def _describe_offset(real: GeneralDataset, real_means: HoldMeans, sim_means: Hol
 
 
 def _check_shapes(real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str]) -> None:
-    """Raise GapInputError if number, components, sensors, lines or positions of the taxels differ."""
+    """Raise GapInputError if number, components, sensors, lines or positions of the taxels differ.
+
+    paths: paths of the two files, for the message.
+    """
     remedy = "give two datasets of the same sensor, with the same taxels in the same order"
     shapes = [f"{data.n} taxels{' of 3 components' if data.is_vector else ''}" for data in (real, sim)]
     if shapes[0] != shapes[1]:
         raise GapInputError(f"{paths[1]}: /grasps/*/values", f"{shapes[0]} as in {paths[0]}", shapes[1], remedy)
     for name in ("sensor", "tx", "rx", "position"):
-        own, other = (getattr(data.header.places, name) for data in (real, sim))
-        if own is None or other is None:
+        expected, actual = (getattr(data.header.places, name) for data in (real, sim))
+        if expected is None or actual is None:
             continue
         tolerance = 1e-5 if name == "position" else 0
-        wrong = np.flatnonzero(np.abs(own - other).reshape(len(own), -1).max(axis=1) > tolerance)
+        wrong = np.flatnonzero(np.abs(expected - actual).reshape(len(expected), -1).max(axis=1) > tolerance)
         if len(wrong):
             where = f"{paths[1]}: /taxels/{name}[{wrong[0]}]"
-            found = f"{other[wrong[0]].tolist()}"
-            raise GapInputError(where, f"{own[wrong[0]].tolist()} as in {paths[0]}", found, remedy)
+            found = f"{actual[wrong[0]].tolist()}"
+            raise GapInputError(where, f"{expected[wrong[0]].tolist()} as in {paths[0]}", found, remedy)
 
 
 def _check_declarations(
     real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str], directions: tuple[Direction, Direction]
 ) -> None:
-    """Raise GapInputError if the units or directions differ, or if the two files are exchanged."""
+    """Raise GapInputError if declared units or directions differ, or if the two files are exchanged. directions:
+    direction in which contact changes the values of the real and of the simulated dataset.
+    """
     units = real.header.properties.unit, sim.header.properties.unit
     if None not in units and units[0] != units[1]:
         expected, found = f"{format_value(units[0])} as in {paths[0]}", format_value(units[1])
@@ -124,12 +132,12 @@ def _check_ratio(
 ) -> None:
     """Raise GapInputError for signals of different size without a unit in both files, and for opposite signs.
 
-    signals: mean signals in hold of the real and of the simulated dataset, [C, m].
+    signals: mean signals in hold of the real and of the simulated dataset, [C, m] each, for C conditions and m taxels.
     """
-    own, other = (float(np.nanmedian(np.sqrt(np.nanmean(signal**2, axis=1)))) for signal in signals)
-    if own <= 0.0 or other <= 0.0:
+    real_size, sim_size = (float(np.nanmedian(np.sqrt(np.nanmean(signal**2, axis=1)))) for signal in signals)
+    if real_size <= 0.0 or sim_size <= 0.0:
         return
-    ratio = own / other
+    ratio = real_size / sim_size
     declared = real.header.properties.unit is not None and sim.header.properties.unit is not None
     if not declared and not 1.0 / MAX_SIGNAL_RATIO < ratio < MAX_SIGNAL_RATIO:
         expected = f"signals as large as in {paths[1]}, or the attribute unit in both files"
@@ -148,8 +156,9 @@ def _check_ratio(
 def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> list[str]:
     """Raise GapInputError if another order of the taxels explains the signals clearly better.
 
-    Return a sentence for the report if the order is not checked. The other order is the assignment of
-    real to simulated taxels with the smallest squared difference. real, sim: f64[C, m], mean signals in hold.
+    Return a sentence for the report if the order cannot be checked, otherwise an empty list. The other order is the
+    assignment of real to simulated taxels with the smallest squared difference. real, sim: f64[C, m] (C conditions),
+    mean signals in hold.
     """
     conditions, taxels = real.shape
     singular = np.linalg.svd(np.nan_to_num(sim), compute_uv=False)
@@ -164,10 +173,11 @@ def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> l
     cost = np.maximum((x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2.0 * x @ y.T, 0.0)
     rows, best = linear_sum_assignment(cost)
     moved = np.flatnonzero(best != rows)
-    own, other = cost[moved, moved], cost[moved, best[moved]]
+    cost_in_place, cost_moved = cost[moved, moved], cost[moved, best[moved]]
     power = (x[moved] ** 2).sum(axis=1) + (y[moved] ** 2).sum(axis=1)
     is_loaded = power > MIN_POWER_SHARE * power.max(initial=0.0)
-    is_wrong = (own > MAX_UNEXPLAINED_SHARE * power) & (other < MAX_EXCHANGED_SHARE * own) & is_loaded
+    is_unexplained = cost_in_place > MAX_UNEXPLAINED_SHARE * power
+    is_wrong = is_unexplained & (cost_moved < MAX_EXCHANGED_SHARE * cost_in_place) & is_loaded
     wrong = moved[is_wrong]
     exchanged = [k for k in wrong.tolist() if best[k] in wrong]
     if len(exchanged) >= 2:

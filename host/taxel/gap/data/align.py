@@ -24,9 +24,9 @@ larger shift is a delay, which is a part of the gap."""
 def estimate_common_shift(fit_data: FitData) -> float:
     """Return the delay of the hand relative to the simulator that all boards have in common, seconds.
 
-    The delay is the median of the delays that are fitted to the loaded boards, so that a single late board has no
-    influence, limited to `MAX_SHIFT_FRAMES`. It is 0 if no board is loaded or if it does not reduce the difference of
-    the features significantly.
+    The delay is the median of the delays that are fitted to the loaded boards, so a single late board has no influence.
+    It is limited to `MAX_SHIFT_FRAMES`. It is 0 if no board is loaded, or if it does not reduce the difference of the
+    features significantly.
     """
     state = fit_data.state
     start = CompositeModel((start_effect(state, Latency()),))
@@ -40,10 +40,11 @@ def estimate_common_shift(fit_data: FitData) -> float:
 
 
 def _is_better(fit_data: FitData, features: FloatArray, reference: FloatArray) -> bool:
-    """Return True if features agree better with the real sessions than the reference features, both f64[C, F, n].
+    """Return True if features agree better with the real sessions than the reference features, both f64[C, F, n] (C
+    conditions, F features, n taxels).
 
-    With three or more sessions, the reduction of the weighted squared difference must be significant in a one-sided
-    t test over the sessions; with fewer sessions its mean must be positive.
+    With three or more sessions, the reduction of the weighted squared difference must be significant in a one-sided t
+    test over the sessions; with fewer sessions the mean reduction must be positive.
     """
     sessions = range(fit_data.sessions.value.shape[1])
     before, after = (
@@ -72,10 +73,12 @@ class CommonShift(Latency):
 def fit_additional_shift(
     fit_data: FitData, composite: CompositeModel, fixed: tuple[str, ...]
 ) -> tuple[float, CompositeModel]:
-    """Return an additional common shift in seconds, and the composite model that is fitted together with this shift.
+    """Return an additional common shift in seconds (positive: the hand is later), and the composite model that is
+    fitted together with this shift.
 
-    Shift and effects are fitted together, because an effect with memory otherwise contains a part of the shift. The
-    result is 0 and the unchanged composite model if the shift does not improve the agreement significantly.
+    Shift and effects are fitted together, because the values of an effect with memory would otherwise contain a part of
+    the shift. If the shift does not improve the agreement significantly, the result is 0 and the unchanged composite
+    model.
 
     composite: fitted composite model. fixed: names of its effects whose values remain fixed.
     """

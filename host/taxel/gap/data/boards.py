@@ -40,7 +40,7 @@ class BoardLayout:
 
 
 def make_board_layouts(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout, ...]:
-    """Return the layout of every board. sensor: i64[n], board of each taxel."""
+    """Return the layout of every board. sensor: i64[n] (n taxels), board of each taxel."""
     layouts = []
     for taxels in list_group_members(sensor):
         position = table.position[taxels]
@@ -52,7 +52,11 @@ def make_board_layouts(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[Boa
 
 
 def _compute_piece_centres(position: FloatArray, normal: FloatArray, pitch: float) -> FloatArray:
-    """Return the centres of the pieces of m taxels, f64[m, PIECES_PER_SIDE^2, 3], metres."""
+    """Return the centres of the pieces of m taxels, f64[m, PIECES_PER_SIDE^2, 3], metres.
+
+    position: centres of the taxels, f64[m, 3], metres. normal: f64[m, 3]. pitch: side of the square area of a taxel,
+    metres. The direction of the sides around the normal is arbitrary.
+    """
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -63,13 +67,16 @@ def _compute_piece_centres(position: FloatArray, normal: FloatArray, pitch: floa
 
 
 def list_group_members(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return the indices of the members of each group. index: [n], group number of each member, from 0 on."""
+    """Return the indices of the members of each group. index: [n] (n taxels), group number, from 0, of each of n
+    members.
+    """
     order = np.argsort(index, kind="stable")
     return np.split(order, np.cumsum(np.bincount(index))[:-1])
 
 
 def make_column_index(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
-    """Return an index of the columns of taxels: a slice if the taxels are contiguous, otherwise `taxels` itself.
+    """Return an index that selects taxels from an array: a slice if the taxels are contiguous, otherwise `taxels`
+    itself.
 
     Indexing an array by a slice makes no copy.
     """
@@ -79,7 +86,8 @@ def make_column_index(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
 
 
 def compute_pitch_m(position: FloatArray, size: FloatArray) -> float:
-    """Return the median distance of nearest taxels of a board, metres; the size of a single taxel.
+    """Return the median distance between each taxel of a board and its nearest taxel, metres; for a single taxel, its
+    size.
 
     position: f64[m, 3], metres. size: f64[m], metres.
     """

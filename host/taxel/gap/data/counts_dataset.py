@@ -42,7 +42,7 @@ PLACEHOLDER_MESH: Final = ObjectMesh(
 
 @dataclass(eq=False)
 class CountsGrasp:
-    """One contact in equivalent counts (`taxel.gap.data.readable.ReadableGrasp`)."""
+    """One contact in equivalent counts, with the fields of `taxel.gap.data.readable.ReadableGrasp`."""
 
     id: str
     object: str
@@ -61,7 +61,7 @@ class CountsGrasp:
 
 @dataclass(eq=False)
 class CountsDataset:
-    """A dataset in equivalent counts (`taxel.gap.data.readable.ReadableDataset`)."""
+    """A dataset in equivalent counts, with the fields of `taxel.gap.data.readable.ReadableDataset`."""
 
     path: Path
     source: str
@@ -81,14 +81,15 @@ class CountsDataset:
         """Do nothing: no file is open."""
 
 
-def make_tables(own: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
-    """Return the tables of taxels and sensors of the real file, and the sensor of each taxel, i64[n].
+def make_tables(data: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
+    """Return the tables of taxels and sensors of the real file, and the sensor of each taxel, i64[n] (n taxels).
 
-    Each component of a vector taxel becomes a taxel, and the components of one axis form a sensor, so that only equal
-    components are neighbours. Raises GapInputError for too many sensors or lines (`MAX_NUMBER`).
+    Each component of a vector taxel becomes a taxel, and the components of one axis form a sensor, so only equal
+    components are neighbours. missing_inputs: optional data that the files lack; without positions the taxels get
+    positions far from each other. Raises GapInputError for too many sensors or lines (`MAX_NUMBER`).
     """
-    places, n = own.header.places, own.n
-    axes = AXES if own.is_vector else 1
+    places, n = data.header.places, data.n
+    axes = AXES if data.is_vector else 1
     sensor = np.zeros(n, np.int64) if places.sensor is None else np.unique(places.sensor, return_inverse=True)[1]
     numbers = np.repeat(sensor * axes, axes) + np.tile(np.arange(axes), n)
     address = np.arange(int(numbers.max()) + 1)
@@ -96,7 +97,7 @@ def make_tables(own: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[Ta
     if max(len(address), int(tx.max()) + 1, int(rx.max()) + 1) > MAX_NUMBER:
         expected = f"at most {MAX_NUMBER // axes} sensors of at most {MAX_NUMBER**2} taxels"
         remedy = "divide the dataset, or combine sensors in /taxels/sensor"
-        raise GapInputError(f"{format_path(str(own.path))}: /taxels", expected, "more", remedy)
+        raise GapInputError(f"{format_path(str(data.path))}: /taxels", expected, "more", remedy)
     position = np.zeros((n, 3)) if places.position is None else places.position
     if GEOMETRY in missing_inputs:
         position = np.column_stack([np.arange(n) * APART_M, np.zeros((n, 2))])
@@ -110,24 +111,25 @@ def make_tables(own: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[Ta
         np.repeat(normal, axes, axis=0),
         np.repeat(size, axes),
     )
-    kinds = own.header.sensor_names or tuple(f"sensor {k}" for k in range(int(sensor.max()) + 1))
-    names = [f"{kinds[k // axes]}{'' if axes == 1 else ' ' + AXIS_NAMES[k % axes]}" for k in address]
+    sensor_names = data.header.sensor_names or tuple(f"sensor {k}" for k in range(int(sensor.max()) + 1))
+    names = [f"{sensor_names[k // axes]}{'' if axes == 1 else ' ' + AXIS_NAMES[k % axes]}" for k in address]
     rate = np.full(len(address), 1.0)
     return table, SensorTable(address.astype(np.uint8), tuple(names), tuple(names), rate), numbers
 
 
 def _make_lines(places: TaxelPlaces, sensor: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the TX and RX line of each taxel; without lines, a square arrangement in the order of the taxels.
+    """Return the TX and RX line of each taxel; without lines, rows and columns of a square arrangement in the order of
+    the taxels.
 
-    The square arrangement serves only for pictures.
+    The square arrangement serves only for pictures. sensor: sensor of each taxel.
     """
     if places.tx is not None and places.rx is not None:
         return places.tx, places.rx
     tx, rx = np.zeros_like(sensor), np.zeros_like(sensor)
     for number in np.unique(sensor):
-        own = np.flatnonzero(sensor == number)
-        width = max(int(np.ceil(np.sqrt(len(own)))), 1)
-        tx[own], rx[own] = np.divmod(np.arange(len(own)), width)
+        taxels = np.flatnonzero(sensor == number)
+        width = max(int(np.ceil(np.sqrt(len(taxels)))), 1)
+        tx[taxels], rx[taxels] = np.divmod(np.arange(len(taxels)), width)
     return tx, rx
 
 
@@ -151,7 +153,8 @@ def convert_contacts(
 def _convert_contact(contact: Contact, factor: float, index: tuple[IntArray, int]) -> CountsGrasp:
     """Return one contact in equivalent counts that contact lowers.
 
-    index: sensor of each taxel, i64[n], and number of sensors.
+    factor: equivalent counts per unit, positive if contact lowers the values. index: sensor of each taxel, i64[n] (n
+    taxels), and number of sensors. A frame of a sensor is valid unless all its taxels are missing.
     """
     column, sensors = index
     assert contact.phase is not None
@@ -161,8 +164,8 @@ def _convert_contact(contact: Contact, factor: float, index: tuple[IntArray, int
     counts = BASELINE_COUNTS + factor * (values - np.nan_to_num(rest))
     valid = np.ones((len(values), sensors), bool)
     for number in range(sensors):
-        own = column == number
-        valid[:, number] = ~missing[:, own].all(axis=1)
+        is_on_sensor = column == number
+        valid[:, number] = ~missing[:, is_on_sensor].all(axis=1)
     poses = np.tile(np.eye(4), (sensors, 1, 1))
     if contact.sensor_pose is not None:
         axes = sensors // len(contact.sensor_pose)

@@ -34,8 +34,8 @@ def describe_differences(
 ) -> list[str]:
     """Return sentences for the report on the differences between the two files.
 
-    Each argument contains the data of the hand, then the data of the simulator. objects: meshes by name. poses: poses
-    of the C conditions.
+    Each of the first three arguments contains the data of the hand, then the data of the simulator. objects: meshes by
+    name. poses: poses of the C conditions. conditions: object and approach of each condition.
     """
     names = sorted({item for item, _ in conditions})
     sentences = [*_describe_meshes(*objects, names), *_describe_poses(*poses, conditions)]
@@ -61,10 +61,10 @@ def _describe_meshes(real: Mapping[str, ObjectMesh], sim: Mapping[str, ObjectMes
 
 
 def _describe_poses(real: Poses, sim: Poses, conditions: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a sentence on the conditions in which the object poses differ; none if the poses agree.
+    """Return one sentence on the conditions in which the object poses differ; an empty list if the poses agree.
 
-    Poses are compared in the frames of the brackets, because the two files may have different world frames. The
-    smallest difference of all brackets counts, because joint angles may differ.
+    Poses are compared in the frames of the brackets, because the two files may have different world frames. Of all
+    brackets the one with the smallest difference is used, because joint angles may differ.
     """
     real_position, real_rotation = _transform_to_brackets(*real)
     sim_position, sim_rotation = _transform_to_brackets(*sim)
@@ -82,7 +82,9 @@ def _describe_poses(real: Poses, sim: Poses, conditions: Sequence[tuple[str, str
 
 
 def _transform_to_brackets(brackets: FloatArray, objects: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions f64[C, s, 3], metres, and rotations f64[C, s, 3, 3] of objects in bracket frames."""
+    """Return positions f64[C, s, 3] (C conditions, s boards), metres, and rotations f64[C, s, 3, 3] of objects in
+    bracket frames.
+    """
     rotation = brackets[..., :3, :3].swapaxes(-1, -2)
     offset = objects[:, None, :3, 3] - brackets[..., :3, 3]
     return np.einsum("csij,csj->csi", rotation, offset), rotation @ objects[:, None, :3, :3]

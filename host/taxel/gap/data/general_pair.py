@@ -66,10 +66,10 @@ class OpenedPair:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """One file: its contacts with phases, their means, and the inferred properties.
+    """One of the two files: its contacts with phases, their means, and the inferred properties.
 
-    direction: direction in which contact changes the values. has_phases, has_poses: True if the file contains phases
-    and poses of all contacts. notes: sentences for the report.
+    direction: direction in which contact changes the values. has_phases, has_poses: True if the file contains phases,
+    and poses, of all contacts. notes: sentences for the report.
     """
 
     data: GeneralDataset
@@ -86,7 +86,7 @@ def open_pair(real: str | PathLike[str], sim: str | PathLike[str]) -> OpenedPair
 
     Two datasets of version 1 are opened without a conversion. If one dataset has version 2, both are converted into
     equivalent counts. Raises DatasetError for an invalid file, and GapInputError for two files that contradict each
-    other; each message is one line.
+    other, both with a one-line message.
     """
     if read_version(real) == 1 and read_version(sim) == 1:
         first = GraspDataset(real)
@@ -95,17 +95,18 @@ def open_pair(real: str | PathLike[str], sim: str | PathLike[str]) -> OpenedPair
         except BaseException:
             first.close()
             raise
-    with GeneralDataset(real) as own, GeneralDataset(sim) as other:
-        sides = [_read_side(own), _read_side(other)]
+    with GeneralDataset(real) as real_data, GeneralDataset(sim) as sim_data:
+        sides = [_read_side(real_data), _read_side(sim_data)]
         notes = [*sides[0].notes, *sides[1].notes]
-        notes += check_agreement(own, other, sides[0].means, sides[1].means, (sides[0].direction, sides[1].direction))
-        scale = _compute_scale(own, sides)
+        directions = sides[0].direction, sides[1].direction
+        notes += check_agreement(real_data, sim_data, sides[0].means, sides[1].means, directions)
+        scale = _compute_scale(real_data, sides)
         missing_inputs = _find_missing_inputs(sides)
         notes += [f"{REASONS[name]}: {cost}" for name, cost in LOSSES.items() if name in missing_inputs]
-        unit = own.header.properties.unit or other.header.properties.unit or "unit"
+        unit = real_data.header.properties.unit or sim_data.header.properties.unit or "unit"
         if unit != "counts":
             notes.append(f"1 {unit} of the files counts as {scale:.4g} counts in this report")
-        tables = make_tables(own, missing_inputs)
+        tables = make_tables(real_data, missing_inputs)
         converted = []
         for side in sides:
             sign = 1.0 if side.direction == Direction.LOWERS else -1.0
@@ -117,7 +118,8 @@ def open_pair(real: str | PathLike[str], sim: str | PathLike[str]) -> OpenedPair
 def _read_side(data: GeneralDataset) -> _Side:
     """Return the contacts, means and inferred properties of a file.
 
-    Raises GapInputError for a file without a usable contact, and for a declared direction that the values contradict.
+    Contacts without frames before or during the contact are omitted, which a note states. Raises GapInputError for a
+    file without a usable contact, and for a declared direction that the values contradict.
     """
     read = list(data)
     contacts = tuple(one for one in map(with_phases, read) if one is not None)
@@ -151,7 +153,7 @@ def _read_side(data: GeneralDataset) -> _Side:
 
 
 def _describe_times(data: GeneralDataset, contacts: Sequence[Contact]) -> list[str]:
-    """Return sentences on the frame rate, and on gaps in time."""
+    """Return a sentence on the frame rate, and a second one if contacts have gaps in time."""
     steps = [np.diff(contact.time) for contact in contacts]
     rate = f"{data.path}: {1.0 / float(np.median(np.concatenate(steps))):.4g} frames per second"
     gaps = sum(bool((step > LONG_STEP * np.median(step)).any()) for step in steps)
@@ -166,7 +168,8 @@ def _describe_direction(direction: Direction) -> str:
 
 
 def _compute_scale(real: GeneralDataset, sides: list[_Side]) -> float:
-    """Return the equivalent counts per unit: from a declared full scale, or from the strong signals of both datasets.
+    """Return the equivalent counts per unit: from a declared full scale, otherwise from the strong signals of both
+    datasets.
 
     The scale is 1 if the real dataset has version 1 and the unit counts.
     """

@@ -20,8 +20,9 @@ probably not in seconds, and the report states the durations."""
 def require_usable_data(paths: tuple[str, str], real: Recording, sim: Recording, sensors: SensorTable) -> None:
     """Raise GapInputError if one recording cannot be compared at all.
 
-    This holds for a real recording without valid frames in hold, for constant counts (in the simulation only if contact
-    forces occur), and for a board without any frame in the simulation. paths: of the real and the simulated file.
+    This is the case for a real recording without valid frames in hold, for constant counts (in the simulation only if
+    contact forces occur), and for a board without any frame in the simulation. paths: paths of the real and of the
+    simulated file, for the message.
     """
     if not np.isfinite(real.hold_signal_counts).any():
         where, remedy = f"{paths[0]}: /grasps/*/valid", "record grasps with valid frames"
@@ -67,23 +68,22 @@ def list_losses(real: Recording, sim: Recording, groups: TaxelGroups) -> list[st
 def list_lost_phases(
     sides: Sequence[tuple[str, Sequence[str]]], durations: Mapping[Phase, Sequence[Sequence[float]]]
 ) -> list[str]:
-    """Return sentences for the report on phases that are excluded because some grasps lack them.
+    """Return sentences for the report on phases that are excluded because some grasps lack them, and on unequal holds.
 
-    A further sentence states durations of hold that differ by more than `MAX_HOLD_RATIO`.
-
-    sides: path and names of the grasps, of the hand, then of the simulator. durations: for each phase and side, the
-    seconds of each grasp; 0 if the grasp lacks the phase.
+    sides: path and names of the grasps, of the hand, then of the simulator. durations: for each phase, for the hand and
+    the simulator, the seconds of each grasp; 0 if the grasp lacks the phase. Every grasp has a hold (`require_hold`). A
+    further sentence states the median durations of hold if their ratio exceeds `MAX_HOLD_RATIO`.
     """
     losses = []
-    for phase, both in durations.items():
-        if not any(any(own) for own in both):
+    for phase, durations_of_sides in durations.items():
+        if not any(any(grasp_durations) for grasp_durations in durations_of_sides):
             continue  # a phase that both files lack is no difference between them
-        for (path, names), own in zip(sides, both, strict=True):
-            without = [name for name, seconds in zip(names, own, strict=True) if seconds <= 0]
+        for (path, names), grasp_durations in zip(sides, durations_of_sides, strict=True):
+            without = [name for name, seconds in zip(names, grasp_durations, strict=True) if seconds <= 0]
             if without:
                 affected = f"{len(without)} of {len(names)} grasps ({without[0]})"
                 losses.append(f"{path}: {phase.name.lower()} is missing in {affected}: excluded from the comparison")
-    real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
+    real, sim = (float(np.median(grasp_durations)) for grasp_durations in durations[Phase.HOLD])
     if not 1.0 / MAX_HOLD_RATIO < real / sim < MAX_HOLD_RATIO:
         losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: check the unit of time")
     return losses
@@ -102,7 +102,9 @@ def _has_identical_repeats(recording: Recording) -> bool:
 
 
 def _list_lost_frames(recording: Recording, side: str, groups: TaxelGroups) -> list[str]:
-    """Return sentences on grasps without valid frames, short baselines, and boards without a baseline."""
+    """Return sentences on grasps without valid frames, short baselines, and boards without a baseline. side: "hand" or
+    "simulator".
+    """
     losses = []
     arrived = (recording.missing_share < 1.0).any(axis=1)
     if not arrived.all():

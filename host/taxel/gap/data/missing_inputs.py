@@ -16,7 +16,7 @@ REASONS: Final[Mapping[str, str]] = {
     FORCES: "the simulation has no contact force",
     PHASES: "the datasets do not state the phases",
 }
-"""Sentence for each kind of missing data: the reason for which an effect is unavailable."""
+"""Sentence for each kind of missing data, which states why an effect is unavailable."""
 
 LOSSES: Final[Mapping[str, str]] = {
     LINES: "effects of electrode lines are unavailable, and a gap is not located on lines",

@@ -49,7 +49,7 @@ class Pair:
         real, sim: the reduced recordings.
         sensor_model: sensor model of the simulator; None if its file contains none.
         objects: meshes of the simulator, by name of the object.
-        sensor_poses, object_poses: poses in the first simulated grasp of each condition, f64[C, s, 4, 4] and
+        sensor_poses, object_poses: poses in the first simulated grasp of each condition, f64[C, s, 4, 4] (s boards) and
             f64[C, 4, 4].
         paths: paths of the real and of the simulated file. digests: SHA-256 of these files.
         losses: sentences for the report on excluded or missing data.
@@ -114,10 +114,10 @@ def ignore_progress(done: int, total: int) -> None:
 def read_pair(
     real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = ignore_progress
 ) -> Pair:
-    """Return the pair of the conditions that two datasets have in common.
+    """Return the pair of recordings of the conditions that two datasets have in common.
 
     progress: called after each grasp. Raises DatasetError for an invalid file, and GapInputError for two datasets that
-    cannot be compared; each message is one line.
+    cannot be compared, both with a one-line message.
     """
     with open_pair(real_path, sim_path) as opened:
         real, sim = opened.real, opened.sim
@@ -171,7 +171,7 @@ def read_pair(
 
 
 def check_tables(real: ReadableDataset, sim: ReadableDataset) -> NDArray[np.intp]:
-    """Return the sensor columns of the simulated file in the order of the real file, [s].
+    """Return the sensor columns of the simulated file in the order of the real file, [s] (s boards).
 
     Raises GapInputError if the two files have different taxels, lines, positions or boards.
     """
@@ -203,9 +203,10 @@ def check_tables(real: ReadableDataset, sim: ReadableDataset) -> NDArray[np.intp
 def collect_first_poses(
     grasps: Sequence[ReadableGrasp], conditions: Sequence[ConditionKey], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the poses in the first grasp of each condition: brackets f64[C, s, 4, 4], objects f64[C, 4, 4].
+    """Return the poses in the first grasp of each condition: brackets f64[C, s, 4, 4] (C conditions, s boards), objects
+    f64[C, 4, 4].
 
-    columns: [s], the order of the brackets.
+    columns: [s], columns of the grasps' sensor poses in the order of the result.
     """
     firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in conditions]
     brackets = np.stack([grasp.sensor_pose[columns] for grasp in firsts])
@@ -229,8 +230,8 @@ def _find_common_conditions(
         where, remedy = f"{sim.path}: /grasps", "simulate the recorded grasps"
         raise GapInputError(where, f"an (object, approach) of {real.path} ({shown})", found, remedy)
     losses = []
-    for data, own, other in ((real, keys[0], "simulation"), (sim, keys[1], "recording")):
-        excluded = sorted(own - set(common))
+    for data, data_keys, other in ((real, keys[0], "simulation"), (sim, keys[1], "recording")):
+        excluded = sorted(data_keys - set(common))
         if excluded:
             names = ", ".join(f"{item} {name}" for item, name in excluded[:4])
             losses.append(f"{data.path}: {len(excluded)} conditions without a {other} were excluded ({names})")
@@ -239,7 +240,9 @@ def _find_common_conditions(
 
 
 def group_taxels(taxels: TaxelTable, sensors: SensorTable, has_lines: bool = True) -> TaxelGroups:
-    """Return the board and the lines of each taxel. has_lines: if False, each taxel gets lines of its own."""
+    """Return the board and the lines of each taxel. has_lines: whether the dataset has electrode lines; if False, each
+    taxel gets lines of its own.
+    """
     board = sensors.index_of(taxels)
     if not has_lines:
         return TaxelGroups(board, np.arange(taxels.n), np.arange(taxels.n))

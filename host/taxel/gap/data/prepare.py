@@ -20,7 +20,9 @@ from taxel.gap.fitting.state import State, build_state
 
 
 def prepare_pair(pair: Pair) -> FitData:
-    """Return the features of both sides, with the simulation shifted by the common delay of the hand."""
+    """Return the features of both recordings as the input of fits, with the simulation shifted by the common delay of
+    the hand.
+    """
     layout = FeatureLayout.from_time_grid(pair.time_grid)
     real = compute_recording_means(pair, pair.real, layout)
     simulated = compute_recording_means(pair, pair.sim, layout)
@@ -38,7 +40,7 @@ def compute_recording_means(pair: Pair, recording: Recording, layout: FeatureLay
 
 
 def make_simulated_state(pair: Pair, simulated: SessionMeans, layout: FeatureLayout) -> State:
-    """Return the state of the simulation on which effects act. simulated: features of the simulated sessions."""
+    """Return the state of the simulation on which effects act. simulated: mean features of the simulated sessions."""
     # With two real recordings, the floor already contains the variance of the second recording.
     variance = None if pair.is_real_real else simulated.mean_variance
     return build_state(pair, layout, np.nan_to_num(compute_known_mean(simulated.value, 1)), variance)

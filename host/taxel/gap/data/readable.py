@@ -27,37 +27,37 @@ class ReadableGrasp(Protocol):
 
     @property
     def timestamp(self) -> FloatArray:
-        """Times of the frames, f64[T], seconds."""
+        """Times of the frames, f64[T] (T frames), seconds."""
         ...
 
     @property
     def phase(self) -> ByteArray:
-        """Phase of each frame, u8[T]."""
+        """Phase of each frame, u8[T] (T frames)."""
         ...
 
     @property
     def raw_counts(self) -> NDArray[Any]:
-        """Raw counts, [T, n]; contact lowers the raw count."""
+        """Raw counts, [T, n] (T frames, n taxels); contact lowers the raw count."""
         ...
 
     @property
     def valid(self) -> BoolArray:
-        """True for the frames of a sensor that arrived, bool[T, s]."""
+        """True for the frames of a sensor that arrived, bool[T, s] (T frames, s boards)."""
         ...
 
     @property
     def contact_force(self) -> FloatArray | None:
-        """Contact force on each taxel, f64[T, n], newtons; None if the dataset contains none."""
+        """Contact force on each taxel, f64[T, n] (T frames, n taxels), newtons; None if the dataset contains none."""
         ...
 
     @property
     def separation(self) -> FloatArray | None:
-        """Separation of object and taxel, f64[T, n], metres; None if the dataset contains none."""
+        """Separation of object and taxel, f64[T, n] (T frames, n taxels), metres; None if the dataset contains none."""
         ...
 
     @property
     def sensor_pose(self) -> FloatArray:
-        """Poses of the sensors, f64[s, 4, 4]."""
+        """Poses of the sensors, f64[s, 4, 4] (s boards)."""
         ...
 
     @property

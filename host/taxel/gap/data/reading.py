@@ -78,7 +78,9 @@ class Recording:
         return len(self.condition)
 
     def mask_nodes(self, is_unknown: NDArray[np.bool_]) -> Recording:
-        """Return a copy with NaN as the signal of the given nodes. is_unknown: bool[C, K], for each condition."""
+        """Return a copy with NaN as the signal of some nodes. is_unknown: bool[C, K] (C conditions, K time nodes),
+        nodes to mask in each condition.
+        """
         signal_counts = self.node_signal_counts
         masked = np.where(is_unknown[self.condition][:, :, None], np.float32(np.nan), signal_counts)
         return replace(self, node_signal_counts=masked)
@@ -88,8 +90,8 @@ class Recording:
 class TaxelGroups:
     """Board and electrode lines of each taxel.
 
-    sensor: [n], index of the board, which is the column of `valid`. tx, rx: [n], numbers of the TX and RX line; lines
-    of different boards have different numbers.
+    sensor: [n] (n taxels), index of the board, which is the column of `valid`. tx, rx: [n], numbers of the TX and RX
+    line; lines of different boards have different numbers.
     """
 
     sensor: NDArray[np.intp]
@@ -98,7 +100,7 @@ class TaxelGroups:
 
     @cached_property
     def sum_matrices(self) -> tuple[csr_array, csr_array, csr_array]:
-        """Matrices of zeros and ones, [groups, n], that sum over TX lines, over RX lines and over boards."""
+        """Matrices of zeros and ones, [groups, n] (n taxels), that sum over TX lines, over RX lines and over boards."""
         n = len(self.sensor)
         ones = np.ones(n)
         matrices = [csr_array((ones, (group, np.arange(n)))) for group in (self.tx, self.rx, self.sensor)]
@@ -116,10 +118,10 @@ def read_recording(
 ) -> Recording:
     """Return the reduced data of the grasps. Raises GapInputError for a grasp without a sufficient baseline.
 
-    The list `grasps` is empty afterwards: a grasp keeps its arrays in memory until it is deleted.
+    The list `grasps` is empty afterwards, because a grasp keeps its arrays in memory until it is deleted.
 
-    conditions: index of each condition (object, approach). columns: [s], the sensor columns of this dataset in the
-    order of the pair. progress: called after each grasp.
+    conditions: index of each condition (object, approach). columns: [s] (s boards), the sensor columns of this dataset
+    in the order of the pair. progress: called after each grasp.
     """
     rows, total = [], len(grasps)
     condition, session, iteration = [], [], []
@@ -139,21 +141,21 @@ def read_recording(
 
 
 def _stack_values(values: list[Any]) -> Any:
-    """Return the stacked arrays, or None if a grasp lacks the value."""
+    """Return the stacked arrays of all grasps, or None if at least one grasp lacks the value."""
     return None if any(value is None for value in values) else np.stack(values)
 
 
 def _reduce_grasp(
     data: ReadableDataset, grasp: ReadableGrasp, time_grid: TimeGrid, groups: TaxelGroups, columns: NDArray[np.intp]
 ) -> dict[str, Any]:
-    """Return the fields of `Recording` of one grasp, without its condition, session and iteration."""
+    """Return the fields of `Recording` for one grasp by name, without its condition, session and iteration."""
     phase, valid = grasp.phase, grasp.valid[:, columns]
     phase_time_s = compute_phase_time(grasp.timestamp, phase)
     frames, lacks_baseline = count_baseline_frames(data, grasp, valid)
-    rest = valid & (phase == Phase.BASELINE)[:, None] & ~lacks_baseline
-    rest &= np.cumsum(rest, axis=0) <= frames
+    is_baseline = valid & (phase == Phase.BASELINE)[:, None] & ~lacks_baseline
+    is_baseline &= np.cumsum(is_baseline, axis=0) <= frames
     raw = grasp.raw_counts.astype(np.float64)
-    baseline = _compute_masked_mean(raw, rest, groups.sensor)
+    baseline = _compute_masked_mean(raw, is_baseline, groups.sensor)
     signal_counts = baseline - raw
     with np.errstate(invalid="ignore"):
         time_s = phase_time_s + EDGE_TOLERANCE_S
@@ -161,14 +163,14 @@ def _reduce_grasp(
         in_node = (phase == time_grid.phase[:, None]) & (time_s >= begin) & (time_s < end)
     nodes = _compute_node_means(signal_counts, in_node, valid, groups.sensor)
     hold = _compute_masked_mean(signal_counts, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
-    rest_noise, common_covariance = _estimate_noise(raw, rest, groups)
+    baseline_noise, common_covariance = _estimate_noise(raw, is_baseline, groups)
     hold_noise, _ = _estimate_noise(raw, valid & (phase == Phase.HOLD)[:, None], groups)
     has_contact = data.source == SIM and grasp.contact_force is not None and grasp.separation is not None
     every_frame = np.ones_like(valid)
     return {
         "node_signal_counts": nodes.astype(np.float32),
         "hold_signal_counts": hold,
-        "noise": np.stack([rest_noise, hold_noise]).astype(np.float32),
+        "noise": np.stack([baseline_noise, hold_noise]).astype(np.float32),
         "common_covariance": common_covariance,
         "missing_share": 1.0 - valid.mean(axis=0),
         "onset_s": _find_onsets(signal_counts, hold, phase_time_s, phase, valid, groups.sensor),
@@ -184,14 +186,14 @@ def _reduce_grasp(
 
 
 def compute_phase_time(time_s: FloatArray, phase: NDArray[np.uint8]) -> FloatArray:
-    """Return the seconds from the first frame of its phase to each frame, f64[T].
+    """Return for each frame the seconds since the first frame of its phase, f64[T] (T frames).
 
-    time_s: f64[T]. phase: u8[T].
+    time_s: f64[T], times of the frames. phase: u8[T], phase of each frame.
     """
     phase_time_s = np.zeros(len(time_s))
     for value in np.unique(phase):
-        own = phase == value
-        phase_time_s[own] = time_s[own] - time_s[own][0]
+        in_phase = phase == value
+        phase_time_s[in_phase] = time_s[in_phase] - time_s[in_phase][0]
     return phase_time_s
 
 
@@ -205,12 +207,12 @@ class GraspPhases(Protocol):
 
     @property
     def phase(self) -> NDArray[np.uint8]:
-        """Phase of each frame, u8[T]."""
+        """Phase of each frame, u8[T] (T frames)."""
         ...
 
 
 def require_hold(grasp: GraspPhases, path: str) -> None:
-    """Raise GapInputError if a grasp has no frames of hold: such a grasp cannot be compared. path: of its file."""
+    """Raise GapInputError if a grasp has no frames of hold: it cannot be compared. path: path of its file."""
     if not (grasp.phase == Phase.HOLD).any():
         where = f"{path}: /grasps/{grasp.id}/phase"
         raise GapInputError(where, "frames in hold (phase 2)", "none", "remove this grasp")
@@ -219,12 +221,14 @@ def require_hold(grasp: GraspPhases, path: str) -> None:
 def count_baseline_frames(
     data: ReadableDataset, grasp: ReadableGrasp, valid: NDArray[np.bool_]
 ) -> tuple[int, NDArray[np.bool_]]:
-    """Return the number of baseline frames to use, and the boards with too few baseline frames, bool[s].
+    """Return the number of baseline frames to use, and the boards with too few baseline frames, bool[s] (s boards).
 
-    The number is the smallest number of the boards with at least `MIN_BASELINE_FRAMES` frames, at most 100; 0 if no
-    frame of the grasp is valid. The other boards lost frames, and their signal in this grasp is unknown.
+    The number is the smallest number among the boards with at least `MIN_BASELINE_FRAMES` baseline frames, at most
+    `BASELINE_FRAMES`; 0 if no frame of the grasp is valid. The other boards lost frames, and their signal in this grasp
+    is unknown.
 
-    valid: bool[T, s]. Raises GapInputError if every board with a valid frame has fewer than `MIN_BASELINE_FRAMES`.
+    valid: bool[T, s] (T frames), frames that arrived. Raises GapInputError if every board with a valid frame has fewer
+    than `MIN_BASELINE_FRAMES` baseline frames.
     """
     counts = (valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
     present = valid.any(axis=0)
@@ -239,9 +243,11 @@ def count_baseline_frames(
 
 
 def _compute_masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> FloatArray:
-    """Return the mean over the selected frames, f64[n]; NaN for a taxel whose board has none of these frames.
+    """Return the mean over the selected frames, f64[n] (n taxels); NaN for a taxel whose board has none of these
+    frames.
 
-    values: f64[T, n]. frames: bool[T, s], the selected frames of each board. sensor: [n], board of each taxel.
+    values: f64[T, n] (T frames). frames: bool[T, s], the selected frames of each board. sensor: [n], board of each
+    taxel.
     """
     weight = frames[:, sensor]
     count = frames.sum(axis=0)[sensor]
@@ -252,9 +258,11 @@ def _compute_masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: 
 def _compute_node_means(
     values: FloatArray, in_node: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
 ) -> FloatArray:
-    """Return the mean in each node, f64[K, n]; NaN if no valid frame of the taxel's board lies in the node.
+    """Return the mean of the valid frames in each node, f64[K, n] (K time nodes, n taxels); NaN if no valid frame of
+    the taxel's board lies in the node.
 
-    values: f64[T, n]. in_node: bool[K, T]. valid: bool[T, s]. sensor: [n], board of each taxel.
+    values: f64[T, n] (T frames). in_node: bool[K, T], frames of each node. valid: bool[T, s]. sensor: [n], board of
+    each taxel.
     """
     chosen = in_node.astype(np.float64)
     if valid.all():
@@ -266,11 +274,12 @@ def _compute_node_means(
 
 
 def _estimate_noise(raw: FloatArray, frames: NDArray[np.bool_], groups: TaxelGroups) -> tuple[FloatArray, FloatArray]:
-    """Return the noise in counts, f64[n], and the mean covariances of `_estimate_covariances` in counts^2, f64[3].
+    """Return the noise in counts, f64[n] (n taxels), and the mean covariances of `_estimate_covariances` in counts^2,
+    f64[3].
 
     The estimates use differences of successive frames (von Neumann et al. 1941); NaN with fewer than three frames.
 
-    raw: f64[T, n]. frames: bool[T, s], the frames of each board that are used.
+    raw: f64[T, n] (T frames). frames: bool[T, s], the frames of each board that are used.
     """
     rows = np.flatnonzero(frames.any(axis=1))
     if len(rows) < 3:
@@ -287,10 +296,10 @@ def _estimate_noise(raw: FloatArray, frames: NDArray[np.bool_], groups: TaxelGro
 
 
 def _estimate_covariances(steps: FloatArray, groups: TaxelGroups) -> FloatArray:
-    """Return the mean covariance of pairs of taxels, counts^2, f64[3], from differences of successive frames [T, n].
+    """Return the mean covariance of the noise of pairs of taxels, counts^2, f64[3].
 
-    The three values refer to pairs on a common TX line, on a common RX line, and on a common board without a common
-    line.
+    steps: [T, n] (T frames, n taxels), differences of successive frames, counts. The three values refer to pairs on a
+    common TX line, on a common RX line, and on a common board without a common line; 0 without such pairs.
     """
     sums, pairs = [], []
     square = float(np.sum(steps**2))
@@ -312,12 +321,13 @@ def _find_onsets(
     valid: NDArray[np.bool_],
     sensor: NDArray[np.intp],
 ) -> FloatArray:
-    """Return the seconds from the beginning of closing to half of the board's summed signal in hold, f64[s].
+    """Return for each board the seconds from the beginning of closing to half of its summed signal in hold, f64[s].
 
-    The sum includes the taxels with a positive signal in hold. NaN: no closing, a sum below `MIN_ONSET_COUNTS` or below
-    `MIN_ONSET_NOISE_RATIO` standard deviations, or no crossing (`_find_crossing`).
+    The sum includes the taxels with a positive signal in hold. A board has NaN without closing, if the sum is below
+    `MIN_ONSET_COUNTS` or below `MIN_ONSET_NOISE_RATIO` standard deviations, and without a crossing (`_find_crossing`).
 
-    signal_counts: f64[T, n]. hold: f64[n], counts. phase_time_s: f64[T]. phase: u8[T]. valid: bool[T, s].
+    signal_counts: f64[T, n] (T frames, n taxels). hold: mean signal in hold, f64[n], counts. phase_time_s: seconds
+    since the beginning of the phase, f64[T]. phase: u8[T]. valid: bool[T, s]. sensor: [n], board of each taxel.
     """
     sensors = valid.shape[1]
     onset = np.full(sensors, np.nan)
@@ -331,20 +341,22 @@ def _find_onsets(
     level = np.bincount(sensor, np.nan_to_num(hold) * is_loaded, sensors)
     baseline = np.flatnonzero(phase == Phase.BASELINE)
     for board in np.flatnonzero(level > MIN_ONSET_COUNTS):
-        own, rows = np.flatnonzero((sensor == board) & (is_loaded > 0)), frames[np.asarray(valid[frames, board])]
-        rest: FloatArray = signal_counts[np.ix_(baseline[np.asarray(valid[baseline, board])], own)].sum(axis=1)
-        if level[board] < MIN_ONSET_NOISE_RATIO * float(np.std(rest)):
+        taxels, rows = np.flatnonzero((sensor == board) & (is_loaded > 0)), frames[np.asarray(valid[frames, board])]
+        baseline_rows = baseline[np.asarray(valid[baseline, board])]
+        baseline_sums: FloatArray = signal_counts[np.ix_(baseline_rows, taxels)].sum(axis=1)
+        if level[board] < MIN_ONSET_NOISE_RATIO * float(np.std(baseline_sums)):
             continue
-        sums: FloatArray = signal_counts[np.ix_(rows, own)].sum(axis=1)
+        sums: FloatArray = signal_counts[np.ix_(rows, taxels)].sum(axis=1)
         onset[board] = _find_crossing(time[np.asarray(valid[frames, board])], sums, 0.5 * float(level[board]))
     return onset
 
 
 def _find_crossing(time: FloatArray, values: FloatArray, level: float) -> float:
-    """Return the time at which values f64[T] rise through a level: the mean of the first and the last upward crossing.
+    """Return the time at which values f64[T] (T frames) rise through a level: the mean of the first and the last upward
+    crossing.
 
-    The mean is used because noise makes the first crossing early and the last crossing late. NaN if the values begin
-    at or above the level, or never reach the level.
+    Noise makes the first crossing early and the last crossing late. The result is NaN if the values begin at or above
+    the level, or never reach it. time: times of the values, f64[T], seconds.
     """
     is_above = values >= level
     crossings = np.flatnonzero(is_above[1:] & ~is_above[:-1])

@@ -53,11 +53,12 @@ class SimulatorFault:
 
 
 def find_faults(data: GraspDataset) -> list[SimulatorFault]:
-    """Return one fault for each faulty grasp of a simulated dataset; none for a dataset without contact forces.
+    """Return one fault for each faulty grasp of a simulated dataset; an empty list for a dataset without contact
+    forces.
 
-    A grasp is faulty if the grasp violates physics (`taxel.recording.grasp_invariants`), if contact remains in the
-    recovery, or if the object is missing. The object of a grasp without force in the hold is missing if other grasps
-    of the condition have force, or if every other condition has force.
+    A grasp is faulty if it violates physics (`taxel.recording.grasp_invariants`), if contact remains in the recovery,
+    or if the object is missing. The object of a grasp without force in the hold is missing if other grasps of the
+    condition have force, or if every other condition has force.
     """
     checker = InvariantChecker(data)
     faults: dict[str, SimulatorFault] = {}
@@ -89,17 +90,17 @@ def find_faults(data: GraspDataset) -> list[SimulatorFault]:
 
 
 def _list_missing_objects(holds: Mapping[ConditionKey, Mapping[str, float]]) -> list[str]:
-    """Return the grasps without force in the hold in which force is expected.
+    """Return the names of the grasps without force in the hold in which force is expected.
 
     holds: for each condition, the median total force in hold of each grasp, newtons.
     """
-    with_force = {key for key, own in holds.items() if any(force > 0.0 for force in own.values())}
+    with_force = {key for key, forces in holds.items() if any(force > 0.0 for force in forces.values())}
     has_every_other_force = len(with_force) >= len(holds) - 1
     return [
         name
-        for key, own in holds.items()
+        for key, forces in holds.items()
         if key in with_force or (has_every_other_force and with_force)
-        for name, force in own.items()
+        for name, force in forces.items()
         if force <= 0.0
     ]
 

@@ -34,9 +34,11 @@ longer contact would make the bins too wide for all other contacts."""
 
 
 def choose_duration(durations: NDArray[np.float64]) -> float:
-    """Return the evaluated duration of a phase, seconds.
+    """Return the duration of a phase that is evaluated for all conditions, seconds.
 
-    durations: f64[C], duration of the phase in the shortest grasp of each condition, seconds.
+    durations: f64[C] (C conditions), duration of the phase in the shortest grasp of each condition, seconds. The result
+    is the longest of these durations, limited by `MAX_DURATION_RATIO`; if they are nearly equal
+    (`EQUAL_DURATION_RATIO`), the shortest.
     """
     limited = min(float(durations.max()), MAX_DURATION_RATIO * float(np.median(durations)))
     return float(durations.min()) if limited < EQUAL_DURATION_RATIO * durations.min() else limited
@@ -44,7 +46,7 @@ def choose_duration(durations: NDArray[np.float64]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TimeGrid:
-    """K time nodes, divided into B feature bins.
+    """K time nodes, divided into B feature bins. A node is an interval over which the frames of a grasp are averaged.
 
     Attributes:
         phase: u8[K], phase of each node.
@@ -59,7 +61,7 @@ class TimeGrid:
 
     @classmethod
     def from_durations(cls, durations: dict[Phase, float], rate_hz: float) -> TimeGrid:
-        """Return the time nodes of phases with the given evaluated durations.
+        """Return the time nodes of phases with the given evaluated durations. A phase without a duration has no nodes.
 
         durations: seconds of each phase. rate_hz: frame rate of the slower recording.
         """
@@ -83,13 +85,14 @@ class TimeGrid:
         return cls(np.array(phases, np.uint8), np.array(begins), np.array(ends), tuple(bins))
 
     def find_nodes_beyond(self, durations: Mapping[Phase, NDArray[np.float64]]) -> NDArray[np.bool_]:
-        """Return the nodes of the bins that end after the shortest grasp of a condition, bool[C, K].
+        """Return for each condition the nodes of the bins that end after its shortest grasp, bool[C, K] (C conditions,
+        K time nodes).
 
         durations: for each phase, the duration in the shortest grasp of each condition, f64[C], seconds.
         """
         result = np.zeros((len(next(iter(durations.values()))), self.node_count), bool)
-        for phase, own in self.bins:
-            result[:, own] = (self.end[own.stop - 1] > durations[phase] + 1e-9)[:, None]
+        for phase, nodes in self.bins:
+            result[:, nodes] = (self.end[nodes.stop - 1] > durations[phase] + 1e-9)[:, None]
         return result
 
     @property
@@ -99,25 +102,25 @@ class TimeGrid:
 
     @cached_property
     def time_since_start_s(self) -> NDArray[np.float64]:
-        """Middle of each node, seconds from the beginning of the first phase, f64[K]."""
+        """Middle of each node, seconds from the beginning of the first phase, f64[K] (K time nodes)."""
         offset, total = np.zeros(self.node_count), 0.0
         for phase in dict.fromkeys(self.phase.tolist()):
-            own = self.phase == phase
-            offset[own] = total
-            total += float(self.end[own].max())
+            in_phase = self.phase == phase
+            offset[in_phase] = total
+            total += float(self.end[in_phase].max())
         return np.asarray(offset + 0.5 * (self.begin + self.end))
 
     @cached_property
     def bin_grid(self) -> TimeGrid:
         """Time grid with one node for each bin; it has the same bins."""
-        first = np.array([own.start for _, own in self.bins])
-        last = np.array([own.stop - 1 for _, own in self.bins])
+        first = np.array([nodes.start for _, nodes in self.bins])
+        last = np.array([nodes.stop - 1 for _, nodes in self.bins])
         bins = tuple((phase, slice(row, row + 1)) for row, (phase, _) in enumerate(self.bins))
         return TimeGrid(self.phase[first], self.begin[first], self.end[last], bins)
 
     @cached_property
     def bin_averages(self) -> NDArray[np.float64]:
-        """Matrix that averages the values at the nodes over each bin, f64[B, K]."""
+        """Matrix that averages the values at the nodes over each bin, f64[B, K] (B time bins, K time nodes)."""
         matrix = np.zeros((len(self.bins), self.node_count))
         for row, (_, nodes) in enumerate(self.bins):
             matrix[row, nodes] = 1.0 / (nodes.stop - nodes.start)
@@ -125,4 +128,4 @@ class TimeGrid:
 
     def find_bins(self, phase: Phase) -> NDArray[np.intp]:
         """Return the indices of the bins of a phase."""
-        return np.array([row for row, (own, _) in enumerate(self.bins) if own == phase], dtype=np.intp)
+        return np.array([row for row, (bin_phase, _) in enumerate(self.bins) if bin_phase == phase], dtype=np.intp)

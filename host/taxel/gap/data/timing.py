@@ -37,8 +37,8 @@ class Timing:
         time_grid: the time nodes.
         frame_s: frame period of the slower recording, seconds.
         lost_phases: sentences for the report on phases that some grasps lack.
-        durations: for each phase, the shortest duration among the grasps of each condition, f64[C], seconds; 0 if a
-            grasp lacks the phase.
+        durations: for each phase, the shortest duration among the grasps of each condition, f64[C] (C conditions),
+            seconds; 0 if a grasp lacks the phase.
     """
 
     time_grid: TimeGrid
@@ -53,7 +53,7 @@ def measure_timing(
     """Return the time nodes and durations of two recordings.
 
     sides: dataset and grasps of the hand, then of the simulator. Raises GapInputError for a grasp without hold, for
-    constant time in hold, and for a file in which most frames share their time with other frames.
+    constant time in hold, and for a file in which most frames share their time with the previous frame.
     """
     durations: dict[Phase, list[list[float]]] = {shared: [[] for _ in sides] for shared in SHARED_PHASES}
     rate = np.inf
@@ -65,8 +65,9 @@ def measure_timing(
             if step > 0:
                 rate = min(rate, 1.0 / step)
             for shared in SHARED_PHASES:
-                own = time[phase == shared]
-                durations[shared][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
+                phase_times = time[phase == shared]
+                duration_s = float(phase_times[-1] - phase_times[0] + step) if len(phase_times) else 0.0
+                durations[shared][side].append(duration_s)
             if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
                 raise GapInputError(where, "increasing time in hold", "constant time", "correct the file")
@@ -76,16 +77,16 @@ def measure_timing(
         shared: _compute_shortest(len(conditions), condition, [*chain.from_iterable(both)])
         for shared, both in durations.items()
     }
-    evaluated = {shared: choose_duration(own) for shared, own in shortest.items() if own.min() > 0}
+    evaluated = {shared: choose_duration(seconds) for shared, seconds in shortest.items() if seconds.min() > 0}
     rate = rate if np.isfinite(rate) else 1.0
     names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
     return Timing(TimeGrid.from_durations(evaluated, rate), 1.0 / rate, list_lost_phases(names, durations), shortest)
 
 
 def _compute_shortest(conditions: int, condition: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
-    """Return the shortest duration of each of C conditions, f64[C]. condition: index of the condition of each grasp.
+    """Return the shortest duration of each of C conditions, f64[C], seconds.
 
-    seconds: duration of each grasp.
+    conditions: C. condition: index of the condition of each grasp. seconds: duration of each grasp.
     """
     shortest = np.full(conditions, np.inf)
     np.minimum.at(shortest, np.asarray(condition, np.intp), seconds)
@@ -95,7 +96,8 @@ def _compute_shortest(conditions: int, condition: Sequence[int], seconds: Sequen
 def _compute_frame_period(grasp: ReadableGrasp, path: str) -> float:
     """Return the median frame period of a grasp, seconds; 0 for a single frame.
 
-    Raises GapInputError if most frames share their time with the frame before.
+    Raises GapInputError if most frames have the same time as the previous frame. path: path of the file, for the
+    message.
     """
     steps = np.diff(grasp.timestamp)
     if len(steps) >= MIN_CHECKED_FRAMES and np.count_nonzero(steps) < MIN_DISTINCT_TIME_SHARE * len(steps):

@@ -30,7 +30,11 @@ class BaselineDrift(Effect):
         )
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the common drift added; `signal` itself if all slopes are 0.
+
+        values: f64[2, G], `slope`
+        and `scatter` of each of G blocks (the hand, or each board, object or taxel).
+        """
         if not values[0].any():
             return signal
         slope, _ = self.spread_out(state, values)
@@ -40,7 +44,12 @@ class BaselineDrift(Effect):
         return signal.with_signal_counts(state.to_signal_counts(signal) + slope * elapsed_share)
 
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """See `Effect`."""
+        """Return the features with the drift residual r of unloaded taxels increased.
+
+        It becomes the root of r^2 + `slope`^2 + `scatter`^2. features: f64[C, F, n] (C conditions, F features, n
+        taxels), returned themselves if all values are 0. values: f64[2, G], `slope` and `scatter` of each of G blocks
+        (the hand, or each board).
+        """
         if not values.any():
             return features
         added_square = (values**2).sum(axis=0)[self.find_blocks(state)]

@@ -78,7 +78,8 @@ def add_effects(effects: Mapping[str, tuple[Effect, ...]]) -> None:
 
 
 def all_effects() -> Mapping[str, tuple[Effect, ...]]:
-    """Return the forms of all effects by name: of the project, of entry points of other packages, of `add_effects`.
+    """Return the forms of all effects by name: effects of the project, of other packages (entry points), and of
+    `add_effects`.
 
     An entry point of the group `taxel.effects` refers to a sequence of `Effect` objects whose `name` is the name of the
     entry point. Raises `PluginError` for an entry point that cannot be loaded or refers to something else.
@@ -89,6 +90,11 @@ def all_effects() -> Mapping[str, tuple[Effect, ...]]:
 
 @cache
 def _load_plugin_effect(name: str) -> tuple[Effect, ...]:
+    """Return the forms of an effect that the entry point `name` of another package provides. Cached.
+
+    Raises `PluginError` if the entry point cannot be loaded, refers to anything but a non-empty sequence of `Effect`
+    objects, or refers to an effect with another name.
+    """
     variants = load_plugin(EFFECTS, name)
     if not isinstance(variants, Sequence) or not variants or not all(isinstance(item, Effect) for item in variants):
         raise PluginError(
@@ -123,9 +129,10 @@ def choose_effects(
 
 
 def find_unavailable_reason(state: State, forms: Sequence[Effect]) -> str:
-    """Return the reason for which no form of an effect can be fitted to a pair, that of the first form.
+    """Return why none of the forms of an effect can be fitted to the pair of datasets of a state.
 
-    The reason is empty if a form can be fitted, or if the effect has no forms because it is found by inspection.
+    Of several reasons, the reason of the first form is returned. The string is empty if at least one form can be
+    fitted, or if the effect has no forms because it is found by inspection.
     """
     reasons = [form.find_unavailable_reason(state) for form in forms]
     return "" if not reasons or not all(reasons) else reasons[0]

@@ -38,7 +38,10 @@ class ContactPropagation(Effect):
         return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the contact forces of every board spread; `signal` itself without contact forces, or
+        if all strengths are 0. values: f64[2, G], spread in millimetres and strength of each of G blocks (the hand, or
+        each board, object or taxel).
+        """
         if not values[1].any() or signal.force is None:
             return signal
         force = signal.force.copy()
@@ -53,9 +56,11 @@ class ContactPropagation(Effect):
     def _spread_force(
         self, state: State, number: int, force: FloatArray, spread_m: float, strength: float
     ) -> FloatArray:
-        """Return the forces of the m taxels of board `number` after the spread, f64[Q, K, m], newtons.
+        """Return the forces of the m taxels of board `number` after the spread, f64[Q, K, m] (Q simulated contacts, K
+        time nodes), newtons.
 
-        force: the same before the spread.
+        force: forces before the spread, f64[Q, K, m], newtons. spread_m: decay length of the kernel, metres. strength:
+        share of the force that spreads.
         """
         kernel = compute_sheet_kernel(state.pair.boards[number], spread_m)
         result = force if self.variant.startswith("added") else (1.0 - strength) * force

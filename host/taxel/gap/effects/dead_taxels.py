@@ -13,7 +13,7 @@ from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
 LOADED_COUNTS: Final = 120.0
-"""Expected signal above which a taxel counts as loaded, counts.
+"""Expected signal above which a taxel is treated as loaded, counts.
 
 Chosen; silent taxels without a loaded taxel among their connected silent taxels are not reported.
 """
@@ -47,14 +47,16 @@ MIN_PATCH_TAXELS: Final = 3
 def find_dead_taxels(
     state: State, response: FloatArray, is_silent: NDArray[np.bool_], expected: FloatArray
 ) -> tuple[NDArray[np.bool_], bool]:
-    """Return the dead taxels among the silent taxels, bool[n], and whether a patch of dead taxels is evident.
+    """Return the dead taxels among the silent taxels, bool[n] (n taxels), and whether a patch of dead taxels is
+    evident.
 
-    response: f64[n], share of the expected signal; NaN for a taxel without expected signal. is_silent: bool[n], taxels
-    without response. expected: f64[C, n], largest expected signals, counts.
+    response: f64[n], measured signal divided by the expected signal; NaN for a taxel without expected signal.
+    is_silent: bool[n], taxels without response. expected: f64[C, n] (C conditions), largest expected signals, counts.
 
-    A connected group of silent taxels is dead if one of its taxels is loaded. If it is loaded in one condition only, no
-    neighbour may respond weakly, because the object can be displaced. A patch is evident if several of its taxels show
-    no signal at all and several of its neighbours respond fully.
+    A connected set of silent taxels (a patch) is dead if contact is expected to load one of its taxels. If this load is
+    expected in one condition only, a neighbour with a weak response contradicts the dead patch, because the object can
+    be displaced. A patch is evident if, in addition, at least `MIN_PATCH_TAXELS` of its taxels show no signal at all
+    and at least as many neighbours respond fully.
     """
     sensor, silent = state.pair.groups.sensor, np.flatnonzero(is_silent)
     is_neighbour = _find_neighbours(state, silent)
@@ -65,9 +67,9 @@ def find_dead_taxels(
     full_neighbours = np.asarray((responding_neighbours & (response >= full_response)).sum(axis=1))
     loaded_conditions = (expected[:, silent] > LOADED_COUNTS).sum(axis=0)
     is_dead, is_evident = np.zeros(len(response), bool), False
-    count, group = connected_components(is_neighbour[:, silent], directed=False)
-    for number in range(count):
-        members = group == number
+    patch_count, patch = connected_components(is_neighbour[:, silent], directed=False)
+    for number in range(patch_count):
+        members = patch == number
         conditions, is_at_rim = loaded_conditions[members].max(), has_weak_neighbour[members].any()
         is_dead[silent[members]] = conditions > 0 and (conditions > 1 or not is_at_rim)
         zero_taxels = (np.abs(response[silent[members]]) < MAX_ZERO_SHARE).sum()
@@ -81,9 +83,9 @@ def find_dead_lines(
 ) -> list[tuple[int, str, int]]:
     """Return the dead lines as (board column, axis, line index), with the axis "tx" or "rx".
 
-    dead: bool[n]. can_be_judged: bool[n], taxels with sufficient expected signal. On a dead line at least two taxels
-    can be judged and all of these taxels are dead. A line that is a part of a patch of dead taxels is not a dead line,
-    and neither is a line of a board on which all taxels that can be judged are dead.
+    dead: bool[n] (n taxels), dead taxels. can_be_judged: bool[n], taxels with sufficient expected signal. On a dead
+    line at least two taxels can be judged and all of these taxels are dead. A line is not reported if it is a part of a
+    patch of dead taxels, or if all taxels of its board that can be judged are dead.
     """
     lines: list[tuple[int, str, int]] = []
     sensor = state.pair.groups.sensor
@@ -107,9 +109,11 @@ def find_dead_lines(
 def _is_part_of_patch(
     state: State, dead: NDArray[np.bool_], line: tuple[int, str, int], on_lines: NDArray[np.bool_]
 ) -> bool:
-    """Return whether the dead taxels beside a line are at least half as many as the dead taxels of the line.
+    """Return whether a line belongs to a patch of dead taxels that extends beyond the line.
 
-    dead: bool[n]. on_lines: bool[n], taxels of all dead lines; they do not count as taxels beside the line.
+    This is the case if the dead taxels directly beside the dead taxels of the line are at least half as many. dead:
+    bool[n] (n taxels), dead taxels. line: (board column, axis, line index). on_lines: bool[n], taxels of all dead
+    lines; they are not counted as taxels beside the line.
     """
     dead_on_line = dead & find_taxels_on_line(state, line)
     dead_outside = np.flatnonzero(dead & ~on_lines)
@@ -118,24 +122,29 @@ def _is_part_of_patch(
 
 
 def _find_neighbours(state: State, taxels: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return which of all taxels lie one line from each of some taxels on the same board, bool[len(taxels), n]."""
+    """Return which of all n taxels are direct neighbours of each given taxel, bool[len(taxels), n].
+
+    Direct neighbours lie on the same board, on the same line of one axis, and on adjacent lines of the other axis.
+    taxels: indices of the given taxels.
+    """
     place = np.column_stack([state.pair.groups.sensor, state.pair.taxels.tx, state.pair.taxels.rx]).astype(np.intp)
     steps = np.abs(place[taxels, None] - place)
     return np.asarray((steps[:, :, 0] == 0) & (steps[:, :, 1:].sum(axis=2) == 1))
 
 
 def is_line_evident(state: State, response: FloatArray, line: tuple[int, str, int]) -> bool:
-    """Return whether a line shows no signal at all between lines that respond.
+    """Return whether a dead line is evident: no signal at all on the line, and responses on its neighbour lines.
 
-    response: f64[n], share of the expected signal; NaN for a taxel without expected signal. line: (board column, axis,
-    line index). A displaced object also leaves whole lines unloaded, but not between two lines that it loads, and not
-    beside a line that responds fully. A line with one neighbour line is therefore evident only if this neighbour
-    responds fully.
+    response: f64[n] (n taxels), measured signal divided by the expected signal; NaN for a taxel without expected
+    signal. line: (board column, axis, line index). A displaced object also leaves whole lines unloaded, but not between
+    two lines that it loads, and not beside a line that responds fully. A line with only one neighbour line is therefore
+    evident only if this neighbour responds fully.
     """
     board, axis, index = line
     typical = _compute_typical_response(response[state.pair.groups.sensor == board])
 
     def select_responses(number: int) -> FloatArray:
+        """Return the known responses of the taxels on the parallel line with the index `number`."""
         on_line = response[find_taxels_on_line(state, (board, axis, number))]
         return on_line[np.isfinite(on_line)]
 
@@ -155,7 +164,7 @@ def _compute_typical_response(response: FloatArray) -> float:
 def find_affected_lines(state: State, taxels: NDArray[np.bool_]) -> list[tuple[int, str, int]]:
     """Return the sorted lines that contain at least one of the given taxels, as (board column, axis, line index).
 
-    taxels: bool[n].
+    taxels: bool[n] (n taxels), true for the given taxels. axis: "tx" or "rx".
     """
     sensor, numbers = state.pair.groups.sensor, np.flatnonzero(taxels)
     axes = (("tx", state.pair.taxels.tx), ("rx", state.pair.taxels.rx))
@@ -171,8 +180,9 @@ def is_response_on_other_line(
 ) -> bool:
     """Return whether another line of the board shows the expected signals of a line: the lines are exchanged, not dead.
 
-    features: f64[C, F, n], expected features. line: (board column, axis, line index). is_silent: bool[n]; silent taxels
-    of the other line are not compared.
+    real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features. line:
+    (board column, axis, line index). is_silent: bool[n], taxels without response; they are not compared. Two lines are
+    compared on the lines that cross both of them, of which there must be at least two.
     """
     board, axis, index = line
     bins, taxels = state.layout.bins, state.pair.taxels
@@ -187,14 +197,14 @@ def is_response_on_other_line(
         expected_here, measured_there = features[:, :bins, on_line[here]], measured[:, :, on_other[there]]
         expected_there = features[:, :bins, on_other[there]]
         exchange_error = float(np.sum((measured_there - expected_here) ** 2))
-        own_error = float(np.sum((measured_there - expected_there) ** 2))
-        if exchange_error < MAX_EXCHANGE_ERROR * min(float(np.sum(expected_here**2)), own_error):
+        unexchanged_error = float(np.sum((measured_there - expected_there) ** 2))
+        if exchange_error < MAX_EXCHANGE_ERROR * min(float(np.sum(expected_here**2)), unexchanged_error):
             return True
     return False
 
 
 def find_taxels_on_line(state: State, line: tuple[int, str, int]) -> NDArray[np.bool_]:
-    """Return which taxels lie on a line, bool[n]. line: (board column, axis, line index)."""
+    """Return which taxels lie on a line, bool[n] (n taxels). line: (board column, axis, line index)."""
     board, axis, index = line
     number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
     return np.asarray((state.pair.groups.sensor == board) & (number == index))

@@ -16,10 +16,11 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class Short:
-    """A short between line `index` and line `index + 1` of a board.
+    """A short circuit between line `index` and line `index + 1` of a board.
 
-    address: address of the board. axis: "tx" or "rx". share: each of the two lines shows this share of the sum of both
-    expected signals. pairs: number of common crossing lines on which the expected signals of the two lines differ.
+    address: I2C address of the board. axis: "tx" or "rx". share: each of the two lines shows this share of the sum of
+    both expected signals. pairs: number of lines that cross both shorted lines and on which the expected signals of the
+    two lines differ.
     """
 
     address: int
@@ -69,13 +70,19 @@ class Dropout(Effect):
         return (Parameter("left", "1", 0.0, 1.0, 1.0, 1.0),)
 
     def make_detected_values(self, state: State) -> FloatArray:
-        """Return the values for the defects, f64[1, n]: 0 for dead taxels, otherwise 1."""
+        """Return the share of the signal that remains on each taxel, f64[1, n] (n taxels): 0 for dead taxels, otherwise
+        1.
+        """
         values = self.make_neutral_values(state)
         values[0, self.defects.dead] = 0.0
         return values
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the dead taxels attenuated, and with equal signals on shorted lines.
+
+        values: f64[1, n] (n taxels), share of the signal that remains on each taxel. Without dead taxels and shorts,
+        `signal` itself is returned.
+        """
         if (values == 1.0).all() and not self.defects.shorts:
             return signal
         (remaining_share,) = self.spread_out(state, values)
@@ -89,7 +96,11 @@ class Dropout(Effect):
         return signal.with_signal_counts(result)
 
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """See `Effect`."""
+        """Return the features with the missing frames of the boards added, and without noise on stuck taxels.
+
+        features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if `values` f64[1, n] are all 1
+        and no frames are missing.
+        """
         if (values == 1.0).all() and not self.defects.missing.any():
             return features
         result = features.copy()
@@ -100,9 +111,10 @@ class Dropout(Effect):
 
 
 def find_crossing_pairs(pair: Pair, address: int, axis: str, index: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the taxels of line `index` and of line `index + 1` of a board on their m common crossing lines, [m] each.
+    """Return the taxels of line `index` and the taxels of line `index + 1` of a board, two arrays [m].
 
-    address: address of the board. axis: "tx" or "rx".
+    Both arrays contain the taxels on the m lines that cross both lines, in the order of these crossing lines. address:
+    I2C address of the board. axis: "tx" or "rx", the axis of the two lines.
     """
     along, across = (pair.taxels.tx, pair.taxels.rx) if axis == "tx" else (pair.taxels.rx, pair.taxels.tx)
     is_on_board = pair.taxels.sensor == address

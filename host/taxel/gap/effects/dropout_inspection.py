@@ -57,8 +57,9 @@ def find_defects(
 ) -> Defects:
     """Return the dead and stuck taxels, dead lines, shorts, and missing frames of the real recording.
 
-    features: f64[C, F, n], expected features. selection: bool[C, n], taxels and conditions that are inspected; None:
-    all.
+    real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features. selection:
+    bool[C, n], taxels and conditions that are inspected; None: all. Silent lines whose expected signals another line of
+    the board shows are exchanged lines, which are not reported.
     """
     n, sensor = state.pair.n, state.pair.groups.sensor
     real, features = _subtract_common_drift(state, real, features)
@@ -98,7 +99,9 @@ def find_defects(
 def _subtract_common_drift(state: State, real: SessionMeans, features: FloatArray) -> tuple[SessionMeans, FloatArray]:
     """Return measured and expected features without the expected median signal of the unloaded taxels of each board.
 
-    features: f64[C, F, n]. Drift alone does not count as a response, because it also acts on dead taxels.
+    features: f64[C, F, n] (C conditions, F features, n taxels), expected features. The median is the drift that all
+    taxels of the board share. It is not treated as a response, because drift also acts on dead taxels. Nothing is
+    subtracted on a board without unloaded taxels.
     """
     bins, common = state.layout.bins, np.zeros(features.shape)
     for taxels in (board.taxels for board in state.pair.boards):
@@ -111,10 +114,11 @@ def _subtract_common_drift(state: State, real: SessionMeans, features: FloatArra
 def _compute_responses(
     state: State, real: SessionMeans, features: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
-    """Return response, significance and expectation for each taxel.
+    """Return the response of each taxel, whether it is significantly missing, and the expected signals.
 
-    features: f64[C, F, n], expected features. The result contains the share of the expected signal that a taxel shows,
-    mean over the sessions, f64[n]; whether a taxel significantly does not respond, bool[n]; and the largest expected
+    real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features. The
+    returned tuple contains: the response, which is the measured divided by the expected signal, mean over the sessions,
+    f64[n], NaN without expected signal; whether the response is significantly missing, bool[n]; the largest expected
     signal in each condition, f64[C, n], counts.
     """
     expected = features[:, : state.layout.bins]
@@ -139,7 +143,7 @@ def _compute_responses(
 
 
 def _compute_board_medians(noise: FloatArray, sensor: NDArray[np.intp]) -> FloatArray:
-    """Return the median noise of the board of each taxel, f64[n]; NaN for a board without known noise.
+    """Return the median noise of the board of each taxel, f64[n] (n taxels); NaN for a board without known noise.
 
     noise: f64[n], NaN if unknown. sensor: [n], column of the board.
     """

@@ -112,28 +112,33 @@ class Effect(ABC):
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with the effect; with neutral values `signal` itself.
 
-        values: f64[P, G], with the blocks in the numbering of `find_blocks`.
+        values: f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels), with the blocks in the
+        numbering of `find_blocks`.
         """
 
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """Return features f64[C, F, n] with the effect on features that do not follow from the signal, such as noise.
+        """Return features f64[C, F, n] (C conditions, F features, n taxels) with the effect on features that do not
+        follow from the signal, such as noise.
 
-        features: f64[C, F, n]; with neutral values they are returned themselves. values: f64[P, G].
+        features: f64[C, F, n]; with neutral values they are returned themselves. values: f64[P, G] (P parameters, G
+        blocks).
         """
         return features
 
     def find_unavailable_reason(self, state: State) -> str:
-        """Return the reason for which this form cannot be fitted to this pair; empty if it can be fitted."""
+        """Return why this form cannot be fitted to the datasets of a state; an empty string if it can be fitted."""
         if self.needs_force and not state.has_force:
             return REASONS[FORCES]
         return next((REASONS[name] for name in sorted(self.needs & state.pair.missing_inputs)), "")
 
     def find_blocks(self, state: State) -> NDArray[np.intp]:
-        """Return the index of the block that acts on each taxel in each condition, [C, n]."""
+        """Return the index of the block that acts on each taxel in each condition, [C, n] (C conditions, n taxels)."""
         return self.find_blocks_of_pair(state.pair)
 
     def find_blocks_of_pair(self, pair: Pair) -> NDArray[np.intp]:
-        """Return the index of the block that acts on each taxel in each condition of a pair, [C, n]."""
+        """Return the index of the block that acts on each taxel in each condition of a pair, [C, n] (C conditions, n
+        taxels).
+        """
         conditions, n = len(pair.conditions), pair.n
         if self.scope == BOARD:
             return np.broadcast_to(pair.groups.sensor, (conditions, n))
@@ -146,19 +151,22 @@ class Effect(ABC):
         return np.zeros((conditions, n), np.intp)
 
     def make_neutral_values(self, state: State) -> FloatArray:
-        """Return values that change nothing, f64[P, G]."""
+        """Return neutral values, f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels)."""
         count = int(self.find_blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
     def make_start_values(self, state: State) -> FloatArray:
-        """Return values at which a search starts, f64[P, G]."""
+        """Return the parameter values at which a search starts, f64[P, G] (P parameters; G blocks: the hand, boards,
+        objects or taxels); the start value of each `Parameter`.
+        """
         values = self.make_neutral_values(state)
         for row, parameter in enumerate(self.parameters()):
             values[row] = parameter.start
         return values
 
     def make_typical_values(self, state: State) -> FloatArray:
-        """Return values of a typical case of the effect, f64[P, G].
+        """Return values of a typical case of the effect, f64[P, G] (P parameters; G blocks: the hand, boards, objects
+        or taxels).
 
         They are the start values. A parameter with a neutral start value is increased by 0.3 prior standard deviations,
         but by at most 0.3 times the distance from its neutral value to its upper bound. Every second block has neutral
@@ -172,10 +180,19 @@ class Effect(ABC):
         return values
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Return whether values f64[P, G] that are not neutral do not describe this effect; a search rejects them."""
+        """Return whether fitted values f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels) have no
+        consequence of their own; a search then rejects the effect.
+
+        For example, delays of boards that differ by less than a frame period are idle. The default is False.
+        """
         return False
 
     def spread_out(self, state: State, values: FloatArray) -> list[FloatArray]:
-        """Return the value of each parameter for every contact and taxel, P arrays f64[Q, 1, n]. values: f64[P, G]."""
+        """Expand the values of blocks to all contacts and taxels: return P arrays f64[Q, 1, n] (Q simulated contacts, n
+        taxels), one for each parameter.
+
+        values: f64[P, G], one value of each of P parameters for each of G blocks. The axis of length 1 broadcasts over
+        the time nodes.
+        """
         blocks = self.find_blocks(state)[state.condition]
         return [row[blocks][:, None, :] for row in values]

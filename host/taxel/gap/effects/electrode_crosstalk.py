@@ -21,7 +21,7 @@ from taxel.types import FloatArray
 OWN_RATIO_PRIOR = 1.0
 """Standard deviation of the prior of `own_ratio`, a ratio without unit.
 
-Chosen: the change of the own signal is as large as the sum of the fractions.
+Chosen: the relative change of the taxel's own signal is as large as the sum of the fractions.
 """
 
 
@@ -42,13 +42,13 @@ class ElectrodeCrosstalk(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Return the fractions for both axes, and the ratio of the own loss if the form has it."""
+        """Return the coupling fractions of both axes, and `own_ratio` if the form changes the taxel's own signal."""
         names = ["tx_fraction", "rx_fraction"]
         if self.variant == "network":
             names += ["tx_neighbour_fraction", "rx_neighbour_fraction"]
         fractions = [Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names]
-        own = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_RATIO_PRIOR)] if self._has_own_loss else []
-        return (*fractions, *own)
+        own_ratio = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_RATIO_PRIOR)] if self._has_own_loss else []
+        return (*fractions, *own_ratio)
 
     @property
     def _has_own_loss(self) -> bool:
@@ -59,7 +59,9 @@ class ElectrodeCrosstalk(Effect):
         return self.variant == "network" and self.scope == HAND
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the crosstalk added; `signal` itself if all values are 0. values: f64[P, G] (P
+        parameters, G blocks), the parameters of `own_parameters` for each block.
+        """
         if not values.any():
             return signal
         signal_counts = state.to_signal_counts(signal)
@@ -98,6 +100,7 @@ def find_board_lines(pair: Pair) -> tuple[BoardLines, ...]:
 
 @lru_cache(maxsize=8)
 def _find_board_lines(groups: TaxelGroups, table: TaxelTable) -> tuple[BoardLines, ...]:
+    """Return the coupling of each board from the boards (`groups`) and lines (`table`) of all taxels. Cached."""
     boards = []
     for taxels in list_group_members(groups.sensor):
         tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (table.tx, table.rx))

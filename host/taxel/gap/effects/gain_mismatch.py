@@ -33,7 +33,9 @@ class GainMismatch(Effect):
         return (Parameter("log_gain", "1", -1.2, 1.0, 0.0, 0.0, self.prior),)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal times exp(log_gain); `signal` itself if all values are 0. values: f64[1, G] (G blocks: the
+        hand, boards, objects or taxels), log_gain of each block.
+        """
         if not values.any():
             return signal
         (log_gain,) = self.spread_out(state, values)

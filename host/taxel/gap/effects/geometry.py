@@ -47,9 +47,9 @@ MAX_CACHE_BYTES: Final = 100_000_000
 class BoardContact:
     """Contact of one board in one condition during hold.
 
-    condition: index of the condition. board: index of the board. taxels: [m], indices of the taxels of the board.
-    force: f64[m], newtons. points: f64[m, 9, 3], centres of the pieces, metres, bracket frame. normals: f64[m, 3],
-    bracket frame. object_from_board: f64[4, 4], pose of the board in the object frame.
+    condition: index of the condition. board: index of the board. taxels: [m] (m taxels of the board), indices of the
+    taxels of the board. force: f64[m], newtons. points: f64[m, 9, 3], centres of the pieces, metres, bracket frame.
+    normals: f64[m, 3], bracket frame. object_from_board: f64[4, 4], pose of the board in the object frame.
     """
 
     condition: int
@@ -68,11 +68,12 @@ class BoardContact:
 
 @dataclass(frozen=True, eq=False)
 class ContactGeometry:
-    """Contacts of a state, with all data from which displaced contacts are computed.
+    """Contacts of the simulation, with all data from which displaced contacts are computed.
 
-    contacts: of every loaded board in each condition. meshes: by object name. law: force over depth of whole taxels.
-    piece_law: pressure over depth of pieces. depths: depths of the pieces of each contact without displacement,
-    f64[m, 9], metres. undisplaced_pressures: pressures on these pieces, f64[m, 9], newtons.
+    contacts: one for every loaded board in each condition. meshes: meshes of the objects by name. law: force over depth
+    of whole taxels. piece_law: pressure over depth of pieces. depths: for each contact, depths of the pieces without
+    displacement, f64[m, 9] (m taxels of the board, 9 pieces of each), metres. undisplaced_pressures: for each contact,
+    pressures on these pieces, f64[m, 9], newtons.
     """
 
     contacts: tuple[BoardContact, ...]
@@ -86,7 +87,8 @@ class ContactGeometry:
 
     @cached_property
     def piece_shares(self) -> dict[tuple[int, int], FloatArray]:
-        """Share of the force of each taxel on each of its pieces, f64[m, 9], by condition and board.
+        """Share of the force of each taxel on each of its pieces, f64[m, 9] (m taxels of the board, 9 pieces of each),
+        by condition and board.
 
         The shares of a taxel are equal if the meshes load none of its pieces.
         """
@@ -99,7 +101,9 @@ class ContactGeometry:
 
     @cached_property
     def coupled_pushes(self) -> list[list[Push]]:
-        """Pushes of the boards that carry an object together, see `find_coupled_pushes`."""
+        """For each condition in which several boards carry an object together, the pushes (forces on the object) of all
+        boards, see `find_coupled_pushes`.
+        """
         conditions: dict[int, list[Push]] = {}
         for number, contact in enumerate(self.contacts):
             rotation, force = contact.object_from_board[:3, :3], float(contact.force.sum())
@@ -114,13 +118,15 @@ class ContactGeometry:
     def compute_displacement_changes(
         self, state: State, motions: Mapping[int, FloatArray], holding_stiffness: Mapping[int, float] = NO_HOLDING
     ) -> dict[int, FloatArray]:
-        """Return the changes of the forces of displaced contacts, f64[2, L, m] as in `apply_change`.
+        """Return the changes of the taxel forces of displaced contacts, f64[2, L, m] (m taxels of the board) by index
+        of the contact.
 
-        motions: f64[4, 4], of the boards in the object frames, by index of the contact; the result has the same keys.
-        holding_stiffness: stiffness of the mounts of the objects, newtons per metre, by index of the contact.
+        The two rows are the kept share and the gained force at L levels of the net force, see `apply_change`. motions:
+        f64[4, 4], displacement of the board in the object frame, by index of the contact. holding_stiffness: stiffness
+        of the object's mount, newtons per metre, by index of the contact.
 
-        The approach of each board is solved again. Its net force is kept, or changes as `held_object.py` describes.
-        Results are cached, because a fit changes one block or another effect at a time.
+        Each board is shifted towards the object until it carries its net force, which is kept or changes as
+        `held_object.py` describes. Results are cached, because a fit changes one block or one effect at a time.
         """
         extra_forces: dict[int, float] = {}
         for pushes in self.coupled_pushes:
@@ -131,6 +137,9 @@ class ContactGeometry:
                 )
 
         def compute_depths(numbers: Sequence[int]) -> list[FloatArray]:
+            """Return the depths f64[m, 9] (m taxels of the board, 9 pieces of each), metres, of the pieces of displaced
+            contacts, by index of the contact.
+            """
             contacts = [self.contacts[number] for number in numbers]
             poses = [motions[number] @ self.contacts[number].object_from_board for number in numbers]
             return compute_piece_depths(state, self.meshes, contacts, poses)
@@ -142,10 +151,12 @@ class ContactGeometry:
         return self._find_changes(keys, compute_depths, extra_forces=extra_forces)
 
     def compute_stiffness_changes(self, scales: Mapping[int, float]) -> dict[int, FloatArray]:
-        """Return the changes of the forces of contacts with another stiffness, f64[2, L, m] as in `apply_change`.
+        """Return the changes of the taxel forces of contacts with another stiffness, f64[2, L, m] (m taxels of the
+        board) by index of the contact.
 
-        scales: factor on the pressure at the same depth, by index of the contact; the result has the same keys. The net
-        force of each board is kept: the object sinks deeper into a softer layer and loads more pieces.
+        The two rows are the kept share and the gained force at L levels of the net force, see `apply_change`. scales:
+        factor on the pressure at the same depth, by index of the contact. The net force of each board is kept: the
+        object sinks deeper into a softer layer and loads more pieces.
         """
         keys = {number: np.float64(scale).tobytes() for number, scale in scales.items()}
         return self._find_changes(keys, lambda numbers: [self.depths[number] for number in numbers], scales)
@@ -157,10 +168,12 @@ class ContactGeometry:
         scales: Mapping[int, float] = NO_SCALING,
         extra_forces: Mapping[int, float] = NO_HOLDING,
     ) -> dict[int, FloatArray]:
-        """Return the changes of contacts from the cache; compute those that the cache does not contain.
+        """Return the changes of contacts, f64[2, L, m] (L levels, m taxels of the board) by index of the contact, from
+        the cache or newly computed.
 
-        keys: of the cache, by index of the contact. compute_depths: returns the depths of the pieces, f64[m, 9] each,
-        for indices of contacts.
+        New changes are added to the cache. keys: keys of the cache by index of the contact. compute_depths: returns the
+        depths of the pieces, f64[m, 9] each, for a sequence of contact indices. scales: factors on the stiffness.
+        extra_forces: increases of the net forces, newtons.
         """
         result = {number: self._cache[number, key] for number, key in keys.items() if (number, key) in self._cache}
         new = [number for number in keys if number not in result]
@@ -173,7 +186,10 @@ class ContactGeometry:
         return result
 
     def _add_undisplaced_forces(self, numbers: Sequence[int]) -> None:
-        """Compute the forces without displacement of those contacts for which they are not yet known."""
+        """Compute and store the forces without displacement of contacts for which they are not yet stored.
+
+        numbers: indices of the contacts.
+        """
         new = [number for number in numbers if number not in self._undisplaced_forces]
         if new:
             forces = self._solve_forces(new, [self.depths[number] for number in new])
@@ -186,10 +202,12 @@ class ContactGeometry:
         scales: Mapping[int, float] = NO_SCALING,
         extra_forces: Mapping[int, float] = NO_HOLDING,
     ) -> list[FloatArray]:
-        """Return the forces of the taxels of contacts at all levels, f64[L, m] each, newtons.
+        """Return the forces of the taxels of contacts at all levels, f64[L, m] (L levels, m taxels of the board) each,
+        newtons.
 
-        numbers: indices of the contacts. depths: of their pieces, f64[m, 9] each, metres. scales: factors on the
-        stiffness. extra_forces: increases of the net forces, newtons.
+        numbers: indices of the contacts. depths: depths of the pieces of these contacts, f64[m, 9] each, metres.
+        scales: factors on the stiffness, by index of the contact (1 if absent). extra_forces: increases of the net
+        forces, newtons, by index of the contact (0 if absent).
         """
         scale = np.array([scales.get(number, 1.0) for number in numbers])
         hold_force = np.array([self.contacts[number].force.sum() for number in numbers])
@@ -201,6 +219,7 @@ class ContactGeometry:
         return [factor * pressure.mean(axis=2) for factor, pressure in zip(scale, pressures, strict=True)]
 
     def _add_to_cache(self, key: tuple[int, bytes], change: FloatArray) -> FloatArray:
+        """Store a change in the cache, which is cleared before if it is full, and return the change."""
         if (len(self._cache) + 1) * change.nbytes > MAX_CACHE_BYTES:  # boards have similar numbers of taxels
             self._cache.clear()
         self._cache[key] = change
@@ -208,25 +227,30 @@ class ContactGeometry:
 
 
 def _compute_change(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the kept share and the gained force, f64[2, L, m].
+    """Return the kept share (row 0) and the gained force in newtons (row 1) of each taxel, f64[2, L, m] (m taxels of
+    the board).
 
-    before, after: forces before and after the change, f64[L, m] each, newtons.
+    before, after: forces before and after the change, f64[L, m] each, newtons, at L levels of the net force. A force
+    that decreases is described by the kept share alone, a force that increases by the gained force alone.
     """
     kept = np.divide(after, before, out=np.ones_like(before), where=before > after)
     return np.stack([kept, np.maximum(after - before, 0.0)])
 
 
 def make_neutral_change(state: State) -> FloatArray:
-    """Return a change f64[C, 2, L, n] for `apply_change` that changes no force."""
+    """Return a change f64[C, 2, L, n] (C conditions, L levels, n taxels) for `apply_change` that changes no force: kept
+    share 1, gained force 0.
+    """
     change = np.zeros((len(state.pair.conditions), 2, len(LEVELS), state.pair.n))
     change[:, 0] = 1.0
     return change
 
 
 def assemble_change(state: State, contact_changes: Mapping[int, FloatArray]) -> FloatArray:
-    """Return the change f64[C, 2, L, n] for `apply_change` from the changes of single contacts.
+    """Return the change f64[C, 2, L, n] (C conditions, L levels, n taxels) for `apply_change` from the changes of
+    single contacts.
 
-    contact_changes: f64[2, L, m] by index of the contact; the other contacts do not change.
+    contact_changes: f64[2, L, m] (m taxels of the board) by index of the contact; the other contacts do not change.
     """
     change = make_neutral_change(state)
     for number, contact_change in contact_changes.items():
@@ -238,8 +262,9 @@ def assemble_change(state: State, contact_changes: Mapping[int, FloatArray]) -> 
 def apply_change(state: State, signal: Signal, change: FloatArray) -> Signal:
     """Return a signal with changed forces.
 
-    change: f64[C, 2, L, n], the share of the force that each taxel keeps and the force that it gains, newtons, at the
-    net forces `LEVELS` of its board. Between two levels the change is interpolated linearly.
+    change: f64[C, 2, L, n] (C conditions, L levels, n taxels), the share of the force that each taxel keeps and the
+    force that it gains, newtons, at the net forces `LEVELS` of its board. Between two levels the change is interpolated
+    linearly.
 
     A decrease is a share and not a difference, because the simulated force deviates from the force by geometry: a taxel
     without contact then has no force.
@@ -259,9 +284,11 @@ def apply_change(state: State, signal: Signal, change: FloatArray) -> Signal:
 
 @lru_cache(maxsize=4)
 def _compute_level_weights(state: State, signal: Signal) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of `LEVELS` for each board and node, f64[Q, K, s, L]: of kept shares and of gained forces.
+    """Return the interpolation weights of the L `LEVELS` for each board and node, two arrays f64[Q, K, s, L] (Q
+    simulated contacts, K time nodes).
 
-    s is the number of boards. Cached, because a fit applies many changes to one signal.
+    The first array applies to kept shares, the second to gained forces. The weights follow from the net force of each
+    of the s boards, relative to its mean in hold. Cached, because a fit applies many changes to one signal.
     """
     assert signal.force is not None
     hold, board = state.time_grid.phase == Phase.HOLD, state.pair.groups.sum_matrices[2]
@@ -280,10 +307,11 @@ def _compute_level_weights(state: State, signal: Signal) -> tuple[FloatArray, Fl
 def compute_piece_depths(
     state: State, meshes: Mapping[str, RayMesh], contacts: Sequence[BoardContact], poses: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Return the depths of the pieces of contacts in their objects, f64[m, 9] each, metres.
+    """Return the depths of the pieces of contacts in their objects, f64[m, 9] (m taxels of the board, 9 pieces of each)
+    each, metres.
 
-    meshes: by object name. poses: f64[4, 4] each, of the boards in the object frames. A depth is negative outside the
-    object, and -1 if the ray along the normal misses the object.
+    meshes: meshes of the objects by name. poses: f64[4, 4] each, pose of the board in the object frame for each
+    contact. A depth is negative outside the object, and -1 if the ray along the taxel's normal misses the object.
     """
     points = [contact.points @ pose[:3, :3].T + pose[:3, 3] for contact, pose in zip(contacts, poses, strict=True)]
     rays = [contact.normals @ pose[:3, :3].T for contact, pose in zip(contacts, poses, strict=True)]
@@ -302,7 +330,10 @@ def compute_piece_depths(
 
 @lru_cache(maxsize=8)
 def compute_geometry(state: State) -> ContactGeometry:
-    """Return the contacts of a state with contact forces, and the laws of its layer. Cached."""
+    """Return the contacts of a simulation with contact forces, and the force-depth laws of its layer. Cached.
+
+    A contact is a board that carries at least 0.05 N in hold in a condition. The state must contain forces.
+    """
     pair = state.pair
     assert state.base.force is not None
     law = estimate_taxel_law(state)

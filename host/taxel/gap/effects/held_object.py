@@ -33,8 +33,8 @@ Chosen: a board without force is a different contact, which a small displacement
 class Push:
     """Force of one board on an object.
 
-    number: index of the contact. force: newtons. direction: f64[3], unit vector of the mean push, object frame. place:
-    f64[3], centre of the force, metres, object frame.
+    number: index of the contact in `ContactGeometry.contacts`. force: net force, newtons. direction: f64[3], unit
+    vector of the net force, object frame. place: f64[3], centre of the force, metres, object frame.
     """
 
     number: int
@@ -44,9 +44,10 @@ class Push:
 
 
 def find_coupled_pushes(conditions: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
-    """Return the pushes of each condition in which several boards push an object in one direction.
+    """Return the pushes of each condition in which several boards push an object in about the same direction.
 
-    conditions: all pushes by index of the condition.
+    conditions: all pushes by index of the condition. Omitted are conditions with one board, and conditions in which the
+    boards clamp the object between them (`MIN_NET_PUSH_RATIO`).
     """
     coupled = []
     for pushes in conditions.values():
@@ -59,10 +60,11 @@ def find_coupled_pushes(conditions: Mapping[int, Sequence[Push]]) -> list[list[P
 def compute_load_shifts(
     pushes: Sequence[Push], motions: Sequence[FloatArray], holding_stiffness: Sequence[float]
 ) -> dict[int, float]:
-    """Return the increase of the force of each board, newtons, by index of the contact.
+    """Return the increase of the net force of each board, newtons, by index of the contact (`Push.number`).
 
-    pushes: of the boards that carry one object. motions: f64[4, 4] each, of the boards in the object frame.
-    holding_stiffness: stiffness of the mount across the push, newtons per metre, one value for each board.
+    pushes: forces of the boards that carry one object. motions: f64[4, 4] each, displacements of the boards in the
+    object frame. holding_stiffness: stiffness of the object's mount across the push, newtons per metre, one value for
+    each board.
 
     Each board moves the object along its direction by the motion of the centre of its force. The mount opposes this
     motion with a force that is the least-squares solution over all directions. Its part across the net push is

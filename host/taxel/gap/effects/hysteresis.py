@@ -12,8 +12,8 @@ from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 MAX_TIME_CONSTANT_RATIO = 3.0
-"""Largest time constant, as a multiple of the recorded time. With a larger one, less than a third of the late share
-arrives before the end of the record, so that the effect is not distinguishable from another force law."""
+"""Largest time constant, as a multiple of the recorded time. With a larger time constant, less than a third of the late
+share arrives before the end of the record, and the effect is not distinguishable from another force law."""
 
 
 class Hysteresis(Effect):
@@ -37,7 +37,7 @@ class Hysteresis(Effect):
         return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
 
     def find_unavailable_reason(self, state: State) -> str:
-        """See `Effect`."""
+        """Return why the form is unavailable: the forms that act on the force need contact forces; otherwise ""."""
         acts_on_signal = self.variant in ("drop", "gap")
         return "" if acts_on_signal or state.has_force else "the simulation has no contact force"
 
@@ -46,12 +46,19 @@ class Hysteresis(Effect):
         return bool((values[1] > MAX_TIME_CONSTANT_RATIO * state.node_times_s[-1]).all())
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the late share of the form's quantity; `signal` itself if all fractions are 0.
+
+        values: f64[2, G], late fraction and time constant in seconds of each of G blocks (the hand, or each board,
+        object or taxel).
+        """
         if not values[0].any():
             return signal
         fraction, seconds = self.spread_out(state, values)
 
         def delay_share(quantity: FloatArray) -> FloatArray:
+            """Return a quantity f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels) of which the share
+            `fraction` passes a low-pass filter.
+            """
             return quantity + fraction * (apply_low_pass(quantity, state.node_times_s, seconds[:, 0]) - quantity)
 
         if self.variant == "gap":

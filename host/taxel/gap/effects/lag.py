@@ -11,7 +11,8 @@ MIN_TIME_CONSTANT_S = 1e-6
 
 
 def apply_low_pass(values: FloatArray, time_s: FloatArray, seconds: FloatArray) -> FloatArray:
-    """Return values f64[Q, K, n] after a first-order low-pass filter that starts at rest (0).
+    """Return values f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels) after a first-order low-pass filter
+    that starts at rest (0).
 
     values: f64[Q, K, n], linear between the nodes. time_s: f64[K], times of the nodes. seconds: f64[Q, n], time
     constants, or f64[1, 1]. While the input changes linearly from a to b within the time h, the output changes from y

@@ -43,7 +43,9 @@ class Latency(Effect):
         return len(delays) > 0 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the delayed or low-pass filtered signal; `signal` itself if all values are 0. values: f64[1, G],
+        seconds of each of G blocks (the hand, or each board, object or taxel).
+        """
         if not values.any():
             return signal
         signal_counts = state.to_signal_counts(signal)
@@ -54,5 +56,8 @@ class Latency(Effect):
 
 
 def is_delay(effect: Effect) -> bool:
-    """Return whether an effect is a latency of the form "delay", whose seconds refer to the aligned times."""
+    """Return whether an effect is a latency of the form "delay".
+
+    Its delays are relative to the simulation after the time alignment, not to the recorded times.
+    """
     return effect.name == Latency.name and effect.variant == "delay"

@@ -80,11 +80,11 @@ class ForceDepthLaw:
 
 
 def estimate_taxel_law(state: State) -> ForceDepthLaw:
-    """Estimate the law of whole taxels: medians of force and depth in bins of depth, made increasing.
+    """Estimate the force-depth law of whole taxels: medians of force and depth in bins of depth, made increasing.
 
-    With fewer than 200 loaded values, or without bins of different depth (rigid contact), the law is a straight line
-    with the contact stiffness of the simulator's sensor model, else with the median ratio of force and depth, else with
-    1000 N/m. The state must contain force and separation.
+    With fewer than 200 loaded values, or without bins of different depth (rigid contact), the law is a straight line.
+    Its slope is the contact stiffness of the simulator's sensor model; without this value, the median ratio of force to
+    depth; without loaded values, 1000 N/m. The state must contain force and separation.
     """
     force, separation = state.base.force, state.base.separation
     assert force is not None
@@ -107,21 +107,21 @@ def estimate_taxel_law(state: State) -> ForceDepthLaw:
 
 
 def fit_piece_law(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> ForceDepthLaw:
-    """Fit the law of the pieces to the forces of the taxels in the simulation. Return `law` if no fitted law has a
-    smaller error.
+    """Fit the force-depth law of the pieces of taxels to the forces of the taxels in the simulation.
 
-    law: of whole taxels. contacts: depths f64[m, 9], metres, and forces f64[m], newtons, of the taxels of each loaded
-    board. A taxel that is loaded unevenly, for example by a ridge or at a rim, has another force at the depth of its
-    centre than an evenly loaded taxel. Two steps alternate: the present law determines the depths of the pieces at the
-    net force of each board; then the slopes of a piecewise linear law are fitted to the forces (non-negative least
-    squares).
+    The result is `law` if no fitted law has a smaller error. law: law of whole taxels. contacts: for each loaded board,
+    the depths of the pieces, f64[m, 9] (m taxels of the board, 9 pieces of each), metres, and the forces of the taxels,
+    f64[m], newtons. A taxel that is loaded unevenly, for example by a ridge or at a rim, has a different force at the
+    depth of its centre than an evenly loaded taxel. Two steps alternate: the present law determines the depths of the
+    pieces at the net force of each board; then the slopes of a piecewise linear law are fitted to the forces
+    (non-negative least squares).
     """
     if not contacts:
         return law
-    best, min_error = law, _compute_error(law, contacts)
-    target = np.concatenate([force for _, force in contacts])
+    best, min_error = law, _compute_squared_force_error(law, contacts)
+    taxel_forces = np.concatenate([force for _, force in contacts])
     for _ in range(REFINEMENTS):
-        depths = [law.compute_depth(pressure) for pressure in _solve_own_pressures(law, contacts)]
+        depths = [law.compute_depth(pressure) for pressure in _solve_simulated_pressures(law, contacts)]
         knots = np.linspace(0.0, max(float(depth.max()) for depth in depths), PIECE_LAW_KNOTS)
         if knots[-1] <= 0.0:
             return best
@@ -129,32 +129,45 @@ def fit_piece_law(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, Float
         rows = np.concatenate([np.clip(depth[..., None] - knots[:-1], 0.0, width).mean(axis=1) for depth in depths])
         prior_slope = np.diff(law.compute_force(knots)) / width
         weight = PRIOR_WEIGHT * np.sqrt((rows**2).sum(axis=0).mean())
-        slope = nnls(np.vstack([rows, weight * np.eye(len(width))]), np.append(target, weight * prior_slope))[0]
+        slope = nnls(np.vstack([rows, weight * np.eye(len(width))]), np.append(taxel_forces, weight * prior_slope))[0]
         steps = np.maximum(slope * width, MIN_FORCE_STEP_N)
         law = ForceDepthLaw(knots, np.concatenate([[0.0], np.cumsum(steps)]))
-        error = _compute_error(law, contacts)
+        error = _compute_squared_force_error(law, contacts)
         if error < min_error:
             best, min_error = law, error
     return best
 
 
-def _compute_error(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> float:
-    """Return the sum of squared differences [N^2] between the taxel forces of a law and of the simulation."""
-    pressures = _solve_own_pressures(law, contacts)
+def _compute_squared_force_error(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> float:
+    """Return the sum over all taxels of the squared difference between predicted and simulated force, newtons^2.
+
+    law: law of the pieces. contacts: for each loaded board, depths of the pieces f64[m, 9] (m taxels of the board, 9
+    pieces of each), metres, and simulated forces of the taxels f64[m], newtons. The predicted force of a taxel is the
+    mean of the pressures on its pieces, which are stated in newtons (see the module's docstring).
+    """
+    pressures = _solve_simulated_pressures(law, contacts)
     errors = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressures, contacts, strict=True)]
     return float((np.concatenate(errors) ** 2).sum())
 
 
-def _solve_own_pressures(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """Return the pressures f64[m, 9] on the pieces of each contact at the net force of the contact."""
+def _solve_simulated_pressures(
+    law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, FloatArray]]
+) -> list[FloatArray]:
+    """Return the pressures f64[m, 9] (m taxels of the board, 9 pieces of each), newtons, on the pieces of each contact
+    at its simulated net force.
+
+    law: law of the pieces. contacts: for each loaded board, depths of the pieces f64[m, 9], metres, and simulated
+    forces of the taxels f64[m], newtons.
+    """
     nets = np.array([[force.sum()] for _, force in contacts])
     return [pressure[0] for pressure in solve_board_pressures(law, [depth for depth, _ in contacts], nets)]
 
 
 def solve_board_pressures(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
-    """Return the pressures on the pieces of N boards, N times f64[L, m, 9], newtons, at L net forces of each board.
+    """Return the pressures on the pieces of N boards, N times f64[L, m, 9] (L levels, m taxels of the board), newtons,
+    at L net forces of each board.
 
-    Each board is shifted towards the object until the sum of its forces equals the net force. law: of the pieces.
+    Each board is shifted towards the object until the sum of its forces equals the net force. law: law of the pieces.
     depths: N times f64[m, 9], metres, depth of each piece before the shift; negative outside the object. net_forces:
     f64[N, L], newtons.
     """
@@ -163,7 +176,7 @@ def solve_board_pressures(law: ForceDepthLaw, depths: Sequence[FloatArray], net_
 
 
 def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
-    """Return the result of `solve_board_pressures` for boards of one batch."""
+    """Return the result of `solve_board_pressures` for the boards of one batch, which are solved together."""
     deepest = np.array([depth.max() for depth in depths])
     max_shift = -deepest + float(law.depth_m[-1]) + CONTACT_RANGE_M
     is_near = [depth + shift > 0.0 for depth, shift in zip(depths, max_shift, strict=True)]
@@ -173,6 +186,7 @@ def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: F
     target = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
 
     def compute_pressure(shift: FloatArray) -> FloatArray:
+        """Return the pressures on all pieces that can come into contact, newtons, at shifts f64[N, k] of the boards."""
         return law.compute_force(near_depth[:, None] + shift[board])
 
     shift = _solve_shifts(
@@ -189,7 +203,8 @@ def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: F
 def _solve_shifts(
     compute_sum: Callable[[FloatArray], FloatArray], min_shift: FloatArray, max_shift: FloatArray, target: FloatArray
 ) -> FloatArray:
-    """Return the shifts f64[N, L], metres, of N boards at which their sums of pressures equal `target`, f64[N, L].
+    """Return the shifts f64[N, L] (L levels), metres, of N boards at which their sums of pressures equal `target`,
+    f64[N, L].
 
     compute_sum: sums of pressures, f64[N, k], at shifts f64[N, k]; they increase with the shift. min_shift, max_shift:
     f64[N]. If the target exceeds the sum at the largest shift, the largest shift is returned. A coarse grid brackets

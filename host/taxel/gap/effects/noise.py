@@ -33,7 +33,12 @@ class Noise(Effect):
         return signal
 
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """See `Effect`."""
+        """Return the features with the variances of the noise added: to both noise features and the drift residual.
+
+        features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if all values are 0. values:
+        f64[2, G], white and common standard deviation of each of G blocks (the hand, or each board, object or taxel),
+        counts.
+        """
         if not values.any():
             return features
         added = (values**2).sum(axis=0)[self.find_blocks(state)]
@@ -51,7 +56,7 @@ class Noise(Effect):
 def _compute_variance_ratio(state: State) -> float:
     """Return the variance of the mean signal in the last phase divided by the variance of one frame.
 
-    The signal is the baseline minus the raw count, so that the variance of the mean baseline is included.
+    The ratio includes the variance of the mean baseline, because the signal is the baseline minus the raw count.
     """
     time_grid, pair = state.time_grid, state.pair
     last = time_grid.phase == time_grid.phase[-1]

@@ -28,13 +28,17 @@ class Nonlinearity(Effect):
         return (Parameter("exponent", "1", 0.3, 3.0, 1.0, 1.0, EXPONENT_STD),)
 
     def find_unavailable_reason(self, state: State) -> str:
-        """See `Effect`."""
+        """Return why the form is unavailable: with contact forces, `stiffness` takes its place; otherwise as in
+        `Effect`.
+        """
         if state.has_force:
             return "the simulation has contact forces: the effect stiffness describes its curve"
         return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal after the power law; `signal` itself if all values are 1. values: f64[1, G] (G blocks: the
+        hand, boards, objects or taxels), exponent of each block.
+        """
         if (values == 1.0).all():
             return signal
         (exponent,) = self.spread_out(state, values)

@@ -49,7 +49,10 @@ class PillarPropagation(ContactPropagation):
         return Parameter("spread_mm", "mm", 0.2, 25.0, 1.3, 3.8), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the gained forces added; `signal` itself without contact forces, or if all strengths
+        are 0. values: f64[2, G], spread in millimetres and strength of each of G blocks (the hand, or each board,
+        object or taxel).
+        """
         if not values[1].any() or signal.force is None:
             return signal
         _, strength = self.spread_out(state, values)
@@ -59,9 +62,11 @@ class PillarPropagation(ContactPropagation):
 
 @lru_cache(maxsize=4)
 def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> FloatArray:
-    """Return the gained force at the strength 1, newtons, f64[Q, K, n]. spread_mm: of each board.
+    """Return the force that each taxel gains at the strength 1, newtons, f64[Q, K, n] (Q simulated contacts, K time
+    nodes, n taxels).
 
-    The result is cached, because a fit varies the strength at the same spreads.
+    spread_mm: parameter `spread_mm` of each board. The result is cached, because a fit varies the strength at the same
+    spreads.
     """
     assert signal.force is not None
     shares = compute_geometry(state).piece_shares
@@ -88,7 +93,8 @@ def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...
 
 
 def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: float, half_depth_n: float) -> FloatArray:
-    """Return the force that the taxels of a board gain at each of the L `FORCE_LEVELS`, newtons, f64[L, m].
+    """Return the force that the taxels of a board gain at each of the L `FORCE_LEVELS`, newtons, f64[L, m] (m taxels of
+    the board).
 
     pressure: f64[m, 9], newtons, of the pieces at the level 1: the force of a taxel whose whole area has this pressure.
     reach_m: distance over which the greatest depth decreases to 0, metres. half_depth_n: force of half the greatest
@@ -111,7 +117,11 @@ def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: floa
 
 @lru_cache(maxsize=64)
 def _compute_distances(board: BoardLayout, uses_pieces: bool) -> NDArray[np.float32]:
-    """Return the distances of a board's pieces, or else of its taxels, metres, f32[k, k]; infinite on the diagonal."""
+    """Return the distances between a board's pieces, or between its taxels, metres, f32[k, k]; infinite on the
+    diagonal.
+
+    uses_pieces: whether k is the number of pieces (9 per taxel) or the number of taxels.
+    """
     points = board.piece_centres.reshape(-1, 3)
     distance = np.linalg.norm(points[:, None] - points, axis=2) if uses_pieces else board.distance_m.copy()
     np.fill_diagonal(distance, np.inf)

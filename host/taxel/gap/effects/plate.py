@@ -18,16 +18,19 @@ MAX_CLOSED_SHARE: Final = 0.98
 
 
 def compute_closed_share(state: State, signal: Signal) -> FloatArray:
-    """Return the closed share x of the gap, f64[Q, K, n], at which the plate model has the given signal.
+    """Return the closed share x of the gap, f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels), at which the
+    plate model has the given signal.
 
-    The signal is `HALF_CLOSED_SHARE` times the full scale times x / (1 - x). Negative signals count as 0.
+    The signal of the model is `HALF_CLOSED_SHARE` times the full scale times x / (1 - x), with x from 0 (open) to 1
+    (closed). Negative signals are treated as 0.
     """
     signal_counts = np.maximum(state.to_signal_counts(signal), 0.0)
     return np.asarray(signal_counts / (HALF_CLOSED_SHARE * state.full_scale + signal_counts))
 
 
 def compute_signal_counts(state: State, closed: FloatArray) -> FloatArray:
-    """Return the signal in counts, f64[Q, K, n], of gaps with the closed shares `closed`, f64[Q, K, n].
+    """Return the signal in counts, f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels), of gaps with the closed
+    shares `closed`, f64[Q, K, n].
 
     This is the inverse of `compute_closed_share` up to `MAX_CLOSED_SHARE`.
     """

@@ -53,13 +53,19 @@ class PoseError(Effect):
         )
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the forces of the displaced contacts; `signal` itself without contact forces, or if
+        all translations and rotations are 0. values: f64[P, G] (P parameters; G blocks: the hand, boards, objects or
+        taxels), the parameters of `own_parameters` for each block.
+        """
         if not values[: ROTATION.stop].any() or signal.force is None:
             return signal
         return apply_change(state, signal, self._compute_change(state, values))
 
     def _compute_change(self, state: State, values: FloatArray) -> FloatArray:
-        """Return the change of the forces, f64[C, 2, L, n], as `geometry.apply_change` requires it."""
+        """Return the change of the taxel forces, f64[C, 2, L, n] (C conditions, n taxels): kept share and gained force
+        at L levels of the net force, see `geometry.apply_change`. values: f64[P, G] (P parameters; G blocks: the hand,
+        boards, objects or taxels).
+        """
         geometry = compute_geometry(state)
         blocks, motions = self.find_blocks(state), self._compute_motions(values)
         board_motions, mounts = {}, {}
@@ -75,22 +81,23 @@ class PoseError(Effect):
         return assemble_change(state, geometry.compute_displacement_changes(state, board_motions, mounts))
 
     def _compute_motions(self, values: FloatArray) -> FloatArray:
-        """Return the motion of each of the G blocks, f64[G, 4, 4].
+        """Return the motion of each of the G blocks, f64[G, 4, 4], metres. values: f64[P, G] (P parameters).
 
-        Scope "object": motion of the boards relative to the object, the inverse of the motion of the object. Scope
-        "board": motion of the bracket in its own frame.
+        Scope "object": motion of the boards relative to the object, the inverse of the object's motion. Scope "board":
+        motion of the bracket in its own frame.
         """
         steps = from_rotation_vector(np.radians(values[ROTATION].T))
         steps[:, :3, 3] = 1e-3 * self.convert_to_reported(values)[TRANSLATION].T
         return inverse(steps) if self.scope == OBJECT else steps
 
     def convert_to_reported(self, values: FloatArray) -> FloatArray:
-        """Return the values as they are reported, f64[P, G]: with the translation of the origin in the frame before the
-        rotation.
+        """Convert fitted values f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels) to reported
+        values f64[P, G], whose translation is that of the origin in the frame before the rotation.
 
-        The translation of a bracket is fitted in the frame after the rotation. There, the translation along the normal
-        of a flat board is not identifiable, because the approach is solved again, and the prior alone determines it. In
-        the frame before the rotation all three components would depend on it.
+        Values of objects do not change. The translation of a bracket is fitted in the frame after the rotation. There,
+        the prior alone determines the translation along the normal of a flat board, which is not identifiable because
+        the board is shifted until its net force is kept. In the frame before the rotation all three components of the
+        translation would depend on this unidentifiable component.
         """
         if self.scope == OBJECT:
             return values

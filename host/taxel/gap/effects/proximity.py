@@ -31,7 +31,10 @@ class Proximity(Effect):
         )
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the proximity signal added; `signal` itself if all counts are 0 or the separations are
+        unknown. values: f64[2, G], range in millimetres and signal in contact, counts, of each of G blocks (the hand,
+        or each board, object or taxel).
+        """
         if not values[1].any() or signal.separation is None:
             return signal
         range_mm, counts = self.spread_out(state, values)

@@ -13,13 +13,13 @@ from taxel.types import FloatArray
 
 MIN_DETERMINANT_M2: Final = 1e-15
 """Smallest determinant of ray and triangle, square metres: twice the area of the triangle in the projection along the
-ray. A triangle with a smaller one is parallel to the ray and has no intersection."""
+ray. A triangle with a smaller determinant is treated as parallel to the ray, without an intersection."""
 
 MAX_RAY_TRIANGLE_PAIRS: Final = 200_000
 """Largest number of rays times triangles that are computed together. Chosen: the arrays fit into a core's cache."""
 
 CONVEX_VOLUME_SHARE: Final = 0.999
-"""Smallest ratio of the volumes of an object and of its convex hull at which the object counts as convex."""
+"""Smallest ratio of the volumes of an object and of its convex hull at which the object is treated as convex."""
 
 
 class RayMesh:
@@ -30,10 +30,11 @@ class RayMesh:
         self._shape = _make_convex_polytope(mesh)
 
     def compute_separation(self, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Return the signed distances from points along rays to the surface at which the ray enters the object, metres,
-        f64[m, e]; infinite where the ray misses the object.
+        """Return the signed distances along rays from points to the surface at which the ray enters the object, metres,
+        f64[m, e]; negative for a point inside the object, infinite where the ray misses the object.
 
-        points: f64[m, e, 3], metres. directions: f64[m, 3], unit vectors, one for the e points of a row.
+        points: f64[m, e, 3], metres, e points of each of m taxels. directions: f64[m, 3], unit vectors, one for all
+        points of a taxel.
         """
         if self._shape is not None:
             return self._shape.ray_separation(points, directions[:, None])
@@ -54,7 +55,8 @@ def _make_convex_polytope(mesh: ObjectMesh) -> ConvexPolytope | None:
 
 
 def _compute_triangle_separation(triangles: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the signed distance from each point along its ray to the nearest entry into the triangles, f64[m].
+    """Return the signed distance from each point along its ray to the nearest entry into the triangles, f64[m] (m
+    taxels of the board).
 
     points, directions: f64[m, 3]. triangles: f64[t, 3, 3]. Intersection by Moller and Trumbore (1997), with the triple
     products as matrix products of a factor of the rays and a factor of the triangles.

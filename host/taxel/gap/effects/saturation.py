@@ -29,7 +29,9 @@ class Saturation(Effect):
         return (Parameter("counts", "counts", 50.0, 1e6, 1e6, 1000.0),)
 
     def make_start_values(self, state: State) -> FloatArray:
-        """See `Effect`."""
+        """Return the limit at which a search starts, f64[1, G] (G blocks: the hand, boards, objects or taxels): the
+        prior mean if there is a prior, otherwise `START_SHARE` times the largest simulated signal.
+        """
         values = super().make_start_values(state)
         if "counts" not in self.priors:
             (counts,) = self.parameters()
@@ -38,7 +40,9 @@ class Saturation(Effect):
         return values
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the limited signal; `signal` itself if all limits are neutral. values: f64[1, G] (G blocks: the hand,
+        boards, objects or taxels), limit of each block, counts.
+        """
         if (values >= 1e6).all():
             return signal
         (limit,) = self.spread_out(state, values)

@@ -47,7 +47,8 @@ _shared_distances: WeakValueDictionary[bytes, _PieceDistances] = WeakValueDictio
 
 
 def compute_sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
-    """Return the share of the force on each piece that reaches each taxel of the board, f64[9, m, m].
+    """Return the share of the force on each piece that reaches each taxel of the board, f64[9, m, m] (m taxels of the
+    board).
 
     The axes are source piece, source taxel, target taxel; the shares of a piece add up to 1. spread_m: decay length of
     the kernel, metres.
@@ -60,7 +61,11 @@ def compute_sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) -> FloatArray:
-    """Return the kernel of `compute_sheet_kernel` from pieces to taxels; cached for boards with equal distances."""
+    """Return the kernel of `compute_sheet_kernel`, f64[9, m, m] (m taxels of the board), averaged over the target
+    pieces of each taxel.
+
+    side_m: side of a piece, metres. Cached: boards with equal distances share one array, which is read-only.
+    """
     kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m)[distances.index].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
     kernel.setflags(write=False)
@@ -68,13 +73,18 @@ def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) 
 
 
 def _interpolate_kernel(distance_m: FloatArray, spread_m: float, side_m: float) -> FloatArray:
-    """Return the mean kernel between two squares with the side `side_m`, by the distance of their centres (metres)."""
+    """Return the mean of exp(-r / spread) between two squares, for each distance of their centres; 0 beyond
+    `MAX_DISTANCE_M`.
+
+    distance_m: distances, any shape. spread_m: decay length. side_m: side of the squares. All in metres.
+    """
     share = np.interp(distance_m, *_tabulate_square_kernel(round(spread_m, 7), round(side_m, 6)))
     return np.asarray(np.where(distance_m < MAX_DISTANCE_M, share, 0.0))
 
 
 def compute_taxel_kernel(kernel: FloatArray, share: FloatArray | None) -> FloatArray:
-    """Return the share of the force on a taxel (row) that reaches another taxel (column), f64[m, m].
+    """Return the share of the force on a taxel (row) that reaches another taxel (column), f64[m, m] (m taxels of the
+    board).
 
     kernel: f64[9, m, m], of `compute_sheet_kernel`. share: f64[m, 9], share of a taxel's force on each of its pieces;
     None: equal shares.
@@ -84,7 +94,9 @@ def compute_taxel_kernel(kernel: FloatArray, share: FloatArray | None) -> FloatA
 
 @lru_cache(maxsize=64)
 def _compute_distances(board: BoardLayout) -> _PieceDistances:
-    """Return the distances of a board's pieces; boards with equal distances share one object, which saves memory."""
+    """Return the distances between all pieces of a board; boards with equal distances share one object, which saves
+    memory.
+    """
     points = board.piece_centres
     steps = np.empty((PIECES_PER_SIDE**2, PIECES_PER_SIDE**2, len(points), len(points)), np.int64)
     for target, source in np.ndindex(steps.shape[:2]):

@@ -26,11 +26,11 @@ CLIPPED_GAINS: Final = tuple(np.geomspace(0.5, 3.0, 8).tolist())
 
 
 def find_shorts(state: State, real: SessionMeans, features: FloatArray) -> tuple[Short, ...]:
-    """Return the shorts: neighbouring lines with equal signals on all common crossings, where different signals are
-    expected.
+    """Return the short circuits: neighbouring lines with equal measured signals on all common crossing lines, where
+    different signals are expected.
 
-    real: signals of the sessions. features: predicted features, f64[C, F, n]. A pair of lines is not a short if a limit
-    of the signals explains the equality better.
+    real: measured features of the sessions. features: expected features, f64[C, F, n] (C conditions, F features, n
+    taxels). A pair of lines is not a short if a limit of the signals (saturation) explains the equal signals better.
     """
     bins = state.layout.bins
     expected = features[:, :bins]
@@ -72,11 +72,12 @@ def _is_clipped(
 ) -> bool:
     """Return whether a limit of the signals explains the equal signals of two lines better than a short does.
 
-    measured, expected: f64[C, B, n], counts. weight: f64[B, 1]. lines: taxels of the two lines, i64[k] each. share: of
-    the sum of the expected signals, if the lines were shorted. limit: largest measured signal of the board, counts.
+    measured, expected: signals in B time bins, f64[C, B, n] (C conditions, n taxels), counts. weight: weights of the
+    bins, f64[B, 1]. lines: taxels of the two lines, i64[k] each. share: share of the sum of both expected signals that
+    each line shows if the lines are shorted. limit: largest measured signal of the board, counts.
     """
-    line_signals = np.stack([measured[:, :, own] for own in lines])
-    line_expected = np.stack([expected[:, :, own] for own in lines])
+    line_signals = np.stack([measured[:, :, taxels] for taxels in lines])
+    line_expected = np.stack([expected[:, :, taxels] for taxels in lines])
     short_error = float(np.sum(weight * (line_signals - share * line_expected.sum(axis=0)) ** 2))
     return any(
         float(np.sum(weight * (line_signals - np.minimum(gain * line_expected, limit)) ** 2)) < short_error

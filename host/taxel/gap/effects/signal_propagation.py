@@ -29,7 +29,9 @@ class SignalPropagation(Effect):
         return Parameter("spread_mm", "mm", 0.3, 60.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.3)
 
     def make_start_values(self, state: State) -> FloatArray:
-        """See `Effect`. The start value of the spread is the median pitch of the boards."""
+        """Return the values at which a search starts, f64[2, G] (G blocks: the hand, boards, objects or taxels): the
+        spread is the median pitch of the boards in millimetres, limited to the bounds, unless the spread has a prior.
+        """
         values = super().make_start_values(state)
         pitches = sorted(board.pitch_m for board in state.pair.boards)
         if "spread_mm" not in self.priors:
@@ -37,13 +39,17 @@ class SignalPropagation(Effect):
         return values
 
     def find_unavailable_reason(self, state: State) -> str:
-        """See `Effect`."""
+        """Return why the form is unavailable: with contact forces, forces spread instead of signals; otherwise as in
+        `Effect`.
+        """
         if state.has_force:
             return "the simulation has contact forces, which spread instead of signals"
         return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal after the spread; `signal` itself if the strength is 0. values: f64[2, 1], spread in
+        millimetres and strength.
+        """
         spread_m, strength = 1e-3 * float(values[0, 0]), float(values[1, 0])
         if strength == 0.0:
             return signal

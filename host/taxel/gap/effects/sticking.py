@@ -54,7 +54,9 @@ class Sticking(Effect):
         return Parameter("play", "1", 0.0, 1.0, 0.0, 0.05), creep
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with play and creep of the closed share; `signal` itself if all values are 0. values:
+        f64[2, G], play and creep of each of G blocks (the hand, or each board, object or taxel).
+        """
         if not values.any():
             return signal
         play, creep = self.spread_out(state, values)
@@ -64,19 +66,21 @@ class Sticking(Effect):
 
 
 def convert_to_lag_parameters(values: FloatArray, frame_s: float, duration_s: float) -> tuple[float, float]:
-    """Return `fraction` and `seconds` as the other forms define them.
+    """Return the parameters `fraction` and `seconds` of the other forms of hysteresis that correspond to a creep.
 
-    The fraction is the share of the creep between one frame and the end of the record, and half of it arrives within
-    `seconds`. values: play and creep, f64[2, 1]. frame_s: frame period. duration_s: duration of the record.
+    The fraction is the creep that arrives between one frame period and the end of the record; half of it arrives within
+    `seconds`. values: play and creep, f64[2, 1]. frame_s: frame period, seconds. duration_s: duration of the record,
+    seconds.
     """
     return float(values[1, 0]) * float(np.log10(duration_s / frame_s)), float(np.sqrt(frame_s * duration_s))
 
 
 def apply_play(values: FloatArray, width: FloatArray) -> FloatArray:
-    """Return the output of a play operator along the nodes, f64[Q, K, n].
+    """Return the output of a play operator (mechanical backlash) along the time nodes, f64[Q, K, n] (Q simulated
+    contacts, K time nodes, n taxels).
 
-    values: f64[Q, K, n], at least 0. width: f64[Q, n]. The output lags increasing values by up to `width`, and remains
-    constant until decreasing values reach it.
+    values: input f64[Q, K, n], at least 0. width: width of the play, f64[Q, n]. The output lags increasing values by up
+    to `width`, and remains constant until decreasing values reach it.
     """
     result = np.empty_like(values)
     output = np.zeros_like(values[:, 0])
@@ -88,7 +92,8 @@ def apply_play(values: FloatArray, width: FloatArray) -> FloatArray:
 
 
 def apply_creep(values: FloatArray, time_s: FloatArray, creep: FloatArray) -> FloatArray:
-    """Return values with logarithmic creep, f64[Q, K, n]; a step becomes 1 + creep log10(t / `CREEP_START_S`).
+    """Return values with logarithmic creep, f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels); a step becomes
+    1 + creep log10(t / `CREEP_START_S`).
 
     values: f64[Q, K, n]. time_s: f64[K]. creep: per decade, broadcast over values. The creep is a sum of first-order
     lags, which is linear in the values and therefore one matrix.
@@ -98,7 +103,9 @@ def apply_creep(values: FloatArray, time_s: FloatArray, creep: FloatArray) -> Fl
 
 @lru_cache(maxsize=8)
 def _compute_creep_matrix(time_s: tuple[float, ...]) -> FloatArray:
-    """Return the matrix f64[K, K] from values at the nodes to their additional creep, for the creep 1 per decade."""
+    """Return the matrix f64[K, K] (K time nodes) from values at the nodes to their additional creep, for the creep 1
+    per decade.
+    """
     times, identity = np.array(time_s), np.eye(len(time_s))
     creep = np.expm1(-CREEP_START_S / TIME_CONSTANTS_S).sum() * identity
     for constant in TIME_CONSTANTS_S:

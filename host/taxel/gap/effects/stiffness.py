@@ -34,7 +34,10 @@ class Stiffness(Effect):
         return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0, prior),)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with the force law scaled; `signal` itself if all scales are 1, or if the forces are
+        already converted to counts. values: f64[1, G], scale of the half force of each of G blocks (the hand, or each
+        board, object or taxel).
+        """
         if (values == 1.0).all() or signal.signal_counts is not None:
             return signal
         (scale,) = self.spread_out(state, values)
@@ -42,15 +45,18 @@ class Stiffness(Effect):
 
 
 class Sinking(Stiffness):
-    """Stiffness with a new contact: an object sinks deeper into a softer layer at the same net force of each board, so
-    that more taxels are loaded.
+    """Stiffness with contacts that are computed again: at the same net force of each board, an object sinks deeper into
+    a softer layer and loads more taxels.
     """
 
     order = 12  # before the propagation of force, like a displacement
     variant = "sinking"
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """See `Effect`."""
+        """Return the signal with new contact forces and a scaled force law; `signal` itself if all scales are 1,
+        without contact forces, or if the forces are already converted to counts. values: f64[1, G], scale of the half
+        force of each of G blocks (the hand, or each board, object or taxel).
+        """
         if (values == 1.0).all() or signal.force is None or signal.signal_counts is not None:
             return signal
         geometry, blocks = compute_geometry(state), self.find_blocks(state)

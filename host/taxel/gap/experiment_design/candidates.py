@@ -115,6 +115,7 @@ def generate_batches(
     contacts = tuple(PlannedContact(*condition, is_recorded=is_recorded) for condition in single.pair.conditions)
 
     def vary(state: State, **changes: Any) -> ContactBatch:
+        """Return the batch of all contacts with the given fields of `PlannedContact` changed, simulated by `state`."""
         return ContactBatch(tuple(replace(contact, **changes) for contact in contacts), state)
 
     yield ContactBatch(contacts, single, is_repeat=is_recorded)
@@ -137,7 +138,7 @@ def generate_batches(
 
 
 def _select_one_contact(state: State) -> State:
-    """Return the state with the first contact of each condition."""
+    """Return the state reduced to the first simulated contact of each condition."""
     first_contacts = np.array(
         [np.flatnonzero(state.condition == condition)[0] for condition in range(len(state.pair.conditions))]
     )

@@ -14,15 +14,15 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class ContactVariance:
-    """Variance of the mean features of a contact that is recorded as often, in as many sessions, as the recorded ones.
+    """Variance of the mean features of a further contact with as many repeats and sessions as the recorded contacts.
 
     A taxel is touched if its simulated signal exceeds `RESPONSE_COUNTS`.
 
     Attributes:
         layout: the features.
-        feature_variance: f64[F, n], mean variance over the recorded conditions, counts^2; used for all features other
-            than signals.
-        untouched_variance: f64[B], variance of the signal of untouched taxels in each bin, counts^2.
+        feature_variance: f64[F, n] (F features, n taxels), mean variance over the recorded conditions, counts^2; used
+            for all features other than signals.
+        untouched_variance: f64[B] (B time bins), variance of the signal of untouched taxels in each bin, counts^2.
         relative_variance: f64[B], additional variance of touched taxels in each bin, divided by the squared signal.
     """
 
@@ -53,7 +53,7 @@ class ContactVariance:
         )
 
     def compute_weight(self, model: FloatArray, expected: FloatArray) -> FloatArray:
-        """Return the weights of new contacts, f64[C, F, n], 1 / counts^2.
+        """Return the weights of new contacts, f64[C, F, n] (C conditions, F features, n taxels), 1 / counts^2.
 
         model, expected: f64[C, F, n], features of the simulator without effects and of a composite model, counts.
         """
@@ -65,7 +65,8 @@ class ContactVariance:
         return self.layout.weight[:, None] / (variance + compute_tolerance2(self.layout, model, expected))
 
     def compute_repeat_weight(self, fit_data: FitData, expected: FloatArray) -> FloatArray:
-        """Return the weight that a second recording of the same contacts adds, f64[C, F, n], 1 / counts^2.
+        """Return the weight that a second recording of the same contacts adds, f64[C, F, n] (C conditions, F features,
+        n taxels), 1 / counts^2.
 
         The second recording halves the variance between sessions, but not the squared tolerance of the simulator.
         expected: f64[C, F, n], features of a composite model, counts.

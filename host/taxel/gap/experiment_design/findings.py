@@ -29,6 +29,7 @@ class Findings:
     """Results of a diagnosis that determine which contacts would add information.
 
     Attributes:
+        fit_data: simulated contacts, real sessions and weights of the features.
         composite: the fitted composite model of the verdict, or of the most probable effect.
         names: names of the effects of the verdict, or of the most probable effect.
         rivals: for each pair of a named effect and an effect that is confounded with it, the fitted composite model
@@ -94,9 +95,10 @@ def fit_rivals(
 
 
 def rank_pairs(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
-    """Return each confounded pair once: all effects with their first rival, then all effects with their second rival.
+    """Return each pair of a named effect and a rival (an effect that is confounded with it) once.
 
-    names: named effects. confounded: for each named effect its rivals, in their order of rank.
+    First come all named effects with their first rival, then all with their second rival, and so on. names: named
+    effects. confounded: for each named effect its rivals, the strongest rival first.
     """
     ranked = sorted((rank, name, other) for name in names for rank, other in enumerate(confounded.get(name, ())))
     pairs: dict[frozenset[str], tuple[str, str]] = {}
@@ -106,7 +108,7 @@ def rank_pairs(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) ->
 
 
 def _start_forms(fit_data: FitData, forms: Sequence[Effect]) -> list[FittedEffect]:
-    """Return the available forms with start values."""
+    """Return the forms that can be fitted to the data, with their start values; the other forms are omitted."""
     return [start_effect(fit_data.state, form) for form in forms if not form.find_unavailable_reason(fit_data.state)]
 
 
@@ -149,8 +151,8 @@ def collect_parameter_values(findings: Findings) -> ParameterValues:
             names.append(effect.name)
         for row, parameter in enumerate(effect.parameters()):
             if effect.name in findings.names:
-                own_values = fitted_effect.values[row]
-                scale = float(np.abs(own_values).max()) or abs(parameter.start) or 1.0
+                parameter_values = fitted_effect.values[row]
+                scale = float(np.abs(parameter_values).max()) or abs(parameter.start) or 1.0
                 columns.append(
                     (
                         np.arange(first, first + count),
@@ -173,7 +175,8 @@ def collect_parameter_values(findings: Findings) -> ParameterValues:
 def _compute_standard_errors(replicates: Sequence[FloatArray], row: int, count: int) -> FloatArray:
     """Return the jackknife standard errors over sessions (Tukey 1958), f64[count]; NaN below three sessions.
 
-    replicates: f64[P, G] for each session, the values of an effect fitted without this session. row: the parameter.
+    replicates: f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels) for each session, the values of
+    an effect fitted without this session. row: row of the parameter in these values. count: number of blocks, G.
     """
     return (
         compute_jackknife_error(np.array([values[row] for values in replicates]))
@@ -183,7 +186,11 @@ def _compute_standard_errors(replicates: Sequence[FloatArray], row: int, count: 
 
 
 def _format_label(pair: Pair, fitted_effect: FittedEffect, parameter: Parameter, block: int) -> str:
-    """Return a parameter as text for the user: without its unit, with its effect and its board or object."""
+    """Return the label of a parameter for the user, such as "spread of contact propagation, index tip".
+
+    The label contains the parameter without its unit, the effect, and the board or object. Parameters with one value
+    for each taxel share the label "... of single taxels".
+    """
     name, effect = parameter.name.removesuffix(f"_{parameter.unit}").replace("_", " "), fitted_effect.effect
     text = f"{name} of {effect.name.replace('_', ' ')}"
     if effect.scope == BOARD:

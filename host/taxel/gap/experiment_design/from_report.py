@@ -37,7 +37,11 @@ Text = str | PathLike[str]
 
 
 def diagnose_findings(real: Text, sim: Text, show: ProgressCallback = ignore_progress) -> Findings:
-    """Diagnose two datasets and return the findings. Raises DatasetError and GapInputError of one line."""
+    """Diagnose two datasets and return the findings.
+
+    real, sim: paths of the datasets. show: callback for progress. Raises DatasetError and GapInputError with a one-line
+    message.
+    """
     diagnosis = diagnose(real, sim, show=show)
     verdict, replicates = diagnosis.verdict, diagnosis.held_out.fitted_effects
     confounded = diagnosis.report["verdict"]["confounded_with"]
@@ -50,7 +54,7 @@ def diagnose_findings(real: Text, sim: Text, show: ProgressCallback = ignore_pro
 def read_findings(path: Text, show: ProgressCallback = ignore_progress) -> Findings:
     """Return the findings of a report. The two datasets are read from the paths in the report, and checked by SHA-256.
 
-    Raises DatasetError and GapInputError of one line; OSError for a report that cannot be read.
+    Raises DatasetError and GapInputError with a one-line message; OSError for a report that cannot be read.
     """
     reported = read_report(path)
     report = CheckedReport(read_report_values(path))
@@ -77,7 +81,11 @@ def read_findings(path: Text, show: ProgressCallback = ignore_progress) -> Findi
 def _read_first_rival(
     report: CheckedReport, reported: ReportedGap, confounded: Mapping[str, Sequence[str]]
 ) -> tuple[ReportedEffect, ...]:
-    """Return the first effect that has rivals, for a report that names no effect; empty if no effect has rivals."""
+    """Return the first effect with a confounded effect as a tuple of length 1; for a report that names no effect.
+
+    The tuple is empty if no effect is confounded with another one, or if the report does not contain the fitted model
+    of the first such effect.
+    """
     name = next(iter(confounded), None)
     entry = next((effect for effect in report.effects if effect.text("name") == name), None)
     if name is None or entry is None or entry.optional("model") is None:
@@ -127,16 +135,21 @@ def _find_dropout(fit_data: FitData, composite: CompositeModel) -> FittedEffect:
 def _read_confounded(report: CheckedReport, reported: ReportedGap) -> Mapping[str, list[str]]:
     """Return the confounded effects of a report by name. Raises GapInputError for a name outside the catalogue."""
     entry = report.verdict.optional("confounded_with")
-    named = {} if entry is None else {name: [item.as_text() for item in own.items()] for name, own in entry.entries()}
-    for name in {*named, *(other for others in named.values() for other in others)}:
+    confounded = (
+        {} if entry is None else {name: [item.as_text() for item in rivals.items()] for name, rivals in entry.entries()}
+    )
+    for name in {*confounded, *(rival for rivals in confounded.values() for rival in rivals)}:
         if name not in catalogue.all_effects():
             where = f"{format_path(reported.path)}: verdict.confounded_with"
             raise GapInputError(where, "names of the catalogue", format_value(name), REPEAT_REMEDY)
-    return named
+    return confounded
 
 
 def _read_starts(state: State, report: CheckedReport, name: str) -> list[FittedEffect]:
-    """Return an effect with start values in the reported form, or in all available forms without an entry."""
+    """Return an effect with start values: in the form that the report states, otherwise in all available forms.
+
+    The form is unknown if the report has no model of the effect, or if the stated form is not available.
+    """
     forms = [form for form in catalogue.all_effects()[name] if not form.find_unavailable_reason(state)]
     entry: ReportValue | None = next((effect for effect in report.effects if effect.text("name") == name), None)
     model = None if entry is None else entry.optional("model")

@@ -40,7 +40,7 @@ class AddedInformation:
     Attributes:
         information: information of the recorded contacts.
         value_indices: [q], indices of these values among the p parameter values of `information`.
-        weight: f64[F, n], weights of the features of the contact, 1 / counts^2.
+        weight: f64[F, n] (F features, n taxels), weights of the features of the contact, 1 / counts^2.
         columns: derivatives of the features of the contact; the blocks are numbered within the q values.
     """
 
@@ -62,15 +62,18 @@ class AddedInformation:
         return build_normal_matrix(self._build_problem(np.zeros_like(self.weight)), self.columns)
 
     def compute_gradient(self, difference: FloatArray) -> FloatArray:
-        """Return J'Wd, f64[q], of a difference d of the features, f64[F, n], in counts."""
+        """Return J'Wd, f64[q], of a difference d of the features, f64[F, n] (F features, n taxels), in counts."""
         return compute_gradient(self._build_problem(difference), self.columns, np.zeros((1, *difference.shape)))
 
     def _build_problem(self, target: FloatArray) -> FitProblem:
-        """Return the least-squares problem of the further contact alone. target: f64[F, n], counts."""
+        """Return the least-squares problem of the further contact alone. target: f64[F, n] (F features, n taxels),
+        counts.
+        """
         return FitProblem(self.information.fit_data.state, target[None], self.weight[None])
 
     @cached_property
     def _factors(self) -> tuple[FloatArray, NDArray[np.int32]]:
+        """LU factors of 1 + N C, with the information N of the contact and the prior covariance C, for `solve`."""
         return lu_factor(np.eye(len(self.value_indices)) + self.matrix @ self.prior_covariance, check_finite=False)
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -89,7 +92,7 @@ class CompositeInformation:
 
     Attributes:
         composite: the model with fitted values. The values of effects that are found by inspection are not free.
-        features: f64[C, F, n], predicted features, counts.
+        features: f64[C, F, n] (C conditions, F features, n taxels), predicted features, counts.
         columns: derivatives of the features, one column for each parameter; the precision includes prior and bounds.
         covariance: f64[p, p], covariance of the values, over all blocks of all parameters in the order of `columns`.
     """
@@ -111,7 +114,8 @@ class CompositeInformation:
         return cls(fit_data, composite, start.features, columns, _invert(build_normal_matrix(problem, columns)))
 
     def compute_remaining(self, difference: FloatArray) -> RemainingDifference:
-        """Return the part of a difference of features, f64[C, F, n], that remains after these values have adapted.
+        """Return the part of a difference of features, f64[C, F, n] (C conditions, F features, n taxels), that remains
+        after these values have adapted.
 
         The difference refers to the recorded contacts.
         """
@@ -125,9 +129,9 @@ class CompositeInformation:
         )
 
     def compute_variance_after(self, added: AddedInformation) -> FloatArray:
-        """Return the variances of all values after a further contact, f64[p]."""
-        own = self.covariance[added.value_indices]
-        return np.asarray(np.diag(self.covariance) - np.sum(own * added.solve(own), axis=0))
+        """Return the variances of all values after a further contact, f64[p] (p parameter values)."""
+        excited = self.covariance[added.value_indices]
+        return np.asarray(np.diag(self.covariance) - np.sum(excited * added.solve(excited), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +140,7 @@ class RemainingDifference:
 
     Attributes:
         information: information of the recorded contacts on the values that adapt.
-        gradient: f64[p], J'Wd on the recorded contacts.
+        gradient: f64[p] (p parameter values), J'Wd on the recorded contacts.
         unadapted_squared_length: d'Wd on the recorded contacts, before the adaptation.
     """
 
@@ -146,6 +150,7 @@ class RemainingDifference:
 
     @cached_property
     def _adaptation(self) -> FloatArray:
+        """Change of the p values that reduces the difference most, f64[p]."""
         return np.asarray(self.information.covariance @ self.gradient)
 
     @property
@@ -156,8 +161,8 @@ class RemainingDifference:
     def compute_squared_length_after(self, added: AddedInformation, difference: FloatArray) -> float:
         """Return the squared length of the remaining difference with one further contact, in units of the variance.
 
-        difference: f64[F, n], difference of the features of the two models in the further contact, counts. This is the
-        criterion T of Atkinson and Fedorov (1975), linearised about the fit.
+        difference: f64[F, n] (F features, n taxels), difference of the features of the two models in the further
+        contact, counts. This is the criterion T of Atkinson and Fedorov (1975), linearised about the fit.
         """
         index, added_gradient = added.value_indices, added.compute_gradient(difference)
         adaptation = self._adaptation[index] + added.prior_covariance @ added_gradient
@@ -172,7 +177,8 @@ class CandidatePrediction:
 
     Attributes:
         information: information of the recorded contacts on the p values of the model.
-        features: f64[C, F, n], predicted features of the candidate contacts, counts.
+        features: f64[C, F, n] (C conditions, F features, n taxels), predicted features of the candidate contacts,
+            counts.
         columns: derivatives of these features, one column for each parameter.
         value_indices: for each column, [blocks], index of each block among the p values; -1 for a block without a
             recorded contact.
@@ -199,16 +205,18 @@ class CandidatePrediction:
         return cls(information, start.features, start.columns, tuple(value_indices))
 
     def compute_added(self, contact: int, weight: FloatArray) -> AddedInformation:
-        """Return the information that candidate `contact` adds.
+        """Return the information that the candidate with the index `contact` adds.
 
-        weight: f64[C, F, n], weights of all candidates, 1 / counts^2.
+        weight: f64[C, F, n] (C conditions, F features, n taxels), weights of the features of all candidates, 1 /
+        counts^2. Values on which the contact has hardly any information (`MIN_VARIANCE_SHARE`) are omitted from the
+        result.
         """
-        own_weight, variance = weight[contact], np.diag(self.information.covariance)
+        contact_weight, variance = weight[contact], np.diag(self.information.covariance)
         indices: list[NDArray[np.intp]] = []
         columns = []
         for column, number in zip(self.columns, self.value_indices, strict=True):
             blocks = column.blocks[contact]
-            excited = np.bincount(blocks, np.sum(own_weight * column.change[contact] ** 2, axis=0), column.count)
+            excited = np.bincount(blocks, np.sum(contact_weight * column.change[contact] ** 2, axis=0), column.count)
             active = np.flatnonzero((number >= 0) & (excited * variance[np.maximum(number, 0)] > MIN_VARIANCE_SHARE))
             if not len(active):
                 continue
@@ -221,7 +229,7 @@ class CandidatePrediction:
             )
             indices.append(number[active])
         value_indices = np.concatenate(indices) if indices else np.zeros(0, np.intp)
-        return AddedInformation(self.information, value_indices, own_weight, tuple(columns))
+        return AddedInformation(self.information, value_indices, contact_weight, tuple(columns))
 
 
 def transfer_values(composite: CompositeModel, old_pair: Pair, state: State) -> CompositeModel:
@@ -241,9 +249,9 @@ def transfer_values(composite: CompositeModel, old_pair: Pair, state: State) -> 
 
 
 def map_blocks(effect: Effect, old_pair: Pair, new_pair: Pair) -> NDArray[np.intp]:
-    """Return the index among the blocks of one pair of each block of another pair, [blocks].
+    """Return for each block of an effect in `new_pair` the index of the same block in `old_pair`, [blocks].
 
-    The index is -1 for an object that `old_pair` lacks.
+    The index is -1 for an object that `old_pair` lacks. Blocks other than objects have equal indices in both pairs.
     """
     if effect.scope != OBJECT:
         return np.arange(int(effect.find_blocks_of_pair(new_pair).max()) + 1)
@@ -267,7 +275,7 @@ def _add_bound_precision(columns: Sequence[DerivativeColumn], composite: Composi
 
 
 def _invert(system: FloatArray) -> FloatArray:
-    """Return the inverse of a positive definite matrix, f64[p, p].
+    """Return the inverse of a positive definite matrix, f64[p, p] (p parameter values).
 
     The matrix is scaled to a unit diagonal, because the parameters have different units; a ridge of 1e-9 keeps the
     factorisation defined if two parameters have the same derivatives.

@@ -167,7 +167,7 @@ class _ContactRanker:
         return "No effects are confounded; the grasps are ranked by the reduction of the parameters' intervals."
 
     def rank_batch(self, batch: ContactBatch) -> list[RankedContact]:
-        """Return for each contact of a batch its gain and the reason."""
+        """Return each contact of a batch with its information gain and the reason for a recommendation."""
         named = CandidatePrediction.compute(self._named, batch.state)
         if batch.is_repeat:
             weight = self._variance.compute_repeat_weight(self._fit_data, named.features)
@@ -214,10 +214,11 @@ class _ContactRanker:
         return RankedContact(contact, gain, (label,), reason)
 
     def _compute_parameter_gain(self, added: AddedInformation) -> tuple[float, str, float]:
-        """Return the gain on the parameters, and the parameter with the largest gain.
+        """Return the gain on the parameters in bits, the label of the value with the largest gain, and the relative
+        decrease of the standard error of this value.
 
-        The gain in bits is averaged over the values of each effect, and summed over the effects. The other results are
-        the label of the value with the largest gain, and the relative decrease of its standard error.
+        The gain is averaged over the values of each effect, and summed over the effects. Without parameters the result
+        is (0, "", 0).
         """
         values = self._values
         if not len(values.index):

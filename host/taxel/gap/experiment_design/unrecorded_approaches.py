@@ -26,8 +26,8 @@ def read_unrecorded(
     state: state of the diagnosed pair. path: the simulated dataset. known: conditions to omit. The result has the
     time grid and the time shift of `state`.
 
-    Raises DatasetError and GapInputError of one line, such as for a dataset that
-    is not simulated or has other taxels than `state`.
+    Raises DatasetError and GapInputError with a one-line message, for example for a dataset that is not simulated or
+    whose taxels differ from those of `state`.
     """
     pair = state.pair
     with GraspDataset(path) as simulated:

@@ -27,10 +27,10 @@ from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray, IndexArray
 
 MIN_LOAD_N: Final = 0.02
-"""Force in newtons above which a taxel counts as loaded in the choice of the grasp for the force law of the layer."""
+"""Force in newtons above which a taxel is treated as loaded when the grasp for the layer's force law is chosen."""
 
 MAX_GRASPS: Final = 8
-"""Number of simulated grasps, the first of the dataset, among which the grasp with most loaded frames is chosen.
+"""Number of simulated grasps, from the beginning of the dataset, among which the grasp with most loads is chosen.
 
 Chosen: limits the time for reading."""
 
@@ -39,8 +39,9 @@ Chosen: limits the time for reading."""
 class ExportSource:
     """Effects of a report with all inputs of an export.
 
-    report: see `read_report`. sim: path of the simulated dataset, or None. missing: reason for a missing dataset, one
-    line; empty if there is a dataset. model: sensor model of the dataset. table: taxels of the dataset.
+    report: content of the report, see `read_report`. sim: path of the simulated dataset; None if it is unusable.
+    missing: why the dataset is unusable, one line; empty if there is a dataset. model: sensor model of the dataset;
+    None if there is none. table: taxels of the dataset; None without a dataset.
     """
 
     report: ReportedGap
@@ -61,7 +62,7 @@ class ExportSource:
 
     @cached_property
     def board(self) -> IndexArray:
-        """Position of each taxel's board in `boards`, [n]."""
+        """Position of each taxel's board in `boards`, [n] (n taxels)."""
         return np.searchsorted(np.array(self.boards), self.report.sensor).astype(np.intp)
 
     def iterate_boards(self) -> Iterator[tuple[int, IndexArray]]:
@@ -75,7 +76,9 @@ class ExportSource:
         return () if self.table is None else make_board_layouts(self.board, self.table)
 
     def map_blocks(self, effect: ReportedEffect) -> IndexArray:
-        """Return the column of `effect.values` for each taxel, [n]; -1 for a taxel without a value in the report."""
+        """Return the column of `effect.values` for each taxel, [n] (n taxels); -1 for a taxel without a value in the
+        report.
+        """
         if effect.effect.scope == TAXEL:
             return np.arange(self.n)
         if effect.effect.scope == BOARD:
@@ -84,9 +87,8 @@ class ExportSource:
         return np.zeros(self.n, np.intp)
 
     def expand_values(self, effect: ReportedEffect, name: str) -> FloatArray:
-        """Return the value of a parameter for each taxel, f64[n]; the neutral value if the report has no value.
-
-        name: of the parameter.
+        """Return the value of the parameter `name` for each taxel, f64[n] (n taxels); the neutral value where the
+        report has none.
         """
         block = self.map_blocks(effect)
         row = effect.values[effect.parameters.index(name)]
@@ -95,9 +97,9 @@ class ExportSource:
 
     @cached_property
     def law(self) -> ForceDepthLaw | None:
-        """Force of the layer of a taxel as a function of depth, from the simulated grasp with most loaded frames.
+        """Force of a taxel's layer as a function of depth, from the simulated grasp with the most loaded taxels.
 
-        None without a dataset. Raises GapInputError for a grasp without hold.
+        None without a dataset, a sensor model or contact forces. Raises GapInputError for a grasp without hold.
         """
         if self.sim is None or self.model is None:
             return None
@@ -111,15 +113,15 @@ class ExportSource:
 def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = None) -> ExportSource:
     """Read a report and the simulated dataset that it names, or the dataset `sim`.
 
-    Without `sim`, a dataset that does not exist or has changed is left out, and `missing` states this. Raises
-    GapInputError and DatasetError of one line for a wrong report, and for a dataset that is of another hand or not of a
-    simulation.
+    Without `sim`, a dataset that does not exist or has changed is omitted, and `ExportSource.missing` states this.
+    Raises GapInputError and DatasetError with a one-line message for a wrong report, and for a dataset that is of
+    another hand or not of a simulation.
     """
     reported = read_report(report)
     if sim is None:
         inputs = ReportValue(read_report_values(report)).field("inputs")
         path = Path(inputs.field("sim").optional_text("path"))
-        missing = _find_reason_against(path, reported)
+        missing = _explain_unusable_dataset(path, reported)
         if missing:
             return ExportSource(reported, None, missing, None, None)
     else:
@@ -129,8 +131,11 @@ def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = N
         return ExportSource(reported, path, "", data.sensor_model, data.taxels)
 
 
-def _find_reason_against(path: Path, reported: ReportedGap) -> str:
-    """Return the reason for which the dataset of a report cannot be used, or an empty text."""
+def _explain_unusable_dataset(path: Path, reported: ReportedGap) -> str:
+    """Return why the simulated dataset that a report names cannot be used; an empty string if it can be used.
+
+    A dataset is unusable if the file does not exist, or if its SHA-256 differs from that in the report.
+    """
     if not is_regular_file(path):
         return f"the simulated dataset {format_path(path)} was not found; give --sim"
     with open_regular_file(path) as file:

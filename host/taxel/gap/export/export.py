@@ -25,8 +25,11 @@ FORMATS: Final = ("mujoco", "genesis", "isaac", "python")
 
 @dataclass(frozen=True)
 class ExportResult:
-    """Result of an export. files: written files. effects: names of the expressed effects, in the order in which they
-    act. approximated, not_expressed: reason by name. notes: remarks for the user.
+    """Result of an export.
+
+    files: written files. effects: names of the effects that the files contain, in the order in which they act.
+    approximated, not_expressed: effects that the files contain only approximately, or not at all, with the reason, by
+    name of the effect. notes: remarks for the user.
     """
 
     files: tuple[Path, ...] = ()
@@ -49,8 +52,9 @@ def export_report(
 
     to: one of FORMATS. out: file to write; for MuJoCo, the Python module with the same name and the suffix .py is
     written beside it. sim: simulated dataset; None: that of the report. step_s: time step of the simulator (MuJoCo) or
-    time between two observations (Isaac Lab), seconds. Without an effect in the report no file is written. Raises
-    GapInputError and DatasetError of one line; existing files then stay unchanged.
+    time between two observations (Isaac Lab), seconds; None: the default of the format. Without an effect in the report
+    no file is written. Raises GapInputError and DatasetError with a one-line message; existing files are then
+    unchanged.
     """
     if to not in FORMATS:
         raise GapInputError("--to", f"one of {', '.join(FORMATS)}", format_value(to), "correct the name")
@@ -72,7 +76,7 @@ def export_report(
 
 
 def _build_texts(source: ExportSource, to: str, out: Path, step_s: float | None) -> tuple[dict[Path, str], Translation]:
-    """Build the texts of the files by path, and the translation with its limits in this format."""
+    """Return the contents of the files by path, and the translation of the effects, which states what it omits."""
     translation = translate(source)
     names = ", ".join(one.name for one in source.report.effects)
     note = f"Effects of the report {source.report.sha256[:12]}: {names}. Written by taxel {version('taxel')}."
@@ -92,19 +96,19 @@ def _build_texts(source: ExportSource, to: str, out: Path, step_s: float | None)
 
 
 def _check_targets(texts: Mapping[Path, str], inputs: tuple[Path | None, ...], overwrite: bool) -> None:
-    """Raise GapInputError for a file that must not or cannot be written."""
+    """Raise GapInputError if a file to write is a folder, is one of the inputs, or exists without `overwrite`."""
     for path in texts:
         where = format_path(path)
         if path.is_dir():
             raise GapInputError(where, "a file name", "a folder", "choose another --out")
         if path.exists() and any(one is not None and one.exists() and path.samefile(one) for one in inputs):
-            raise GapInputError("--out", "another file than the inputs", where, "choose another name")
+            raise GapInputError("--out", "a file other than the inputs", where, "choose another name")
         if path.exists() and not overwrite:
             raise GapInputError(where, "a new file", "an existing one", "choose another --out, or give --overwrite")
 
 
 def _write_file(path: Path, text: str) -> None:
-    """Write a file completely and then rename it to its name. Raises GapInputError if the folder is not writable."""
+    """Write a file under a temporary name and then rename it. Raises GapInputError if the folder is not writable."""
     try:
         write_whole(path, text)
     except OSError as error:

@@ -61,16 +61,17 @@ NORMAL_EXPONENT = 1.0  # the option normal_exponent of the sensor: a gain of the
 
 
 def write_genesis(source: ExportSource, translation: Translation, note: str) -> tuple[str, Translation]:
-    """Build the text of a Python file with Genesis options, and the translation with its limits in this format.
+    """Return the text of a Python file with Genesis options, and the translation reduced to what Genesis supports.
 
-    note: origin of the file.
+    translation: effects as numeric steps. note: line that states the origin of the file.
     """
     limited = _restrict_to_genesis(source, translation)
     report, taxels, options = source.report, [], []
     grids: dict[str, list[int]] = {}
-    for address, own in source.iterate_boards():
-        order = own[np.lexsort((report.rx[own], report.tx[own]))]
-        sides = int(np.ptp(report.tx[own])) + 1, int(np.ptp(report.rx[own])) + 1
+    for address, board_taxels in source.iterate_boards():
+        tx, rx = report.tx[board_taxels], report.rx[board_taxels]
+        order = board_taxels[np.lexsort((rx, tx))]
+        sides = int(np.ptp(tx)) + 1, int(np.ptp(rx)) + 1
         grids.setdefault(f"{sides[0]} x {sides[1]}", []).append(address)
         lines = list(zip(report.tx[order].tolist(), report.rx[order].tolist(), strict=True))
         taxels.append(f"    {address}: {lines},")
@@ -90,7 +91,9 @@ def write_genesis(source: ExportSource, translation: Translation, note: str) -> 
 
 
 def _restrict_to_genesis(source: ExportSource, translation: Translation) -> Translation:
-    """Remove the steps that Genesis lacks from a translation, and add the reasons."""
+    """Return a translation without the numeric steps that Genesis lacks, with the reasons for omitted and approximated
+    effects.
+    """
     refused, approximated, steps = dict(translation.not_expressed), dict(translation.approximated), []
     for step in translation.steps:
         kind, name = step["kind"], step["effect"]
@@ -125,9 +128,9 @@ def _restrict_to_genesis(source: ExportSource, translation: Translation) -> Tran
 def _build_options(
     source: ExportSource, translation: Translation, order: IndexArray, sides: tuple[int, int]
 ) -> list[tuple[str, str]]:
-    """Build names and source texts of the options of one board.
+    """Return the options of one board as pairs of name and source text; options with their default are omitted.
 
-    order: indices of the taxels of the board, row by row. sides: numbers of TX and RX lines.
+    order: indices of the taxels of the board, row by row. sides: numbers of TX and RX lines of the board.
     """
     gain, kernel, matrix = np.ones(len(order)), None, np.eye(len(order))
     for step in translation.steps:
@@ -161,7 +164,10 @@ def _build_options(
 
 
 def _reorder_matrix(step: dict[str, Any], order: IndexArray) -> FloatArray:
-    """Return the mixing matrix of a board for its taxels in another order, f64[m, m]."""
+    """Return the mixing matrix of a board, f64[m, m], for its m taxels in another order.
+
+    step: step of a translation with a mixing matrix for each board. order: indices of the taxels of the board.
+    """
     board = next(one for one in step["boards"] if np.isin(order[0], one["taxels"]))
     position = {int(taxel): number for number, taxel in enumerate(board["taxels"])}
     rows = [position[int(taxel)] for taxel in order]
@@ -169,7 +175,11 @@ def _reorder_matrix(step: dict[str, Any], order: IndexArray) -> FloatArray:
 
 
 def _compute_counts_per_newton(source: ExportSource, order: IndexArray) -> FloatArray | None:
-    """Compute the slope of the signal at zero force, counts per newton, f64[m]; None without sensor model."""
+    """Compute the slope of the signal over the force at zero force, counts per newton, f64[m] (m taxels); None without
+    sensor model.
+
+    order: [m], indices of the taxels.
+    """
     if source.model is None:
         return None
     half_n = source.model.half_force_n * np.ones(source.n)
@@ -177,7 +187,10 @@ def _compute_counts_per_newton(source: ExportSource, order: IndexArray) -> Float
 
 
 def _describe_grids(grids: dict[str, list[int]]) -> str:
-    """Describe the sizes of the boards; with several sizes, each is followed by the addresses of its boards."""
+    """Describe the sizes of the boards; with several sizes, each is followed by the addresses of its boards.
+
+    grids: addresses of the boards by size, such as "4 x 5".
+    """
     if len(grids) == 1:
         return next(iter(grids))
     return "; ".join(f"{size} on {', '.join(map(str, boards))}" for size, boards in grids.items())

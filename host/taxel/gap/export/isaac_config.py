@@ -17,10 +17,10 @@ VERSION: Final = "3.0.0"
 DEFAULT_STEP_S: Final = 0.02
 """Time between two observations, seconds, if the user states none: 50 Hz, the control rate of Isaac Lab's examples."""
 
-FORCES: Final = "acts on forces: the observation is a signal; use --to python before the observation"
+NEEDS_FORCES: Final = "acts on forces: the observation is a signal; use --to python before the observation"
 LOST_FRAMES: Final = "Isaac Lab has no term that repeats the last observation at random"
-SEPARATION: Final = "needs the distance between object and taxel, which the observation lacks"
-STICKING: Final = "Isaac Lab has no modifier with a play; use --to python"
+NEEDS_SEPARATION: Final = "needs the distance between object and taxel, which the observation lacks"
+NEEDS_PLAY: Final = "Isaac Lab has no modifier with a play; use --to python"
 COMMON_NOISE: Final = "GaussianNoiseCfg samples each taxel alone: the variance is right, the correlation on lines is 0"
 DRIFT: Final = "a bias of each episode with the mean of the drift over a grasp instead of a slope"
 STUCK: Final = "constant taxels keep their noise"
@@ -79,24 +79,26 @@ def open_gap(data, half_counts):
 
 
 def write_isaac(source: ExportSource, translation: Translation, step_s: float, note: str) -> tuple[str, Translation]:
-    """Build the text of a Python file with Isaac Lab configurations, and the translation with its limits.
+    """Return the text of a Python file with Isaac Lab configurations, and the translation reduced to what Isaac Lab
+    supports.
 
-    step_s: time between two observations, seconds. note: origin of the file.
+    translation: effects as numeric steps. step_s: time between two observations, seconds. note: line that states the
+    origin of the file.
     """
     limited = _restrict_to_isaac(translation)
     report = source.report
     taxels, filters, noises = [], [], []
-    for address, own in source.iterate_boards():
-        lines = list(zip(report.tx[own].tolist(), report.rx[own].tolist(), strict=True))
+    for address, board_taxels in source.iterate_boards():
+        lines = list(zip(report.tx[board_taxels].tolist(), report.rx[board_taxels].tolist(), strict=True))
         taxels.append(f"    {address}: {lines},  # (TX line, RX line)")
-        steps = [text for step in limited.steps for text in _write_modifiers(step, own, step_s)]
-        delay_s = float(max(limited.delay_s[own[0]], 0.0))
+        modifiers = [text for step in limited.steps for text in _write_modifiers(step, board_taxels, step_s)]
+        delay_s = float(max(limited.delay_s[board_taxels[0]], 0.0))
         if delay_s:
-            steps.append(
+            modifiers.append(
                 _write_filter([0.0], _compute_delay_taps(delay_s, step_s), f"delay of {round_number(delay_s)} s")
             )
-        filters.append(f"    {address}: [\n" + "".join(f"        {text}\n" for text in steps) + "    ],")
-        noise = _write_noise(limited, own)
+        filters.append(f"    {address}: [\n" + "".join(f"        {text}\n" for text in modifiers) + "    ],")
+        noise = _write_noise(limited, board_taxels)
         if noise:
             noises.append(f"    {address}: {noise},")
     head = HEAD.format(
@@ -111,11 +113,13 @@ def write_isaac(source: ExportSource, translation: Translation, step_s: float, n
 
 
 def _restrict_to_isaac(translation: Translation) -> Translation:
-    """Remove the steps that Isaac Lab lacks from a translation, and add the reasons."""
+    """Return a translation without the numeric steps that Isaac Lab lacks, with the reasons for omitted and
+    approximated effects.
+    """
     refused, approximated = dict(translation.not_expressed), dict(translation.approximated)
     steps = []
     for step in translation.steps:
-        reason = _find_reason_against(step)
+        reason = _explain_missing_modifier(step)
         if reason:
             refused[step["effect"]] = reason
         else:
@@ -133,34 +137,41 @@ def _restrict_to_isaac(translation: Translation) -> Translation:
     return translation.restrict(steps, approximated, refused)
 
 
-def _find_reason_against(step: Step) -> str:
-    """Return the reason for which a step has no modifier, or an empty text."""
+def _explain_missing_modifier(step: Step) -> str:
+    """Return why Isaac Lab cannot express a step of an effect by a modifier; an empty string if it can.
+
+    A modifier is an Isaac Lab function that changes an observation, here the signals of a board. A step is one numeric
+    operation of an effect (`translation.Translation.steps`); its `kind` names the operation.
+    """
     kind = step["kind"]
     if kind in ("mix_force", "pillars", "half_force", "late_force", "late_more", "late_depth"):
-        return FORCES
-    return {"proximity": SEPARATION, "sticks": STICKING}.get(kind, "")
+        return NEEDS_FORCES
+    return {"proximity": NEEDS_SEPARATION, "sticks": NEEDS_PLAY}.get(kind, "")
 
 
-def _write_modifiers(step: Step, own: IndexArray, step_s: float) -> list[str]:
-    """Write the source text of the modifiers of a step for the taxels of a board. own: indices of these taxels."""
+def _write_modifiers(step: Step, taxels: IndexArray, step_s: float) -> list[str]:
+    """Return the source texts of the Isaac Lab modifiers that perform a step of an effect on one board.
+
+    taxels: indices of the taxels of the board. step_s: time between two observations, seconds. The list is empty for a
+    step that needs no modifier, such as a drift.
+    """
     kind, name = step["kind"], step["effect"]
     if kind == "scale":
-        return [_write_function("modifiers.scale", {"multiplier": step["factor"][own]}, name)]
+        return [_write_function("modifiers.scale", {"multiplier": step["factor"][taxels]}, name)]
     if kind == "clip":
-        return [_write_function("modifiers.clip", {"bounds": (None, float(step["counts"][own[0]]))}, name)]
+        return [_write_function("modifiers.clip", {"bounds": (None, float(step["counts"][taxels[0]]))}, name)]
     if kind == "soft":
-        return [_write_function("saturate", {"counts": step["counts"][own]}, name)]
+        return [_write_function("saturate", {"counts": step["counts"][taxels]}, name)]
     if kind == "power":
-        return [
-            _write_function("raise_to_power", {"exponent": step["exponent"][own], "scale": step["scale_counts"]}, name)
-        ]
+        parameters = {"exponent": step["exponent"][taxels], "scale": step["scale_counts"]}
+        return [_write_function("raise_to_power", parameters, name)]
     if kind == "mix_signal":
-        matrix = next(board["matrix"] for board in step["boards"] if board["taxels"][0] == own[0])
+        matrix = next(board["matrix"] for board in step["boards"] if board["taxels"][0] == taxels[0])
         return [_write_function("mix", {"matrix": matrix}, name)]
     if kind == "lag":
-        return [_write_lag_filter(1.0, float(step["seconds"][own[0]]), step_s, name)]
+        return [_write_lag_filter(1.0, float(step["seconds"][taxels[0]]), step_s, name)]
     if kind in ("late_signal", "late_gap"):
-        late = _write_lag_filter(float(step["fraction"][own[0]]), float(step["seconds"][own[0]]), step_s, name)
+        late = _write_lag_filter(float(step["fraction"][taxels[0]]), float(step["seconds"][taxels[0]]), step_s, name)
         if kind == "late_signal":
             return [late]
         share = {"half_counts": step["half_counts"]}
@@ -169,8 +180,9 @@ def _write_modifiers(step: Step, own: IndexArray, step_s: float) -> list[str]:
 
 
 def _write_lag_filter(fraction: float, seconds: float, step_s: float, name: str) -> str:
-    """Write a filter that delays the share `fraction` by a first-order lag with the time constant `seconds`.
+    """Return the source text of a filter that passes the share `fraction` of the signal through a first-order lag.
 
+    seconds: time constant of the lag. step_s: time between two observations, seconds. name: effect, for the comment.
     The coefficients are exact for signals that are linear between two observations.
     """
     x = step_s / max(seconds, 1e-6)
@@ -180,37 +192,46 @@ def _write_lag_filter(fraction: float, seconds: float, step_s: float, name: str)
 
 
 def _compute_delay_taps(delay_s: float, step_s: float) -> list[float]:
-    """Compute the coefficients of a delay, with linear interpolation between two observations."""
+    """Return the coefficients of a filter that delays its input by `delay_s`, newest input first.
+
+    step_s: time between two observations, seconds. Between two observations the delay is interpolated linearly.
+    """
     whole, share = divmod(delay_s / step_s, 1.0)
     return [0.0] * int(whole) + [1.0 - share, share]
 
 
 def _write_filter(past: list[float], taps: list[float], comment: str) -> str:
-    """Write a filter. past: coefficients of previous outputs. taps: of the inputs, newest first."""
+    """Return the source text of a digital filter.
+
+    past: coefficients of previous outputs. taps: coefficients of the inputs. Both start with the newest value.
+    """
     return f"modifiers.DigitalFilterCfg(A={_write_value(past)}, B={_write_value(taps)}),  # {comment}"
 
 
 def _write_function(function: str, parameters: dict[str, Any], comment: str) -> str:
-    """Write a modifier that calls a function. parameters: arguments by name."""
+    """Return the source text of a modifier that calls a function. parameters: arguments by name."""
     text = ", ".join(f'"{name}": {_write_value(value)}' for name, value in parameters.items())
     return f"modifiers.ModifierCfg(func={function}, params={{{text}}}),  # {comment}"
 
 
-def _write_noise(translation: Translation, own: IndexArray) -> str:
-    """Write the source text of the noise model of a board; an empty text without noise and drift."""
-    deviation: FloatArray = np.sqrt((translation.noise[:, own] ** 2).sum(axis=0))
+def _write_noise(translation: Translation, taxels: IndexArray) -> str:
+    """Return the source text of the noise model of a board; an empty string without noise and drift.
+
+    taxels: indices of the taxels of the board.
+    """
+    deviation: FloatArray = np.sqrt((translation.noise[:, taxels] ** 2).sum(axis=0))
     drift = next((step for step in translation.steps if step["kind"] == "drift"), None)
     white = f"GaussianNoiseCfg(mean=0.0, std={_write_value(deviation if np.ptp(deviation) else float(deviation[0]))})"
     if drift is None:
         return white if deviation.any() else ""
-    mean, std = 0.5 * float(drift["slope"][own[0]]), float(drift["deviation"][own[0]])
+    mean, std = 0.5 * float(drift["slope"][taxels[0]]), float(drift["deviation"][taxels[0]])
     # With the operation "add", the bias of an episode would be added to the bias of the previous episode.
     bias = f'GaussianNoiseCfg(mean={_write_value(mean)}, std={_write_value(std)}, operation="abs")'
     return f"NoiseModelWithAdditiveBiasCfg(noise_cfg={white}, bias_noise_cfg={bias}, sample_bias_per_component=False)"
 
 
 def _write_value(value: Any) -> str:
-    """Write the source text of numbers, with tensors for arrays."""
+    """Return the Python source text of a number, list or tuple of numbers, or array (as a tensor)."""
     if isinstance(value, np.ndarray):
         return f"tensor({_write_value(value.tolist())})"
     if isinstance(value, list | tuple):

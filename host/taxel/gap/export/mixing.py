@@ -10,10 +10,10 @@ from taxel.types import FloatArray, IndexArray
 def build_crosstalk_matrix(tx: IndexArray, rx: IndexArray, fractions: FloatArray, own_ratio: float = 0.0) -> FloatArray:
     """Build the matrix f64[m, m] of crosstalk over the electrodes of one board with m taxels.
 
-    The matrix contains the signal of the taxel itself. tx, rx: lines of the taxels. fractions: two or four numbers,
-    fractions of the mean of the other taxels on the TX line and on the RX line, and of the taxels at the same position
-    on the neighbouring TX lines and RX lines. own_ratio: change of the own signal of a taxel over the sum of the
-    absolute fractions.
+    Its diagonal contains the taxel's own signal. tx, rx: TX line and RX line of each taxel. fractions: two or four
+    numbers: fractions of the mean signal of the other taxels on the TX line and on the RX line, and fractions of the
+    signals at the same position of the neighbouring TX lines and RX lines. own_ratio: relative change of a taxel's own
+    signal, divided by the sum of the absolute fractions.
     """
     distances = [np.abs(line[:, None] - line) for line in (tx, rx)]
     other = ~np.eye(len(tx), dtype=bool)
@@ -29,10 +29,11 @@ def build_crosstalk_matrix(tx: IndexArray, rx: IndexArray, fractions: FloatArray
 def build_shorts_matrix(
     tx: IndexArray, rx: IndexArray, remaining: FloatArray, shorts: list[tuple[str, int, float]]
 ) -> FloatArray:
-    """Build the matrix f64[m, m] of dead taxels and of lines that are connected to each other.
+    """Build the matrix f64[m, m] of dead taxels and shorted lines of one board with m taxels.
 
-    remaining: f64[m], remaining share of the signal of each taxel. shorts: axis "tx" or "rx", the first of the two
-    lines, and the share of the sum of both signals that each taxel of these lines measures.
+    tx, rx: TX line and RX line of each taxel. remaining: f64[m], remaining share of the signal of each taxel. shorts:
+    for each pair of shorted lines the axis "tx" or "rx", the index of the first line (the other is the next line), and
+    the share of the sum of both signals that each taxel of these lines measures.
     """
     matrix = np.diag(remaining)
     for axis, index, share in shorts:
@@ -47,9 +48,10 @@ def build_shorts_matrix(
 def compute_grid_kernel(tx: IndexArray, rx: IndexArray, matrix: FloatArray) -> FloatArray:
     """Compute the kernel f64[2 R - 1, 2 C - 1] that approximates a matrix on a grid of R TX lines and C RX lines.
 
-    Each entry is the mean of the matrix over all pairs of taxels with the same distance in lines. The kernel is that of
-    a cross-correlation: entry (R - 1 + i, C - 1 + j) is the share that a taxel gains from the taxel whose
-    TX line is larger by i and whose RX line is larger by j.
+    tx, rx: TX line and RX line of each of the m taxels. matrix: f64[m, m]. Each entry is the mean of the matrix over
+    all pairs of taxels with the same distance in lines. The kernel is that of a cross-correlation: entry
+    (R - 1 + i, C - 1 + j) is the share that a taxel gains from the taxel whose TX line is larger by i and whose RX line
+    is larger by j.
     """
     rows, columns = int(np.ptp(tx)) + 1, int(np.ptp(rx)) + 1
     i, j = tx[:, None] - tx + rows - 1, rx[:, None] - rx + columns - 1

@@ -27,11 +27,11 @@ NOISE_IS_STORED: Final = (
 
 
 def write_mjcf(source: ExportSource, translation: Translation, timestep_s: float, note: str) -> tuple[str, Translation]:
-    """Build the text of an MJCF file, and the translation of the effects that remain for the Python module.
+    """Return the text of an MJCF file, and the translation of the effects that remain for the Python module.
 
-    timestep_s: time step of the model, seconds, from which the number of samples of a delay follows. note: origin of
-    the file. The sensors measure the normal force of sites with the names taxel_BOARD_TX_RX (address in decimal), in
-    newtons.
+    The sensors measure the normal force, in newtons, at sites with the names taxel_BOARD_TX_RX (address of the board in
+    decimal). translation: effects as numeric steps. timestep_s: time step of the model, seconds, from which the number
+    of samples of a delay follows. note: line that states the origin of the file.
     """
     delay_s = np.maximum(translation.delay_s, 0.0)
     cutoff_n, remaining = _split_cutoff(source, translation)
@@ -59,9 +59,10 @@ def write_mjcf(source: ExportSource, translation: Translation, timestep_s: float
 
 
 def _compute_noise_n(source: ExportSource, translation: Translation) -> FloatArray:
-    """Compute the standard deviation of the noise of each taxel as a force at zero load, newtons, f64[n].
+    """Return the standard deviation of each taxel's noise as a force, newtons, f64[n] (n taxels); 0 without sensor
+    model.
 
-    0 without sensor model.
+    Counts are converted to newtons by the slope of the signal over the force at zero force.
     """
     if source.model is None:
         return np.zeros(source.n)
@@ -70,10 +71,11 @@ def _compute_noise_n(source: ExportSource, translation: Translation) -> FloatArr
 
 
 def _split_cutoff(source: ExportSource, translation: Translation) -> tuple[FloatArray, Translation]:
-    """Convert a saturation into a cutoff of the force, newtons, f64[n]; return it with the remaining translation.
+    """Return a saturation as a cutoff of the force, newtons, f64[n] (n taxels), and the translation without the
+    saturation.
 
-    The cutoff is 0 without a saturation, or for a saturation that follows a step outside `BEFORE_CUTOFF`; the
-    translation is then unchanged.
+    The cutoff is 0 for all taxels, and the translation is unchanged, if there is no sharp saturation or no sensor
+    model, if an effect outside `BEFORE_CUTOFF` precedes the saturation, or if a taxel has the gain 0.
     """
     limits = np.zeros(source.n)
     clip_index = next((k for k, step in enumerate(translation.steps) if step["kind"] == "clip"), None)

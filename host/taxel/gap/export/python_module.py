@@ -24,7 +24,10 @@ DIGITS: Final = 9
 
 
 def write_python(source: ExportSource, translation: Translation, note: str) -> str:
-    """Build the text of a Python file with the class `SkinEffects`. note: origin of the file, one line."""
+    """Return the text of a Python file with the class `SkinEffects` and the parameters of the effects.
+
+    translation: effects as numeric steps. note: line that states the origin of the file.
+    """
     code = join_sources()
     comment = "\n".join(f"# {line}" for line in (note, *list_limits(translation)))
     parameters = _collect_parameters(source, translation)
@@ -33,7 +36,7 @@ def write_python(source: ExportSource, translation: Translation, note: str) -> s
 
 
 def join_sources() -> str:
-    """Join the source texts of `skin_effects.py` and `skin_steps.py` to a module without imports of this package."""
+    """Return the sources of `skin_effects.py` and `skin_steps.py` as one module without imports of this package."""
     folder = files("taxel.gap.export")
     steps, effects = (
         folder.joinpath(name).read_text(encoding="utf-8") for name in ("skin_steps.py", "skin_effects.py")
@@ -43,18 +46,18 @@ def join_sources() -> str:
 
 
 def _quote_parameters(lines: str) -> str:
-    """Write the JSON text of the parameters as a raw string literal."""
+    """Return the Python expression that loads the parameters from a raw string literal. lines: JSON text."""
     return 'json.loads(r"""{' + lines.replace('"""', '""\\u0022') + '}""")'
 
 
 def list_limits(translation: Translation) -> list[str]:
-    """List the approximated effects and the effects that are not expressed, one line each with the reason."""
+    """Return one line with the reason for each effect that the export approximates or does not express."""
     lines = [f"approximated: {name}: {reason}" for name, reason in translation.approximated.items()]
     return lines + [f"not expressed: {name}: {reason}" for name, reason in translation.not_expressed.items()]
 
 
 def format_tables(tables: Mapping[str, Sequence[str]]) -> str:
-    """Write the source text of dictionaries. tables: lines of the entries by name of the dictionary."""
+    """Return the Python source text of dictionaries. tables: source lines of the entries, by name of the dictionary."""
     return "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
 
 
@@ -64,7 +67,10 @@ def round_number(value: float) -> float:
 
 
 def _collect_parameters(source: ExportSource, translation: Translation) -> dict[str, Any]:
-    """Collect the values of `PARAMETERS` of the exported module, by name."""
+    """Return the values of the dictionary `PARAMETERS` in the exported module, by name.
+
+    An empty list stands for an effect that is absent; None for an unknown sensor model.
+    """
     report, model = source.report, source.model
     groups = [
         _number_line_groups(source, line)
@@ -93,19 +99,23 @@ def _collect_parameters(source: ExportSource, translation: Translation) -> dict[
 
 
 def _number_line_groups(source: ExportSource, line: Any) -> list[int]:
-    """Number the groups of taxels with the same line on the same board; return the group of each taxel, [n]."""
+    """Return for each taxel the number of its group, [n] (n taxels): the taxels of one board with an equal value of
+    `line`.
+
+    line: [n], such as the TX line of each taxel.
+    """
     return [
         int(one) for one in np.unique(np.column_stack([source.board, line]), axis=0, return_inverse=True)[1].ravel()
     ]
 
 
 def _write_json(value: Any) -> str:
-    """Write a value as compact JSON."""
+    """Return a value as compact JSON text, with numbers rounded to `DIGITS` significant digits."""
     return json.dumps(_convert_to_json(value), separators=(",", ":"), allow_nan=False)
 
 
 def _convert_to_json(value: Any) -> Any:
-    """Convert arrays and tuples to JSON values, and round the numbers."""
+    """Return a value with arrays and tuples converted to lists, and with rounded numbers."""
     if isinstance(value, np.ndarray):
         return _convert_to_json(value.tolist())
     if isinstance(value, Mapping):

@@ -48,32 +48,31 @@ class SkinEffects:
         n: number of taxels.
         boards: addresses.
         valid: bool[boards], whether the last frame of each board arrived.
-        valid_frames: bool[T, boards], the same for the frames of the last recording.
+        valid_frames: bool[T, boards] (T frames), the same for the frames of the last recording.
         not_expressed: reason by name of an effect that the module lacks.
     """
 
     def __init__(self, parameters: Values | None = None) -> None:
-        self.parameters = PARAMETERS if parameters is None else parameters
-        own = self.parameters
-        self.n = len(own["taxels"]["board"])
-        self.boards = tuple(own["boards"])
-        self.not_expressed = dict(own["not_expressed"])
-        self.has_force_steps = any(step["kind"] in FORCE_STEPS for step in own["steps"])
-        self._steps = [(STEPS[step["kind"]], to_arrays(step)) for step in own["steps"]]
-        self._board = np.array(own["taxels"]["board"])
-        self._delay_s = np.array(own["delay_s"] or [0.0] * self.n)
-        self._lost = np.array(own["lost"] or [0.0] * len(self.boards))
-        self._stuck = np.array(own["stuck"], dtype=int)
-        model = own["sensor_model"]
+        self.parameters = parameters = PARAMETERS if parameters is None else parameters
+        self.n = len(parameters["taxels"]["board"])
+        self.boards = tuple(parameters["boards"])
+        self.not_expressed = dict(parameters["not_expressed"])
+        self.has_force_steps = any(step["kind"] in FORCE_STEPS for step in parameters["steps"])
+        self._steps = [(STEPS[step["kind"]], to_arrays(step)) for step in parameters["steps"]]
+        self._board = np.array(parameters["taxels"]["board"])
+        self._delay_s = np.array(parameters["delay_s"] or [0.0] * self.n)
+        self._lost = np.array(parameters["lost"] or [0.0] * len(self.boards))
+        self._stuck = np.array(parameters["stuck"], dtype=int)
+        model = parameters["sensor_model"]
         self._model = None if model is None else {name: np.asarray(value, float) for name, value in model.items()}
         self.reset()
 
     def reset(self, seed: int = 0, start_s: float | None = None, baseline: npt.ArrayLike | None = None) -> None:
         """Discard the state of all previous frames.
 
-        seed: of noise, drift and lost frames. start_s: time from which the effects of contact act; None: the first
-        frame. baseline: raw counts f64[n] without contact; None: that of the sensor model, or the mean of the frames
-        before start_s, or the first frame.
+        seed: seed of the random numbers of noise, drift and lost frames. start_s: time from which the effects of
+        contact act; None: time of the first frame. baseline: raw counts f64[n] (n taxels) without contact; None: the
+        baseline of the sensor model; without a sensor model, the mean of the frames before start_s, or the first frame.
         """
         self._noise = np.random.default_rng([seed, 1])
         self._loss = np.random.default_rng([seed, 3])
@@ -91,7 +90,7 @@ class SkinEffects:
         self.valid = np.ones(len(self.boards), bool)
 
     def compute_counts(self, force: npt.ArrayLike) -> Array:
-        """Convert forces f64[..., n], newtons, into raw counts without effects and noise.
+        """Convert forces f64[..., n] (n taxels), newtons, into raw counts without effects and noise.
 
         Raises ValueError if the exported file has no sensor model.
         """
@@ -106,11 +105,12 @@ class SkinEffects:
         force: npt.ArrayLike | None = None,
         separation: npt.ArrayLike | None = None,
     ) -> Array:
-        """Compute the raw counts f64[n] of one frame with the effects.
+        """Compute the raw counts f64[n] (n taxels) of one frame with the effects.
 
-        time_s: increasing from frame to frame. values: raw counts f64[n] of the simulator. force: f64[n], newtons;
-        None: computed from the values by the sensor model where an effect needs it. separation: f64[n], metres, needed
-        by the effect proximity. A negative delay is 0 here. Raises ValueError for a wrong shape or a missing input.
+        time_s: time of the frame, not before that of the previous frame. values: raw counts f64[n] of the simulator.
+        force: f64[n], newtons; None: computed from the values by the sensor model where an effect needs it. separation:
+        distance of the object from each taxel, f64[n], metres, needed by the effect proximity. A negative delay is
+        treated as 0. Raises ValueError for a wrong shape or a missing input.
         """
         values, base, signal = self._apply_steps(float(time_s), values, force, separation)
         if signal is None:
@@ -134,7 +134,8 @@ class SkinEffects:
         start_s: float | None = None,
         baseline: npt.ArrayLike | None = None,
     ) -> Array:
-        """Compute the raw counts f64[T, n] of a recording with the effects; negative delays are applied as well.
+        """Compute the raw counts f64[T, n] (T frames, n taxels) of a recording with the effects; negative delays are
+        applied as well.
 
         time_s: f64[T]. values: raw counts f64[T, n]. force, separation: f64[T, n] or None. seed, start_s, baseline: see
         `reset`, which is called first. Raises ValueError for a wrong shape or a missing input.
@@ -149,13 +150,13 @@ class SkinEffects:
             )
             for k, time in enumerate(time_s.tolist())
         ]
-        own = [k for k, row in enumerate(rows) if row[2] is not None]
+        started = [k for k, row in enumerate(rows) if row[2] is not None]
         change = np.zeros(values.shape)
-        if own:
-            signals = np.array([rows[k][2] for k in own])
+        if started:
+            signals = np.array([rows[k][2] for k in started])
             if self._delay_s.any():
-                signals = delay_signals(time_s[own], signals, self._delay_s, time_s[own])
-            change[own] = signals - np.array([rows[k][1] for k in own])
+                signals = delay_signals(time_s[started], signals, self._delay_s, time_s[started])
+            change[started] = signals - np.array([rows[k][1] for k in started])
         result, valid = np.empty(values.shape), []
         for k in range(len(values)):
             result[k] = self._finish(values[k], change[k])
@@ -166,9 +167,10 @@ class SkinEffects:
     def _apply_steps(
         self, time_s: float, values: npt.ArrayLike, force: npt.ArrayLike | None, separation: npt.ArrayLike | None
     ) -> tuple[Array, Array, Array | None]:
-        """Return the values, the signal without effects, and the signal with all effects except the delay.
+        """Return the raw counts `values`, the signal without effects, and the signal with all effects except the delay.
 
-        Before the start the last item is None. Raises ValueError for a decreasing time.
+        All are f64[n] (n taxels), counts. Before the start time the last item is None, and the second one is
+        meaningless. Raises ValueError for a decreasing time.
         """
         values = self._check_shape("values", values)
         if self._first_s is None:
@@ -182,8 +184,7 @@ class SkinEffects:
             if len(self._before) < BASELINE_FRAMES:
                 self._before.append(values)
             return values, values, None
-        rest = self._get_baseline(values)
-        signal = rest - values
+        signal = self._get_baseline(values) - values
         newtons: Array | None = None
         if self._model is None or not (self.has_force_steps or force is not None):
             pass
@@ -206,7 +207,10 @@ class SkinEffects:
         return values, base, get_signal(frame)
 
     def _get_baseline(self, values: Array) -> Array:
-        """Return the baseline, raw counts f64[n]: as given, of the sensor model, or the mean of early frames."""
+        """Return the baseline, raw counts f64[n] (n taxels); at its first use it is determined and stored, see `reset`.
+
+        values: raw counts of the present frame, which are the baseline if nothing else determines it.
+        """
         if self._given_baseline is None:
             if self._model is not None:
                 self._given_baseline = self._model["baseline_counts"]
@@ -215,27 +219,31 @@ class SkinEffects:
         return np.asarray(self._given_baseline, float)
 
     def _convert_force(self, force: Array) -> Array:
-        """Convert forces f64[..., n], newtons, into signals, counts, by the sensor model."""
+        """Convert forces f64[..., n] (n taxels), newtons, into signals, counts, by the sensor model."""
         assert self._model is not None
         return np.asarray(self._model["full_scale_counts"] * force / (force + self._model["half_force_n"]))
 
     def _check_shape(self, name: str, values: npt.ArrayLike) -> Array:
-        """Convert values to f64[n]. Raises ValueError for another shape."""
+        """Convert values to f64[n] (n taxels). Raises ValueError for another shape."""
         values = np.asarray(values, float)
         if values.shape != (self.n,):
             raise ValueError(f"{name}: expected {self.n} numbers, found an array of shape {values.shape}")
         return values
 
     def _finish(self, values: Array, change: Array) -> Array:
-        """Compute the raw counts from the change of the signal, noise, constant taxels and lost frames."""
+        """Return the raw counts f64[n] (n taxels) of a frame with noise, constant taxels and lost frames added.
+
+        values: raw counts of the simulator. change: change of the signal by the other effects, counts. A board whose
+        frame is lost keeps its previous counts; `valid` states which boards have a new frame.
+        """
         result = values - change
         for deviation, member in zip(self.parameters["noise"], self.parameters["noise_groups"], strict=True):
             if any(deviation):
                 result = result + np.array(deviation) * self._noise.normal(size=max(member) + 1)[np.array(member)]
         result = np.clip(np.rint(result), 0, LARGEST_COUNT)
         if len(self._stuck):
-            rest = np.broadcast_to(self._get_baseline(values), (self.n,))
-            result[self._stuck] = np.rint(rest[self._stuck])
+            baseline = np.broadcast_to(self._get_baseline(values), (self.n,))
+            result[self._stuck] = np.rint(baseline[self._stuck])
         self.valid = self._loss.random(len(self.boards)) >= self._lost
         self._last_counts = np.where(self.valid[self._board], result, self._last_counts)
         return self._last_counts.copy()

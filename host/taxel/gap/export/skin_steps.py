@@ -15,7 +15,7 @@ MAX_CLOSED_SHARE = 0.98
 MISSED_SEPARATION_M = 0.0499
 """Separation in metres from which on the normal of a taxel does not meet the object."""
 PLAY_SHARE = 0.3
-"""Share of the closed gap that follows the load with the play of a sticking layer."""
+"""Share of the closed gap on which the friction of a sticking layer acts, so that it follows the load with a play."""
 CREEP_TIME_CONSTANTS_S = 10.0 ** np.arange(-1.5, 2.0, 0.5)
 """Time constants of the first-order lags that approximate creep, from the duration of a frame to far beyond a grasp."""
 CREEP_STEP_DECADES = 0.5
@@ -27,7 +27,13 @@ DRIFT_END_SHARE = 0.9
 
 
 class Frame:
-    """One frame between the steps: force f64[n] (newtons) until `signal` f64[n] (counts below baseline) replaces it."""
+    """One frame between the steps: force f64[n] (n taxels) (newtons) until `signal` f64[n] (counts below baseline)
+    replaces it.
+
+    step_s: time since the previous frame. since_s: time since the start of the effects. age_s: mean age of the baseline
+    frames at the start. All in seconds. model: sensor model; None if there is none. separation: distance between object
+    and taxel, f64[n], metres; None if unknown. force_scale: factor on the force at half the full scale.
+    """
 
     def __init__(self, step_s: float, since_s: float, age_s: float, model: Values | None) -> None:
         self.step_s, self.since_s, self.age_s = step_s, since_s, age_s
@@ -39,7 +45,7 @@ class Frame:
 
 
 def to_arrays(step: Values) -> Values:
-    """Convert the lists of a step of PARAMETERS to arrays."""
+    """Return a step of PARAMETERS with its lists and numbers converted to arrays; texts are omitted."""
     values: Values = {
         name: np.asarray(value, float)
         for name, value in step.items()
@@ -53,7 +59,7 @@ def to_arrays(step: Values) -> Values:
 
 
 def get_signal(frame: Frame) -> Array:
-    """Return the signal of a frame, counts f64[n]; forces are converted by the sensor model."""
+    """Return the signal of a frame, counts f64[n] (n taxels); forces are converted by the sensor model."""
     if frame.signal is not None:
         return frame.signal
     half_n = frame.model["half_force_n"] * frame.force_scale
@@ -61,9 +67,10 @@ def get_signal(frame: Frame) -> Array:
 
 
 def delay_signals(times: Array, signals: Array, delay_s: Array, at: Array) -> Array:
-    """Interpolate signals f64[K, n] linearly at the times `at` - `delay_s`, seconds.
+    """Return signals that are delayed by `delay_s` f64[n] (n taxels), seconds, at the times `at`, f64[len(at), n].
 
-    Before the first frame the result is the signal of the first frame. Returns f64[len(at), n].
+    times: f64[K] (K frames), times of the recorded signals f64[K, n], which are interpolated linearly at `at` -
+    `delay_s`. Before the first frame the result is the signal of the first frame.
     """
     result = np.empty((len(at), signals.shape[1]))
     for delay in np.unique(delay_s):
@@ -81,7 +88,11 @@ def delay_signals(times: Array, signals: Array, delay_s: Array, at: Array) -> Ar
 
 
 def _low_pass(values: Array, step_s: float, seconds: Any, state: dict[Any, Any], key: Any = "") -> Array:
-    """Apply a first-order low pass to values that are linear between frames; the state before the first frame is 0."""
+    """Return values after a first-order low-pass filter with the time constant `seconds`, and update its state.
+
+    The values are linear between frames; before the first frame, input and output are 0. state: values and result of
+    the previous frame under `key`.
+    """
     before, filtered = state.get(key, (np.zeros_like(values), np.zeros_like(values)))
     x = np.maximum(step_s / np.maximum(seconds, 1e-6), 1e-12)
     filtered = values + (values - before) * np.expm1(-x) / x + (filtered - before) * np.exp(-x)
@@ -90,7 +101,7 @@ def _low_pass(values: Array, step_s: float, seconds: Any, state: dict[Any, Any],
 
 
 def _delay_share(values: Array, frame: Frame, parameters: Values, state: dict[Any, Any]) -> Array:
-    """Apply a first-order lag with the time constant `seconds` to a share `fraction` of the values."""
+    """Return values of which the share `fraction` passes a first-order lag with the time constant `seconds`."""
     return np.asarray(
         values + parameters["fraction"] * (_low_pass(values, frame.step_s, parameters["seconds"], state) - values)
     )
@@ -109,6 +120,7 @@ def _open_gap(closed: Array, half_counts: Array) -> Array:
 
 
 def _mix_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Spread the forces on each board: taxel j gains the share matrix[i, j] of the force of taxel i."""
     force = frame.force.copy()
     for board in parameters["boards"]:
         force[board["taxels"]] = frame.force[board["taxels"]] @ board["matrix"]
@@ -116,6 +128,11 @@ def _mix_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Add the force that taxels gain because the depth decreases with a fixed slope around a loaded place.
+
+    The depth is force / (force + half_depth_n), as a share of the greatest depth, which decreases to 0 over `reach_m`.
+    Taxels are divided into pieces. state: distances of the pieces of each board, divided by `reach_m`.
+    """
     force, half_n = frame.force.copy(), float(parameters["half_depth_n"])
     for number, board in enumerate(parameters["boards"]):
         if number not in state:
@@ -124,48 +141,62 @@ def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
             np.fill_diagonal(distances, np.inf)
             state[number] = distances / float(board["reach_m"])
         pieces = board["pieces"].shape[1]
-        own = np.repeat(np.maximum(frame.force[board["taxels"]], 0.0), pieces)
-        sources = np.flatnonzero(own > 1e-4 * own.max())
+        load = np.repeat(np.maximum(frame.force[board["taxels"]], 0.0), pieces)
+        sources = np.flatnonzero(load > 1e-4 * load.max())
         if not len(sources):
             continue
-        depth = own / (own + half_n)
+        depth = load / (load + half_n)
         reached = (depth[sources, None] - state[number][sources]).max(axis=0, initial=0.0)
         deeper = np.clip(reached, depth, 0.97)
-        gained = np.maximum(half_n * deeper / (1.0 - deeper) - own, 0.0).reshape(-1, pieces).mean(axis=1)
+        gained = np.maximum(half_n * deeper / (1.0 - deeper) - load, 0.0).reshape(-1, pieces).mean(axis=1)
         force[board["taxels"]] += float(board["strength"]) * gained
     frame.force = force
 
 
 def _half_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Multiply the half-scale force by `factor`, unless the forces are already converted to a signal."""
     if frame.signal is None:
         frame.force_scale = frame.force_scale * parameters["factor"]
 
 
 def _late_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Let the share `fraction` of the force follow with the time constant `seconds` (parameters of the step)."""
     frame.force = _delay_share(frame.force, frame, parameters, state)
 
 
 def _late_more(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Add to the force the share `fraction` of the force after a low-pass filter with the time constant `seconds`."""
     low = _low_pass(frame.force, frame.step_s, parameters["seconds"], state)
     frame.force = frame.force + parameters["fraction"] * low
 
 
 def _late_depth(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Let the share `fraction` of the layer's depth follow with the time constant `seconds`.
+
+    Force and depth are converted into each other by the tabulated law of the layer, `depth_m` and `force_n`.
+    """
     depth_m, force_n = parameters["depth_m"], parameters["force_n"]
     depth = _delay_share(np.interp(frame.force, force_n, depth_m), frame, parameters, state)
     frame.force = np.interp(depth, depth_m, force_n)
 
 
 def _late_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Let the share `fraction` of the signal follow with the time constant `seconds` (parameters of the step)."""
     frame.signal = _delay_share(get_signal(frame), frame, parameters, state)
 
 
 def _late_gap(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Let the share `fraction` of the closed gap of a plate capacitor follow with the time constant `seconds`."""
     closed = _close_gap(frame, parameters["half_counts"])
     frame.signal = _open_gap(_delay_share(closed, frame, parameters, state), parameters["half_counts"])
 
 
 def _sticks(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Apply play (backlash) and logarithmic creep to the closed gap of a plate capacitor.
+
+    parameters: `play`, its width, and `creep`, the share per decade of time. state: output of the play, and the states
+    of the low-pass filters.
+    """
     closed = _close_gap(frame, parameters["half_counts"])
     lagging = np.clip(
         state.get("lagging", np.zeros_like(closed)), np.maximum(closed - parameters["play"] / PLAY_SHARE, 0.0), closed
@@ -179,6 +210,9 @@ def _sticks(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _proximity(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Add a signal of `counts` in contact that decreases with the distance of the object. Raises ValueError without
+    separations.
+    """
     if frame.separation is None:
         raise ValueError(
             "separation: expected the distances f64[n] in metres, found None; the effect proximity needs them"
@@ -195,6 +229,7 @@ def _scale(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _power(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Apply a power law with the given exponent to the magnitude of the signal, relative to `scale_counts`."""
     signal, scale = get_signal(frame), parameters["scale_counts"]
     frame.signal = np.sign(signal) * scale * (np.abs(signal) / scale) ** parameters["exponent"]
 
@@ -204,12 +239,14 @@ def _clip(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _soft(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Limit positive signals x gradually to `counts` c: x c / (x + c). A limit of 1e6 counts or more does nothing."""
     signal, most = get_signal(frame), parameters["counts"]
     positive = np.maximum(signal, 0.0)
     frame.signal = np.where(most >= 1e6, signal, signal - positive + positive * most / (positive + most))
 
 
 def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Mix the signals on each board: taxel j gains the share matrix[i, j] of the signal of taxel i."""
     signal = get_signal(frame)
     result = signal.copy()
     for board in parameters["boards"]:
@@ -218,7 +255,11 @@ def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
 
 
 def add_drift(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    """Add the drift since the start. state: `deviate`, the random number of each taxel's block."""
+    """Add to the signal a drift that increases linearly with time.
+
+    parameters: `slope`, counts until the time `until_s`; `deviation`, its standard deviation between grasps. state:
+    `deviate`, a standard normal random number for each taxel, equal for all taxels that drift together.
+    """
     slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / DRIFT_END_SHARE
     share = (frame.since_s + frame.age_s) / (parameters["until_s"] + frame.age_s)
     frame.signal = get_signal(frame) + slope * share

@@ -32,10 +32,12 @@ NEGATIVE_DELAY: Final = "a board that precedes the simulator: apply() uses a del
 class Translation:
     """Effects as numbers for each taxel or board.
 
-    steps: in the order of action; `kind` is a key of `skin_steps.STEPS`, `effect` the name in the report.
-    delay_s: of each taxel, f64[n]. noise: standard deviations f64[4, n], see `NOISE_COMPONENTS`. lost: share of lost
+    steps: numeric operations in the order in which they act; `kind` (a key of `skin_steps.STEPS`) names the operation,
+    `effect` the effect in the report. delay_s: delay of each taxel, f64[n] (n taxels), seconds. noise: standard
+    deviations of the four components of the noise, f64[4, n], counts, see `NOISE_COMPONENTS`. lost: share of lost
     frames of each board, f64[boards]. stuck: indices of taxels with a constant count. expressed: names of translated
-    effects. approximated, not_expressed: reason by name.
+    effects. approximated, not_expressed: effects that are translated approximately, or not at all, with the reason, by
+    name.
     """
 
     steps: tuple[Step, ...] = ()
@@ -54,9 +56,10 @@ class Translation:
     def restrict(
         self, steps: Sequence[Step], approximated: Mapping[str, str], refused: Mapping[str, str]
     ) -> Translation:
-        """Return a copy with the steps that a format supports.
+        """Return a copy with only the steps that a file format supports.
 
-        approximated, refused: reasons, by effect. A refused effect is neither approximated nor expressed.
+        approximated: reasons by effect. refused: reasons by name of an effect that the format does not support; such an
+        effect is listed neither as approximated nor as expressed.
         """
         return self.with_fields(
             steps=tuple(steps),
@@ -67,7 +70,7 @@ class Translation:
 
 
 class UntranslatableError(Exception):
-    """The reason for which an effect has no translation."""
+    """An effect has no translation; the message states why."""
 
 
 def translate(source: ExportSource) -> Translation:
@@ -113,7 +116,7 @@ def translate(source: ExportSource) -> Translation:
 
 
 def _translate_effect(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
-    """Return the steps of an effect. Raises UntranslatableError."""
+    """Return the steps of an effect in a form. Raises UntranslatableError for an effect without translation."""
     translator = _TRANSLATORS.get(reported_effect.name)
     if translator is None:
         raise UntranslatableError(CUSTOM)
@@ -135,6 +138,10 @@ def _get_full_scale(source: ExportSource) -> float:
 
 
 def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of contact propagation: a mixing matrix for each board, or in the form "pillars" the pieces.
+
+    Raises UntranslatableError without positions of the taxels, and for spreading forces without a sensor model.
+    """
     if not source.layouts:
         raise UntranslatableError(f"the positions of the taxels are needed: {source.missing}")
     if not form.startswith("signal"):
@@ -151,9 +158,9 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
             pieces = layout.piece_centres.tolist()
             boards.append({"pieces": pieces, "reach_m": spread_m / float(DECREASE_AT_SPREAD), "strength": share})
         else:
-            own = 1.0 if "added" in form else 1.0 - share
+            kept_share = 1.0 if "added" in form else 1.0 - share
             kernel = compute_taxel_kernel(compute_sheet_kernel(layout, spread_m), None)
-            boards.append({"matrix": own * np.eye(len(layout.taxels)) + share * kernel})
+            boards.append({"matrix": kept_share * np.eye(len(layout.taxels)) + share * kernel})
         boards[-1]["taxels"] = layout.taxels
     if form == "pillars":
         assert source.model is not None
@@ -163,6 +170,7 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
 
 
 def _translate_stiffness(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of a stiffness; raises UntranslatableError for sinking objects, or without a sensor model."""
     if form == "sinking":
         raise UntranslatableError(SINKING)
     _require_model(source)
@@ -170,6 +178,10 @@ def _translate_stiffness(source: ExportSource, reported_effect: ReportedEffect, 
 
 
 def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of a hysteresis, which depends on the quantity (`form`) of which a share is late.
+
+    Raises UntranslatableError if the form needs a sensor model or contact forces that the dataset lacks.
+    """
     step: Step = {name: source.expand_values(reported_effect, name) for name in reported_effect.parameters}
     kinds = {"drop": "late_signal", "gap": "late_gap", "force": "late_force", "more": "late_more"}
     if form == "drop":
@@ -196,6 +208,7 @@ def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect,
 
 
 def _translate_proximity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of a proximity signal, with its range in metres."""
     values = {
         "range_m": 1e-3 * source.expand_values(reported_effect, "range_mm"),
         "counts": source.expand_values(reported_effect, "counts"),
@@ -208,6 +221,7 @@ def _translate_gain(source: ExportSource, reported_effect: ReportedEffect, form:
 
 
 def _translate_nonlinearity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of a power law of the signal; raises UntranslatableError without a sensor model."""
     return [
         {
             "kind": "power",
@@ -222,22 +236,24 @@ def _translate_saturation(source: ExportSource, reported_effect: ReportedEffect,
 
 
 def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of crosstalk: a mixing matrix of the signals for each board."""
     names = [name for name in reported_effect.parameters if name != "own_ratio"]
     boards = []
     for _, taxels in source.iterate_boards():
         first = int(taxels[0])
         fractions = np.array([source.expand_values(reported_effect, name)[first] for name in names])
-        own = (
+        own_ratio = (
             float(source.expand_values(reported_effect, "own_ratio")[first])
             if "own_ratio" in reported_effect.parameters
             else 0.0
         )
         tx, rx = source.report.tx[taxels], source.report.rx[taxels]
-        boards.append({"taxels": taxels, "matrix": build_crosstalk_matrix(tx, rx, fractions, own)})
+        boards.append({"taxels": taxels, "matrix": build_crosstalk_matrix(tx, rx, fractions, own_ratio)})
     return [{"kind": "mix_signal", "boards": boards}]
 
 
 def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of a drift: slope, deviation between grasps, and which taxels drift together (`block`)."""
     block = (
         np.maximum(source.map_blocks(reported_effect), 0)
         if reported_effect.effect.scope == BOARD
@@ -250,14 +266,19 @@ def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form
 
 
 def _translate_dropout(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
+    """Return the step of dead taxels as factors, or of shorted lines as a mixing matrix for each board.
+
+    The list is empty if only frames are missing, which `Translation.lost` contains.
+    """
     remaining = source.expand_values(reported_effect, reported_effect.parameters[0])
     shorts = reported_effect.effect.defects.shorts if isinstance(reported_effect.effect, Dropout) else ()
     if not shorts:
         return [{"kind": "scale", "factor": remaining}] if (remaining != 1.0).any() else []
     boards = []
     for address, taxels in source.iterate_boards():
-        own = [(short.axis, short.index, short.share) for short in shorts if short.address == address]
-        matrix = build_shorts_matrix(source.report.tx[taxels], source.report.rx[taxels], remaining[taxels], own)
+        board_shorts = [(short.axis, short.index, short.share) for short in shorts if short.address == address]
+        tx, rx = source.report.tx[taxels], source.report.rx[taxels]
+        matrix = build_shorts_matrix(tx, rx, remaining[taxels], board_shorts)
         boards.append({"taxels": taxels, "matrix": matrix})
     return [{"kind": "mix_signal", "boards": boards}]
 

@@ -41,8 +41,9 @@ MIN_PROBABILITY: Final = 0.02
 def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> dict[str, Any]:
     """Return the field `gap.mm` of the report, millimetres: value, 95 % interval, floor and placebo.
 
-    model: features of the simulator, f64[C, F, n], counts. seed: of the random taxels of the placebo. The floor
-    compares each session with the others; it is 0 if no condition has two sessions.
+    model: features of the simulator, f64[C, F, n] (C conditions, F features, n taxels), counts. seed: seed of the
+    random taxels of the placebo. The floor is the mean distance between each session and the other sessions; it is 0 if
+    no condition has two sessions.
     """
     hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
     sessions = real.value.shape[1]
@@ -89,8 +90,9 @@ def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: i
 def compute_chamfer_mm(places: FloatArray, first: FloatArray, second: FloatArray) -> float:
     """Return the symmetric Chamfer distance of two clouds, millimetres: the mean of both directed mean distances.
 
-    places: f64[n, 3], metres, positions of the taxels. first, second: f64[n], probabilities of the points. The distance
-    is 0 if both clouds have no points, and `EMPTY_CLOUD_MM` if one has none.
+    places: f64[n, 3] (n taxels), metres, positions of the taxels. first, second: f64[n], probability that a taxel is a
+    point of the first and of the second cloud. The distance is 0 if both clouds are empty, and `EMPTY_CLOUD_MM` if only
+    one is empty.
     """
     a, b = np.flatnonzero(first > MIN_PROBABILITY), np.flatnonzero(second > MIN_PROBABILITY)
     if not len(a) and not len(b):
@@ -104,10 +106,10 @@ def compute_chamfer_mm(places: FloatArray, first: FloatArray, second: FloatArray
 
 
 def _compute_nearest_distance(distance: FloatArray, probability: FloatArray) -> FloatArray:
-    """Return the expected distance to the nearest present point, millimetres, f64[rows].
+    """Return for each row the expected distance to the nearest present point, millimetres, f64[rows].
 
-    distance: f64[rows, columns], millimetres. probability: f64[columns], of each point. Without a present point the
-    distance is `EMPTY_CLOUD_MM`.
+    distance: f64[rows, columns], distances to the points of the other cloud, millimetres. probability: f64[columns],
+    probability that each of these points is present. If no point is present, the distance is `EMPTY_CLOUD_MM`.
     """
     order = np.argsort(distance, axis=1)
     ordered, present = np.take_along_axis(distance, order, axis=1), probability[order]
@@ -118,9 +120,10 @@ def _compute_nearest_distance(distance: FloatArray, probability: FloatArray) -> 
 def _add_random_taxels(
     simulated: FloatArray, real: FloatArray, sensor: NDArray[np.intp], rng: np.random.Generator
 ) -> FloatArray:
-    """Return the simulated cloud with random additional taxels of loaded boards, f64[n], probabilities.
+    """Return the simulated cloud with random additional taxels of loaded boards, f64[n] (n taxels), probabilities.
 
-    Taxels are added until the expected number of points equals that of the real cloud, if enough inactive taxels exist.
+    simulated, real: f64[n], probability that each taxel is active. Taxels are added until the expected number of points
+    equals that of the real cloud, as far as there are enough inactive taxels.
     """
     missing = round(float(real.sum() - simulated.sum()))
     is_loaded = np.isin(sensor, np.unique(sensor[(simulated > 0.5) | (real > 0.5)]))
@@ -132,6 +135,6 @@ def _add_random_taxels(
 
 
 def _compute_world_positions(pair: Pair, condition: int) -> FloatArray:
-    """Return the positions of the taxels in world coordinates in a condition, metres, f64[n, 3]."""
+    """Return the positions of the taxels in world coordinates in a condition, metres, f64[n, 3] (n taxels)."""
     pose = pair.sensor_poses[condition][pair.groups.sensor]
     return np.asarray(np.einsum("nij,nj->ni", pose[:, :3, :3], pair.taxels.position) + pose[:, :3, 3])

@@ -16,11 +16,11 @@ from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
 COUNTS_PER_SECOND: Final = 300.0
-"""Factor from an onset in seconds to counts. Chosen: an onset that is 0.1 s late counts as an error of 30 counts on
+"""Factor from an onset in seconds to counts. Chosen: an onset that is 0.1 s late is an error of 30 counts on
 each taxel of the board."""
 
 COUNTS_MISSING: Final = 1000.0
-"""Factor from the share of missing frames to counts. Chosen: a board without any frame counts as an error of 1000
+"""Factor from the share of missing frames to counts. Chosen: a board without any frame is an error of 1000
 counts on its loaded taxels."""
 
 UNLOADED_COUNTS: Final = 20.0
@@ -90,9 +90,9 @@ class FeatureLayout:
         return (slice(0, self.bins), self.noise, *(slice(one, one + 1) for one in single))
 
     def compute_scale(self, conditions: int, taxels: int) -> FloatArray:
-        """Return the factor from a squared difference to its part of the squared gap, f64[F, 1].
+        """Return the factor from a squared difference to its contribution to the squared gap, f64[F, 1] (F features).
 
-        The difference is that of one feature of one taxel in one condition.
+        The difference is that of one feature of one taxel in one condition. conditions, taxels: their numbers, C and n.
         """
         return self.weight[:, None] / (conditions * taxels)
 
@@ -111,9 +111,9 @@ class FeatureLayout:
 class SessionMeans:
     """Mean features over the repeats of each condition in each session.
 
-    value: f64[C, S, F, n], counts; NaN where unknown, and where a session lacks the condition. count: i64[C, S], number
-    of repeats. repeat_variance: f64[C, F, n], counts^2, pooled variance of one grasp about the mean of its session; NaN
-    for conditions without repeats.
+    value: f64[C, S, F, n] (C conditions, F features, n taxels), counts; NaN where unknown, and where a session lacks
+    the condition. count: i64[C, S], number of repeats. repeat_variance: f64[C, F, n], counts^2, pooled variance of one
+    grasp about the mean of its session; NaN for conditions without repeats.
     """
 
     value: FloatArray
@@ -122,17 +122,17 @@ class SessionMeans:
 
     @cached_property
     def is_known(self) -> NDArray[np.bool_]:
-        """Which values are known, bool[C, S, F, n]."""
+        """Which values are known, bool[C, S, F, n] (C conditions, S sessions, F features, n taxels)."""
         return np.isfinite(self.value)
 
     @cached_property
     def mean(self) -> FloatArray:
-        """Mean over the sessions, f64[C, F, n]; NaN where no session has a value."""
+        """Mean over the sessions, f64[C, F, n] (C conditions, F features, n taxels); NaN where it is unknown."""
         return compute_known_mean(self.value, 1)
 
     @cached_property
     def variance(self) -> FloatArray:
-        """Variance of the value of one session, counts^2, f64[C, F, n].
+        """Variance of the value of one session, counts^2, f64[C, F, n] (C conditions, F features, n taxels).
 
         If a condition has a value of only one session, the variance is that of its repeats divided by their number, or
         else the mean variance of the other conditions.
@@ -146,21 +146,24 @@ class SessionMeans:
 
     @cached_property
     def mean_variance(self) -> FloatArray:
-        """Variance of `mean`, counts^2, f64[C, F, n]; 0 where unknown.
+        """Variance of `mean`, counts^2, f64[C, F, n] (C conditions, F features, n taxels); 0 where unknown.
 
         One half of the variance is the mean over the conditions: few repeats estimate a variance poorly, and shrinkage
         towards the mean is the usual remedy (Smyth 2004).
         """
-        own = np.nan_to_num(self.variance) / np.maximum(self.is_known.sum(axis=1), 1)
-        return np.asarray((1.0 - POOLED_SHARE) * own + POOLED_SHARE * own.mean(axis=0))
+        variance = np.nan_to_num(self.variance) / np.maximum(self.is_known.sum(axis=1), 1)
+        return np.asarray((1.0 - POOLED_SHARE) * variance + POOLED_SHARE * variance.mean(axis=0))
 
     def compute_residual(self, features: FloatArray) -> FloatArray:
-        """Return the values minus features f64[C, F, n] as f64[C, S, F, n]; 0 where unknown."""
+        """Return the values minus features f64[C, F, n] (C conditions, F features, n taxels) as f64[C, S, F, n] (S
+        sessions); 0 where unknown.
+        """
         return np.where(self.is_known, self.value - features[:, None], 0.0)
 
     @cached_property
     def pair_weight(self) -> FloatArray:
-        """Number of all pairs of sessions divided by the number of pairs in which both have a value, f64[C, F, n].
+        """Number of all pairs of sessions divided by the number of pairs in which both have a value, f64[C, F, n] (C
+        conditions, F features, n taxels).
 
         With this weight the products of different sessions have the sum that is expected without unknown values. 0 if
         fewer than two sessions have the value; 1 everywhere in a dataset of one session.
@@ -171,9 +174,10 @@ class SessionMeans:
         return np.where(count > 1, sessions * (sessions - 1) / np.maximum(count * (count - 1), 1), 0.0)
 
     def compute_squared_difference(self, session: int, features: FloatArray, scale: FloatArray) -> float:
-        """Return the sum of the squared differences of a session from features f64[C, F, n], times `scale`, f64[F, 1].
+        """Return the sum of the squared differences between a session and features f64[C, F, n] (C conditions, F
+        features, n taxels), each times `scale`, f64[F, 1].
 
-        If the session lacks values that other sessions have, the sum is scaled by the ratio of the weights.
+        If the session lacks values that other sessions have, the sum is scaled up by the ratio of the weights.
         """
         known, residual = self.is_known[:, session], self.compute_residual(features)[:, session]
         weight_of_all, weight_of_known = (
@@ -182,7 +186,7 @@ class SessionMeans:
         return float(np.sum(scale * residual**2)) * (weight_of_all / weight_of_known if weight_of_known > 0 else 0.0)
 
     def restrict_to_known(self, other: SessionMeans) -> SessionMeans:
-        """Return the values of the features that at least one session of another recording has; the others are NaN.
+        """Return these means with NaN for each feature that no session of another recording has.
 
         For example, the onset of a board has no counterpart if the other recording does not load this board.
         """
@@ -190,25 +194,27 @@ class SessionMeans:
         return SessionMeans(np.where(has_counterpart, self.value, np.nan), self.count, self.repeat_variance)
 
     def with_reference_variance(self, other: SessionMeans) -> SessionMeans:
-        """Return these means with the variance between the sessions of a reference added.
+        """Return these means with the variance between the sessions of a reference recording added.
 
-        The mean of the reference takes the place of a simulation. Each session gets the deviation of one session of the
-        reference from the mean of the reference, scaled so that the variance of the mean of this recording increases by
-        the variance of the mean of the reference. The means do not change. If either recording has only one session,
-        the result is this object itself.
+        The mean of the reference takes the place of a simulation. A deviation of one session of the reference from its
+        mean is added to each session. The deviations are scaled so that the variance of the mean of this recording
+        increases by the variance of the mean of the reference. The means do not change. If either recording has only
+        one session, the result is this object itself.
         """
-        count, own = other.value.shape[1], self.value.shape[1]
-        if count < 2 or own < 2:
+        reference_sessions, sessions = other.value.shape[1], self.value.shape[1]
+        if reference_sessions < 2 or sessions < 2:
             return self
-        deviation = (other.value - other.mean[:, None])[:, np.arange(own) % count]
+        deviation = (other.value - other.mean[:, None])[:, np.arange(sessions) % reference_sessions]
         deviation = np.nan_to_num(deviation - compute_known_mean(deviation, 1)[:, None])
-        sampled = (deviation**2).sum(axis=1) / (own - 1)
-        wanted = np.nan_to_num(other.variance) * own / count
+        sampled = (deviation**2).sum(axis=1) / (sessions - 1)
+        wanted = np.nan_to_num(other.variance) * sessions / reference_sessions
         factor = np.sqrt(np.divide(wanted, sampled, out=np.zeros_like(sampled), where=sampled > 0.0))
         return SessionMeans(self.value - factor[:, None] * deviation, self.count, self.repeat_variance)
 
     def select_taxels(self, selection: NDArray[np.bool_]) -> SessionMeans:
-        """Return the values of the selected taxels and conditions, bool[C, n]; the others are NaN."""
+        """Return these means with NaN outside a selection. selection: bool[C, n] (C conditions, n taxels), selected
+        taxels in each condition.
+        """
         return SessionMeans(np.where(selection[:, None, None], self.value, np.nan), self.count, self.repeat_variance)
 
     def select_sessions(self, sessions: NDArray[np.bool_]) -> SessionMeans:
@@ -228,10 +234,10 @@ def compute_mean_product(total: FloatArray, squares: FloatArray, count: NDArray[
 def compute_features(
     pair: Pair, recording: Recording, layout: FeatureLayout, is_unloaded: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """Return the features of each of the R grasps of a recording, f32[R, F, n], counts.
+    """Return the features of each of the R grasps of a recording, f32[R, F, n] (F features, n taxels), counts.
 
-    is_unloaded: bool[C, n]. The column of the drift residual contains the signed mean signal after release of unloaded
-    taxels, and 0 for all others.
+    is_unloaded: bool[C, n] (C conditions), taxels without contact. The drift residual of a grasp is the signed mean
+    signal after release of an unloaded taxel, and 0 for all other taxels.
     """
     time_grid, sensor = pair.time_grid, pair.groups.sensor
     values = np.zeros((len(recording), layout.count, pair.n), np.float32)
@@ -259,12 +265,16 @@ def compute_known_mean(values: FloatArray, axis: int) -> FloatArray:
 
 
 def compute_bin_means(time_grid: TimeGrid, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean of the known nodes of each bin, f32[R, B, n]. nodes: f32[R, K, n], NaN where unknown."""
+    """Return the mean of the known nodes of each bin, f32[R, B, n] (R grasps, B time bins, n taxels); NaN for a bin
+    without known nodes.
+
+    nodes: f32[R, K, n] (K time nodes), values at the time nodes, NaN where unknown.
+    """
     result = np.empty((nodes.shape[0], len(time_grid.bins), nodes.shape[2]), np.float32)
     known = np.isfinite(nodes)
-    for row, (_, own) in enumerate(time_grid.bins):
-        count = known[:, own].sum(axis=1)
-        total = np.where(known[:, own], nodes[:, own], 0.0).sum(axis=1)
+    for row, (_, bin_nodes) in enumerate(time_grid.bins):
+        count = known[:, bin_nodes].sum(axis=1)
+        total = np.where(known[:, bin_nodes], nodes[:, bin_nodes], 0.0).sum(axis=1)
         result[:, row] = total / np.where(count, count, np.nan)
     return result
 
@@ -278,8 +288,9 @@ def compute_session_means(
 ) -> SessionMeans:
     """Return the means over the repeats of each condition and session.
 
-    features: f32[R, F, n], of `compute_features`. conditions: C. sessions: i64[S], numbers of the sessions. The drift
-    residual is the root mean square over the repeats, all other features are means.
+    features: f32[R, F, n] (R grasps, F features, n taxels), of `compute_features`. conditions: number C of conditions.
+    sessions: i64[S], numbers of the sessions. The drift residual is the root mean square over the repeats, all other
+    features are means.
     """
     shape = (conditions, len(sessions), layout.count, features.shape[2])
     value, count = np.full(shape, np.nan), np.zeros(shape[:2], np.int64)
@@ -287,16 +298,16 @@ def compute_session_means(
     for condition in range(conditions):
         squares, degrees_of_freedom = np.zeros(shape[2:]), 0
         for column, session in enumerate(sessions):
-            own = features[(recording.condition == condition) & (recording.session == session)].astype(np.float64)
-            count[condition, column] = len(own)
-            if not len(own):
+            repeats = features[(recording.condition == condition) & (recording.session == session)].astype(np.float64)
+            count[condition, column] = len(repeats)
+            if not len(repeats):
                 continue
-            known = np.isfinite(own)
+            known = np.isfinite(repeats)
             number = known.sum(axis=0)
-            mean = np.where(known, own, 0.0).sum(axis=0) / np.where(number, number, np.nan)
-            squares += np.nan_to_num(np.where(known, (own - mean) ** 2, 0.0).sum(axis=0))
-            degrees_of_freedom += len(own) - 1
-            mean[layout.drift_residual] = np.sqrt(compute_known_mean(own[:, layout.drift_residual] ** 2, 0))
+            mean = np.where(known, repeats, 0.0).sum(axis=0) / np.where(number, number, np.nan)
+            squares += np.nan_to_num(np.where(known, (repeats - mean) ** 2, 0.0).sum(axis=0))
+            degrees_of_freedom += len(repeats) - 1
+            mean[layout.drift_residual] = np.sqrt(compute_known_mean(repeats[:, layout.drift_residual] ** 2, 0))
             value[condition, column] = mean
         if degrees_of_freedom > 0:
             spread[condition] = squares / degrees_of_freedom
@@ -304,7 +315,7 @@ def compute_session_means(
 
 
 def find_unloaded_taxels(pair: Pair) -> NDArray[np.bool_]:
-    """Return which taxels are unloaded in which condition, bool[C, n].
+    """Return which taxels are unloaded in which condition, bool[C, n] (C conditions, n taxels).
 
     The simulated signal of an unloaded taxel stays below `UNLOADED_COUNTS` plus 4 standard deviations of the
     simulator's noise, in all nodes of all grasps of the condition.

@@ -23,7 +23,8 @@ SIDES: Final = (0.025, 0.975)
 
 @dataclass(frozen=True, eq=False)
 class GapTerms:
-    """Weighted parts of gap^2 and floor^2, counts^2, f64[C, F, n].
+    """Weighted parts of gap^2 and floor^2 for each feature of each taxel in each condition, counts^2, f64[C, F, n] (C
+    conditions, F features, n taxels).
 
     The sum over features of the mean over conditions and taxels is gap^2 or floor^2.
     """
@@ -33,7 +34,7 @@ class GapTerms:
 
     @property
     def excess(self) -> FloatArray:
-        """Weighted parts of the excess, counts^2, f64[C, F, n]."""
+        """Weighted parts of the excess, counts^2, f64[C, F, n] (C conditions, F features, n taxels)."""
         return self.gap2 - self.floor2
 
 
@@ -60,8 +61,8 @@ class Interval:
     def widen_to_samples(self, samples: FloatArray) -> Interval:
         """Return the interval, widened to contain the central 95 % of the samples f64[d] of the value.
 
-        The variance of the data is contained in the samples, too. Therefore the wider of both intervals is used, and
-        the variances are not added. Without samples, or without an interval, the result is this object itself.
+        The samples also contain the variance of the data. Therefore the wider of the two intervals is used, and the
+        variances are not added. Without samples, or without an interval, the result is this object itself.
         """
         if self.low is None or self.high is None or not len(samples):
             return self
@@ -70,7 +71,8 @@ class Interval:
 
 
 def compute_terms(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> GapTerms:
-    """Return the parts of gap and floor. model: features of the simulator, f64[C, F, n], counts.
+    """Return the parts of gap^2 and floor^2. model: features of the simulator, f64[C, F, n] (C conditions, F features,
+    n taxels), counts.
 
     The parts of a feature that is unknown on either side are 0.
     """
@@ -82,9 +84,10 @@ def compute_terms(real: SessionMeans, model: FloatArray, layout: FeatureLayout) 
 
 
 def compute_off_diagonal_mean(gram: FloatArray) -> FloatArray:
-    """Return the mean over s != t of products of sessions f64[..., S, S], which is the excess, f64[...].
+    """Return the mean product of the residuals of two different sessions, which is the excess, f64[...].
 
-    With one session, the result is the product of this session with itself.
+    gram: f64[..., S, S], products of the residuals of each pair of sessions. With one session, the result is the
+    product of its residuals with themselves.
     """
     sessions = gram.shape[-1]
     if sessions < 2:
@@ -98,20 +101,26 @@ def make_leave_one_out_masks(sessions: int) -> list[NDArray[np.bool_]]:
 
 
 def sum_terms(term: FloatArray) -> float:
-    """Return the sum over features of the mean over conditions and taxels, counts^2. term: f64[C, F, n]."""
+    """Return the sum over features of the mean over conditions and taxels, counts^2.
+
+    term: f64[C, F, n] (C conditions, F features, n taxels), weighted parts of a squared gap (`GapTerms`).
+    """
     return float(term.sum(axis=1).mean())
 
 
 def compute_gap_of_change(change: FloatArray, layout: FeatureLayout) -> float:
     """Return the gap in counts that a change of the features produces.
 
-    change: f64[C, F, n], counts, with 0 for unknown features.
+    change: f64[C, F, n] (C conditions, F features, n taxels), counts, with 0 for unknown features.
     """
     return float(np.sqrt(sum_terms(layout.weight[:, None] * change**2)))
 
 
 def compute_jackknife_error(values: FloatArray) -> FloatArray:
-    """Return the jackknife standard error (Tukey 1958). values: f64[S, ...], replicates without one session each."""
+    """Return the jackknife standard error (Tukey 1958) of a value over S sessions.
+
+    values: f64[S, ...], replicates: each is computed without one of the sessions.
+    """
     count = len(values)
     return np.asarray(np.sqrt((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
 
@@ -119,8 +128,8 @@ def compute_jackknife_error(values: FloatArray) -> FloatArray:
 def compute_jackknife_interval(values: FloatArray, whole: float) -> Interval:
     """Return the t interval from the jackknife over sessions (Tukey 1958), with S - 1 degrees of freedom.
 
-    values: f64[S], replicates without one session each. whole: the value from all sessions. Below 3 replicates the
-    result has no interval.
+    values: f64[S], replicates: each is computed without one of the sessions. whole: the value from all sessions. With
+    fewer than 3 replicates the result has no interval.
     """
     count = len(values)
     if count < 3:
@@ -131,10 +140,11 @@ def compute_jackknife_interval(values: FloatArray, whole: float) -> Interval:
 
 
 def combine_errors(first: Interval, other: Interval, further_error: float = 0.0) -> Interval:
-    """Return the interval of the value of `first` with the sum of independent error variances.
+    """Return the interval of the value of `first` whose error variance is the sum of independent error variances.
 
     The degrees of freedom are those of the sum (Welch 1947). other: interval whose error is added. further_error:
-    standard error with infinite degrees of freedom. If `first` has no error, the result is `first` itself.
+    standard error that is added, with infinite degrees of freedom. If `first` has no error, the result is `first`
+    itself.
     """
     if first.error is None:
         return first
@@ -179,7 +189,9 @@ class Gap:
 
 
 def measure_gap(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> Gap:
-    """Return gap, floor and excess of a model, f64[C, F, n], counts, relative to the real sessions."""
+    """Return gap, floor and excess between the real sessions and predicted features. model: f64[C, F, n] (C conditions,
+    F features, n taxels), counts.
+    """
     whole = compute_terms(real, model, layout)
     sessions = real.value.shape[1]
     replicates = (
@@ -210,7 +222,10 @@ def compute_shrink(before2: float, after2: float) -> float:
 def compute_shrink_interval(
     real: SessionMeans, before: FloatArray, after: FloatArray, layout: FeatureLayout
 ) -> Interval:
-    """Return the shrink of the gap between two models, with its interval. before, after: f64[C, F, n], counts."""
+    """Return the shrink of the gap from one prediction to another, with its interval over the sessions.
+
+    before, after: features of the two predictions, f64[C, F, n] (C conditions, F features, n taxels), counts.
+    """
 
     def compute_value(sessions: SessionMeans) -> float:
         return compute_shrink(*(sum_terms(compute_terms(sessions, model, layout).gap2) for model in (before, after)))

@@ -54,7 +54,8 @@ class CompositeModel:
         return tuple(fitted_effect.effect.name for fitted_effect in self.fitted_effects)
 
     def with_values(self, values: Sequence[FloatArray]) -> CompositeModel:
-        """Return a composite model with other values, one array f64[P, G] for each effect.
+        """Return a composite model with other values, one array f64[P, G] (P parameters; G blocks: the hand, boards,
+        objects or taxels) for each effect.
 
         Raises ValueError if the number of arrays differs from the number of effects.
         """
@@ -66,7 +67,7 @@ class CompositeModel:
         )
 
     def predict_features(self, state: State) -> FloatArray:
-        """Predict the features of the simulator with these effects, f64[C, F, n]."""
+        """Predict the simulator's features with these effects, f64[C, F, n] (C conditions, F features, n taxels)."""
         features = state.predict_features(_apply_effects(state, self.fitted_effects))
         for fitted_effect in self.fitted_effects:
             features = fitted_effect.effect.apply_to_features(state, features, fitted_effect.values)
@@ -84,10 +85,10 @@ _cache = _SignalCache()
 
 
 def _apply_effects(state: State, fitted_effects: Sequence[FittedEffect]) -> Signal:
-    """Apply effects to the base signal of a state.
+    """Return the signal after effects have acted on the simulated contacts of a state, one after the other.
 
-    The cached signals of the leading effects that have not changed since the last call are used again: the numeric
-    derivatives of a fit change one effect at a time.
+    The cached signals of the leading effects that have not changed since the last call are used again, because the
+    numeric derivatives of a fit change one effect at a time.
     """
     cached = _cache.steps.get(state, [])
     unchanged = 0

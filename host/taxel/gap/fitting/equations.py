@@ -18,8 +18,8 @@ from taxel.types import FloatArray
 class FitProblem:
     """Weighted least-squares problem: simulated contacts, target features and weights.
 
-    target: f64[C, F, n], real features, counts. weight: f64[C, F, n], 1 / counts^2; 0 for unknown and for excluded
-    features.
+    target: f64[C, F, n] (C conditions, F features, n taxels), real features, counts. weight: f64[C, F, n], 1 /
+    counts^2; 0 for unknown and for excluded features.
     """
 
     state: State
@@ -27,7 +27,9 @@ class FitProblem:
     weight: FloatArray
 
     def cost(self, features: FloatArray) -> float:
-        """Return the weighted sum of squared differences between target and predicted features f64[C, F, n]."""
+        """Return the weighted sum of squared differences between target and predicted features f64[C, F, n] (C
+        conditions, F features, n taxels).
+        """
         return float(np.sum(self.weight * (self.target - features) ** 2))
 
 
@@ -35,9 +37,9 @@ class FitProblem:
 class DerivativeColumn:
     """Derivatives of the features with respect to the values of one parameter in all its blocks.
 
-    change: f64[C, F, n], change of each feature in counts per unit of the parameter in the block of the feature.
-    blocks: [C, n], block of each taxel in each condition. count: number of blocks. precision: f64[count], 1 / variance
-    of the prior of each value; 0 without a prior.
+    change: f64[C, F, n] (C conditions, F features, n taxels), change of each feature in counts per unit of the
+    parameter in the block of the feature. blocks: [C, n], block of each taxel in each condition. count: number of
+    blocks. precision: f64[count], 1 / variance of the prior of each value; 0 without a prior.
     """
 
     change: FloatArray
@@ -64,7 +66,11 @@ def build_normal_matrix(problem: FitProblem, columns: Sequence[DerivativeColumn]
 
 
 def _sum_block_pairs(product: FloatArray, one: DerivativeColumn, other: DerivativeColumn) -> FloatArray:
-    """Sum f64[C, n] over each pair of a block of one column and a block of another, f64[count, count]."""
+    """Return the sums of values f64[C, n] (C conditions, n taxels) over each pair of blocks, f64[count, count].
+
+    Row k and column l contain the sum over the taxels and conditions in block k of column `one` and in block l of
+    column `other`.
+    """
     if one.blocks is other.blocks:  # equal blocks overlap only with themselves
         result: FloatArray = np.zeros((one.count, one.count))
         np.fill_diagonal(result, np.bincount(one.blocks.ravel(), product.ravel(), one.count))
@@ -75,7 +81,8 @@ def _sum_block_pairs(product: FloatArray, one: DerivativeColumn, other: Derivati
 
 
 def compute_gradient(problem: FitProblem, columns: Sequence[DerivativeColumn], features: FloatArray) -> FloatArray:
-    """Compute the right side of the normal equations at `features` f64[C, F, n], J^T W (target - features), f64[p].
+    """Compute the right side of the normal equations at `features` f64[C, F, n] (C conditions, F features, n taxels),
+    J^T W (target - features), f64[p] (p parameter values).
 
     The priors do not contribute.
     """
@@ -99,14 +106,16 @@ class DampedSolver:
     """
 
     def __init__(self, system: FloatArray) -> None:
-        """Prepare the solver. system: f64[p, p], from `build_normal_matrix`."""
+        """Prepare the solver. system: f64[p, p] (p parameter values), from `build_normal_matrix`."""
         diagonal = np.diag(system)
         self._scale = np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max()), 1e-300)))
         self._scaled = system / np.outer(self._scale, self._scale)
         self._factors: dict[float, tuple[FloatArray, bool]] = {}
 
     def solve(self, gradient: FloatArray, damping: float) -> FloatArray:
-        """Compute the step of the parameters, f64[p], for a right side f64[p]; damping: added to the unit diagonal."""
+        """Return the step of the parameters, f64[p] (p parameter values), for a right side of the normal equations
+        f64[p]. damping: number that is added to the unit diagonal of the scaled matrix.
+        """
         if damping not in self._factors:
             scaled = self._scaled.copy()
             scaled[np.diag_indices_from(scaled)] += damping + 1e-9

@@ -69,8 +69,8 @@ NO_COLUMNS: Final[ColumnsByEffect] = MappingProxyType({})
 class Fit:
     """Result of a fit.
 
-    composite: model with the fitted values. features: f64[C, F, n], its prediction. cost: weighted sum of squares,
-    without the priors.
+    composite: model with the fitted values. features: f64[C, F, n] (C conditions, F features, n taxels), features that
+    the model predicts, counts. cost: weighted sum of squared differences from the data, without the priors.
     """
 
     composite: CompositeModel
@@ -80,7 +80,8 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Linear approximation of a composite model at its present values: predicted features f64[C, F, n] and derivatives.
+    """Linear approximation of a composite model at its present values: predicted features f64[C, F, n] (C conditions, F
+    features, n taxels) and derivatives.
 
     Fits to different subsets of the same data share one linearisation: their solutions are so close to the common start
     that the derivatives need not be updated.
@@ -104,8 +105,8 @@ def compute_columns_by_effect(
 ) -> ColumnsByEffect:
     """Compute the derivatives of each effect of a composite model not named in `fixed`, by the name of the effect.
 
-    A fit in which these effects hardly change can use them in all iterations. features: f64[C, F, n],
-    prediction of the model.
+    A fit in which these effects hardly change can use these derivatives in all iterations. features: f64[C, F, n] (C
+    conditions, F features, n taxels), prediction of the model.
     """
     free = find_free_indices(composite, fixed)
     found = map_in_processes(state, lambda index: _compute_columns(state, composite, [index], features), free)
@@ -129,8 +130,9 @@ def fit(
 ) -> Fit:
     """Fit the parameters of all effects of a composite model except those named in `fixed`.
 
-    composite: model with the initial values. iterations: largest number of iterations. linearisation: of this model;
-    its derivatives are used in all iterations. fixed_columns: derivatives of single effects, used in all iterations.
+    composite: model with the initial values. iterations: largest number of iterations. linearisation: linear
+    approximation of this model, whose derivatives are used in all iterations. fixed_columns: derivatives of single
+    effects, used in all iterations. Without effects to fit, the model is only evaluated.
     """
     problem = FitProblem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
     free = find_free_indices(composite, fixed)
@@ -180,7 +182,9 @@ def fit(
 
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
-    """Point of the iteration: model, features f64[C, F, n], cost of the data, and cost of the priors."""
+    """Point of the iteration: model, features f64[C, F, n] (C conditions, F features, n taxels), cost of the data, and
+    cost of the priors.
+    """
 
     composite: CompositeModel
     features: FloatArray
@@ -191,7 +195,9 @@ class _Evaluation:
     def evaluate(
         cls, problem: FitProblem, composite: CompositeModel, free: list[int], features: FloatArray | None = None
     ) -> _Evaluation:
-        """Evaluate a composite model. features: its prediction if already computed."""
+        """Evaluate a composite model. free: indices of the fitted effects. features: prediction of the model if it is
+        already known.
+        """
         features = composite.predict_features(problem.state) if features is None else features
         return cls(composite, features, problem.cost(features), _compute_prior_cost(composite, free))
 
@@ -204,7 +210,7 @@ class _Evaluation:
 def _compute_full_gradient(
     problem: FitProblem, columns: Sequence[DerivativeColumn], point: _Evaluation, free: list[int]
 ) -> FloatArray:
-    """Compute the right side of the normal equations at a point, including the priors, f64[p]."""
+    """Return the right side of the normal equations with the priors at a point, f64[p] (p free parameter values)."""
     return compute_gradient(problem, columns, point.features) + _compute_prior_gradient(point.composite, free)
 
 
@@ -214,7 +220,9 @@ def start_effect(state: State, effect: Effect) -> FittedEffect:
 
 
 def _compute_scale(parameter: Parameter, values: FloatArray) -> FloatArray:
-    """Return a typical size of each value of a parameter, f64[G]; the numeric step is proportional to it."""
+    """Return a typical size of each value of a parameter, f64[G] (G blocks: the hand, boards, objects or taxels); the
+    numeric step is proportional to it.
+    """
     expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
     span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))
     return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
@@ -227,9 +235,11 @@ def _compute_columns(
     features: FloatArray,
     fixed_columns: ColumnsByEffect = NO_COLUMNS,
 ) -> tuple[DerivativeColumn, ...]:
-    """Compute the derivatives of the features with respect to the parameters of the free effects.
+    """Compute the derivatives of the features with respect to the parameters of the free effects, one column per
+    parameter.
 
-    features: f64[C, F, n], prediction of the model. fixed_columns: derivatives that are used instead of new ones.
+    free: indices of these effects. features: f64[C, F, n] (C conditions, F features, n taxels), prediction of the
+    model. fixed_columns: derivatives by effect that are used instead of new ones.
     """
     columns: list[DerivativeColumn] = []
     for index in free:
@@ -257,7 +267,11 @@ def _compute_columns(
 
 
 def apply_step(composite: CompositeModel, free: list[int], step: FloatArray) -> CompositeModel:
-    """Return a composite model whose free effects changed by a step f64[p]; values are cut at their bounds."""
+    """Return a composite model whose free effects have changed by a step f64[p] (p parameter values), clipped to the
+    bounds.
+
+    free: indices of the effects that change.
+    """
     fitted_effects = list(composite.fitted_effects)
     offset = 0
     for index in free:
@@ -272,7 +286,9 @@ def apply_step(composite: CompositeModel, free: list[int], step: FloatArray) -> 
 
 
 def _compute_prior_cost(composite: CompositeModel, free: list[int]) -> float:
-    """Return the sum of the squared deviations from the prior means, in prior standard deviations."""
+    """Return the sum of the squared deviations of the free parameters from their prior means, in prior standard
+    deviations.
+    """
     total = 0.0
     for index in free:
         fitted_effect = composite.fitted_effects[index]
@@ -283,7 +299,9 @@ def _compute_prior_cost(composite: CompositeModel, free: list[int]) -> float:
 
 
 def _compute_prior_gradient(composite: CompositeModel, free: list[int]) -> FloatArray:
-    """Compute the contribution of the priors to the right side of the normal equations, f64[p]."""
+    """Return the contribution of the priors to the right side of the normal equations, f64[p] (p parameter values); 0
+    for a value without prior.
+    """
     contributions = []
     for fitted_effect in (composite.fitted_effects[index] for index in free):
         for row, parameter in enumerate(fitted_effect.effect.parameters()):

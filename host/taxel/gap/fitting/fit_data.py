@@ -42,14 +42,14 @@ class FitData:
 
     Attributes:
         state: simulated contacts and features. sessions: real features by session. layout: rows of the features.
-        target: f64[C, F, n], mean real features, counts; 0 where unknown.
+        target: f64[C, F, n] (C conditions, F features, n taxels), mean real features, counts; 0 where unknown.
         weight: f64[C, F, n], weights of a fit, 1 / counts^2; 0 where unknown.
         condition_folds: [C], fold of each condition. taxel_folds: [C, n], fold of each taxel in each condition.
         floor2: squared floor, counts^2.
     """
 
     def __init__(self, state: State, real: SessionMeans, layout: FeatureLayout) -> None:
-        """Compute target, weights, folds and floor. real: features of the real sessions."""
+        """Compute target, weights, folds and floor. state: simulated contacts. real: features of the real sessions."""
         self.state, self.layout, self.sessions = state, layout, real
         self.target = np.nan_to_num(real.mean)
         self.weight = self._compute_weights(real)
@@ -62,7 +62,8 @@ class FitData:
         return FitData(self.state.shift_time(seconds), self.sessions, self.layout)
 
     def _compute_weights(self, real: SessionMeans) -> FloatArray:
-        """Compute the weights of a fit, f64[C, F, n]: weight of the feature divided by the variance, 1 / counts^2.
+        """Compute the weights of a fit, f64[C, F, n] (C conditions, F features, n taxels): weight of the feature
+        divided by the variance, 1 / counts^2.
 
         The features of a taxel in a contact vary together. Because the weights of the layout add up to 1, all features
         of a taxel in a condition count as one independent value. Information and standard deviations of parameters
@@ -76,12 +77,16 @@ class FitData:
         return np.where(real.is_known.any(axis=1), weight, 0.0)
 
     def build_problem(self, selected: NDArray[np.bool_] | None = None) -> FitProblem:
-        """Return the least-squares problem on selected taxels of each condition, bool[C, n]; None: all taxels."""
+        """Return the least-squares problem on selected taxels of each condition, bool[C, n] (C conditions, n taxels);
+        None: all taxels.
+        """
         weight = self.weight if selected is None else np.where(selected[:, None], self.weight, 0.0)
         return FitProblem(self.state, self.target, weight)
 
     def compute_excess(self, features: FloatArray) -> float:
-        """Compute the excess of the real sessions over predicted features f64[C, F, n], counts^2, as in the report."""
+        """Compute the excess of the real sessions over predicted features f64[C, F, n] (C conditions, F features, n
+        taxels), counts^2, as in the report.
+        """
         return sum_terms(compute_terms(self.sessions, features, self.layout).excess)
 
     def fit_in_sample(
@@ -91,12 +96,14 @@ class FitData:
         iterations: int = MAX_ITERATIONS,
         fixed_columns: ColumnsByEffect = NO_COLUMNS,
     ) -> Fit:
-        """Fit a composite model to all conditions. Other arguments: see `taxel.gap.fitting.fit.fit`."""
+        """Fit a composite model to the data of all conditions. fixed, iterations, fixed_columns: see
+        `taxel.gap.fitting.fit.fit`.
+        """
         return fit(self.build_problem(), composite, fixed, iterations, fixed_columns=fixed_columns)
 
 
 def compute_tolerance2(layout: FeatureLayout, model: FloatArray, expected: FloatArray) -> FloatArray:
-    """Compute the squared tolerance of a good simulator, counts^2, f64[C, F, n].
+    """Compute the squared tolerance of a good simulator, counts^2, f64[C, F, n] (C conditions, F features, n taxels).
 
     model: features of the simulator, f64[C, F, n]. expected: features that the simulator should have, f64[C, F, n].
     Source: section "Fit" of docs/gap-diagnosis.md.
@@ -111,7 +118,11 @@ def compute_tolerance2(layout: FeatureLayout, model: FloatArray, expected: Float
 
 
 def _assign_condition_folds(conditions: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:
-    """Return the fold of each condition, [C]; the approaches of an object belong to different folds if possible."""
+    """Return the fold of each condition, [C] (C conditions); the approaches of an object belong to different folds if
+    possible.
+
+    conditions: object and approach of each condition.
+    """
     count = min(MAX_FOLDS, len(conditions))
     fold = np.zeros(len(conditions), np.intp)
     for position, condition in enumerate(sorted(range(len(conditions)), key=lambda index: conditions[index])):
@@ -119,13 +130,13 @@ def _assign_condition_folds(conditions: tuple[tuple[str, str], ...]) -> NDArray[
     return fold
 
 
-def _assign_taxel_folds(pair: Pair, fold: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the fold of each taxel in each condition, [C, n].
+def _assign_taxel_folds(pair: Pair, condition_folds: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the fold of each taxel in each condition, [C, n] (C conditions, n taxels).
 
     A fold contains half of the taxels of a condition, like the squares of one colour of a chessboard, and the other
-    half of another condition. A fit without this fold learns the contact from the neighbours of a taxel, and a
-    property of the taxel from other conditions.
+    half of another condition. A fit without this fold learns the contact from the neighbours of a taxel, and a property
+    of the taxel from other conditions. condition_folds: [C], fold of each condition.
     """
-    count = max(int(fold.max()) + 1, 2)
+    count = max(int(condition_folds.max()) + 1, 2)
     parity = (pair.taxels.tx.astype(np.intp) + pair.taxels.rx) % 2
-    return np.asarray((fold[:, None] + parity * (count // 2)) % count)
+    return np.asarray((condition_folds[:, None] + parity * (count // 2)) % count)

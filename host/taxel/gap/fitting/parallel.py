@@ -76,7 +76,8 @@ class _Distribution:
 
 
 def _run_in_two_processes(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Result] | None:
-    """Return the results by index of the item; None if the fork fails. Indices without a result are missing.
+    """Return the results by index of the item; None if the fork fails. Items whose work failed in the forked process,
+    or whose result was not received, are missing.
 
     Both processes read the index of their next item from one pipe until the pipe is empty.
     """
@@ -104,9 +105,10 @@ def _run_in_two_processes(work: Callable[[Item], Result], items: list[Item]) -> 
 
 
 def _fork_worker(work: Callable[[Any], Any], items: list[Any]) -> tuple[int, BinaryIO, BinaryIO]:
-    """Fork a worker process; return its process id, the pipe of remaining indices, and the pipe of its results.
+    """Fork a worker process; return its process id, the pipe with the indices of remaining items, and the pipe with its
+    results.
 
-    Raises OSError if pipes or process cannot be created.
+    The worker processes items at once, see `_run_worker`. Raises OSError if a pipe or the process cannot be created.
     """
     with ExitStack() as opened:
         ends: list[Any] = []
@@ -130,7 +132,9 @@ def _run_worker(
 ) -> None:
     """Run the worker process: process items until none is left, send all results, and exit.
 
-    Never returns: the code of the caller must not run in the forked process.
+    parent: process id of the parent, without which the worker stops. remaining: pipe with the indices of remaining
+    items. received: the parent's end of the pipe `output`, to which the results are written. Never returns: the code of
+    the caller must not run in the forked process.
     """
     try:
         received.close()  # otherwise writing would not fail after the parent has closed its end
@@ -147,9 +151,10 @@ def _run_worker(
 
 @contextmanager
 def _block_interrupts() -> Iterator[None]:
-    """Block SIGINT during the fork.
+    """Block SIGINT while the context is entered.
 
-    A KeyboardInterrupt in the forked process before its first own statement would run exception handlers of the caller.
+    It is used around the fork: a KeyboardInterrupt in the forked process before its first own statement would run
+    exception handlers of the caller.
     """
     previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -25,8 +25,8 @@ def read_priors(path: str | PathLike[str]) -> Priors:
     """Read priors from a TOML file with one table for each effect.
 
     Example: the table `[contact_propagation]` with the line `spread_mm = { value = 2.0, std = 0.5 }`; value and
-    standard deviation have the unit of the parameter. Raises GapInputError with one line for invalid content, and
-    OSError.
+    standard deviation have the unit of the parameter. Raises GapInputError with a one-line message for invalid content,
+    and OSError for an unreadable file.
     """
     file = Path(path)
     try:
@@ -37,7 +37,11 @@ def read_priors(path: str | PathLike[str]) -> Priors:
 
 
 def _parse_effect(file: str, name: str, table: Any) -> dict[str, Prior]:
-    """Return the priors of one table, by parameter. Raises GapInputError for an unknown effect or parameter."""
+    """Return the priors of one table, by parameter. Raises GapInputError for an unknown effect or parameter, and for
+    invalid numbers.
+
+    file: path for the message. name: name of the table, an effect. table: content of the table.
+    """
     if name not in catalogue.all_effects() or not catalogue.all_effects()[name]:
         known = ", ".join(effect for effect, forms in catalogue.all_effects().items() if forms)
         raise GapInputError(
@@ -56,7 +60,10 @@ def _parse_effect(file: str, name: str, table: Any) -> dict[str, Prior]:
 
 
 def _parse_prior(where: str, parameters: Mapping[str, Parameter], key: str, value: Any) -> Prior:
-    """Return the prior of one parameter. Raises GapInputError for invalid numbers. where: position for the message."""
+    """Return the prior of the parameter `key`. Raises GapInputError for an unknown parameter and for invalid numbers.
+
+    where: position for the message. parameters: parameters of the effect by name. value: content of the entry.
+    """
     if key not in parameters:
         raise GapInputError(where, f"one of {', '.join(parameters)}", "another parameter", "correct the name")
     if not isinstance(value, dict) or set(value) != {"value", "std"}:

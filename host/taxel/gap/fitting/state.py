@@ -26,8 +26,8 @@ MAX_REPEATS: Final = 4
 time in proportion."""
 
 RESPONSE_COUNTS: Final = 50.0
-"""Simulated signal in counts above which a taxel counts as loaded (chosen). A board without such a taxel has no onset
-from which a delay could be fitted."""
+"""Simulated signal in counts above which a taxel is treated as loaded (chosen). A board without such a taxel has no
+onset from which a delay could be fitted."""
 
 FULL_SCALE_FACTOR: Final = 1.25
 """Assumed full scale divided by the largest simulated signal, for datasets without a sensor model (chosen)."""
@@ -56,16 +56,19 @@ class Signal:
         return Signal(force, separation, signal_counts, self.law_scale)
 
     def with_force(self, force: FloatArray) -> Signal:
-        """Return a copy with other forces f64[Q, K, n], newtons."""
+        """Return a copy with other forces f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels), newtons."""
         return replace(self, force=force)
 
     def with_signal_counts(self, signal_counts: FloatArray) -> Signal:
-        """Return a copy with another signal f64[Q, K, n], counts below baseline."""
+        """Return a copy with another signal f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels), counts below
+        baseline.
+        """
         return replace(self, signal_counts=signal_counts)
 
 
 def delay_values(values: FloatArray, time_s: FloatArray, delay_s: FloatArray) -> FloatArray:
-    """Delay time series f64[Q, K, n] by `delay_s` f64[Q, n], with linear interpolation between the nodes.
+    """Delay time series f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels) by `delay_s` f64[Q, n], with linear
+    interpolation between the nodes.
 
     time_s: f64[K], times of the nodes, seconds. Beyond the first and the last node the value of this node applies.
     """
@@ -96,7 +99,8 @@ class State:
         pair: both datasets. layout: rows of the features. time_grid: the K time nodes.
         condition: [Q], index of the condition of each of the Q contacts.
         base: contacts and signal without effects.
-        mean: f64[C, F, n], mean features of the simulator over all its grasps, counts.
+        mean: f64[C, F, n] (C conditions, F features, n taxels), mean features of the simulator over all its grasps,
+            counts.
         shift_s: delay that was added to the recorded simulation, seconds.
         mean_variance: f64[C, F, n], counts^2, variance of `mean` that follows from the differences between simulated
             repeats; None: unknown.
@@ -113,7 +117,9 @@ class State:
 
     @cached_property
     def is_unloaded(self) -> NDArray[np.bool_]:
-        """Taxels without contact in a condition, bool[C, n]; the drift residual is evaluated only on these taxels."""
+        """Taxels without contact in a condition, bool[C, n] (C conditions, n taxels); the drift residual is evaluated
+        only on these taxels.
+        """
         return find_unloaded_taxels(self.pair)
 
     def shift_time(self, seconds: float) -> State:
@@ -148,11 +154,11 @@ class State:
 
     @cached_property
     def signal_counts(self) -> FloatArray:
-        """Signal without effects, counts below baseline, f64[Q, K, n]."""
+        """Signal without effects, counts, f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels)."""
         return self.to_signal_counts(self.base)
 
     def to_signal_counts(self, signal: Signal) -> FloatArray:
-        """Return the signal in counts below baseline, f64[Q, K, n].
+        """Return the signal in counts below baseline, f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels).
 
         Forces are converted by the force law of the sensor model, S F / (F + h), with the full scale S in counts and
         the force h at half the full scale times `Signal.law_scale`.
@@ -171,18 +177,20 @@ class State:
 
     @cached_property
     def node_times_s(self) -> FloatArray:
-        """Middle of each time node, seconds since the beginning of closing, f64[K]."""
+        """Middle of each time node, seconds since the beginning of closing, f64[K] (K time nodes)."""
         return self.time_grid.time_since_start_s
 
     @cached_property
     def _condition_means(self) -> FloatArray:
-        """Matrix that averages over the contacts of each condition, f64[C, Q]."""
+        """Matrix that averages over the contacts of each condition, f64[C, Q] (C conditions, Q simulated contacts)."""
         matrix = np.zeros((len(self.pair.conditions), len(self.condition)))
         matrix[self.condition, np.arange(len(self.condition))] = 1.0
         return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
     def average_bins(self, signal_counts: FloatArray) -> FloatArray:
-        """Average a signal f64[Q, K, n] over the nodes of each bin and the contacts of each condition, f64[C, B, n]."""
+        """Average a signal f64[Q, K, n] (Q simulated contacts, K time nodes, n taxels) over the nodes of each bin and
+        the contacts of each condition, f64[C, B, n] (C conditions, B time bins).
+        """
         contacts, nodes, taxels = signal_counts.shape
         average, bins = self._condition_means, self.time_grid.bin_averages
         conditions = (average @ signal_counts.reshape(contacts, nodes * taxels)).reshape(-1, nodes, taxels)
@@ -190,14 +198,16 @@ class State:
 
     @cached_property
     def _base_bins(self) -> FloatArray:
+        """Mean signal without effects in the B time bins, counts, f64[C, B, n] (C conditions, n taxels)."""
         return self.average_bins(self.signal_counts)
 
     @cached_property
     def _base_onsets(self) -> FloatArray:
+        """Mean onset without effects of each of s boards in each condition, counts, f64[C, s] (C conditions)."""
         return self._compute_onsets(self.signal_counts)
 
     def predict_features(self, signal: Signal) -> FloatArray:
-        """Predict the mean features for a changed signal, f64[C, F, n].
+        """Predict the mean features for a changed signal, f64[C, F, n] (C conditions, F features, n taxels).
 
         The result is `mean` plus the difference between the features of `signal` and those of `base`; only the signal
         bins and the onsets change. For `base` itself the result is the object `mean`.
@@ -212,7 +222,8 @@ class State:
         return result
 
     def _compute_onsets(self, signal_counts: FloatArray) -> FloatArray:
-        """Compute the mean onset of each of s boards in each condition, f64[C, s], in counts (`COUNTS_PER_SECOND`).
+        """Compute the mean onset of each of s boards in each condition, f64[C, s] (C conditions), in counts
+        (`COUNTS_PER_SECOND`).
 
         The onset is the time at which the sum of the positive signals of a board reaches half its mean in hold, with
         linear interpolation between nodes. It is 0 for a board without signal in hold, and for a board that exceeds
@@ -238,6 +249,7 @@ class State:
 
     @cached_property
     def _board_matrix(self) -> FloatArray:
+        """Matrix that sums the n taxels of each of s boards, f64[n, s]: 1 for a taxel of the board, otherwise 0."""
         sensor = self.pair.groups.sensor
         return np.asarray(sensor[:, None] == np.arange(len(self.pair.sensors.address))).astype(np.float64)
 
@@ -245,8 +257,8 @@ class State:
 def build_state(pair: Pair, layout: FeatureLayout, mean: FloatArray, mean_variance: FloatArray | None = None) -> State:
     """Build the state of a pair from its simulated contacts, at most `MAX_REPEATS` of each condition.
 
-    mean, mean_variance: f64[C, F, n], see `State`. The contacts have forces if the dataset has forces, separations and
-    a sensor model, otherwise only a signal.
+    mean, mean_variance: f64[C, F, n] (C conditions, F features, n taxels), see `State`. The contacts have forces if the
+    dataset has forces, separations and a sensor model, otherwise only a signal.
     """
     size = len(pair.conditions) * pair.time_grid.node_count * pair.n
     repeats = max(1, min(MAX_REPEATS, int(MAX_VALUES // size)))

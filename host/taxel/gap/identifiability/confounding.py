@@ -56,10 +56,11 @@ UNLISTED_PAIR: Final = ConfoundedPair("the features that both effects change", F
 def find_confounded_effects(
     named_effects: Iterable[str], rivals: Mapping[str, Sequence[str]], similarities: Sequence[Similarity]
 ) -> dict[str, list[str]]:
-    """Return the confounded effects of each named effect; named effects without such effects are omitted.
+    """Return the confounded effects of each named effect; named effects without confounded effects are omitted.
 
-    An effect is confounded with a named effect if it predicts the held-out features as well (rivals), or if the two are
-    not distinguishable on the recorded contacts (similarities). rivals: by named effect, from the comparison.
+    An effect is confounded with a named effect if it predicts the held-out features almost as well (a rival), or if the
+    two are not distinguishable on the recorded contacts (by their similarity). rivals: rivals of each named effect,
+    from the comparison. similarities: from `identify.compute_similarities`.
     """
     result: dict[str, list[str]] = {}
     for name in named_effects:

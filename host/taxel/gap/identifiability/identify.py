@@ -82,10 +82,9 @@ def classify_identifiability(
     effect, the effects that are confounded with it. Returns "identifiable", "weak", "confounded", "not_excited" or
     "unavailable", as in the report.
     """
-    own = forms[name]
-    if not own:  # a dropout is found by inspection, on every taxel with an expected signal
+    if not forms[name]:  # a dropout is found by inspection, on every taxel with an expected signal
         return "identifiable"
-    possible = [form for form in own if not form.find_unavailable_reason(fit_data.state)]
+    possible = [form for form in forms[name] if not form.find_unavailable_reason(fit_data.state)]
     if not possible:
         return "unavailable"
     largest_length2 = max(compute_typical_length2(fit_data, form) for form in possible)
@@ -99,7 +98,9 @@ def classify_identifiability(
 
 
 def compute_typical_length2(fit_data: FitData, effect: Effect) -> float:
-    """Compute the squared length of the change of the features by an effect with typical values."""
+    """Compute the squared length of the change of the features by an effect with typical values, in standard deviations
+    squared.
+    """
     return _compute_length2(fit_data, _compute_typical_change(fit_data, effect))
 
 
@@ -108,58 +109,67 @@ def compute_similarities(
 ) -> list[Similarity]:
     """Compute the similarity of every effect to every other available effect; effects that are not excited are omitted.
 
-    forms: forms of each effect of the catalogue. named_effects: effects of the verdict, with their fitted values. Other
-    effects have typical values, in the form with the largest change. The similarity of a named effect to an effect at a
-    small angle is checked by nonlinear fits of all forms of the other effect.
+    An effect is excited if its change of the features has a squared length of at least `EXCITED_LENGTH2`. forms: forms
+    of each effect of the catalogue. named_effects: effects of the verdict, with their fitted values; all other effects
+    have typical values, in the form with the largest change. If the similarity of a named effect to another effect has
+    a small angle, it is checked by nonlinear fits of all forms of the other effect.
     """
     state = fit_data.state
     available_forms = {
-        name: [form for form in (*own, *UNSEARCHED_FORMS.get(name, ())) if not form.find_unavailable_reason(state)]
-        for name, own in forms.items()
+        name: [
+            form for form in (*effect_forms, *UNSEARCHED_FORMS.get(name, ())) if not form.find_unavailable_reason(state)
+        ]
+        for name, effect_forms in forms.items()
     }
     nuisance_columns = linearise(state, CompositeModel((start_effect(state, Latency("hand")),))).columns
     subspaces_of_forms = map_in_threads(
         state,
-        lambda own: [
+        lambda effect_forms: [
             Subspace(
                 fit_data,
                 [*nuisance_columns, *linearise(state, CompositeModel((_make_typical_effect(fit_data, form),))).columns],
             )
-            for form in own
+            for form in effect_forms
         ],
         available_forms.values(),
     )
     subspaces = dict(zip(available_forms, subspaces_of_forms, strict=True))
-    named_by_name = {fitted_effect.effect.name: fitted_effect for fitted_effect in named_effects}
+    named_effect_by_name = {fitted_effect.effect.name: fitted_effect for fitted_effect in named_effects}
 
-    def compute_rows(name: str) -> list[Similarity]:
+    def compute_similarities_of(name: str) -> list[Similarity]:
+        """Return the similarities of the effect `name` to all other effects; an empty list if the contacts do not
+        excite it.
+        """
         typical_changes = [_compute_typical_change(fit_data, form) for form in available_forms[name]]
         change = (
-            _compute_change(fit_data, named_by_name[name])
-            if name in named_by_name
+            _compute_change(fit_data, named_effect_by_name[name])
+            if name in named_effect_by_name
             else max(typical_changes, key=lambda v: _compute_length2(fit_data, v))
         )
         length2 = _compute_length2(fit_data, change)
         if length2 < EXCITED_LENGTH2:
             return []
-        rows = []
-        for other, own in subspaces.items():
-            if other == name or not own:
+        similarities = []
+        for other, form_subspaces in subspaces.items():
+            if other == name or not form_subspaces:
                 continue
-            residual2 = min(space.compute_residual2(change) for space in own)
-            if name in named_by_name and _compute_angle_deg(residual2, length2) < REFIT_ANGLE_DEG:
+            residual2 = min(space.compute_residual2(change) for space in form_subspaces)
+            if name in named_effect_by_name and _compute_angle_deg(residual2, length2) < REFIT_ANGLE_DEG:
                 residual2 = min(residual2, *(_fit_residual2(fit_data, change, form) for form in available_forms[other]))
-            rows.append(Similarity(name, other, _compute_angle_deg(residual2, length2), residual2))
-        return rows
+            similarities.append(Similarity(name, other, _compute_angle_deg(residual2, length2), residual2))
+        return similarities
 
-    return [
-        row
-        for rows in map_in_processes(state, compute_rows, [name for name, own in available_forms.items() if own])
-        for row in rows
-    ]
+    available_names = [name for name, effect_forms in available_forms.items() if effect_forms]
+    by_effect = map_in_processes(state, compute_similarities_of, available_names)
+    return [similarity for similarities in by_effect for similarity in similarities]
 
 
 def _is_indistinguishable(residual2: float, angle_deg: float) -> bool:
+    """Return whether an effect is not distinguishable from another effect that reproduces its change of the features.
+
+    residual2: squared length of the part that the other effect does not reproduce, in standard deviations squared.
+    angle_deg: angle between the change and the subspace of the other effect.
+    """
     return residual2 < DISTINCT_LENGTH2 or angle_deg < CONFOUNDED_ANGLE_DEG
 
 
@@ -186,7 +196,7 @@ def _compute_length2(fit_data: FitData, change: FloatArray) -> float:
 class Subspace:
     """Subspace of changes of the features that is spanned by derivative columns, in the weighted norm of the fit data.
 
-    Priors are ignored: the subspace contains every possible change, whether probable or not.
+    Priors are ignored: the subspace contains every possible change, regardless of its probability.
     """
 
     def __init__(self, fit_data: FitData, columns: Sequence[DerivativeColumn]) -> None:
@@ -199,7 +209,9 @@ class Subspace:
         self._factor, self._independent = factor[:rank, :rank], order[:rank] - 1
 
     def compute_residual2(self, change: FloatArray) -> float:
-        """Compute the squared length of the residual of a change f64[C, F, n] after projection onto the subspace."""
+        """Compute the squared length of the residual of a change f64[C, F, n] (C conditions, F features, n taxels)
+        after projection onto the subspace.
+        """
         problem = FitProblem(self._fit_data.state, change, self._fit_data.weight)
         gradient = compute_gradient(problem, self._columns, np.zeros_like(change)) / self._scale
         projection = solve_triangular(self._factor, gradient[self._independent], lower=True, check_finite=False)
@@ -207,5 +219,8 @@ class Subspace:
 
 
 def _fit_residual2(fit_data: FitData, change: FloatArray, form: Effect) -> float:
+    """Return the squared length of the part of a change f64[C, F, n] (C conditions, F features, n taxels) that an
+    effect does not reproduce after a nonlinear fit, in standard deviations squared.
+    """
     problem = FitProblem(fit_data.state, fit_data.state.mean + change, fit_data.weight)
     return fit(problem, CompositeModel((start_effect(fit_data.state, form),)), iterations=2 * REFIT_ITERATIONS).cost

@@ -38,8 +38,8 @@ class ResidualProducts:
     """Products of the weighted residuals (real minus predicted features) of each pair of sessions, counts^2.
 
     Attributes:
-        conditions: f64[C, F, S, S], summed over the taxels.
-        taxels: f64[n, S, S], summed over conditions and features.
+        conditions: f64[C, F, S, S] (C conditions, F features), summed over the taxels.
+        taxels: f64[n, S, S] (n taxels), summed over conditions and features.
         centred_conditions, centred_taxels: the same for the residuals minus their mean over the sessions.
     """
 
@@ -50,7 +50,9 @@ class ResidualProducts:
 
 
 def compute_products(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> ResidualProducts:
-    """Return the products of the residuals between real sessions and a prediction. model: f64[C, F, n], counts."""
+    """Return the products of the residuals between real sessions and a prediction. model: f64[C, F, n] (C conditions, F
+    features, n taxels), counts.
+    """
     scale = np.sqrt(layout.compute_scale(real.value.shape[0], real.value.shape[3]) * real.pair_weight)[:, None]
     residual = real.compute_residual(model)
     centred = np.where(
@@ -68,8 +70,8 @@ def compute_p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatA
     """Return the corrected p-values of the excess at G locations, f64[G]; 1 with a single session.
 
     gram: f64[G, S, S], products of the residuals of the sessions, counts^2. centred: the same for the residuals minus
-    their mean over the sessions. seed: of the bootstrap. Source: step-down maximum statistic, Westfall and Young
-    (1993).
+    their mean over the sessions. seed: seed of the bootstrap's random numbers. Source: step-down maximum statistic,
+    Westfall and Young (1993).
     """
     groups, sessions = gram.shape[0], gram.shape[-1]
     if sessions < 2:
@@ -93,9 +95,10 @@ def compute_p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatA
 
 
 def compute_shares(excess: FloatArray) -> FloatArray:
-    """Return the shares of G locations in the excess, f64[G]; the sum is 1, and a negative excess has the share 0.
+    """Return the shares of G locations in the excess, f64[G], with the sum 1.
 
-    Equal shares if no excess is positive. excess: f64[G], counts^2.
+    A location with a negative excess has the share 0. If no location has a positive excess, all shares are equal.
+    excess: f64[G], counts^2.
     """
     positive = np.maximum(excess, 0.0)
     total = positive.sum()
@@ -103,7 +106,7 @@ def compute_shares(excess: FloatArray) -> FloatArray:
 
 
 def sum_groups(gram: FloatArray, index: NDArray[np.intp], count: int) -> FloatArray:
-    """Return the sum of products over each group, f64[count, S, S].
+    """Return the sum of products over each group, f64[count, S, S] (S sessions).
 
     gram: f64[k, S, S]. index: [k], number of the group of each entry. count: number of groups.
     """
@@ -115,7 +118,8 @@ def sum_groups(gram: FloatArray, index: NDArray[np.intp], count: int) -> FloatAr
 def locate_excess(pair: Pair, products: ResidualProducts, layout: FeatureLayout, seed: int) -> dict[str, Any]:
     """Return the field `where` of the report: shares of the excess with p-values, largest share first.
 
-    products: of the real sessions and the simulator's features. seed: of the p-values.
+    The keys are `sensors` (boards), `lines`, `taxels`, `phases`, `objects` and `approaches`. products: products of the
+    residuals of the real sessions from the simulator's features. seed: seed of the p-values' random numbers.
     """
     sensors = pair.sensors
     taxel_share, taxel_p_values = _evaluate_groups(products.taxels, products.centred_taxels, seed)
@@ -132,11 +136,13 @@ def locate_excess(pair: Pair, products: ResidualProducts, layout: FeatureLayout,
     object_index = np.array([objects.index(object_name) for object_name, _ in pair.conditions], dtype=np.intp)
 
     def list_shares(labels: list[dict[str, Any]], gram: FloatArray, centred: FloatArray) -> list[dict[str, Any]]:
+        """Return the labels of locations with their shares and p-values added, largest share first."""
         share, p_values = _evaluate_groups(gram, centred, seed)
         rows = [{**label, "share": float(share[k]), "p_value": float(p_values[k])} for k, label in enumerate(labels)]
         return sorted(rows, key=lambda entry: -entry["share"])
 
     def sum_taxels(group: NDArray[np.intp], number: int) -> tuple[FloatArray, FloatArray]:
+        """Return the products, and the centred products, summed over the taxels of each of `number` groups."""
         return sum_groups(products.taxels, group, number), sum_groups(products.centred_taxels, group, number)
 
     lines: list[dict[str, Any]] = []
@@ -169,5 +175,5 @@ def locate_excess(pair: Pair, products: ResidualProducts, layout: FeatureLayout,
 
 
 def _evaluate_groups(gram: FloatArray, centred: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return shares and p-values of G locations, both f64[G]. gram, centred: f64[G, S, S], counts^2."""
+    """Return shares and p-values of G locations, both f64[G]. gram, centred: f64[G, S, S] (S sessions), counts^2."""
     return compute_shares(compute_off_diagonal_mean(gram)), compute_p_values(gram, centred, seed)

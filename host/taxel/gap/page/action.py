@@ -36,8 +36,11 @@ CONTACT_CHANGES: Final = frozenset({"pose_error"})
 
 @dataclass(frozen=True)
 class Action:
-    """What to do. steps: sentences, most important first. command: makes the module of `lines`, which the simulator
-    contains afterwards; both are empty unless effects can be added to counts. next_contact: empty without one.
+    """What to do, for the page and the summary on a terminal.
+
+    steps: sentences, most important first. command: shell command that writes the Python module which `lines`, the
+    lines for the simulator, import; both are empty unless the named effects can be added to counts. next_contact:
+    recommended contact with its reason; empty if there is none.
     """
 
     steps: tuple[str, ...]
@@ -47,9 +50,10 @@ class Action:
 
 
 def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> Action:
-    """The action that follows from status, named effects and recommended measurements. Raises GapInputError.
+    """Return the action that follows from the number of sessions, the status, the named effects and the recommended
+    measurements. Raises GapInputError for a missing or malformed field.
 
-    report_file: path of the report for the command.
+    report_file: path of the report in the shell command.
     """
     effects = [effect for effect in report.effects if effect.flag("in_verdict")]
     contact = _describe_next_contact(report)
@@ -58,7 +62,7 @@ def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> A
         more = format_count(missing, "more session")
         return Action((f"Record {more} with the same contacts, then diagnose again. Change nothing before.",))
     if report.is_no_gap:
-        return Action((_agreement(report),))
+        return Action((_describe_agreement(report),))
     if not effects:
         return Action(tuple(_advise_on_unknown(report, contact)), next_contact=contact)
     if report.root.field("inputs").flag("real_real"):
@@ -75,13 +79,15 @@ def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> A
 
 
 def _is_ineffective(report: CheckedReport) -> bool:
-    """Whether the gap of held-out sessions does not shrink, or not by a whole per cent."""
+    """Return whether the gap of held-out sessions does not shrink by at least `LEAST_SHRINK`, or not significantly
+    (interval of the shrink entirely at or below 0).
+    """
     bounds, shrink = report.after.optional_interval("shrink_ci95"), report.after.optional_number("shrink")
     return (shrink is not None and shrink < LEAST_SHRINK) or (bounds is not None and bounds[1] <= 0.0)
 
 
 def _count_sessions(report: CheckedReport) -> int:
-    """Sessions of the real dataset; a report without the number has enough."""
+    """Return the number of sessions of the real dataset; `MIN_SESSIONS` for a report without this number."""
     counts = report.root.optional("counts")
     real = counts.optional("real") if counts is not None else None
     value = real.optional("sessions") if real is not None else None
@@ -89,6 +95,7 @@ def _count_sessions(report: CheckedReport) -> int:
 
 
 def _describe_next_contact(report: CheckedReport) -> str:
+    """Return the first recommended contact with its reason; an empty string if the report recommends none."""
     measurements = report.root.optional_list("next_presses")
     if not measurements:
         return ""
@@ -98,14 +105,19 @@ def _describe_next_contact(report: CheckedReport) -> str:
     return f"{contact} ({why or f'separates {separated}'})"
 
 
-def _agreement(report: CheckedReport) -> str:
+def _describe_agreement(report: CheckedReport) -> str:
+    """Return the action for a report without a gap: keep the simulator, or use either of two real datasets."""
     if report.root.field("inputs").flag("real_real"):
         return "Use either dataset in place of the other for contacts like the recorded ones."
     return "Keep the simulator as it is for contacts like the recorded ones."
 
 
 def _advise_on_unknown(report: CheckedReport, contact: str) -> list[str]:
-    """Steps for a gap without a named effect."""
+    """Return the steps, one sentence each, for a gap without a named effect.
+
+    contact: recommended contact; empty if there is none. If effects are confounded (not distinguishable in these
+    grasps), the step is a further contact; otherwise it is an inspection of the hardware.
+    """
     if report.verdict.optional("confounded_with") is not None and report.verdict.field("confounded_with").table():
         decision = "Record the contact below" if contact else "Record further contacts"
         return [f"{decision}, which decides between the possible causes, then diagnose again. Change nothing before."]
@@ -121,9 +133,14 @@ def _advise_on_unknown(report: CheckedReport, contact: str) -> list[str]:
 
 
 def _add_effects(report: CheckedReport, effects: Sequence[ReportValue], contact: str, command: str) -> Action:
-    """The action for named effects of a simulator."""
+    """Return the action for named effects: steps for each effect, and the command that exports effects for the
+    simulator.
+
+    effects: entries of the named effects. contact: recommended contact; empty if there is none. command: shell command
+    of the export, which is omitted if none of the effects can be added to counts.
+    """
     names = [effect.text("name") for effect in effects]
-    steps = [text for effect in effects if (text := _special_step(report, effect))]
+    steps = [text for effect in effects if (text := _describe_special_step(report, effect))]
     added = [name for name in names if name in DESCRIPTIONS and name not in CONTACT_CHANGES]
     if added:
         what = join_words([make_readable(name) for name in added])
@@ -131,8 +148,10 @@ def _add_effects(report: CheckedReport, effects: Sequence[ReportValue], contact:
     return Action(tuple(steps), command if added else "", PASTE_LINES if added else (), contact)
 
 
-def _special_step(report: CheckedReport, effect: ReportValue) -> str:
-    """A step for an effect that is not only a matter of counts; empty for the others."""
+def _describe_special_step(report: CheckedReport, effect: ReportValue) -> str:
+    """Return the step for an effect that a change of the simulator's counts does not correct alone: a dropout, a pose
+    error, or an effect of a user's file. The string is empty for all other effects.
+    """
     name = effect.text("name")
     if name == "dropout":
         places = format_effect_locations(report, effect)

@@ -7,7 +7,9 @@ from taxel.gap.report.checked_report import CheckedReport
 
 
 def build_action_section(report: CheckedReport) -> SectionData:
-    """The section. Raises GapInputError."""
+    """Return the section "What to do", with a table of contacts if more than one contact is recommended. Raises
+    GapInputError for a missing or malformed field.
+    """
     action = recommend_action(report)
     table = build_recommendation_table(report) if action.next_contact else None
     has_more = table is not None and len(table.rows) > 1

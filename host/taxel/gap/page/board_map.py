@@ -29,8 +29,8 @@ MAX_NAME = 18  # characters
 
 @dataclass(frozen=True)
 class Board:
-    """A board. index, tx, rx, row, column: index in the report, lines, and place on the unrolled sheet of each of its
-    taxels.
+    """A board in the picture. The other fields have one value for each of its taxels: index in the report, TX line, RX
+    line, and row and column on the unrolled sheet.
     """
 
     address: int
@@ -54,7 +54,7 @@ class Board:
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board in a view. x, y: upper left corner of its taxels. label: its name as shown."""
+    """A board in a view. x, y: upper left corner of its taxels, taxel pitches. label: its name as shown."""
 
     board: Board
     label: str
@@ -64,7 +64,7 @@ class PlacedBoard:
 
 @dataclass(frozen=True)
 class Heading:
-    """Heading of a column of boards. x: its middle. y: its base line."""
+    """Heading of a column of boards. x: its middle. y: its base line. Both in taxel pitches."""
 
     label: str
     x: float
@@ -73,7 +73,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class View:
-    """One picture of the hand. title: empty if it is the only picture."""
+    """One picture of the hand, such as its palm side. title: empty if it is the only picture. width, height: taxel
+    pitches.
+    """
 
     title: str
     width: float
@@ -83,7 +85,9 @@ class View:
 
 
 def list_boards(report: CheckedReport) -> tuple[Board, ...]:
-    """The boards of a report by address; none if the report has no taxel table. Raises GapInputError."""
+    """Return the boards of a report, sorted by address; empty if the report has no taxel table. Raises GapInputError
+    for a malformed field.
+    """
     if report.taxels is None:
         return ()
     members: dict[int, list[int]] = {}
@@ -100,7 +104,9 @@ def list_boards(report: CheckedReport) -> tuple[Board, ...]:
 
 
 def arrange_views(boards: Sequence[Board]) -> tuple[View, ...]:
-    """The pictures of these boards: both sides of the default hand, or one picture with rows of boards."""
+    """Return the pictures of these boards: both sides of the default hand, or one picture with rows of boards for any
+    other hand. Empty without boards.
+    """
     by_name = {board.name: board for board in boards}
     hand_boards = {name for _, grid, _ in SIDES for row in grid for name in row if name}
     if not boards or len(by_name) < len(boards) or not by_name.keys() <= hand_boards:
@@ -112,9 +118,10 @@ def arrange_views(boards: Sequence[Board]) -> tuple[View, ...]:
 def _arrange_as_hand(
     title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_name: dict[str, Board]
 ) -> View:
-    """One side of the default hand. grid: names of the boards by row and column, "" for an empty place.
+    """Return the picture of one side of the default hand.
 
-    fingers: names of the columns. by_name: the boards of the report.
+    grid: names of the boards by row and column, "" for an empty place. fingers: names of the columns. by_name: the
+    boards of the report.
     """
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*grid, strict=True)]
     widths = [max((board.columns for board in column), default=0) for column in columns]
@@ -143,7 +150,7 @@ def _arrange_as_hand(
 
 
 def _arrange_in_rows(boards: Sequence[Board]) -> View:
-    """A view with the boards side by side, in rows of limited width."""
+    """Return a picture with the boards side by side, in rows of at most `ROW_WIDTH` taxel pitches."""
     placed: list[PlacedBoard] = []
     row: list[PlacedBoard] = []
     x, top, right_edge = EDGE, LABEL, 0.0

@@ -14,10 +14,11 @@ Places = tuple[tuple[int, ...], tuple[int, ...]]
 
 
 def find_places(kind: str, tx: Sequence[int], rx: Sequence[int]) -> Places:
-    """Find the places of the taxels of a board: those of a packaged kind with this name and these lines, else its
-    lines.
+    """Return row and column of each taxel of a board on the unrolled sheet.
 
-    tx, rx: TX and RX line of each taxel, in the order of the report.
+    kind: name of the board kind. tx, rx: TX and RX line of each taxel, in the order of the report. If a packaged board
+    kind has this name and these lines, its places are returned; otherwise the TX lines as rows and the RX lines as
+    columns.
     """
     lines = (tuple(tx), tuple(rx))
     for packaged in _list_kinds_with_layout().get(kind, ()):
@@ -28,7 +29,7 @@ def find_places(kind: str, tx: Sequence[int], rx: Sequence[int]) -> Places:
 
 @lru_cache(maxsize=1)
 def _list_kinds_with_layout() -> dict[str, list[BoardKind]]:
-    """Kinds of the packaged hands whose places are not their lines, by name."""
+    """Return the board kinds of the packaged hands whose taxel places differ from their lines, by name of the kind."""
     kinds: dict[str, list[BoardKind]] = {}
     for name in list_packaged_hands():
         for kind in {board.kind.name: board.kind for board in load_hand(name).boards}.values():

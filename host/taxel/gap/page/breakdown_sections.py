@@ -12,7 +12,9 @@ _COUNTS = Heading("Counts", "n")
 
 
 def build_ablation_section(report: CheckedReport) -> SectionData | None:
-    """The gap without one effect of the verdict; None if the report has no ablation. Raises GapInputError."""
+    """Return the section with the gap without each effect of the verdict; None if the report has no such gaps. Raises
+    GapInputError for a missing or malformed field.
+    """
     entries = report.root.optional_list("ablation")
     if not entries:
         return None
@@ -27,7 +29,7 @@ def build_ablation_section(report: CheckedReport) -> SectionData | None:
             f"without {make_readable(entry.text('without'))}",
             build_share_bar(axis, gap, True),
             format_number(gap, axis.high),
-            _increase(gap - complete, axis.high),
+            _format_increase(gap - complete, axis.high),
         )
         for entry, gap in zip(entries, gaps, strict=True)
     ]
@@ -37,18 +39,25 @@ def build_ablation_section(report: CheckedReport) -> SectionData | None:
 
 
 def build_parts_section(report: CheckedReport) -> SectionData | None:
-    """Before and after by object and by board; None if the report has neither. Raises GapInputError."""
+    """Return the section with the gap before and after by object and by board; None if the report has neither. Raises
+    GapInputError for a missing or malformed field.
+    """
     root = report.root
     objects = [(make_readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
     boards = [(format_board_address(report, get_address(entry)), entry) for entry in root.optional_list("by_sensor")]
     tables = [
-        table for table in (_before_after_table("Object", objects), _before_after_table("Board", boards)) if table
+        table
+        for table in (_build_before_after_table("Object", objects), _build_before_after_table("Board", boards))
+        if table
     ]
     return SectionData("parts", "By object and by board", "parts", {"tables": tables}) if tables else None
 
 
-def _before_after_table(title: str, entries: list[tuple[str, ReportValue]]) -> TableData | None:
-    """Gap before and after, and floor, of objects or boards; None without entries. entries: by name."""
+def _build_before_after_table(title: str, entries: list[tuple[str, ReportValue]]) -> TableData | None:
+    """Return the table of gap before, gap after and floor for objects or boards; None without entries.
+
+    title: "Object" or "Board". entries: name and report entry of each row.
+    """
     if not entries:
         return None
     keys = ("before", "after", "floor")
@@ -63,7 +72,9 @@ def _before_after_table(title: str, entries: list[tuple[str, ReportValue]]) -> T
 
 
 def build_thesis_section(report: CheckedReport) -> SectionData | None:
-    """The gap after each processing step of the thesis; None if the report has none. Raises GapInputError."""
+    """Return the section with the gap after each processing step of the thesis; None if the report has none. Raises
+    GapInputError for a missing or malformed field.
+    """
     entries = report.root.optional_list("thesis_terms")
     if not entries:
         return None
@@ -83,6 +94,9 @@ def build_thesis_section(report: CheckedReport) -> SectionData | None:
     return SectionData("thesis", "Processing steps of the thesis", "table", {"table": table})
 
 
-def _increase(difference: float, compared_with: float) -> str:
+def _format_increase(difference: float, compared_with: float) -> str:
+    """Return a difference as text, with a plus sign if it is positive. compared_with: number that determines the
+    decimals.
+    """
     text = format_number(difference, compared_with)
     return f"+{text}" if difference > 0 else text

@@ -10,7 +10,9 @@ from taxel.gap.page.terms import make_anchor
 
 @dataclass(frozen=True)
 class SectionData:
-    """A section of the page. template: name of its template without ".html". context: variables of the template."""
+    """A section of the page. anchor: name in links to it. template: name of its template without ".html". context:
+    variables of the template.
+    """
 
     anchor: str
     title: str
@@ -69,12 +71,14 @@ CellContent = Cell | str | Bar | None
 def make_table(
     headings: Sequence[Heading], rows: Iterable[Sequence[CellContent]], caption: str, kind: str = ""
 ) -> TableData:
-    """A table from cells, texts and diagrams; None becomes an empty cell."""
+    """Return a table from cells, texts and diagrams; None becomes an empty cell. caption: text for screen readers.
+    kind: CSS class.
+    """
     return TableData(headings, [[_as_cell(item) for item in row] for row in rows], caption, kind)
 
 
 def _as_cell(item: CellContent) -> Cell:
-    """A table cell for a text, a diagram or a cell; None becomes an empty cell."""
+    """Convert a text, a diagram or a cell to a cell; None becomes an empty cell."""
     if isinstance(item, Cell):
         return item
     if isinstance(item, Bar):

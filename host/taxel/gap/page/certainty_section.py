@@ -22,7 +22,7 @@ from taxel.gap.report.checked_report import CheckedReport
 
 
 def build_certainty_section(report: CheckedReport) -> SectionData:
-    """The section. Raises GapInputError."""
+    """Return the section "Certainty". Raises GapInputError for a missing or malformed field."""
     shown = {name for name, _ in list_shown_causes(report)}
     context: dict[str, Any] = {
         "calibration": _describe_calibration(report),
@@ -39,7 +39,7 @@ def build_certainty_section(report: CheckedReport) -> SectionData:
 
 
 def list_support(report: CheckedReport) -> list[str]:
-    """What supports the verdict, one sentence each."""
+    """Return the facts that support the verdict, one sentence each."""
     after, p = report.after, report.gap.optional_number("p_value")
     support = []
     if report.is_no_gap:
@@ -58,7 +58,8 @@ def list_support(report: CheckedReport) -> list[str]:
 
 
 def describe_repeated_searches(report: CheckedReport) -> list[str]:
-    """How many searches without one session find the effects of the full search; empty if none was made.
+    """Return a sentence that states how many searches without one session find the same effects as the search with all
+    sessions. The list has one sentence; it is empty if no searches without a session were made.
 
     "unknown" is not compared: it marks a remainder without an effect and is not the result of a search.
     """
@@ -71,7 +72,9 @@ def describe_repeated_searches(report: CheckedReport) -> list[str]:
 
 
 def list_doubts(report: CheckedReport) -> list[str]:
-    """Reasons for doubt, one sentence each: those of the verdict, tests, and effects that may replace a named one."""
+    """Return the reasons for doubt, one sentence each: the reasons in the verdict, results of significance tests, and
+    effects that these contacts do not distinguish from a named effect.
+    """
     doubts = [_as_sentence(text) for text in report.verdict.texts("reasons")]
     if any(name != "unknown" for name in report.verdict.texts("effects")):
         p, rest = report.gap.optional_number("p_value"), report.root.field("unexplained").optional_number("p_value")
@@ -88,13 +91,15 @@ def list_doubts(report: CheckedReport) -> list[str]:
 
 
 def _as_sentence(text: str) -> str:
-    """The text with a capital letter and a full stop."""
+    """Return a text with a capital letter at its beginning and a full stop at its end."""
     clean = clean_text(text)
     return f"{clean[:1].upper()}{clean[1:]}" + ("" if clean.endswith((".", "!", "?")) else ".")
 
 
 def _describe_calibration(report: CheckedReport) -> str:
-    """What the largest probability means; empty for a report without probabilities."""
+    """Return a sentence that explains the largest probability; an empty string if the report has no probabilities or if
+    none of them reaches `NAMED_PROBABILITY`.
+    """
     ranked = rank_causes(report)
     if not ranked or ranked[0][1] < NAMED_PROBABILITY:
         return ""
@@ -103,7 +108,7 @@ def _describe_calibration(report: CheckedReport) -> str:
 
 
 def _describe_influence(report: CheckedReport) -> list[str]:
-    """For each named effect the conditions with the largest shares of its evidence."""
+    """Return for each named effect a text with the conditions that contribute most of its evidence, with shares."""
     shares: dict[str, list[str]] = {}
     for entry in report.root.optional_list("influence"):
         place = f"{clean_text(entry.text('object'))} {clean_text(entry.text('approach'))}"

@@ -42,24 +42,29 @@ MIN_TOP_FLOORS = 3.0
 
 
 def compute_top(excess: tuple[list[float], list[float]], floor: float) -> float:
-    """Upper end of the scale, counts: the root of the largest excess before or after [n] (counts squared).
+    """Return the upper end of the colour scale, counts: the root of the largest excess of a taxel, before or after.
 
-    floor: of the gap, counts; the scale ends at `MIN_TOP_FLOORS` times the floor or above.
+    excess: before and after, counts squared, [n] (n taxels) each; NaN without data. floor: floor of the gap, counts;
+    the scale ends at `MIN_TOP_FLOORS` times the floor or above.
     """
     largest = max((value for values in excess for value in values if not math.isnan(value)), default=0.0)
     return max(math.sqrt(max(largest, 0.0)), MIN_TOP_FLOORS * floor, math.ulp(1.0))
 
 
 def select_step(excess: float, top: float) -> int:
-    """Step of the ramp, 0 to STEPS - 1, of an excess (counts squared): linear in its root; 0 for an excess up to 0."""
+    """Return the step of the colour ramp, 0 to STEPS - 1, for an excess in counts squared.
+
+    The step is proportional to the root of the excess, and 0 for an excess of at most 0. top: upper end of the scale,
+    counts.
+    """
     return min(STEPS - 1, int(STEPS * math.sqrt(max(excess, 0.0)) / top))
 
 
 def format_ramp_css(colours: tuple[str, ...]) -> str:
-    """The ramp as CSS custom properties."""
+    """Return the colours of a ramp as CSS custom properties."""
     return "".join(f"--q{step}:{colour};" for step, colour in enumerate(colours))
 
 
 def format_step_css() -> str:
-    """A CSS class for each step."""
+    """Return a CSS class for each step of the ramp."""
     return "".join(f".q{step}{{fill:var(--q{step})}}" for step in range(STEPS))

@@ -18,7 +18,9 @@ _LABELS: Final[Mapping[str, str]] = {"unknown": "unknown cause", "no_gap": "no c
 
 
 def rank_causes(report: CheckedReport) -> list[tuple[str, float]]:
-    """Causes, "unknown" and "no_gap" with their probabilities, largest first; empty for a report of version 1."""
+    """Return effects, "unknown" and "no_gap" with their probabilities, largest first; empty for a report of version 1,
+    which has no probabilities.
+    """
     table = report.verdict.optional("probabilities")
     if table is None:
         return []
@@ -26,9 +28,11 @@ def rank_causes(report: CheckedReport) -> list[tuple[str, float]]:
 
 
 def list_shown_causes(report: CheckedReport) -> list[tuple[str, float]]:
-    """Causes of the line: those that are not improbable, but at least one; causes of the verdict come first.
+    """Return the causes that the line of confidence shows, with their probabilities, largest first.
 
-    With too few sessions the verdict does not follow from the probabilities, and none is shown.
+    These are at most `MOST_CAUSES` causes with a probability of at least `MIN_SHOWN`, otherwise the most probable
+    cause. The list is empty if the report has no probabilities, or if "no_gap" is most probable but the verdict is not
+    "no gap" (too few sessions).
     """
     ranked = rank_causes(report)
     if ranked and ranked[0][0] == NO_GAP and not report.is_no_gap:
@@ -38,12 +42,14 @@ def list_shown_causes(report: CheckedReport) -> list[tuple[str, float]]:
 
 
 def label_cause(name: str) -> str:
-    """The name of a cause in words."""
+    """Return the name of a cause in words."""
     return _LABELS.get(name) or make_readable(name)
 
 
 def build_confidence(report: CheckedReport) -> list[dict[str, Any]]:
-    """Variables of the line in the template of the page: label, bar, percentage and whether the cause is named."""
+    """Return the variables of the line in the template of the page, for each cause: label, bar, percentage, and whether
+    the verdict names causes with this probability.
+    """
     axis = Axis(0.0, 1.0)
     return [
         {

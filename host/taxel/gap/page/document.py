@@ -68,38 +68,41 @@ def write_page(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
 
 
 def page_text(report: Mapping[str, Any]) -> str:
-    """The page as HTML that is also well-formed XML. Raises GapInputError as `write_page` does."""
+    """Return the page of a report as HTML that is also well-formed XML. Raises GapInputError as `write_page` does."""
     checked = CheckedReport(report)
     header = build_header_context(checked)
     sections = []
-    for section in _build(_SECTIONS, checked):
-        details = _build(_FIGURES, checked) if section.anchor == "figures" else []
+    for section in _build_sections(_SECTIONS, checked):
+        details = _build_sections(_FIGURES, checked) if section.anchor == "figures" else []
         sections.append(_render_section(section) | {"details": [_render_section(detail) for detail in details]})
     return render(
         "page.html",
         title=clean_text(f"{header['headline']} {header['kind']}"),
         policy=_POLICY,
-        style=_style(),
+        style=_get_style(),
         header=header | {"lead": link_terms(render("lead.html", header=header))},
         sections=sections,
     )
 
 
-def _build(builders: Sequence[Build], report: CheckedReport) -> list[SectionData]:
-    """The sections with content."""
+def _build_sections(builders: Sequence[Build], report: CheckedReport) -> list[SectionData]:
+    """Return the sections of a report that have content. builders: functions that return a section or None."""
     return [section for build in builders if (section := build(report)) is not None]
 
 
 def _render_section(section: SectionData) -> dict[str, Any]:
-    """Variables of a section in the template of the page. Its terms are linked, except beside their definitions."""
+    """Return the variables of a section in the template of the page, with its content as HTML.
+
+    Terms are linked to their definitions, except in the section of the definitions.
+    """
     body = render(f"sections/{section.template}.html", section=section)
     linked = body if section.anchor == "terms" else link_terms(body)
     return {"anchor": section.anchor, "title": section.title, "body": linked}
 
 
 @cache
-def _style() -> str:
-    """The style sheet of the page, with the colours of the pictures."""
+def _get_style() -> str:
+    """Return the style sheet of the page, with the colours of the pictures. Cached."""
     light = f":root {{ {format_ramp_css(LIGHT)} }}"
     dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {format_ramp_css(DARK)} }} }}"
     return f"{light}\n{dark}\n{format_step_css()}\n{read_resource('hand.css')}{read_resource('page.css')}"

@@ -30,7 +30,9 @@ NEUTRAL_DIFFERENCE = 0.005
 
 
 def build_effect_card(report: CheckedReport, effect: ReportValue) -> dict[str, Any]:
-    """Variables of the card of an effect. Raises GapInputError."""
+    """Return the variables of the card of an effect: name, description, facts and parameters. Raises GapInputError for
+    a missing or malformed field.
+    """
     name = effect.text("name")
     identifiability, meaning = IDENTIFIABILITIES[effect.choice("identifiability", tuple(IDENTIFIABILITIES))]
     facts = [
@@ -40,7 +42,7 @@ def build_effect_card(report: CheckedReport, effect: ReportValue) -> dict[str, A
     if sum(other.flag("in_verdict") for other in report.effects) > 1:
         share = format_percent(effect.optional_number("shapley_share"))
         facts.append(("Part of the reduction", f"{share} (Shapley share)"))
-    rows, groups = _parameter_tables(report, effect)
+    rows, groups = _build_parameter_tables(report, effect)
     return {
         "name": make_readable(name),
         "description": DESCRIPTIONS.get(name, ""),
@@ -51,35 +53,41 @@ def build_effect_card(report: CheckedReport, effect: ReportValue) -> dict[str, A
 
 
 def format_parameters(report: CheckedReport, effect: ReportValue) -> str:
-    """The fitted parameters in one line of text."""
+    """Return the fitted parameters of an effect that are not neutral as one line of text; empty if there are none."""
     texts = []
-    for base, members in _parameter_groups(effect).items():
+    for base, members in _group_parameters(effect).items():
         if len(members) >= _MIN_FOLDED:
-            texts.append(_range_text(base, members))
+            texts.append(_format_range(base, members))
             continue
         for board, parameter in members:
-            name, value, bounds = _row(report, base, board, parameter)
+            name, value, bounds = _format_row(report, base, board, parameter)
             texts.append(f"{name}\N{NO-BREAK SPACE}{value}" + (f" ({bounds})" if bounds else ""))
     return "; ".join(texts)
 
 
-def _parameter_tables(
+def _build_parameter_tables(
     report: CheckedReport, effect: ReportValue
 ) -> tuple[list[tuple[str, str, str]], list[dict[str, Any]]]:
-    """Rows of parameters with few values, and a folded table for each parameter with values of many boards."""
+    """Return the rows of parameters with few values, and a folded table for each parameter with values of at least
+    `_MIN_FOLDED` boards.
+    """
     rows, folded = [], []
-    for base, members in _parameter_groups(effect).items():
-        own_rows = [_row(report, base, board, parameter) for board, parameter in members]
+    for base, members in _group_parameters(effect).items():
+        own_rows = [_format_row(report, base, board, parameter) for board, parameter in members]
         if len(members) < _MIN_FOLDED:
             rows += own_rows
         else:
             table = make_table(_HEADINGS, own_rows, "Fitted parameters", "parameters")
-            folded.append({"summary": _range_text(base, members), "table": table})
+            folded.append({"summary": _format_range(base, members), "table": table})
     return rows, folded
 
 
-def _parameter_groups(effect: ReportValue) -> dict[str, list[tuple[str, ReportValue]]]:
-    """Boards and values of each parameter that is not neutral, by the name of the parameter without "@board"."""
+def _group_parameters(effect: ReportValue) -> dict[str, list[tuple[str, ReportValue]]]:
+    """Return boards and values of each parameter that is not neutral, by the name of the parameter without "@board".
+
+    Parameters that state the same quantity as another parameter are omitted. The board is "" for a value of the whole
+    hand.
+    """
     parameters = effect.optional("parameters")
     groups: dict[str, list[tuple[str, ReportValue]]] = {}
     entries = list(parameters.entries()) if parameters is not None else []
@@ -93,7 +101,10 @@ def _parameter_groups(effect: ReportValue) -> dict[str, list[tuple[str, ReportVa
 
 
 def is_neutral(parameter: ReportValue) -> bool:
-    """Whether a parameter changes nothing: a value at its neutral value, or an empty list."""
+    """Return whether a parameter changes nothing: a number within rounding of its neutral value, or an empty list.
+
+    False for a text, and for a parameter without a value or without a neutral value.
+    """
     value, neutral = parameter.field("value").content, parameter.optional_number("neutral")
     if isinstance(value, list):
         return not value
@@ -103,35 +114,39 @@ def is_neutral(parameter: ReportValue) -> bool:
     return abs(parameter.number("value") - neutral) < NEUTRAL_DIFFERENCE * size
 
 
-def _unit(parameter: ReportValue) -> str:
-    """Unit of a parameter; empty for a pure number, whose unit is 1."""
+def _get_unit(parameter: ReportValue) -> str:
+    """Return the unit of a parameter; empty for a pure number, whose unit is 1."""
     unit = parameter.optional_text("unit")
     return "" if unit == "1" else unit
 
 
-def _row(report: CheckedReport, base: str, board: str, parameter: ReportValue) -> tuple[str, str, str]:
-    """Label, value and interval of a parameter as text. base: name without the board. board: address or name, or ""."""
-    unit = _unit(parameter)
+def _format_row(report: CheckedReport, base: str, board: str, parameter: ReportValue) -> tuple[str, str, str]:
+    """Return label, value and interval of a parameter as texts. base: name of the parameter without the board. board:
+    address or name of the board, or "".
+    """
+    unit = _get_unit(parameter)
     label = make_readable(base.removesuffix(f"_{unit}") if unit else base)
     if board:
         is_address = board.isascii() and board.isdigit()
         label += f", {format_board_address(report, int(board)) if is_address else clean_text(board)}"
     bounds = parameter.optional_interval("ci95")
-    return label, _amount(report, parameter, unit), format_interval(bounds) if bounds else ""
+    return label, _format_amount(report, parameter, unit), format_interval(bounds) if bounds else ""
 
 
-def _amount(report: CheckedReport, parameter: ReportValue, unit: str) -> str:
-    """A number with its unit, or the taxels, lines or boards that the parameter lists."""
+def _format_amount(report: CheckedReport, parameter: ReportValue, unit: str) -> str:
+    """Return the value of a parameter as text: a number with its unit, or the taxels, lines or boards that it lists."""
     value = parameter.field("value")
     if isinstance(value.content, str):
         return clean_text(value.content)
     if isinstance(value.content, list):
-        return join_words([_item(report, item, unit) for item in value.items()]) or "none"
+        return join_words([_format_item(report, item, unit) for item in value.items()]) or "none"
     return format_with_unit(None if value.content is None else value.as_number(), unit)
 
 
-def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
-    """A taxel index, a board by its address, or a line: [address, axis, index]."""
+def _format_item(report: CheckedReport, item: ReportValue, unit: str) -> str:
+    """Return an item of a list as text: a taxel index, a board by its address, or a line [address, axis, index]. unit:
+    unit of the parameter, which states what a number is.
+    """
     if isinstance(item.content, list):
         fields = item.items()
         if len(fields) != 3:
@@ -146,11 +161,13 @@ def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
     return format_board(report, item.as_integer(0, 255)) if unit == "address" else format_number(item.as_number())
 
 
-def _range_text(base: str, members: list[tuple[str, ReportValue]]) -> str:
-    """The smallest and the largest value of a parameter of several boards as text."""
+def _format_range(base: str, members: list[tuple[str, ReportValue]]) -> str:
+    """Return the smallest and the largest value of a parameter of several boards as text. base: name of the parameter.
+    members: board and value.
+    """
     values = [parameter.optional_number("value") for _, parameter in members]
     known = [value for value in values if value is not None]
-    unit = _unit(members[0][1])
+    unit = _get_unit(members[0][1])
     label = make_readable(base.removesuffix(f"_{unit}") if unit else base)
     value_range = f"{format_number(min(known))} to {format_with_unit(max(known), unit)}" if known else "no values"
     return f"{label} of {len(members)} boards: {value_range}"

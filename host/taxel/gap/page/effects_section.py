@@ -17,7 +17,9 @@ _HEADINGS = (
 
 
 def build_effects_section(report: CheckedReport) -> SectionData | None:
-    """The section; None if no effect was tried. Raises GapInputError."""
+    """Return the section with the effects of the verdict and a table of all candidates; None if no effect was tried.
+    Raises GapInputError for a missing or malformed field.
+    """
     effects = report.effects
     if not effects:
         return None
@@ -28,26 +30,26 @@ def build_effects_section(report: CheckedReport) -> SectionData | None:
     context = {
         "cards": [build_effect_card(report, effect) for effect in named],
         "is_no_gap": report.is_no_gap,
-        "candidates": _candidate_table(report, effects),
+        "candidates": _build_candidate_table(report, effects),
         "identifiabilities": [texts for key, texts in IDENTIFIABILITIES.items() if key in shown],
     }
     return SectionData("effects", "Effects", "effects", context)
 
 
-def _candidate_table(report: CheckedReport, effects: list[ReportValue]) -> TableData:
-    """Table of all candidate effects, each added alone.
+def _build_candidate_table(report: CheckedReport, effects: list[ReportValue]) -> TableData:
+    """Return the table of all candidate effects, each added alone.
 
-    The bars have no numbers: these fits use all sessions, so that their shrink is not that of the held-out grasps.
+    The bars have no numbers: these fits use all sessions, so their shrink is not that of held-out grasps.
     """
     intervals = [effect.optional_interval("shrink_alone_ci95") or (0.0, 0.0) for effect in effects]
     ends = [end for pair in intervals for end in pair]
     axis = Axis.over([1.0, *(effect.optional_number("shrink_alone") for effect in effects), *ends])
-    rows = [_candidate_row(report, effect, axis) for effect in effects]
+    rows = [_build_candidate_row(report, effect, axis) for effect in effects]
     return make_table(_HEADINGS, rows, "All candidate effects", "candidates")
 
 
-def _candidate_row(report: CheckedReport, effect: ReportValue, axis: Axis) -> tuple[CellContent, ...]:
-    """The row of one candidate effect. axis: of the shrinks, common to all rows."""
+def _build_candidate_row(report: CheckedReport, effect: ReportValue, axis: Axis) -> tuple[CellContent, ...]:
+    """Return the row of one candidate effect. axis: axis of the shrinks, common to all rows."""
     in_verdict = effect.flag("in_verdict")
     shrink = effect.optional_number("shrink_alone")
     bounds = effect.optional_interval("shrink_alone_ci95")

@@ -48,7 +48,7 @@ class Marks:
 
 @dataclass(frozen=True)
 class Square:
-    """A taxel. x, y: upper left corner in the board. step: of the colour ramp; None without data."""
+    """A taxel. x, y: upper left corner, relative to the board. step: step of the colour ramp; None without data."""
 
     x: float
     y: float
@@ -118,7 +118,7 @@ class UnrolledHand:
 
     Attributes:
         views: the pictures of the hand, from left to right.
-        excess: before and after, counts squared, each [n]; NaN where there are no data.
+        excess: before and after, counts squared, each [n] (n taxels); NaN where there are no data.
         top: upper end of the colour scale, counts.
         marks: before: boards and lines with a small p-value, boards only with a share of at least `MIN_SHARE`; after:
             boards and lines where an unexplained part remains.
@@ -130,18 +130,20 @@ class UnrolledHand:
     marks: tuple[Marks, Marks]
 
     def draw(self, stage: str) -> tuple[ViewDrawing, ...]:
-        """The drawings of a stage, one for each view."""
+        """Return the drawings of a stage, one for each view. stage: "before" or "after" (with the effects added)."""
         index = STAGES.index(stage)
         return tuple(self._draw_view(view, self.excess[index], self.marks[index]) for view in self.views)
 
     def _draw_view(self, view: View, excess: Sequence[float], marks: Marks) -> ViewDrawing:
-        """The drawing of one view. excess: counts squared, [n]."""
+        """Return the drawing of one view. excess: counts squared, [n] (n taxels). marks: boards and lines to mark."""
         headings = tuple(Label(heading.x, heading.y, heading.label) for heading in view.headings)
         boards = tuple(self._draw_board(placed, excess, marks) for placed in view.boards)
         return ViewDrawing(view.title, view.width, view.height, headings, boards, _describe(view, excess))
 
     def _draw_board(self, placed: PlacedBoard, excess: Sequence[float], marks: Marks) -> BoardDrawing:
-        """Frame, taxels, label and arrows of a board. excess: counts squared, [n], of all taxels."""
+        """Return the drawing of a board: frame, taxels, label and arrows. excess: counts squared, [n] (n taxels), of
+        all taxels. marks: boards and lines to mark.
+        """
         board = placed.board
         frame = Rectangle(-FRAME, -FRAME, board.columns + 2 * FRAME, board.rows + 2 * FRAME)
         share = marks.boards.get(board.address)
@@ -153,30 +155,36 @@ class UnrolledHand:
         )
 
     def _draw_squares(self, board: Board, excess: Sequence[float]) -> list[Square]:
-        """The taxels of a board as coloured squares with their values as titles."""
+        """Return the taxels of a board as coloured squares; their titles state the excess before and after. excess:
+        counts squared, [n] (n taxels), of all taxels.
+        """
         squares, margin, name = [], (1.0 - SQUARE) / 2, make_readable(board.name)
         places = zip(board.index, board.tx, board.rx, board.row, board.column, strict=True)
         for index, tx, rx, row, column in places:
             before, after = (values[index] for values in self.excess)
             step = None if math.isnan(excess[index]) else select_step(excess[index], self.top)
-            title = f"{name}, TX {tx} RX {rx}: {_counts(before)} before, {_counts(after)} after"
+            title = f"{name}, TX {tx} RX {rx}: {_format_counts(before)} before, {_format_counts(after)} after"
             squares.append(Square(column + margin, row + margin, SQUARE, step, title))
         return squares
 
 
 def read_unrolled_hand(report: CheckedReport) -> UnrolledHand | None:
-    """Data of the pictures; None if the report has no excess of taxels. Raises GapInputError."""
+    """Return the data of the pictures; None if the report has no excess of taxels. Raises GapInputError for a malformed
+    field.
+    """
     if report.excess is None:
         return None
     floors = [report.gap.optional_number("floor"), report.after.optional_number("floor")]
     top = compute_top(report.excess, max((floor for floor in floors if floor is not None), default=0.0))
     return UnrolledHand(
-        arrange_views(list_boards(report)), report.excess, top, (_marks_before(report), _marks_after(report))
+        arrange_views(list_boards(report)), report.excess, top, (_find_marks_before(report), _find_marks_after(report))
     )
 
 
 def require_unrolled_hand(report: Mapping[str, Any]) -> UnrolledHand:
-    """Data of the pictures. Raises GapInputError, also if the report has no excess of taxels."""
+    """Return the data of the pictures. Raises GapInputError for a malformed field, and if the report has no excess of
+    taxels.
+    """
     hand = read_unrolled_hand(CheckedReport(report))
     if hand is None:
         raise GapInputError("report: taxel_excess", "taxels and the excess of each", "none", REMEDY)
@@ -184,7 +192,7 @@ def require_unrolled_hand(report: Mapping[str, Any]) -> UnrolledHand:
 
 
 def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
-    """The unrolled hand of a report as a complete SVG document, light or dark as the reader prefers.
+    """Return the unrolled hand of a report as a complete SVG document, light or dark as the reader prefers.
 
     Args:
         report: content of `report.json`, as `json.load` returns it.
@@ -206,8 +214,8 @@ def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
     return render("hand.svg", width=width, height=height, stage=stage, style=style, views=views)
 
 
-def _marks_before(report: CheckedReport) -> Marks:
-    """Boards and lines with a small p-value, which the picture before marks."""
+def _find_marks_before(report: CheckedReport) -> Marks:
+    """Return the boards and lines that the picture before marks: those with a small p-value."""
     where = report.where
     entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
     boards = {get_address(entry): entry.number("share") for entry in entries}
@@ -216,15 +224,17 @@ def _marks_before(report: CheckedReport) -> Marks:
 
 
 def _is_marked(entry: ReportValue) -> bool:
-    """Whether a board has a small p-value and at least `MIN_SHARE` of the excess.
+    """Return whether a board has a small p-value and at least `MIN_SHARE` of the excess.
 
-    If only noise differs, all boards have a small p-value.
+    The share matters because all boards have a small p-value if the noise differs.
     """
     return is_small(entry.optional_number("p_value")) and entry.number("share") >= MIN_SHARE
 
 
-def _marks_after(report: CheckedReport) -> Marks:
-    """Boards and lines with an unexplained part, which the picture after marks; none if the part is not significant."""
+def _find_marks_after(report: CheckedReport) -> Marks:
+    """Return the boards and lines that the picture after marks: those with an unexplained part; none if that part is
+    not significant.
+    """
     unexplained = report.root.field("unexplained")
     if not is_small(unexplained.optional_number("p_value")):
         return Marks()
@@ -243,7 +253,7 @@ def _marks_after(report: CheckedReport) -> Marks:
 
 
 def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
-    """Arrows at the marked lines of a board: beside each row, or above each column, whichever are fewer."""
+    """Return arrows at the marked lines of a board: beside each row, or above each column, whichever are fewer."""
     beside: set[int] = set()
     above: set[int] = set()
     for address, axis, index in marks.lines:
@@ -261,25 +271,27 @@ def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
 
 
 def _make_arrow(place: int) -> tuple[tuple[float, float], ...]:
-    """Corners of an arrow above a column."""
+    """Return the three corners of an arrow above the column `place`."""
     middle = place + 0.5
     return (middle - 0.34, -0.96), (middle + 0.34, -0.96), (middle, -0.34)
 
 
 def _describe(view: View, excess: Sequence[float]) -> str:
-    """The boards with the largest mean excess as text, for screen readers."""
+    """Return a description for screen readers: the boards with the largest mean excess. excess: counts squared, [n] (n
+    taxels).
+    """
     means = []
     for placed in view.boards:
         known = [excess[index] for index in placed.board.index if not math.isnan(excess[index])]
         if known:
             means.append((sum(known) / len(known), placed.board))
     largest = sorted(means, key=lambda item: (-item[0], item[1].address))[:_DESCRIBED_BOARDS]
-    boards = [f"{make_readable(board.name)} ({_counts(mean)})" for mean, board in largest]
+    boards = [f"{make_readable(board.name)} ({_format_counts(mean)})" for mean, board in largest]
     return f"{format_count(len(view.boards), 'board')}; the mean excess is largest on {join_words(boards) or 'none'}."
 
 
-def _counts(excess: float) -> str:
-    """The root of an excess as text."""
+def _format_counts(excess: float) -> str:
+    """Return the root of an excess (counts squared) as text in counts; "at the floor" for an excess of at most 0."""
     if math.isnan(excess):
         return "no data"
     return f"{format_number(math.sqrt(excess))} counts" if excess > 0 else "at the floor"

@@ -14,22 +14,26 @@ _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 def build_hand_section(report: CheckedReport) -> SectionData:
-    """The section; a report without excess of taxels has only the bars. Raises GapInputError."""
+    """Return the section with the picture before and after; a report without excess of taxels has only the bars. Raises
+    GapInputError for a missing or malformed field.
+    """
     hand = read_unrolled_hand(report)
     added = [make_readable(name) for name in report.verdict.texts("effects") if name != "unknown"]
-    stages = [] if hand is None else [_stage(hand, stage, added) for stage in (STAGES if added else STAGES[:1])]
+    stages = [] if hand is None else [_build_stage(hand, stage, added) for stage in (STAGES if added else STAGES[:1])]
     title = "Before and after" if added else "The remaining noise" if report.is_no_gap else "The difference"
     context = {
-        "bars": _bars(report, added),
+        "bars": _build_bars(report, added),
         "has_floor": bool(report.after.optional_number("floor")),
         "stages": stages,
-        "legend": None if hand is None else _legend(hand),
+        "legend": None if hand is None else _build_legend(hand),
     }
     return SectionData("hand", title, "hand", context)
 
 
-def _bars(report: CheckedReport, added: list[str]) -> TableData:
-    """The gap of held-out grasps as bars, before and, with named effects, after."""
+def _build_bars(report: CheckedReport, added: list[str]) -> TableData:
+    """Return the table with the gap of held-out grasps as bars: before and, with named effects, after. added: names of
+    the effects.
+    """
     after = report.after
     before, floor = after.number("before"), after.optional_number("floor") or None
     value = after.optional_number("value")
@@ -50,14 +54,16 @@ def _bars(report: CheckedReport, added: list[str]) -> TableData:
     return make_table(headings, rows, "The gap before and after", "bars")
 
 
-def _stage(hand: UnrolledHand, stage: str, added: list[str]) -> dict[str, Any]:
-    """Variables of the pictures of a stage."""
+def _build_stage(hand: UnrolledHand, stage: str, added: list[str]) -> dict[str, Any]:
+    """Return the template variables of the pictures of a stage. stage: "before" or "after". added: names of the effects
+    that are added in "after".
+    """
     heading = {"before": "Before", "after": f"With {join_words(added)}"}[stage] if added else "Measured"
     return {"name": stage, "heading": heading, "views": hand.draw(stage)}
 
 
-def _legend(hand: UnrolledHand) -> dict[str, Any]:
-    """Variables of the template for the colour scale and the meaning of the marks."""
+def _build_legend(hand: UnrolledHand) -> dict[str, Any]:
+    """Return the template variables for the colour scale and the meaning of the marks."""
     width = 100.0 / STEPS
     before, after = hand.marks
     return {

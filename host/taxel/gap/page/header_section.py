@@ -20,7 +20,9 @@ SMALL_GAP = (
 
 
 def build_header_context(report: CheckedReport) -> dict[str, Any]:
-    """Variables of the header in the template of the page. Raises GapInputError."""
+    """Return the variables of the header in the template of the page. Raises GapInputError for a missing or malformed
+    field.
+    """
     inputs = report.root.field("inputs")
     note = ""
     if report.is_no_gap:
@@ -33,31 +35,31 @@ def build_header_context(report: CheckedReport) -> dict[str, Any]:
         "headline": clean_text(report.verdict.optional_text("headline") or report.verdict.text("one_line")),
         "verdict": clean_text(report.verdict.text("one_line")),
         "note": note,
-        "counts": _counts_text(report),
+        "counts": _format_sizes(report),
     }
 
 
 def get_file_name(path: str) -> str:
-    """The last component of a path of any operating system."""
+    """Return the last component of a path of any operating system; the path itself if there is none."""
     return PureWindowsPath(path).name or path
 
 
-def _counts_text(report: CheckedReport) -> str:
-    """Numbers of grasps, sessions and common conditions as a sentence; empty if the report has none."""
+def _format_sizes(report: CheckedReport) -> str:
+    """Return the numbers of grasps, sessions and common conditions as a sentence; empty if the report has none."""
     counts = report.root.optional("counts")
     if counts is None or not counts.table():
         return ""
     real, sim = counts.optional("real"), counts.optional("sim")
     phrases = []
     if real:
-        sessions = f" in {_count(real, 'sessions', 'session')}" if real.optional("sessions") else ""
-        phrases.append(f"{_count(real, 'grasps', 'grasp')} on the hand{sessions}")
+        sessions = f" in {_format_field_count(real, 'sessions', 'session')}" if real.optional("sessions") else ""
+        phrases.append(f"{_format_field_count(real, 'grasps', 'grasp')} on the hand{sessions}")
     if sim:
-        phrases.append(f"{_count(sim, 'grasps', 'grasp')} in the simulator")
+        phrases.append(f"{_format_field_count(sim, 'grasps', 'grasp')} in the simulator")
     if counts.optional("cells"):
-        phrases.append(f"{_count(counts, 'cells', 'condition')} in common")
+        phrases.append(f"{_format_field_count(counts, 'cells', 'condition')} in common")
     return ", ".join(phrases) + "."
 
 
-def _count(entry: ReportValue, key: str, noun: str) -> str:
+def _format_field_count(entry: ReportValue, key: str, noun: str) -> str:
     return format_count(entry.field(key).as_integer(0, 10**9), noun)

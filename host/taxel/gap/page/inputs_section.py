@@ -6,7 +6,9 @@ from taxel.gap.report.checked_report import CheckedReport
 
 
 def build_inputs_section(report: CheckedReport) -> SectionData:
-    """The section. Raises GapInputError."""
+    """Return the section with input files, limitations of the data and notes. Raises GapInputError for a missing or
+    malformed field.
+    """
     inputs = report.root.field("inputs")
     files = [
         {
@@ -27,7 +29,7 @@ def build_inputs_section(report: CheckedReport) -> SectionData:
 
 
 def format_runtime(seconds: float | None) -> str:
-    """A run time as text."""
+    """Return a run time as text. seconds: None if the report does not state it."""
     if seconds is None:
         return "run time not stated"
     minutes = int(seconds // 60)

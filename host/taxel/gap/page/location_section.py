@@ -16,7 +16,9 @@ _MAX_INDEX = 2**20
 
 @dataclass(frozen=True)
 class Panel:
-    """A list of shares. name: text of an entry. max_rows: number of entries that are shown."""
+    """A list of shares of the excess. name: function that returns the text of an entry. max_rows: number of entries
+    that are shown.
+    """
 
     title: str
     entries: list[ReportValue]
@@ -25,8 +27,10 @@ class Panel:
 
 
 def build_location_section(report: CheckedReport) -> SectionData | None:
-    """The section; None if the report has no shares. Raises GapInputError."""
-    panels = [_panel_context(panel) for panel in _panels(report) if panel.entries]
+    """Return the section with the shares of the excess by location; None if the report has no shares. Raises
+    GapInputError for a missing or malformed field.
+    """
+    panels = [_build_panel(panel) for panel in _list_panels(report) if panel.entries]
     if not panels:
         return None
     title = "Location of the noise" if report.is_no_gap else "Location of the gap"
@@ -34,8 +38,8 @@ def build_location_section(report: CheckedReport) -> SectionData | None:
     return SectionData("where", title, "locations", context)
 
 
-def _panels(report: CheckedReport) -> list[Panel]:
-    """All lists of shares, also those without entries."""
+def _list_panels(report: CheckedReport) -> list[Panel]:
+    """Return all lists of shares: boards, phases, lines, objects, approaches and taxels; also those without entries."""
     where = report.where
     lines = where.optional_list("lines")
     by_axis = [(axis, [entry for entry in lines if read_axis(entry) == axis]) for axis in ("tx", "rx")]
@@ -49,21 +53,23 @@ def _panels(report: CheckedReport) -> list[Panel]:
             for axis, entries in by_axis
         ),
         Panel("Objects", where.optional_list("objects"), lambda entry: make_readable(entry.text("name")), 10),
-        Panel("Approaches", where.optional_list("approaches"), _condition_text, 15),
-        Panel("Taxels", where.optional_list("taxels"), lambda entry: format_taxel(report, _index_of(entry)), 8),
+        Panel("Approaches", where.optional_list("approaches"), _format_condition, 15),
+        Panel("Taxels", where.optional_list("taxels"), lambda entry: format_taxel(report, _read_index(entry)), 8),
     ]
 
 
-def _condition_text(entry: ReportValue) -> str:
+def _format_condition(entry: ReportValue) -> str:
     return f"{make_readable(entry.text('object'))}, {make_readable(entry.text('approach'))}"
 
 
-def _index_of(entry: ReportValue) -> int:
+def _read_index(entry: ReportValue) -> int:
     return entry.field("index").as_integer(0, _MAX_INDEX)
 
 
-def _panel_context(panel: Panel) -> dict[str, Any]:
-    """Variables of the template for a list: the table of the largest shares, and a summary of the hidden ones."""
+def _build_panel(panel: Panel) -> dict[str, Any]:
+    """Return the template variables of a list: the table of the largest shares, and number and sum of the shares that
+    are not shown.
+    """
     shares = [entry.number("share") for entry in panel.entries]
     p_values = [entry.optional_number("p_value") for entry in panel.entries]
     axis = Axis.over(shares)

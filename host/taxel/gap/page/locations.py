@@ -10,41 +10,43 @@ _MAX_LISTED = 12
 
 
 def read_axis(entry: ReportValue) -> str:
-    """The axis of a line: tx or rx."""
+    """Return the axis of a line, "tx" or "rx". Raises GapInputError for another value."""
     return entry.choice("axis", ("tx", "rx"))
 
 
 def read_line(entry: ReportValue) -> tuple[int, str, int]:
-    """Address, axis and index of a line."""
+    """Return address, axis and index of a line. Raises GapInputError for a missing or malformed field."""
     return get_address(entry), read_axis(entry), entry.field("index").as_integer(0, _MAX_LINE)
 
 
 def format_board(report: CheckedReport, address: int) -> str:
-    """A board by its name, or by its address if the report has no name."""
+    """Return a board as text: its name, or its address if the report has no name."""
     name = report.board_names.get(address)
-    return make_readable(name) if name else f"board {_address_text(report, address)}"
+    return make_readable(name) if name else f"board {_format_address(report, address)}"
 
 
 def format_board_address(report: CheckedReport, address: int) -> str:
-    """A board by its name and its address as on the board: "palm (0x20)"."""
+    """Return a board as text with name and bus address: "palm (0x20)"; without a name or a bus address as
+    `format_board`.
+    """
     name = report.board_names.get(address)
     if not name or not report.has_bus_addresses:
         return format_board(report, address)
-    return f"{make_readable(name)}{SPACE}({_address_text(report, address)})"
+    return f"{make_readable(name)}{SPACE}({_format_address(report, address)})"
 
 
-def _address_text(report: CheckedReport, address: int) -> str:
+def _format_address(report: CheckedReport, address: int) -> str:
     return f"0x{address:02X}" if report.has_bus_addresses else str(address)
 
 
 def format_line(report: CheckedReport, line: tuple[int, str, int]) -> str:
-    """A line as text."""
+    """Return a line (address, axis, index) as text, such as "palm, TX 3"."""
     address, axis, index = line
     return f"{format_board(report, address)}, {axis.upper()}{SPACE}{index}"
 
 
 def format_taxel(report: CheckedReport, index: int) -> str:
-    """A taxel by its board and lines; by its index if the report has no taxel table or no electrode lines."""
+    """Return a taxel as text: its board and lines; its index if the report has no taxel table or no electrode lines."""
     if report.taxels is None or index >= len(report.taxels[0]):
         return f"taxel {index}"
     address, tx, rx = (column[index] for column in report.taxels)
@@ -54,7 +56,11 @@ def format_taxel(report: CheckedReport, index: int) -> str:
 
 
 def format_location(report: CheckedReport, location: ReportValue) -> str:
-    """Any location as text: a string unchanged; a table by the fields of the lists under `where`."""
+    """Return any location of the report as text. Raises GapInputError for a location without a known field.
+
+    location: a string, which is returned in readable form, or a table with some of the fields of the lists under
+    `where`.
+    """
     if isinstance(location.content, str):
         return make_readable(location.content)
     texts = []
@@ -76,31 +82,31 @@ def format_location(report: CheckedReport, location: ReportValue) -> str:
         make_readable(location.text(key)) for key in ("phase", "object", "approach") if isinstance(table.get(key), str)
     ]
     if not texts:
-        location.reject("a text, or a table with address, axis and index, phase, object or name")
+        location.reject("a string, or a table with address, axis and index, phase, object or name")
     return ", ".join(texts)
 
 
 def format_effect_locations(report: CheckedReport, effect: ReportValue) -> str:
-    """Locations of a local effect as text; empty if the effect acts everywhere."""
+    """Return the locations of a local effect as text, at most `_MAX_LISTED`; empty if the effect acts everywhere."""
     where = effect.optional("where")
     if where is None:
         return ""
-    texts = [_sensor_text(report, item) for item in where.optional_list("sensors")]
-    texts += [_line_text(report, item) for item in where.optional_list("lines")]
-    texts += [_taxel_text(report, item) for item in where.optional_list("taxels")]
+    texts = [_format_sensor(report, item) for item in where.optional_list("sensors")]
+    texts += [_format_line_item(report, item) for item in where.optional_list("lines")]
+    texts += [_format_taxel_item(report, item) for item in where.optional_list("taxels")]
     hidden = len(texts) - _MAX_LISTED
     return "; ".join([*texts[:_MAX_LISTED], *([f"{hidden} more"] if hidden > 0 else [])])
 
 
-def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
-    """A board as text. item: an address or a table."""
+def _format_sensor(report: CheckedReport, item: ReportValue) -> str:
+    """Return a board as text. item: its address, or a table."""
     if isinstance(item.content, int):
         return format_board(report, item.as_integer(0, 255))
     return format_location(report, item)
 
 
-def _line_text(report: CheckedReport, item: ReportValue) -> str:
-    """A line as text. item: a table, or a list of address, axis and index."""
+def _format_line_item(report: CheckedReport, item: ReportValue) -> str:
+    """Return a line as text. item: a table, or a list of address, axis and index."""
     content = item.content
     if isinstance(content, list) and len(content) == 3:
         keys = ("address", "axis", "index")
@@ -108,8 +114,8 @@ def _line_text(report: CheckedReport, item: ReportValue) -> str:
     return format_location(report, item)
 
 
-def _taxel_text(report: CheckedReport, item: ReportValue) -> str:
-    """A taxel as text. item: an index or a table."""
+def _format_taxel_item(report: CheckedReport, item: ReportValue) -> str:
+    """Return a taxel as text. item: its index, or a table."""
     if isinstance(item.content, int):
         return format_taxel(report, item.as_integer(0, 2**20))
     return format_location(report, item)

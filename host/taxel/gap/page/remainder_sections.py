@@ -59,45 +59,54 @@ _RECOMMENDATION_HEADINGS = (
 
 
 def build_unexplained_section(report: CheckedReport) -> SectionData:
-    """The part of the gap that the effects of the verdict do not explain. Raises GapInputError."""
+    """Return the section on the part of the gap that the effects of the verdict do not explain. Raises GapInputError
+    for a missing or malformed field.
+    """
     unexplained = report.root.field("unexplained")
     p = unexplained.optional_number("p_value")
-    locations = [_location(report, item) for item in unexplained.optional_list("where") if _is_shown(item)]
+    locations = [_format_share_location(report, item) for item in unexplained.optional_list("where") if _is_shown(item)]
     hidden = len(locations) - _MAX_LOCATIONS
     context = {
         "signature": clean_text(unexplained.optional_text("signature")),
         "p_value": format_p_equation(p),
         "is_significant": is_small(p),
         "locations": locations[:_MAX_LOCATIONS] + ([f"{hidden} more locations"] if hidden > 0 else []),
-        "bank": _bank(unexplained.optional_list("bank")) if is_small(p) else None,
+        "bank": _build_bank(unexplained.optional_list("bank")) if is_small(p) else None,
         "small_p": SMALL_P,
     }
     return SectionData("unexplained", "Unexplained part", "unexplained", context)
 
 
-def _share_of(location: ReportValue) -> float | None:
+def _read_share(location: ReportValue) -> float | None:
     return location.optional_number("share") if isinstance(location.content, dict) else None
 
 
 def _is_shown(location: ReportValue) -> bool:
-    share = _share_of(location)
+    share = _read_share(location)
     return share is None or share >= _MIN_SHOWN_SHARE
 
 
-def _location(report: CheckedReport, location: ReportValue) -> str:
-    share = _share_of(location)
+def _format_share_location(report: CheckedReport, location: ReportValue) -> str:
+    share = _read_share(location)
     return format_location(report, location) + ("" if share is None else f": {format_percent(share)}")
 
 
-def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
-    """Table of the generic distortions; None if none was tried."""
+def _build_bank(entries: list[ReportValue]) -> dict[str, Any] | None:
+    """Return the template variables of the generic distortions: a table, and the names of distortions with a small
+    share; None if none was tried.
+    """
     if not entries:
         return None
     shares = [entry.number("share") for entry in entries]
     p_values = [entry.optional_number("p_value") for entry in entries]
     axis = Axis.over([1.0, *shares])
     rows = [
-        (_distortion(entry), build_share_bar(axis, share, is_small(p)), format_percent(share), format_p_value(p))
+        (
+            _describe_distortion(entry),
+            build_share_bar(axis, share, is_small(p)),
+            format_percent(share),
+            format_p_value(p),
+        )
         for entry, share, p in zip(entries, shares, p_values, strict=True)
         if share >= _MIN_SHOWN_SHARE
     ]
@@ -112,8 +121,8 @@ def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
     }
 
 
-def _distortion(entry: ReportValue) -> Cell:
-    """Name and meaning of a generic distortion."""
+def _describe_distortion(entry: ReportValue) -> Cell:
+    """Return a table cell with the name and the meaning of a generic distortion."""
     name, scope = entry.text("name"), entry.optional_text("scope")
     meaning = _MEANINGS.get(name, "")
     if scope != name and meaning:
@@ -122,7 +131,9 @@ def _distortion(entry: ReportValue) -> Cell:
 
 
 def build_recommendation_table(report: CheckedReport) -> TableData | None:
-    """The recommended measurements; None if the report has none. Raises GapInputError."""
+    """Return the table of recommended measurements; None if the report has none. Raises GapInputError for a missing or
+    malformed field.
+    """
     measurements = report.root.optional_list("next_presses")
     if not measurements:
         return None

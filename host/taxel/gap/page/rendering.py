@@ -11,21 +11,22 @@ with optional_import("jinja2", "an HTML page"):
 
 
 def render(template: str, *, package: str = __package__, **context: Any) -> str:
-    """Text of a template. template: path in the folder `templates` of the package. context: variables of the template.
+    """Return the text of a template.
 
-    Raises jinja2.UndefinedError for a variable of the template that `context` lacks.
+    template: path in the folder `templates` of the package. context: variables of the template. Raises
+    jinja2.UndefinedError for a variable of the template that `context` lacks.
     """
-    return _environment(package).get_template(template).render(**context)
+    return _get_environment(package).get_template(template).render(**context)
 
 
 def read_resource(name: str, package: str = __package__) -> str:
-    """Content of a file of a package. name: path in the package."""
+    """Return the text of a file of a package. name: path in the package."""
     return resources.files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
-def _environment(package: str) -> jinja2.Environment:
-    """The Jinja2 environment for the templates of a package."""
+def _get_environment(package: str) -> jinja2.Environment:
+    """Return the Jinja2 environment for the templates of a package. Cached."""
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: read_resource(f"templates/{name}", package)),
         autoescape=True,

@@ -15,7 +15,9 @@ _HEADINGS = (
 
 
 def build_resimulated_section(report: CheckedReport) -> SectionData | None:
-    """The section; None if no simulation with effects was made. Raises GapInputError."""
+    """Return the section with the measured gaps of simulations with effects; None if no such simulation was made.
+    Raises GapInputError for a missing or malformed field.
+    """
     entries = report.root.optional_list("resimulated")
     if not entries:
         return None

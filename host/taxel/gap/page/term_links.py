@@ -18,13 +18,17 @@ _TAG: Final = re.compile(r"<(/?)([a-zA-Z][a-zA-Z0-9]*)[^>]*?(/?)>")
 
 
 def link_terms(markup: str) -> str:
-    """Link the first use of each term in well-formed markup. Text inside of `EXCLUDED` elements stays unchanged."""
+    """Return well-formed markup in which the first use of each term is a link. Text inside `EXCLUDED` elements is
+    unchanged.
+    """
     linked: set[str] = set()
     return "".join(_link_text(text, linked) if is_text else text for text, is_text in _split(markup))
 
 
 def _split(markup: str) -> Iterator[tuple[str, bool]]:
-    """Parts of markup, and whether a part is text in which terms are linked."""
+    """Yield the parts of markup, and whether a part is text in which terms are linked (neither a tag nor in an excluded
+    element).
+    """
     depth, position = 0, 0
     for tag in _TAG.finditer(markup):
         if tag.start() > position:
@@ -38,12 +42,16 @@ def _split(markup: str) -> Iterator[tuple[str, bool]]:
 
 
 def _link_text(text: str, linked: set[str]) -> str:
-    return _pattern().sub(lambda match: _link(match.group(), linked), text)
+    return _compile_pattern().sub(lambda match: _link(match.group(), linked), text)
 
 
 def _link(words: str, linked: set[str]) -> str:
-    """A link to the definition of the term with this spelling; the words alone if the term is linked already."""
-    term = _terms()[_fold(words)]
+    """Return a link to the definition of the term with the spelling `words`; the words alone if the term is linked
+    already.
+
+    linked: terms with a link, to which the term is added.
+    """
+    term = _list_spellings()[_fold(words)]
     if term in linked:
         return words
     linked.add(term)
@@ -56,8 +64,8 @@ def _fold(words: str) -> str:
 
 
 @cache
-def _terms() -> dict[str, str]:
-    """The term of each spelling, in lower case."""
+def _list_spellings() -> dict[str, str]:
+    """Return the term of each spelling in lower case, with plurals. Cached."""
     spellings: dict[str, str] = {}
     for term in read_definitions():
         for name in (*term.split(", "), *_SPELLINGS.get(term, ())):
@@ -67,8 +75,8 @@ def _terms() -> dict[str, str]:
 
 
 @cache
-def _pattern() -> re.Pattern[str]:
-    """Any spelling as a whole word, the longest first."""
-    longest_first = sorted(_terms(), key=len, reverse=True)
+def _compile_pattern() -> re.Pattern[str]:
+    """Return a regular expression that matches any spelling of a term as a whole word, the longest first. Cached."""
+    longest_first = sorted(_list_spellings(), key=len, reverse=True)
     words = "|".join(re.escape(name).replace(r"\ ", r"[\s\u00a0]+") for name in longest_first)
     return re.compile(rf"(?<![\w&#-])(?:{words})(?![\w;-]|\.\w)", re.IGNORECASE)

@@ -10,10 +10,10 @@ from taxel.gap.page.rendering import read_resource
 
 @cache
 def read_definitions() -> dict[str, str]:
-    """Definitions by term, in alphabetical order.
+    """Return the definitions by term, in alphabetical order. Cached.
 
-    The file terms.toml is copied from the glossary by tools/codegen/page_terms.py; the effects of the catalogue follow
-    `DESCRIPTIONS`.
+    The file terms.toml is copied from the glossary by tools/codegen/page_terms.py; the effects of the catalogue are
+    defined by `DESCRIPTIONS`.
     """
     entries = {entry["name"]: entry["definition"] for entry in tomllib.loads(read_resource("terms.toml"))["term"]}
     effects = {name.replace("_", " "): text for name, text in DESCRIPTIONS.items() if name != "unknown"}
@@ -21,7 +21,7 @@ def read_definitions() -> dict[str, str]:
 
 
 def make_anchor(name: str) -> str:
-    """The anchor of a term in the section of terms. Raises KeyError for a term without a definition."""
+    """Return the anchor of a term in the section of terms. Raises KeyError for a term without a definition."""
     if name not in read_definitions():
         raise KeyError(name)
     return f"term-{re.sub('[^a-z]+', '-', name.lower())}"

@@ -6,7 +6,7 @@ from taxel.gap.report.checked_report import CheckedReport
 
 
 def build_terms_section(_: CheckedReport) -> SectionData:
-    """The section; it is the same for all reports."""
+    """Return the section with the definitions of terms; it is the same for all reports."""
     terms = [
         {"name": name, "anchor": make_anchor(name), "definition": definition}
         for name, definition in read_definitions().items()

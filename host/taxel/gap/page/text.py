@@ -16,7 +16,7 @@ _MIN_P = 0.001
 
 
 def clean_text(text: str) -> str:
-    """Text on one line in which every unprintable character is replaced by U+FFFD.
+    """Return a text on one line in which every unprintable character is replaced by U+FFFD.
 
     XML forbids control characters and lone surrogates. Characters that change the direction of writing would allow a
     name to alter the text around it.
@@ -26,12 +26,12 @@ def clean_text(text: str) -> str:
 
 
 def make_readable(name: str) -> str:
-    """A name of the report as words: contact_propagation becomes "contact propagation"."""
+    """Return a name of the report as words: contact_propagation becomes "contact propagation"."""
     return clean_text(name.replace("_", " "))
 
 
 def format_number(value: float | None, compared_with: float = 0.0) -> str:
-    """Three significant digits: 0.0153, 1.53, 15.3, 1,530.
+    """Return a number with three significant digits: 0.0153, 1.53, 15.3, 1,530; a dash for None and NaN.
 
     compared_with: another number of the same table; if it is larger, it determines the number of decimals.
     """
@@ -47,7 +47,7 @@ def format_number(value: float | None, compared_with: float = 0.0) -> str:
 
 
 def format_percent(value: float | None) -> str:
-    """A share in per cent: 0.4 %, 7.3 %, 63 %."""
+    """Return a share in per cent: 0.4 %, 7.3 %, 63 %; a dash for None and NaN."""
     if value is None or math.isnan(value):
         return ABSENT
     scaled = 100.0 * value
@@ -59,14 +59,16 @@ def format_percent(value: float | None) -> str:
 
 
 def format_probability(value: float) -> str:
-    """A probability in whole per cent, as calibrated on some hundred data sets: < 1 %, 3 %, 97 %, > 99 %."""
+    """Return a probability in whole per cent: < 1 %, 3 %, 97 %, > 99 %. The calibration with some hundred datasets does
+    not resolve more.
+    """
     if value < 0.005 or value > 0.995:
         return f"<{SPACE}1{SPACE}%" if value < 0.5 else f">{SPACE}99{SPACE}%"
     return f"{100.0 * value:.0f}{SPACE}%"
 
 
 def format_shrink(value: float | None) -> str:
-    """A shrink in whole per cent, as in the sentence of the verdict: 61 %."""
+    """Return a shrink in whole per cent, as in the sentence of the verdict: 61 %; a dash for None and NaN."""
     if value is None or math.isnan(value):
         return ABSENT
     text = f"{100.0 * value:.0f}"
@@ -74,22 +76,24 @@ def format_shrink(value: float | None) -> str:
 
 
 def format_shrink_interval(bounds: Interval | None) -> str:
-    """The bounds of the interval of a shrink: "55 % to 74 %"."""
+    """Return the bounds of the interval of a shrink: "55 % to 74 %"; empty for None."""
     return "" if bounds is None else f"{format_shrink(bounds[0])} to {format_shrink(bounds[1])}"
 
 
 def format_counts(value: float | None) -> str:
-    """A gap or a floor with one decimal, as in the sentence of the verdict: 24.3 counts."""
+    """Return a gap or a floor with one decimal, as in the sentence of the verdict: 24.3 counts; a dash for None and
+    NaN.
+    """
     return ABSENT if value is None or math.isnan(value) else f"{value:,.1f}{SPACE}counts".replace("-", MINUS)
 
 
 def format_with_unit(value: float | None, unit: str, compared_with: float = 0.0) -> str:
-    """A number as by `number`, and its unit."""
+    """Return a number as by `format_number`, and its unit; a dash for None."""
     return ABSENT if value is None else f"{format_number(value, compared_with)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
 
 
 def format_interval(bounds: Interval | None, compared_with: float = 0.0) -> str:
-    """The bounds of an interval with the same number of decimals: "1.20 to 3.40"."""
+    """Return the bounds of an interval with the same number of decimals: "1.20 to 3.40"; a dash for None."""
     if bounds is None:
         return ABSENT
     largest = max(abs(compared_with), *(abs(bound) for bound in bounds))
@@ -97,12 +101,12 @@ def format_interval(bounds: Interval | None, compared_with: float = 0.0) -> str:
 
 
 def format_percent_interval(bounds: Interval | None) -> str:
-    """The bounds of an interval of shares: "12 % to 34 %"."""
+    """Return the bounds of an interval of shares: "12 % to 34 %"; a dash for None."""
     return ABSENT if bounds is None else f"{format_percent(bounds[0])} to {format_percent(bounds[1])}"
 
 
 def format_p_value(value: float | None) -> str:
-    """A p-value: 0.41, 0.003, or "< 0.001"."""
+    """Return a p-value: 0.41, 0.003, or "< 0.001"; a dash for None."""
     if value is None:
         return ABSENT
     if value < _MIN_P:
@@ -111,7 +115,7 @@ def format_p_value(value: float | None) -> str:
 
 
 def format_p_equation(value: float | None) -> str:
-    """A p-value in a sentence: "p = 0.41"."""
+    """Return a p-value as in a sentence: "p = 0.41"; "not tested" for None."""
     if value is None:
         return "not tested"
     sign = "" if value < _MIN_P else f"={SPACE}"
@@ -119,15 +123,15 @@ def format_p_equation(value: float | None) -> str:
 
 
 def is_small(value: float | None) -> bool:
-    """Whether a p-value is marked."""
+    """Return whether a p-value is below `SMALL_P`, so that the page marks it; False for None."""
     return value is not None and value < SMALL_P
 
 
 def join_words(names: list[str], last: str = "and") -> str:
-    """A list in a sentence: "a, b and c"."""
+    """Return a list as in a sentence: "a, b and c"; empty without names. last: word before the last name."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
 def format_count(count: int, noun: str, plural_noun: str = "") -> str:
-    """A count and its noun: "1 board", "2 boards"."""
+    """Return a count and its noun: "1 board", "2 boards"."""
     return f"{count:,}{SPACE}{noun if count == 1 else plural_noun or f'{noun}s'}"

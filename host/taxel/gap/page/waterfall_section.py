@@ -16,7 +16,10 @@ _START_NAMES = ("gap", "before")  # names of a first entry that contains the gap
 
 
 def build_waterfall_section(report: CheckedReport) -> SectionData | None:
-    """The section; None for fewer than two effects, whose gaps before and after are all steps. Raises GapInputError."""
+    """Return the section with the gap after each added effect. Raises GapInputError for a missing or malformed field.
+
+    None for fewer than two effects, because the gaps before and after are then all steps.
+    """
     steps = report.root.optional_list("waterfall")
     if sum(step.text("effect") not in _START_NAMES for step in steps) < 2:
         return None
@@ -29,17 +32,19 @@ def build_waterfall_section(report: CheckedReport) -> SectionData | None:
     axis = Axis.over([gap, floor, *(step.number("gap") for step in steps)])
     first = gap
     rows: list[tuple[CellContent, ...]] = [
-        ("Before", build_waterfall_bar(axis, 0.0, gap, "total", floor), _counts(gap, bounds, first), "")
+        ("Before", build_waterfall_bar(axis, 0.0, gap, "total", floor), _make_counts_cell(gap, bounds, first), "")
     ]
     for step in steps:
         after = step.number("gap")
         kind = "mark" if after <= gap else "worse"
         bar = build_waterfall_bar(axis, gap, after, kind, floor)
-        counts = _counts(after, step.optional_interval("ci95"), first)
-        rows.append((f"+ {make_readable(step.text('effect'))}", bar, counts, _change(after - gap, first)))
+        counts = _make_counts_cell(after, step.optional_interval("ci95"), first)
+        rows.append((f"+ {make_readable(step.text('effect'))}", bar, counts, _format_change(after - gap, first)))
         gap = after
     bar = build_waterfall_bar(axis, 0.0, gap, "total", floor)
-    rows.append((Cell("Remaining gap", is_bold=True), bar, _counts(gap, bounds_after, first, is_bold=True), ""))
+    rows.append(
+        (Cell("Remaining gap", is_bold=True), bar, _make_counts_cell(gap, bounds_after, first, is_bold=True), "")
+    )
     if floor is not None:
         rows.append(
             ("Floor", build_waterfall_bar(axis, 0.0, floor, "ground", floor), Cell(format_number(floor, first)), "")
@@ -48,10 +53,10 @@ def build_waterfall_section(report: CheckedReport) -> SectionData | None:
     return SectionData("waterfall", "Gap after each effect", "waterfall", {"table": table})
 
 
-def _counts(gap: float, bounds: Interval | None, first: float, is_bold: bool = False) -> Cell:
+def _make_counts_cell(gap: float, bounds: Interval | None, first: float, is_bold: bool = False) -> Cell:
     return Cell(format_number(gap, first), format_interval(bounds, first) if bounds else "", is_bold=is_bold)
 
 
-def _change(difference: float, first: float) -> str:
+def _format_change(difference: float, first: float) -> str:
     text = format_number(difference, first)
     return text if text.startswith(MINUS) or difference == 0 else f"+{text}"

@@ -41,13 +41,13 @@ class ReportInputs:
         comparison: the comparison of all sets of effects.
         forms: forms of the effects that were tried, by name.
         named: the effects that the verdict names; held_out, attribution and unexplained refer to it.
-        alone: fit of each effect alone, with the features f64[C, F, n].
+        alone: fit of each effect alone, with the features f64[C, F, n] (C conditions, F features, n taxels).
         held_out: evaluation on sessions that were not used for the fit.
         attribution: shares of the effects in the shrink.
         verdict: status and effects.
         unexplained: field `unexplained` of the report.
         similarities, confounded: effects that these grasps do not distinguish.
-        seed: of the p-values.
+        seed: seed of the p-values' random numbers.
     """
 
     comparison: Comparison
@@ -64,7 +64,9 @@ class ReportInputs:
 
 
 def build_report(inputs: ReportInputs) -> dict[str, Any]:
-    """Build the report without its run time, the gap in millimetres and the thesis terms."""
+    """Build the report as a dictionary. Run time, gap in millimetres and thesis terms are added by
+    `taxel.gap.diagnosis`.
+    """
     comparison, held_out, verdict = inputs.comparison, inputs.held_out, inputs.verdict
     fit_data, gap, named = comparison.fit_data, comparison.gap, inputs.named
     pair, layout, real, before = fit_data.state.pair, fit_data.layout, fit_data.sessions, fit_data.state.mean
@@ -74,6 +76,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
     samples = sample_posterior(fit_data, named.composite, INSPECTED_EFFECTS)
 
     def build_entry(name: str) -> dict[str, Any]:
+        """Return the entry in `effects` of an effect that was tried, with the reason if the effect is unavailable."""
         status = classify_identifiability(name, fit_data, inputs.forms, inputs.similarities, inputs.confounded)
         alone = inputs.alone.get(name)
         entry = build_effect_entry(
@@ -146,7 +149,8 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
 def _list_confounded_outside_verdict(inputs: ReportInputs) -> dict[str, list[str]]:
     """List for each effect the confounded effects and rivals that the verdict does not name.
 
-    The effects are those of the verdict, or the most probable effect with rivals if the verdict names no effect.
+    The keys are the effects of the verdict, or the most probable effect with rivals if the verdict names no effect.
+    Effects without such others are omitted.
     """
     effects = inputs.verdict.effects
     confounded = {**{name: list(others) for name, others in inputs.verdict.rivals.items()}, **inputs.confounded}
@@ -155,7 +159,9 @@ def _list_confounded_outside_verdict(inputs: ReportInputs) -> dict[str, list[str
 
 
 def _build_one_line(verdict: Verdict, signature: str) -> str:
-    """Return the sentence of the verdict, with the signature of an unknown cause."""
+    """Return the sentence of the verdict; if the verdict contains an unknown cause, with the description of its
+    signature.
+    """
     if UNKNOWN not in verdict.effects or not signature:
         return verdict.one_line
     return f"{verdict.one_line} Signature of the unknown cause: {signature}."

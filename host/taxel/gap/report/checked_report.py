@@ -21,7 +21,7 @@ STATUSES = ("no_gap", "explained", "partly_explained", "unknown")
 """Permitted values of `verdict.status`."""
 
 FIRST_ADDRESS = 0x08
-"""Smallest address of an I2C slave (UM10204, table 4); smaller ones are numbers of sensors without a bus."""
+"""Smallest address of an I2C slave (UM10204, table 4); smaller addresses are numbers of sensors without a bus."""
 
 _MAX_TAXELS = 2**20
 """Largest number of taxels in a report. Chosen: far above any hand; limits the memory that an untrusted report uses."""
@@ -43,6 +43,7 @@ class CheckedReport:
     """
 
     def __init__(self, content: Mapping[str, Any]) -> None:
+        """Check format and version of a report. content: the JSON object. Raises GapInputError."""
         self.root = ReportValue(dict(content) if isinstance(content, Mapping) else content)
         for key, permitted in (("format", (FORMAT,)), ("version", VERSIONS)):
             found = self.root.field(key).content
@@ -93,7 +94,7 @@ class CheckedReport:
 
     @cached_property
     def has_bus_addresses(self) -> bool:
-        """Whether the addresses of the boards are I2C addresses, and not only numbers of sensors from 0 on.
+        """Whether the addresses of the boards are I2C addresses, and not merely numbers of sensors that start at 0.
 
         Addresses below 0x08 are reserved on an I2C bus.
         """
@@ -101,13 +102,15 @@ class CheckedReport:
 
     @cached_property
     def board_kinds(self) -> dict[int, str]:
-        """Names of the boards' kinds by address; a board without one is absent."""
+        """Names of the board kinds by address; a board without a kind is absent."""
         entries = [entry for entry in self.root.optional_list("sensors") if entry.optional("kind")]
         return {get_address(entry): entry.text("kind") for entry in entries}
 
     @cached_property
     def taxels(self) -> tuple[list[int], list[int], list[int]] | None:
-        """Address, TX and RX line of each taxel, each [n]; None if the report does not contain them."""
+        """Board address, TX line and RX line of each taxel, three lists [n] (n taxels); None if the report does not
+        contain them.
+        """
         table = self.root.optional("taxels")
         if table is None or not table.table():
             return None
@@ -125,12 +128,16 @@ class CheckedReport:
 
     @cached_property
     def has_lines(self) -> bool:
-        """Whether the TX and RX lines of the taxels are electrode lines, and not only places on a picture."""
+        """Whether the TX and RX lines of the taxels are electrode lines, and not merely places in a picture."""
         return LINES not in self.root.field("inputs").texts("lacking")
 
     @cached_property
     def excess(self) -> tuple[list[float], list[float]] | None:
-        """Excess of each taxel before and after, counts squared, each [n]; NaN where there are no data."""
+        """Excess of each taxel without and with the named effects, counts squared, two lists [n] (n taxels); NaN
+        without data.
+
+        None if the report does not contain the taxels or their excess.
+        """
         table = self.root.optional("taxel_excess")
         if self.taxels is None or table is None or not table.table():
             return None
@@ -139,5 +146,5 @@ class CheckedReport:
 
 
 def get_address(entry: ReportValue) -> int:
-    """Return the board address of an entry. Raises GapInputError."""
+    """Return the board address of an entry. Raises GapInputError for a missing or malformed address."""
     return entry.field("address").as_integer(0, _MAX_ADDRESS)

@@ -29,7 +29,8 @@ from taxel.types import FloatArray
 COMMON_ERROR_SHARE: Final = 0.5 * SIGNAL_TOLERANCE_SHARE
 """Relative standard error of a parameter from the model error that a good simulator has in all contacts together, 2 %.
 
-Half of `SIGNAL_TOLERANCE_SHARE` counts as common to all contacts; no jackknife over sessions or contacts reveals it."""
+Half of `SIGNAL_TOLERANCE_SHARE` is treated as common to all contacts; no jackknife over sessions or contacts reveals
+it."""
 
 DELAY_STD_FRAMES: Final = 0.3
 """Standard error of a delay, in frame periods: two solvers of the same contact load synchronous boards at times that
@@ -53,9 +54,10 @@ def build_effect_entry(
 ) -> dict[str, Any]:
     """Build the entry in `effects` of an effect that was tried.
 
-    named: the effects of the verdict. alone: the fit of the effect alone, and the features with this fit, f64[C, F, n];
-    None without a fit. held_out: fits without each session. identifiability: value of the field of this name. samples:
-    posterior samples of the fitted effect; empty for an effect that is not in the verdict.
+    named: the effects of the verdict. alone: the fit of the effect alone, and the features with this fit, f64[C, F, n]
+    (C conditions, F features, n taxels); None without a fit. held_out: fits without each session. gap: gap without
+    effects. attribution: shares of the effects in the shrink. identifiability: value of the field of this name.
+    samples: posterior samples of the fitted effect; empty for an effect that is not in the verdict.
     """
     pair = fit_data.state.pair
     in_verdict = name in named.names
@@ -91,14 +93,16 @@ def build_effect_entry(
 
 
 def _measure_alone(fit_data: FitData, features: FloatArray, gap: Gap) -> dict[str, Any]:
-    """Compute the gap (counts) and the shrink with one effect alone. features: with this effect, f64[C, F, n]."""
+    """Return the report fields with the gap (counts) and the shrink of one effect alone. features: f64[C, F, n] (C
+    conditions, F features, n taxels), features with this effect.
+    """
     alone = compute_shrink_interval(fit_data.sessions, fit_data.state.mean, features, fit_data.layout)
     after = gap.gap.value * (1.0 - alone.value)
     return {"gap_after_alone": after, "shrink_alone": alone.value, "shrink_alone_ci95": alone.ci95}
 
 
 def _build_unchanged_gap(gap: Gap) -> dict[str, Any]:
-    """Build the gap and shrink fields of an effect that does not change the gap."""
+    """Return the gap and shrink fields of an effect that does not change the gap."""
     shrinks: dict[str, Any] = {"gap_after_alone": gap.gap.value, "shrink_alone": 0.0, "shrink_alone_ci95": None}
     shrinks |= {"shapley_share": 0.0, "predicted_shrink": 0.0, "measured_shrink": 0.0, "measured_shrink_ci95": None}
     return shrinks
@@ -115,9 +119,9 @@ def build_parameter_entries(
 
     The label is the name of the parameter, for a value of one board "name@address", of one object "name@object".
     without_sessions: fits without each session. without_folds: fits without each fold of contacts and taxels. samples:
-    from the posterior. The variance of a value is the sum of three variances: over sessions and over folds (jackknife,
-    Tukey 1958), and the common model error of the simulator, `COMMON_ERROR_SHARE`, for a delay also
-    `DELAY_STD_FRAMES`. The interval contains at least 95 % of the samples. Below three sessions there is no interval.
+    posterior samples. The variance of a value is the sum of three variances: over sessions and over folds (jackknife,
+    Tukey 1958), and of the common model error of the simulator, `COMMON_ERROR_SHARE` (for a delay also
+    `DELAY_STD_FRAMES`). The interval contains at least 95 % of the samples. Below three sessions there is no interval.
     """
     if isinstance(fitted_effect.effect, Dropout):
         return _describe_dropout(pair, fitted_effect.effect)
@@ -144,7 +148,7 @@ def build_parameter_entries(
 
 
 def _compute_values(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Compute values and units by label: the parameters of the effect, and quantities derived from the parameters."""
+    """Compute value and unit by label: parameters of the effect, and quantities that are derived from them."""
     if fitted_effect.effect.name == "noise":
         return _compute_noise_values(pair, fitted_effect)
     if isinstance(fitted_effect.effect, PoseError):
@@ -182,9 +186,11 @@ def _compute_drift_counts(fitted_effect: FittedEffect) -> float:
 
 
 def _get_reported_values(pair: Pair, fitted_effect: FittedEffect, row: int) -> FloatArray:
-    """Return the values of a parameter by block, f64[G]; delays are relative to the mean of the earliest boards.
+    """Return the values of a parameter by block, f64[G] (G blocks: the hand, boards, objects or taxels); delays of
+    boards are relative to the mean of the earliest boards.
 
-    A delay that all boards have in common is not identifiable: it depends on the alignment of the clocks.
+    A delay that all boards have in common is not identifiable: it depends on the alignment of the clocks. row: row of
+    the parameter in the fitted values.
     """
     values: FloatArray = fitted_effect.values[row]
     if not is_delay(fitted_effect.effect) or len(values) < 2:
@@ -194,12 +200,12 @@ def _get_reported_values(pair: Pair, fitted_effect: FittedEffect, row: int) -> F
 
 
 def _list_reported_blocks(fitted_effect: FittedEffect) -> range:
-    """List the blocks whose values are reported: all blocks, but none of an effect with one value for each taxel."""
+    """Return the blocks whose values are reported: all blocks; none for an effect with one value for each taxel."""
     return range(0) if fitted_effect.effect.scope == TAXEL else range(fitted_effect.values.shape[1])
 
 
 def _build_label(pair: Pair, fitted_effect: FittedEffect, name: str, block: int) -> str:
-    """Build the label of a parameter in a block, see `build_parameter_entries`."""
+    """Return the label of a parameter in a block, see `build_parameter_entries`. name: name of the parameter."""
     if fitted_effect.effect.scope == HAND:
         return name
     if fitted_effect.effect.scope == BOARD:
@@ -210,16 +216,21 @@ def _build_label(pair: Pair, fitted_effect: FittedEffect, name: str, block: int)
 
 
 def _compute_gains(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Compute the median gain of each board, and the standard deviation of the log gains of taxels about it."""
+    """Compute values and units by label: the median gain of each board (`scale@address`), and the standard deviation of
+    the taxels' log gains about the median of their board (`log_std`).
+
+    Taxels with a log gain of 0, which were not fitted, are ignored.
+    """
     log_gains = fitted_effect.values[0][fitted_effect.effect.find_blocks_of_pair(pair)[0]]
     is_fitted = log_gains != 0.0
     sensor = pair.groups.sensor
     scales = {}
     residual = np.zeros_like(log_gains)
     for board, address in enumerate(pair.sensors.address.tolist()):
-        own = (sensor == board) & is_fitted
-        median = float(np.median(log_gains[own])) if own.any() else 0.0
-        residual[own] = log_gains[own] - median
+        is_fitted_on_board = (sensor == board) & is_fitted
+        board_gains = log_gains[is_fitted_on_board]
+        median = float(np.median(board_gains)) if len(board_gains) else 0.0
+        residual[is_fitted_on_board] = board_gains - median
         scales[f"scale@{address}"] = (float(np.exp(median)), "1")
     spread = float(np.std(residual[is_fitted])) if is_fitted.any() else 0.0
     return {"log_std": (spread, "1"), **scales}
@@ -228,9 +239,10 @@ def _compute_gains(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[f
 def _estimate_gain_spread(fit_data: FitData, fitted_effect: FittedEffect) -> Interval:
     """Estimate the standard deviation of the log gains of taxels about the mean of their board, with a 95 % interval.
 
-    Restricted maximum likelihood with the profile interval (Patterson and Thompson 1971). The plain standard deviation
-    is too small: the prior shrinks the fitted log gain of a taxel with little information towards 0, and the mean of a
-    board is estimated from the same few taxels. Fewer than three informative taxels: 0, without an interval.
+    The method is restricted maximum likelihood with the profile interval (Patterson and Thompson 1971). The plain
+    standard deviation is too small: the prior shrinks the fitted log gain of a taxel with little information towards 0,
+    and the mean of a board is estimated from the same few taxels. With fewer than three informative taxels the result
+    is 0 without an interval.
     """
     (column,) = linearise(fit_data.state, CompositeModel((fitted_effect,))).columns
     information = np.sum(fit_data.weight * column.change**2, axis=(0, 1))
@@ -247,16 +259,17 @@ def _estimate_gain_spread(fit_data: FitData, fitted_effect: FittedEffect) -> Int
         total_variance = spread**2 + variance
         cost = float(np.sum(np.log(total_variance)))
         for board in np.unique(sensor):
-            own = sensor == board
-            weight = 1.0 / total_variance[own]
-            mean = np.sum(weight * log_gains[own]) / weight.sum()
-            cost += float(np.sum(weight * (log_gains[own] - mean) ** 2) + np.log(weight.sum()))
+            is_on_board = sensor == board
+            weight = 1.0 / total_variance[is_on_board]
+            mean = np.sum(weight * log_gains[is_on_board]) / weight.sum()
+            cost += float(np.sum(weight * (log_gains[is_on_board] - mean) ** 2) + np.log(weight.sum()))
         return cost
 
     best = float(minimize_scalar(compute_deviance, bounds=(0.0, MAX_LOG_GAIN_STD), method="bounded").x)
     limit = compute_deviance(best) + compute_chi2_quantile(0.95, 1)
 
     def compute_excess_deviance(spread: float) -> float:
+        """Return the deviance minus its limit; the zeros are the ends of the 95 % interval."""
         return compute_deviance(spread) - limit
 
     low = float(brentq(compute_excess_deviance, 0.0, best)) if compute_excess_deviance(0.0) > 0 else 0.0
@@ -269,7 +282,9 @@ def _estimate_gain_spread(fit_data: FitData, fitted_effect: FittedEffect) -> Int
 
 
 def _compute_noise_values(pair: Pair, fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Compute the standard deviations of the added noise: white by block, and the largest common one, counts."""
+    """Compute the standard deviations of the added noise by label, counts: white noise of each block, and the largest
+    common noise of all blocks.
+    """
     white, *common = split_noise(pair, fitted_effect)
     values = {"common_counts": (float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max()), "counts")}
     for block, value in enumerate(white.tolist()):
@@ -278,13 +293,15 @@ def _compute_noise_values(pair: Pair, fitted_effect: FittedEffect) -> dict[str, 
 
 
 def _compute_displacement(fitted_effect: FittedEffect) -> dict[str, tuple[float, str]]:
-    """Compute the largest translation (mm) and rotation (deg) of all blocks."""
+    """Compute the largest translation (mm) and the largest rotation (deg) of all blocks, by label."""
     move, turn = (np.linalg.norm(fitted_effect.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
     return {"translation_mm": (float(move.max()), "mm"), "rotation_deg": (float(turn.max()), "deg")}
 
 
 def _describe_dropout(pair: Pair, effect: Dropout) -> dict[str, Any]:
-    """List the taxels, lines and boards of a dropout, without intervals."""
+    """Return the entries of a dropout by label: dead taxels outside dead lines, dead and shorted lines, and boards with
+    missing frames. There are no intervals.
+    """
     defects = effect.defects
     open_lines = [(int(pair.sensors.address[board]), axis, index) for board, axis, index in defects.lines]
     shorted = [(short.address, short.axis, short.index + step) for short in defects.shorts for step in (0, 1)]
@@ -305,7 +322,7 @@ def _describe_dropout(pair: Pair, effect: Dropout) -> dict[str, Any]:
 
 
 def _locate_effect(pair: Pair, fitted_effect: FittedEffect) -> dict[str, Any]:
-    """List the boards, lines and taxels of a dropout; empty for every other effect."""
+    """Return the boards, lines and taxels of a dropout for the field `where`; empty for every other effect."""
     if isinstance(fitted_effect.effect, Dropout):
         entries = _describe_dropout(pair, fitted_effect.effect)
         return {key: entries[key]["value"] for key in ("sensors", "lines", "taxels")}

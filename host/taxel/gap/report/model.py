@@ -23,10 +23,11 @@ MIN_COMMON_SHARE: Final = 0.01
 
 
 def describe_model(state: State, fitted_effect: FittedEffect) -> dict[str, Any]:
-    """Build the field `model` of the entry of a fitted effect.
+    """Return the field `model` of the entry of a fitted effect.
 
-    `until_s`: end of the fitted data, seconds from the beginning of closing; a drift reaches its counts at this time.
-    `shift_s`: common delay of all boards relative to the simulator by the time alignment, in addition to a latency.
+    Its field `until_s` is the end of the fitted data, seconds from the beginning of closing; a drift reaches its counts
+    at this time. Its field `shift_s` is the common delay of all boards relative to the simulator by the time alignment,
+    in addition to a latency.
     """
     pair, effect, values = state.pair, fitted_effect.effect, fitted_effect.values
     units = {parameter.name: parameter.unit for parameter in effect.parameters()}
@@ -52,7 +53,7 @@ def describe_model(state: State, fitted_effect: FittedEffect) -> dict[str, Any]:
 
 
 def list_block_names(pair: Pair, scope: str) -> list[int | str]:
-    """List the names of the blocks of a scope: "hand", addresses of boards, names of objects, or indices of taxels."""
+    """Return the names of a scope's blocks: "hand", addresses of boards, names of objects, or indices of taxels."""
     if scope == HAND:
         return [HAND]
     if scope == BOARD:
@@ -63,11 +64,11 @@ def list_block_names(pair: Pair, scope: str) -> list[int | str]:
 
 
 def split_noise(pair: Pair, fitted_effect: FittedEffect) -> FloatArray:
-    """Split the variance that noise adds into its independent components: standard deviations f64[4, G], counts.
+    """Return the independent components of the noise that an effect adds: standard deviations f64[4, G], counts.
 
-    The rows are in the order of `NOISE_COMPONENTS`. The common parts follow from the covariances of the differences of
-    successive frames: taxels on a common line share the noise of the line and of the board, other taxels of a board
-    only that of the board.
+    The rows are in the order of `NOISE_COMPONENTS`, the columns are the G blocks of the effect. The common components
+    follow from the covariances of the differences of successive frames: taxels on a common line share the noise of the
+    line and of the board, other taxels of a board only that of the board.
     """
     total = (fitted_effect.values**2).sum(axis=0)
     covariance = compute_known_mean(pair.real.common_covariance, 0) - compute_known_mean(pair.sim.common_covariance, 0)

@@ -24,13 +24,14 @@ DERIVED_NEUTRAL_VALUES: Final[Mapping[str, float]] = {
 
 
 def find_neutral(fitted_effect: FittedEffect, label: str) -> float | None:
-    """Return the neutral value of a reported parameter, in its unit; None for a parameter of `SHAPE_PARAMETERS`.
+    """Return the neutral value of a reported parameter, in its unit.
 
-    label: name of the parameter, with or without "@" and the name of the block.
+    The result is None for a parameter of `SHAPE_PARAMETERS`, and for a label without a known neutral value. label: name
+    of the parameter, with or without "@" and the name of the block.
     """
     name = label.partition("@")[0]
     key = f"{fitted_effect.effect.name}.{name}"
     if key in SHAPE_PARAMETERS:
         return None
-    own = {parameter.name: parameter.neutral for parameter in fitted_effect.effect.parameters()}
-    return own.get(name, DERIVED_NEUTRAL_VALUES.get(key))
+    neutral_values = {parameter.name: parameter.neutral for parameter in fitted_effect.effect.parameters()}
+    return neutral_values.get(name, DERIVED_NEUTRAL_VALUES.get(key))

@@ -15,9 +15,11 @@ from taxel.types import FloatArray
 def build_page_fields(
     pair: Pair, layout: FeatureLayout, real: SessionMeans, before: FloatArray, after: FloatArray
 ) -> dict[str, Any]:
-    """Build the fields by name: taxels and boards, excess of each taxel, numbers of grasps, gap by object and board.
+    """Return the fields by name: taxels and boards, excess of each taxel, numbers of grasps, gap by object and board,
+    losses.
 
-    before, after: mean features of the simulator without and with the effects of the verdict, f64[C, F, n], counts.
+    before, after: mean features of the simulator without and with the effects of the verdict, f64[C, F, n] (C
+    conditions, F features, n taxels), counts.
     """
     before_terms, after_terms = compute_terms(real, before, layout), compute_terms(real, after, layout)
     names = pair.object_names
@@ -25,6 +27,9 @@ def build_page_fields(
     sensor = pair.groups.sensor
 
     def compute_rms(squares: FloatArray) -> float:
+        """Return the gap in counts from weighted squared differences [conditions, features, taxels], counts^2; 0
+        without data.
+        """
         return float(np.sqrt(max(squares.sum(axis=1).mean(), 0.0))) if squares.size else 0.0
 
     return {

@@ -38,12 +38,13 @@ singular matrix."""
 def sample_posterior(
     fit_data: FitData, composite: CompositeModel, fixed: Sequence[str]
 ) -> dict[str, list[FittedEffect]]:
-    """Sample the fitted effects from the linearised posterior: `SAMPLE_COUNT` samples of each effect, by name.
+    """Sample the fitted effects from the linearised posterior: `SAMPLE_COUNT` samples of each effect, by name of the
+    effect.
 
     composite: fitted model. fixed: names of effects that are not sampled, in addition to `VARIANCE_EFFECTS`. The errors
-    of the features count as independent, with the inverse of the weights of `FitData` as variances. In addition to its
-    prior, each parameter has a weak normal prior from its bounds, with the width of the range as standard deviation.
-    Samples are cut at the bounds.
+    of the features are treated as independent, with the inverse weights of `FitData` as variances. In addition to its
+    prior, each parameter has a weak normal prior, whose standard deviation is the width of the parameter's range.
+    Sampled values are clipped to the parameter's bounds. The result is empty if no effect is sampled.
     """
     fixed = (*fixed, *VARIANCE_EFFECTS)
     free = find_free_indices(composite, fixed)

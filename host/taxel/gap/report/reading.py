@@ -41,8 +41,8 @@ class ReportedEffect:
     """An effect of a verdict with its parameter values.
 
     Attributes:
-        name: of the effect in the catalogue.
-        effect: form in the catalogue.
+        name: name of the effect in the catalogue.
+        effect: form of the effect in the catalogue.
         order: position in the order in which effects act; small values act first.
         until_s, shift_s: seconds, see `taxel.gap.report.model.describe_model`.
         blocks: names of the G blocks, as in the report.
@@ -74,11 +74,11 @@ class ReportedGap:
     """Content of a report that is needed to add its effects to a simulation.
 
     Attributes:
-        path, sha256: of the file of the report.
-        status: of the verdict.
+        path, sha256: path and SHA-256 of the report file.
+        status: status of the verdict.
         effects: effects of the verdict in the order in which they act; empty for the status no_gap or unknown.
         has_unknown_cause: whether the verdict names an unknown cause in addition to effects.
-        sensor, tx, rx: address of the board, TX line and RX line of each taxel, [n].
+        sensor, tx, rx: address of the board, TX line and RX line of each taxel, [n] (n taxels).
         sim_sha256: SHA-256 of the simulated dataset of the diagnosis.
         real: path of the real dataset, or None if the report does not contain it.
     """
@@ -98,8 +98,8 @@ class ReportedGap:
 def read_report(path: str | PathLike[str]) -> ReportedGap:
     """Read and check a report.
 
-    Raises GapInputError (one line that names file and field) for a wrong content, OSError for a file that cannot be
-    read.
+    Raises GapInputError with a one-line message that names file and field for invalid content, and OSError for a file
+    that cannot be read.
     """
     report_path = Path(path)
     content = _read_bytes(report_path)
@@ -113,13 +113,17 @@ def read_report(path: str | PathLike[str]) -> ReportedGap:
 
 
 def read_report_values(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the JSON object of a report without a check of its entries. Raises GapInputError of one line, OSError."""
+    """Return the JSON object of a report without a check of its entries. Raises GapInputError with a one-line message,
+    and OSError.
+    """
     report_path = Path(path)
     return _parse_report(report_path, _read_bytes(report_path))
 
 
 def _read_bytes(path: Path) -> bytes:
-    """Read the bytes of a report. Raises GapInputError for a path that is no regular file or too large, OSError."""
+    """Return the bytes of a report. Raises GapInputError for a path that is not a regular file, and for a too large
+    file; OSError for an unreadable file.
+    """
     if not path.exists() or path.is_dir():
         _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "no file")
     try:
@@ -131,11 +135,14 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _fail(path: Path, expected: str, found: str) -> NoReturn:
+    """Raise GapInputError with the remedy to make the report again. path: file that the message names."""
     raise GapInputError(format_path(path), expected, found, REMEDY)
 
 
 def _parse_report(path: Path, content: bytes) -> dict[str, Any]:
-    """Parse the JSON text of a report. Raises GapInputError."""
+    """Return the JSON object in the text of a report. Raises GapInputError for invalid JSON, and for JSON that is not
+    an object.
+    """
     try:
         found = parse_json(content)
     except TextError as error:
@@ -149,7 +156,9 @@ def _parse_report(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def _build_reported_gap(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
-    """Check the fields of a report. digest: SHA-256 of the file. Raises GapInputError."""
+    """Return the checked content of a report. content: its JSON object. digest: SHA-256 of the file. Raises
+    GapInputError for a missing or malformed field.
+    """
     report = CheckedReport(content)
     taxels = report.taxels
     if taxels is None:
@@ -204,9 +213,10 @@ def convert_fitted_effect(fitted_effect: FittedEffect, model: Mapping[str, Any])
 
 
 def read_effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
-    """Read an effect from its entry in `effects`, with its field `model`.
+    """Return an effect from its entry in `effects`, with its field `model`.
 
-    taxels: number of taxels of the report. Raises GapInputError.
+    name: name of the effect. taxels: number of taxels of the report. Raises GapInputError for a missing or malformed
+    field.
     """
     model = entry.field("model")
     form, scope = model.text("form"), model.text("scope")
@@ -241,14 +251,18 @@ def read_effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
 
 
 def _read_intervals(parameters: ReportValue | None) -> dict[str, Interval]:
-    """Read the 95 % intervals by label; parameters without an interval are omitted."""
+    """Return the 95 % intervals by label; parameters without an interval are omitted. parameters: field of the entry,
+    or None.
+    """
     entries = parameters.entries() if parameters else ()
     found = {label: one.optional_interval("ci95") for label, one in entries}
     return {label: bounds for label, bounds in found.items() if bounds is not None}
 
 
 def _find_form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
-    """Find the form of an effect in the catalogue. Raises GapInputError for an unknown form."""
+    """Return the form of an effect in the catalogue. Raises GapInputError for an unknown form. model: field of the
+    report, for the message.
+    """
     forms = catalogue.all_effects()[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
     if found is None:
@@ -261,7 +275,9 @@ def _find_form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
 
 
 def _read_blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
-    """Read the names of the blocks of a scope. taxels: number of taxels. Raises GapInputError."""
+    """Return the names of the blocks of an effect. model: field of the report. scope: kind of the blocks. taxels:
+    number of taxels. Raises GapInputError for other blocks than the scope permits.
+    """
     found = model.field("blocks")
     items = found.items()
     if scope == HAND and [item.content for item in items] == [HAND]:
@@ -282,24 +298,28 @@ def _read_blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ..
 
 
 def _read_values(found: ReportValue, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
-    """Read the values f64[P, G] of all parameters; each must have the unit and the range of the form."""
+    """Return the values f64[P, G] (P parameters) of all parameters. Raises GapInputError unless each has the unit and
+    the range of the form.
+
+    found: field `parameters` of the model. blocks: number G of blocks.
+    """
     wanted = [parameter.name for parameter in parameters]
     if sorted(found.table()) != sorted(wanted):
         found.reject(f"{', '.join(wanted)} and nothing else")
     rows = []
     for parameter in parameters:
-        own = found.field(parameter.name)
-        if own.text("unit") != parameter.unit:
-            own.field("unit").reject(parameter.unit)
-        items = own.field("values").items()
+        entry = found.field(parameter.name)
+        if entry.text("unit") != parameter.unit:
+            entry.field("unit").reject(parameter.unit)
+        items = entry.field("values").items()
         if len(items) != blocks:
-            raise GapInputError(f"report: {own.path}.values", f"{blocks} numbers", str(len(items)), REMEDY)
+            raise GapInputError(f"report: {entry.path}.values", f"{blocks} numbers", str(len(items)), REMEDY)
         rows.append([_read_number(item, parameter.low, parameter.high) for item in items])
     return np.array(rows, dtype=np.float64).reshape(len(parameters), blocks)
 
 
 def _read_missing_shares(found: ReportValue) -> dict[int, float]:
-    """Read the share of lost frames by board address."""
+    """Return the share of lost frames by board address. Raises GapInputError for a malformed field."""
     boards = _read_blocks(found, BOARD, 0)
     shares = [_read_number(item, 0.0, 1.0) for item in found.field("values").items()]
     if len(shares) != len(boards):
@@ -308,7 +328,9 @@ def _read_missing_shares(found: ReportValue) -> dict[int, float]:
 
 
 def _read_short(found: ReportValue) -> Short:
-    """Read two connected lines: address, axis, index of the first line, and share of the summed signal."""
+    """Return two shorted lines from a list of address, axis, index of the first line, and share of the summed signal.
+    Raises GapInputError for a malformed list.
+    """
     items = found.items()
     if len(items) != 4 or items[1].content not in ("tx", "rx"):
         found.reject('an address, "tx" or "rx", an index and a share')
@@ -317,7 +339,7 @@ def _read_short(found: ReportValue) -> Short:
 
 
 def _read_number(found: ReportValue, low: float, high: float) -> float:
-    """Read a number from `low` to `high`. Raises GapInputError."""
+    """Return a number from `low` to `high`. Raises GapInputError for any other value."""
     number = found.as_number()
     if not low <= number <= high:
         found.reject(f"a number from {low:g} to {high:g}")

@@ -1,4 +1,4 @@
-"""A value of a report with its path in the report; a value of the wrong type raises an error of one line."""
+"""A value of a report with its path in the report; a value of the wrong type raises a one-line error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ReportValue:
     path: str = ""
 
     def reject(self, expected: str) -> NoReturn:
-        """Raise GapInputError for this value."""
+        """Raise GapInputError for this value. expected: description of a permitted value."""
         raise GapInputError(f"report: {self.path or 'file'}", expected, format_value(self.content), REMEDY)
 
     # --- the value itself
@@ -84,7 +84,7 @@ class ReportValue:
         return ReportValue(table[key], _join_path(self.path, key))
 
     def optional(self, key: str) -> ReportValue | None:
-        """Return an optional field."""
+        """Return an optional field; None if it is absent or null."""
         content = self.table().get(key)
         return None if content is None else ReportValue(content, _join_path(self.path, key))
 
@@ -102,12 +102,12 @@ class ReportValue:
         return self.field(key).as_number()
 
     def optional_number(self, key: str) -> float | None:
-        """Return an optional finite number."""
+        """Return an optional finite number; None if it is absent or null."""
         value = self.optional(key)
         return None if value is None else value.as_number()
 
     def optional_interval(self, key: str) -> Interval | None:
-        """Return the two bounds of an optional interval, the smaller first."""
+        """Return the two bounds of an optional interval, the smaller first; None if it is absent or null."""
         value = self.optional(key)
         if value is None:
             return None
@@ -155,6 +155,6 @@ class ReportValue:
 
 
 def _join_path(path: str, key: str) -> str:
-    """Append a key to the path of a value; an unusual or long key is quoted."""
+    """Return the path of a field: the path of its table and the key. An unusual or long key is quoted."""
     name = key if key.isidentifier() and len(key) <= 60 else format_value(key)
     return f"{path}.{name}" if path else name

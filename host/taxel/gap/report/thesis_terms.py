@@ -41,7 +41,7 @@ INITIAL_NEIGHBOURS: Final = 32
 positions whose neighbours have too few points. Affects the run time only."""
 
 DISTANCE_TOLERANCE_M: Final = 1e-9
-"""Mean distances that differ by less count as equal, metres, so that a regular grid has no outlier."""
+"""Mean distances that differ by less are treated as equal, metres, so that a regular grid has no outlier."""
 
 PROPAGATION: Final = "contact_propagation"
 """Name of the effect of the last step."""
@@ -50,13 +50,15 @@ PROPAGATION: Final = "contact_propagation"
 def build_thesis_terms(
     fit_data: FitData, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
 ) -> list[dict[str, Any]]:
-    """Build the field `thesis_terms` of the report: one entry for each treatment, in the order of application.
+    """Return the field `thesis_terms` of the report: one entry for each treatment of the clouds, in the order of
+    application.
 
-    The steps are: unfiltered, with the force filter, with SOR in addition, with contact propagation in addition.
-    Fields: `step`, the name; `gap`, counts, None for a treatment that changes no count; `mm`, distance as in `gap.mm`
-    with the filters on both clouds, millimetres; `mm_hand_only`, with the filters on the clouds of the hand only (both
-    None without data, or for a skipped step); `points`, expected number of active taxels if every condition is grasped
-    once; `note`, settings of the treatment. alone: fits of single effects by name, with features f64[C, F, n].
+    The treatments are: none (unfiltered), force filter, statistical outlier removal (SOR) in addition, contact
+    propagation in addition. Fields of an entry: `step`, name of the treatment; `gap`, counts, None for a treatment that
+    changes no count; `mm`, distance as in `gap.mm` with the filters on both clouds, millimetres; `mm_hand_only`,
+    distance with the filters on the clouds of the hand only (both None without data, or for a skipped treatment);
+    `points`, expected number of active taxels if every condition is grasped once; `note`, settings of the treatment.
+    alone: fits of single effects by name, with features f64[C, F, n] (C conditions, F features, n taxels).
     """
     pair, real, layout, before = fit_data.state.pair, fit_data.sessions, fit_data.layout, fit_data.state.mean
     hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
@@ -110,33 +112,37 @@ def compute_activity(signal_counts: FloatArray, threshold: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class HandClouds:
-    """Clouds of the hand as probabilities of activity, their treatments, and their distances to other clouds.
+    """Contact clouds of the hand, their filters, and their distances to clouds of the simulator.
 
-    signal_counts: signal of the hand in hold, counts, f64[C, S, n].
+    A cloud is stored as the probability that each taxel is active. signal_counts: signal of the hand in hold, counts,
+    f64[C, S, n] (C conditions, S sessions, n taxels).
     """
 
     pair: Pair
     signal_counts: FloatArray
 
     def compute_activity(self, threshold: float) -> FloatArray:
-        """Compute the probability of activity of each taxel of the hand, f64[C, S, n]. threshold: counts."""
+        """Compute the probability of activity of each taxel of the hand, f64[C, S, n] (C conditions, S sessions, n
+        taxels). threshold: counts.
+        """
         return compute_activity(self.signal_counts, threshold)
 
     @cached_property
     def has_data(self) -> BoolArray:
-        """Whether a session contains data of a condition, bool[C, S]."""
+        """Whether a session contains data of a condition, bool[C, S] (C conditions)."""
         return np.asarray(np.isfinite(self.signal_counts).any(axis=2))
 
     @cached_property
     def positions(self) -> FloatArray:
-        """Positions of the taxels in the frame of the grasped object, metres, f64[C, n, 3]."""
+        """Positions of the taxels in the frame of the grasped object, metres, f64[C, n, 3] (C conditions, n taxels)."""
         pose = self.pair.sensor_poses[:, self.pair.groups.sensor]
         world = np.einsum("cnij,nj->cni", pose[..., :3, :3], self.pair.taxels.position) + pose[..., :3, 3]
-        own = self.pair.object_poses
-        return np.asarray(np.einsum("cji,cnj->cni", own[:, :3, :3], world - own[:, None, :3, 3]))
+        poses = self.pair.object_poses
+        return np.asarray(np.einsum("cji,cnj->cni", poses[:, :3, :3], world - poses[:, None, :3, 3]))
 
     def average_sessions(self, cloud: FloatArray) -> FloatArray:
-        """Compute the mean over the sessions with data of a condition, f64[C, n].
+        """Compute the mean over the sessions with data of a condition, f64[C, n] (C conditions, n taxels); 0 without
+        data.
 
         cloud: f64[C, S, n]; a cloud f64[C, n] of the simulator is returned unchanged.
         """
@@ -145,39 +151,41 @@ class HandClouds:
         return np.nan_to_num(compute_known_mean(np.where(self.has_data[..., None], cloud, np.nan), 1))
 
     def remove_outliers(self, cloud: FloatArray) -> FloatArray:
-        """Set the probability of outliers to 0. cloud: f64[C, S, n] or f64[C, n]; returns the same shape.
+        """Return a cloud, f64[C, S, n] (C conditions, S sessions, n taxels) or f64[C, n], in which the probability of
+        outliers is 0.
 
-        Outliers refer to the cloud of all grasps of an object.
+        A point is an outlier with respect to the cloud of all grasps of the same object, see `find_outliers`.
         """
         mean = self.average_sessions(cloud)
         outlier = np.zeros(mean.shape, bool)
         names = np.array([item for item, _ in self.pair.conditions])
         for name in dict.fromkeys(names.tolist()):
-            own = names == name
-            found = find_outliers(self.positions[own].reshape(-1, 3), mean[own].ravel(), get_outlier_filter(name))
-            outlier[own] = found.reshape(-1, mean.shape[1])
+            rows = names == name
+            found = find_outliers(self.positions[rows].reshape(-1, 3), mean[rows].ravel(), get_outlier_filter(name))
+            outlier[rows] = found.reshape(-1, mean.shape[1])
         return np.where(outlier[:, None] if cloud.ndim == 3 else outlier, 0.0, cloud)
 
     def compute_distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
         """Compute the mean distance over conditions, then over sessions, millimetres; None without data.
 
-        real: f64[C, S, n], sim: f64[C, n], probabilities of activity.
+        real: f64[C, S, n] (C conditions, n taxels), sim: f64[C, n], probabilities of activity.
         """
-        apart = np.full(self.has_data.shape, np.nan)
+        distance_mm = np.full(self.has_data.shape, np.nan)
         for condition, session in np.argwhere(self.has_data):
-            apart[condition, session] = compute_chamfer_mm(
+            distance_mm[condition, session] = compute_chamfer_mm(
                 self.positions[condition], real[condition, session], sim[condition]
             )
-        whole = float(compute_known_mean(compute_known_mean(apart, 0), 0))
-        return whole if np.isfinite(whole) else None
+        mean_mm = float(compute_known_mean(compute_known_mean(distance_mm, 0), 0))
+        return mean_mm if np.isfinite(mean_mm) else None
 
     def build_entry(
         self, step: str, real: FloatArray, sim: FloatArray, unfiltered: FloatArray, note: str
     ) -> dict[str, Any]:
-        """Build the entry of a step, without `gap`.
+        """Return the report entry of a treatment, with `gap` None.
 
-        real: cloud of the hand, f64[C, S, n]. sim, unfiltered: clouds of the simulator with and without the filters,
-        f64[C, n].
+        step: name of the treatment. real: treated cloud of the hand, f64[C, S, n] (C conditions, S sessions, n taxels).
+        sim, unfiltered: clouds of the simulator with and without the filters, f64[C, n]. note: settings of the
+        treatment.
         """
         mm = self.compute_distance_mm(real, sim)
         return {
@@ -191,13 +199,14 @@ class HandClouds:
 
 
 def find_outliers(positions: FloatArray, probability: FloatArray, rule: OutlierFilter) -> BoolArray:
-    """Find statistical outliers (Rusu et al. 2008), bool[m].
+    """Return which points are statistical outliers (Rusu et al. 2008), bool[m].
 
     A point is an outlier if its mean distance to its nearest neighbours exceeds the mean over the cloud by more than
     `rule.deviations` standard deviations. The point itself is one of its neighbours, as in `taxel.cloud.filters`. A
     point with fewer than `rule.neighbours` neighbours is not an outlier.
-    positions: f64[m, 3], metres, of the taxels in all approaches of an object. probability: f64[m], of activity; a
-    position has `GRASPS_PER_APPROACH` times this number of points.
+
+    positions: positions of the taxels in all approaches of an object, f64[m, 3], metres. probability: f64[m],
+    probability that each taxel is active; a position has `GRASPS_PER_APPROACH` times this number of points.
     """
     result = np.zeros(len(positions), bool)
     active = np.flatnonzero(probability > MIN_PROBABILITY)
@@ -216,9 +225,10 @@ def find_outliers(positions: FloatArray, probability: FloatArray, rule: OutlierF
 
 
 def _compute_mean_distance(positions: FloatArray, points: FloatArray, wanted: float) -> FloatArray:
-    """Compute the mean distance of each position to its `wanted` nearest other points, f64[m]; NaN with fewer points.
+    """Return the mean distance, metres, of each position to its nearest other points, f64[m]; NaN with fewer than
+    `wanted` points.
 
-    points: f64[m], number of points at each position, not necessarily an integer.
+    points: f64[m], number of points at each position, not necessarily an integer. wanted: number of nearest points.
     """
     tree, number = cKDTree(positions), len(positions)
     result = np.full(number, np.nan)
@@ -242,7 +252,11 @@ def _compute_mean_distance(positions: FloatArray, points: FloatArray, wanted: fl
 def _fit_propagation(
     fit_data: FitData, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
 ) -> tuple[FittedEffect, FloatArray] | str:
-    """Fit contact propagation alone; return the effect and the features f64[C, F, n], or the reason for no fit."""
+    """Fit contact propagation alone; return the effect and the features f64[C, F, n] (C conditions, F features, n
+    taxels), or a string with the reason if it is unavailable.
+
+    alone: existing fits of single effects, which are used if they contain contact propagation.
+    """
     state = fit_data.state
     reasons = [form.find_unavailable_reason(state) for form in catalogue.all_effects()[PROPAGATION]]
     if all(reasons):
@@ -262,7 +276,9 @@ def _fit_propagation(
 
 
 def _describe_force_filter(pair: Pair) -> str:
-    """Describe the threshold of the force filter in newtons, by the sensor model of the simulator."""
+    """Return the end of a sentence that states the threshold of the force filter in newtons, by the sensor model of the
+    simulator.
+    """
     model = pair.sensor_model
     if model is None:
         return "; the simulation has no sensor model"

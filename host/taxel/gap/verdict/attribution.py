@@ -28,8 +28,9 @@ EffectNames = frozenset[str]
 class Attribution:
     """Gap of the held-out sessions for each subset of the named effects.
 
-    names: of the effects, in the order of the waterfall. gap2: squared gap in each held-out session, counts^2, f64[S].
-    predicted_shrink: shrink in each held-out session that the other sessions predict, f64[S].
+    names: names of the effects, in the order of the waterfall. gap2: by subset, squared gap in each held-out session,
+    counts^2, f64[S]. predicted_shrink: by subset, shrink in each held-out session that the other sessions predict,
+    f64[S].
     """
 
     names: tuple[str, ...]
@@ -56,7 +57,7 @@ class Attribution:
         return {name: value / whole if whole > 0 else 0.0 for name, value in reduction.items()}
 
     def build_waterfall(self) -> list[dict[str, object]]:
-        """Return the gap after each effect, added one after the other, in counts, as entries of the report."""
+        """Return the gap in counts after each effect is added to the previous effects, as entries of the report."""
         steps: list[dict[str, object]] = []
         for number, name in enumerate(self.names):
             gap2 = self.gap2[frozenset(self.names[: number + 1])]
@@ -67,7 +68,7 @@ class Attribution:
         return steps
 
     def build_ablation(self) -> list[dict[str, object]]:
-        """Return the gap with all effects but one, in counts, as entries of the report."""
+        """Return for each effect the gap in counts with all other effects, as entries of the report."""
         return [
             {"without": name, "gap": float(np.sqrt(self.gap2[frozenset(self.names) - {name}].mean()))}
             for name in self.names
@@ -84,8 +85,8 @@ class Attribution:
 def compute_attribution(fit_data: FitData, names: tuple[str, ...], held_out: HeldOut) -> Attribution:
     """Compute the gap of the held-out sessions with every subset of the named effects.
 
-    In each session, the effects have the values that were fitted without this session. names: of the named effects.
-    held_out: evaluation of the named effects.
+    In each session, the effects have the values that were fitted without this session. names: names of the effects.
+    held_out: evaluation of the set of all named effects.
     """
     real, state = fit_data.sessions, fit_data.state
     count = real.value.shape[1]
@@ -95,8 +96,11 @@ def compute_attribution(fit_data: FitData, names: tuple[str, ...], held_out: Hel
         if count > 1
         else [fit_data]
     )
-    floor = [compute_session_variance(own.sessions, scale) for own in without_session]
-    start = [max(own.compute_excess(state.mean), 0.0) + one for own, one in zip(without_session, floor, strict=True)]
+    floor = [compute_session_variance(data.sessions, scale) for data in without_session]
+    start = [
+        max(data.compute_excess(state.mean), 0.0) + variance
+        for data, variance in zip(without_session, floor, strict=True)
+    ]
     gap2: dict[EffectNames, FloatArray] = {}
     predicted_shrink: dict[EffectNames, FloatArray] = {}
     for size in range(len(names) + 1):

@@ -15,10 +15,11 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A set of effects with its fits.
+    """The effects of a verdict, fitted together.
 
-    composite: composite model, fitted to all features. features: f64[C, F, n], predicted by the composite model,
-    counts. fold_composites: composite models that were fitted without each fold of the features.
+    composite: composite model, fitted to all features. features: f64[C, F, n] (C conditions, F features, n taxels),
+    features that the composite model predicts, counts. fold_composites: composite models that were fitted without each
+    fold of the features.
     """
 
     composite: CompositeModel
@@ -34,14 +35,16 @@ class Explanation:
 def fit_explanation(comparison: Comparison, names: Collection[str]) -> Explanation:
     """Fit the set with exactly these effects until the fit converges.
 
-    The fit starts at the values of the candidate set, or of the sets with the largest weights that contain the effects.
+    names: names of the effects. The fit starts at the values of the candidate set with these effects; if there is none,
+    at the values of each effect in the set with the largest weight that contains it, or of the effect's coarse fit
+    alone.
     """
     fit_data, wanted = comparison.fit_data, frozenset(names)
-    links = []
+    fitted_effects = []
     for name in wanted:
         candidate = comparison.sets.get(wanted) or comparison.get_best_with(name)
-        links.append(comparison.single_fits[name] if candidate is None else candidate.composite.get(name))
-    fit = fit_data.fit_in_sample(CompositeModel.from_effects(links), INSPECTED_EFFECTS)
+        fitted_effects.append(comparison.single_fits[name] if candidate is None else candidate.composite.get(name))
+    fit = fit_data.fit_in_sample(CompositeModel.from_effects(fitted_effects), INSPECTED_EFFECTS)
     prediction = predict_held_out(fit_data, fit.composite, INSPECTED_EFFECTS)
     return Explanation(fit.composite, fit.features, prediction.composites)
 
@@ -52,7 +55,8 @@ def get_leading_composite(
     """Return the composite model and the names of the effects for which further contacts are recommended.
 
     These are the effects of the verdict, or the first effect that has rivals if the verdict names no effect. named: the
-    effects of the verdict with their fits. effects: causes of the verdict. rivals: names of effects that have rivals.
+    effects of the verdict with their fits. effects: causes of the verdict. rivals: names of effects that have rivals
+    (effects that predict almost as well).
     """
     names = tuple(name for name in effects if name != UNKNOWN)
     first = next(iter(rivals), None)
@@ -61,10 +65,11 @@ def get_leading_composite(
 
 
 def list_fits_alone(comparison: Comparison, forms: Forms) -> dict[str, tuple[CompositeModel, FloatArray]]:
-    """Return the fits of single effects, by name: composite model and its features f64[C, F, n], counts.
+    """Return for each effect, by name, the composite model with this effect alone, and its features f64[C, F, n] (C
+    conditions, F features, n taxels), counts.
 
-    The features are held-out predictions for a set that was evaluated, and in-sample predictions of the coarse fit
-    otherwise. Effects without a fit are omitted. forms: the effects of the catalogue that were tried.
+    The features are held-out predictions for a set that was evaluated, otherwise in-sample predictions of the coarse
+    fit. Effects without a fit are omitted. forms: the effects of the catalogue that were tried.
     """
     fit_data, result = comparison.fit_data, {}
     for name in forms:

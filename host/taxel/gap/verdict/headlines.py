@@ -88,8 +88,9 @@ def make_headline(
 ) -> str:
     """Return the headline of named effects.
 
-    known: names of the effects, most probable first. is_partial: whether a part of the difference remains unexplained.
-    is_tentative: whether too few sessions were recorded for a verdict. probability: of the least probable named effect.
+    known: names of the effects, most probable first. sides: words for the two datasets. is_partial: whether a part of
+    the difference remains unexplained. is_tentative: whether too few sessions were recorded for a verdict. probability:
+    probability of the least probable named effect.
     """
     if is_tentative:
         return f"Few sessions: {sides.skin} probably {' and '.join(map(_get_predicate, known[:2]))}."
@@ -123,13 +124,18 @@ def make_open_headline(sides: Sides) -> str:
 
 
 def _get_predicate(name: str) -> str:
-    """Return the predicate of an effect; "has" and its name for an effect of a plug-in with a short name."""
+    """Return the predicate of an effect. An effect of a plug-in has "has" and its name, or `OTHER_PREDICATE` if the
+    name has more than two words.
+    """
     words = name.replace("_", " ")
     default = f"has {words}" if len(words.split()) <= 2 else OTHER_PREDICATE
     return PREDICATES.get(name, default)
 
 
 def _make_plugin_template(name: str) -> str:
-    """Return the headline template of an effect of a plug-in. Braces in its name would be fields and are replaced."""
+    """Return the headline template of an effect of a plug-in, without its name if the name has more than four words.
+
+    Braces in the name are replaced, because they would be fields of the template.
+    """
     words = name.replace("_", " ").replace("{", "(").replace("}", ")")
     return f"{{Real}} has {words}; {{sim}} does not." if len(words.split()) <= 4 else "{Real} has another effect."

@@ -78,7 +78,9 @@ class HeldOut:
         return float(1.0 - (self.after2.mean() - self.floor2) / excess)
 
     def _compute_replicates(self, statistic: Callable[[float, float], float]) -> FloatArray:
-        """Return the jackknife replicates, f64[S], of a statistic of the mean squared gaps before and after."""
+        """Return the jackknife replicates, f64[S] (S sessions), of a statistic of the mean squared gaps before and
+        after.
+        """
         masks = make_leave_one_out_masks(len(self.before2)) if len(self.before2) > 1 else []
         return np.array([statistic(float(self.before2[k].mean()), float(self.after2[k].mean())) for k in masks])
 
@@ -128,6 +130,7 @@ def compute_held_out(
 def compute_session_variance(real: SessionMeans, scale: FloatArray) -> float:
     """Return the squared gap of a single session that its variance alone causes, counts^2.
 
-    scale: f64[F, 1], contribution of a squared difference to the squared gap (`FeatureLayout.compute_scale`).
+    scale: f64[F, 1] (F features), contribution of a squared difference to the squared gap
+    (`FeatureLayout.compute_scale`).
     """
     return float(np.sum(scale * np.nan_to_num(real.variance)))

@@ -24,10 +24,11 @@ sessions."""
 def select_composites_without_session(
     fit_data: FitData, forms: Forms, seed: int, progress: Callable[[int, int], None]
 ) -> tuple[CompositeModel, ...]:
-    """Repeat the comparison without each session, and return the fitted composite model of the effects that it names.
+    """Repeat the comparison without each session, and return for each session the fitted model of the effects that it
+    names.
 
-    Returns one composite model for each session. seed: of the comparison. progress: is called with the number of
-    finished sessions and the number of sessions. Raises GapInputError if there are fewer than `MIN_SESSIONS` sessions.
+    seed: seed of the comparison. progress: called with the number of finished sessions and the number of sessions.
+    Raises GapInputError if there are fewer than `MIN_SESSIONS` sessions.
     """
     count = fit_data.sessions.value.shape[1]
     if count < MIN_SESSIONS:
@@ -36,8 +37,8 @@ def select_composites_without_session(
     composites = []
     for session in range(count):
         progress(session, count)
-        rest = fit_data.sessions.select_sessions(np.arange(count) != session)
-        comparison = compare_sets(FitData(fit_data.state, rest, fit_data.layout), forms, seed)
+        other_sessions = fit_data.sessions.select_sessions(np.arange(count) != session)
+        comparison = compare_sets(FitData(fit_data.state, other_sessions, fit_data.layout), forms, seed)
         causes = list_causes(comparison.compute_probabilities())
         composites.append(fit_explanation(comparison, [name for name in causes if name != UNKNOWN]).composite)
     progress(count, count)

@@ -15,10 +15,10 @@ from taxel.gap.fitting.composite import CompositeModel
 def list_reasons(composite: CompositeModel, faults: Sequence[SimulatorFault]) -> list[str]:
     """Return one sentence for each reason for doubt.
 
-    The reasons are faulty grasps that were kept, and parameters at a bound of their range other than the neutral value;
-    effects that are found by inspection and effects of single taxels are not checked.
+    The reasons are faulty grasps of the simulator that were kept, and parameters at a bound of their range other than
+    the neutral value. Effects that are found by inspection and effects of single taxels are not checked.
 
-    composite: the named effects, fitted. faults: of the simulator's grasps.
+    composite: the named effects, fitted. faults: faults of the simulator's grasps.
     """
     reasons = []
     kept = [fault for fault in faults if fault.handled != HANDLING_EXCLUDED]

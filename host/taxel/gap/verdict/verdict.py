@@ -48,10 +48,10 @@ class Verdict:
     """A verdict.
 
     status: `no_gap`, `explained`, `partly_explained` or `unknown`. effects: causes with a probability of at least
-    `NAMED_PROBABILITY`, most probable first, `unknown` last. probabilities: of every cause and of no gap. headline: at
-    most twelve words. one_line: a sentence with status, meaning, gap and floor. reasons: for doubt, one sentence each.
-    rivals: effects that are not named and predict almost as well, by the leading effect (`list_leading_effects`) that
-    they can replace.
+    `NAMED_PROBABILITY`, most probable first, `unknown` last. probabilities: probability of every cause and of no gap,
+    by name. headline: at most twelve words. one_line: a sentence with status, meaning, gap and floor. reasons: reasons
+    for doubt, one sentence each. rivals: by leading effect (`list_leading_effects`), the unnamed effects that predict
+    almost as well in its place.
     """
 
     status: str
@@ -80,7 +80,9 @@ def list_causes(probabilities: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def list_leading_effects(probabilities: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the named effects, or the most probable effect if none is named; their rivals are reported."""
+    """Return the named effects; if none is named, the most probable effect. The report states the rivals of these
+    effects.
+    """
     known = tuple(name for name in list_causes(probabilities) if name != UNKNOWN)
     others = [name for name in probabilities if name not in (NO_GAP, UNKNOWN)]
     return known or tuple(sorted(others, key=lambda name: -probabilities[name])[:1])
@@ -96,9 +98,9 @@ def derive_verdict(
 ) -> Verdict:
     """Derive the verdict from the probabilities and the number of sessions.
 
-    gap: without effects. probabilities: of every cause and of no gap. held_out: evaluation of the named effects on
-    held-out sessions. rivals: for each effect of `list_leading_effects`, the effects that can replace it. warnings:
-    reasons for doubt from other parts of the diagnosis, one sentence each. sides: words for the two datasets.
+    gap: gap without effects. probabilities: probability of every cause and of no gap. held_out: evaluation of the named
+    effects on held-out sessions. rivals: for each effect of `list_leading_effects`, the effects that can replace it.
+    warnings: reasons for doubt from other parts of the diagnosis, one sentence each. sides: words for the two datasets.
     """
     effects = list_causes(probabilities)
     known = tuple(name for name in effects if name != UNKNOWN)
@@ -144,7 +146,11 @@ def _derive_unknown_verdict(
     reasons: list[str],
     sides: Sides,
 ) -> Verdict:
-    """Derive the verdict of a gap without a named effect. reasons: the other reasons for doubt."""
+    """Derive the verdict of a gap without a named effect, whose headline names the most probable effects if there are
+    any.
+
+    reasons: the other reasons for doubt. The remaining arguments are those of `derive_verdict`.
+    """
     size, headline = describe_size(held_out), sides.fill(HEADLINES[UNKNOWN])
     line = f"Unknown: the gap is {size}; no effect of the catalogue explains the gap."
     if not set(probabilities) - {UNKNOWN, NO_GAP}:
@@ -169,16 +175,16 @@ def _derive_unknown_verdict(
 
 
 def describe_size(held_out: HeldOut) -> str:
-    """Describe gap and floor of the held-out sessions in words.
+    """Describe gap and floor of the held-out sessions: "24.3 counts (floor 4.0)".
 
-    With one session and without repeats, the floor is not measured.
+    With one session and without repeats, the text states that the floor was not measured.
     """
     floor = f"floor {held_out.floor2**0.5:.1f}" if held_out.floor2 > 0.0 else "floor not measured"
     return f"{held_out.before:.1f} counts ({floor})"
 
 
 def _describe_shrink(held_out: HeldOut, known: Sequence[str]) -> str:
-    """Describe the shrink of the gap of held-out sessions by the named effects."""
+    """Describe by how much the named effects reduce the gap of held-out sessions. known: names of these effects."""
     causes = " and ".join(_to_words(name) for name in known)
     verb = "reduces" if len(known) == 1 else "reduce"
     is_at_floor = held_out.remaining_excess.low is None or held_out.remaining_excess.low <= 0.0
@@ -191,7 +197,8 @@ def _describe_shrink(held_out: HeldOut, known: Sequence[str]) -> str:
 
 
 def _describe_remaining_excess(gap: Gap, held_out: HeldOut) -> str:
-    """Describe the remaining excess of held-out sessions; "" unless it is large enough for a further cause.
+    """Describe the remaining excess of held-out sessions; an empty string unless it is large enough for a further
+    cause.
 
     A cause produces a gap of at least `SMALLEST_CAUSE` floors. The lower bound of the remaining excess must exceed the
     square of this gap.
@@ -203,6 +210,6 @@ def _describe_remaining_excess(gap: Gap, held_out: HeldOut) -> str:
 
 
 def _to_words(name: str) -> str:
-    """Return name and meaning of a cause."""
+    """Return the name of a cause in words, with its meaning in brackets if the cause has one."""
     plain = name.replace("_", " ")
     return f"{plain} ({MEANINGS[name]})" if name in MEANINGS else plain

@@ -24,7 +24,7 @@ def open_bus(url: str) -> can.BusABC:
 
     ``can:socketcan:can0`` (the bit rate is set with `ip link`), ``can:pcan:PCAN_USBBUS1``, ``can:virtual:NAME`` (within
     this process), ``can:udp:GROUP`` or ``can:udp:GROUP:PORT`` (between processes; an IPv6 group in brackets). Raises
-    CanUrlError.
+    CanUrlError for any other URL, and for a channel that cannot be opened.
     """
     scheme, _, location = url.partition(":")
     kind, _, channel = location.partition(":")
@@ -48,7 +48,10 @@ def open_bus(url: str) -> can.BusABC:
 
 
 def _parse_group_and_port(url: str, text: str) -> tuple[str, int]:
-    """Multicast group and port of a can:udp: URL; the port is optional. Raises CanUrlError."""
+    """Return multicast group and port from the part `text` of a can:udp: URL; the port is optional.
+
+    Raises CanUrlError for an invalid port.
+    """
     group, bracket, port_suffix = text.removeprefix("[").partition("]") if text.startswith("[") else ("", "", "")
     if not bracket:
         group, colon, port = text.partition(":")

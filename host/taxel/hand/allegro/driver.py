@@ -193,7 +193,10 @@ class AllegroHand:
         return number
 
     def update(self, timeout_s: float = 0.0) -> int:
-        """Call `poll`, request the status when due, and raise reported faults or silence; return the frame count."""
+        """Call `poll`, request the status when due, and return the number of processed frames.
+
+        Raises an AllegroError for a fault in the latest hand info, and for a finger that has not reported in time.
+        """
         number = self.poll(timeout_s)
         now_s = self._clock()
         if self._is_on and now_s - self._info_request_s >= self._info_period_s:
@@ -270,7 +273,7 @@ class AllegroHand:
         self._check(self.get_info())
 
     def _check(self, info: HandInfo) -> None:
-        """Raise an error for a left hand, high temperature, a communication fault or motors that are off."""
+        """Raise an AllegroError for a left hand, high temperature, a communication fault, or motors that went off."""
         where = self.channel, self.device_id
         if info.hand_type != 0:
             raise AllegroLeftHandError(
@@ -290,7 +293,10 @@ class AllegroHand:
             )
 
     def _check_silence(self, now_s: float) -> None:
-        """Raise an error if a finger has sent no pose for longer than the limit. now_s: clock of the driver."""
+        """Raise AllegroSilentError if a finger has sent no pose for longer than the limit.
+
+        now_s: time on the driver's clock. Does nothing while periodic poses are disabled.
+        """
         if not self._position_ms:
             return
         limit_s = max(self._silence_limit_s, _MIN_PERIODS_OF_SILENCE * self._position_ms / 1000)
@@ -300,7 +306,7 @@ class AllegroHand:
             raise self._make_silent_error(f"no pose of {', '.join(silent)} for {max(ages):.3f} s (limit {limit_s:g} s)")
 
     def _make_silent_error(self, problem: str) -> AllegroSilentError:
-        """Create the error for missing reports of the hand; problem: which report is missing."""
+        """Create the error for a missing report of the hand; problem: the report and how long it has been missing."""
         return AllegroSilentError(
             self.channel, self.device_id, f"{problem}; check power, CAN cable, termination, bit rate and device id"
         )

@@ -78,7 +78,10 @@ class FreeJoints:
         return self._velocities.copy()
 
     def step(self, torque_nm: npt.ArrayLike, dt_s: float) -> FloatArray:
-        """Apply torques f64[16], Nm, for `dt_s` seconds; return the angles. Raises ValueError for invalid arguments."""
+        """Apply torques f64[16], Nm, for `dt_s` seconds; return the angles after the step, f64[16], radians.
+
+        Raises ValueError for a wrong shape, a value that is not finite, or a negative duration.
+        """
         if not 0 <= dt_s < np.inf:
             raise ValueError(f"dt_s: expected a finite number of at least 0, found {dt_s}")
         torque = check_joint_values("torque_nm", torque_nm)

@@ -43,7 +43,7 @@ class AllegroListener:
         self._thread.start()
 
     def _run(self) -> None:
-        """Receive frames until the listener is closed or the channel fails."""
+        """Add a sample to the history after each set of reports of all fingers, until `close` or a channel failure."""
         while not self._stop.is_set():
             try:
                 frame = self._bus.recv(0.05)

@@ -30,7 +30,10 @@ class PositionControl:
         """Filtered velocities, rad/s."""
 
     def measure(self, angles: FloatArray, time_s: float) -> None:
-        """Take measured angles, radians, and their time, seconds; update the velocities."""
+        """Update angles and filtered velocities from measured angles f64[16], radians, at `time_s` seconds.
+
+        The velocities are unchanged at the first measurement, and if the time has not increased.
+        """
         elapsed_s = time_s - self._time_s
         if self._angles is not None and elapsed_s > 0.0:
             share = elapsed_s / (elapsed_s + VELOCITY_FILTER_S)
@@ -38,9 +41,10 @@ class PositionControl:
         self._angles, self._time_s = angles.copy(), time_s
 
     def compute_torques(self, target: FloatArray, torque: FloatArray) -> FloatArray:
-        """Return torques f64[16], shares of full PWM.
+        """Compute torques f64[16], fractions of full PWM, clipped to -1 .. 1.
 
-        target: radians; NaN: the joint has no target. torque: additional torques; NaN counts as 0.
+        target: f64[16], radians; NaN: no position control of the joint. torque: f64[16], added to the torques of the
+        position control, fractions of full PWM; NaN is treated as 0.
         """
         angles = np.zeros(JOINT_COUNT) if self._angles is None else self._angles
         position = STIFFNESS * (target - angles) - DAMPING * self.velocities

@@ -53,7 +53,7 @@ _IDS_OF_FOUR = frozenset({MessageId.FINGER_POSE, MessageId.TEMPERATURE, MessageI
 _REQUESTABLE = frozenset(
     {MessageId.FINGER_POSE, MessageId.IMU, MessageId.TEMPERATURE, MessageId.HAND_INFO, MessageId.SERIAL}
 )
-# Message id in the frame -> (MessageId, finger or sensor).
+# Message id in a frame -> (MessageId, index of finger or sensor).
 _MESSAGE_OF_ID = {
     int(message) + k: (message, k) for message in MessageId for k in (range(4) if message in _IDS_OF_FOUR else range(1))
 }
@@ -102,7 +102,7 @@ def decode(frame: can.Message) -> Message | None:
 
 
 def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
-    """Message id, finger or sensor index, and data bytes of a message. Raises ValueError for values out of range."""
+    """Encode a message: (message id, finger or sensor index, data bytes). Raises ValueError for values out of range."""
     match message:
         case SetTorque(finger, torque):
             return (
@@ -133,9 +133,9 @@ def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
 def _encode_rare_payload(
     message: SetPeriod | Config | HandInfo | Serial | Imu | Temperature,
 ) -> tuple[MessageId, int, bytes]:
-    """Encode a message that a control loop does not send; arguments and result as for `_encode_payload`.
+    """Encode a message that a control loop does not send: (message id, sensor index, data bytes).
 
-    Returns message id, sensor index and data bytes. Raises ValueError for values out of range.
+    Raises ValueError for values out of range.
     """
     try:
         match message:
@@ -199,7 +199,7 @@ def _to_pwm(fraction: float) -> int:
 
 
 def _to_counts(angle: float) -> int:
-    """An angle, radians, in the unit of the hand (`RAD_PER_COUNT`). Raises ValueError beyond 16 bits."""
+    """Convert an angle, radians, to encoder counts of the hand (`RAD_PER_COUNT`). Raises ValueError beyond 16 bits."""
     counts = round(angle / RAD_PER_COUNT)
     if not -0x8000 <= counts <= 0x7FFF:
         raise ValueError(f"angle: expected at most {0x7FFF * RAD_PER_COUNT:.3f} rad from 0, found {angle}")
@@ -247,7 +247,7 @@ def _encode_serial(text: str) -> bytes:
 
 
 def _decode_serial(frame: can.Message) -> Serial:
-    """The serial number in a frame. Raises AllegroFrameError for text that is not printable ASCII."""
+    """Decode the serial number in a frame. Raises AllegroFrameError for bytes that are not printable ASCII."""
     _check_length(SERIAL_LENGTH, frame)
     content = bytes(frame.data).rstrip(b"\0")
     text = content.decode("ascii", errors="replace")
@@ -257,7 +257,7 @@ def _decode_serial(frame: can.Message) -> Serial:
 
 
 def _encode_config(config: Config) -> bytes:
-    """Data bytes of a Config message; the mask states which of its values are set."""
+    """Encode a Config message; the mask in the first byte states which of its values are set."""
     if config.device_id is not None and not 0 <= config.device_id <= MAX_DEVICE_ID:
         raise ValueError(f"device_id: expected 0 to {MAX_DEVICE_ID}, found {config.device_id}")
     mask = _SET_DEVICE_ID * (config.device_id is not None) | _SET_BAUD * (config.rs485_baud is not None)
@@ -265,7 +265,7 @@ def _encode_config(config: Config) -> bytes:
 
 
 def _decode_config(frame: can.Message) -> Config:
-    """The Config message of a frame. Raises AllegroFrameError for an unknown mask or a device id out of range."""
+    """Decode a Config message. Raises AllegroFrameError for an unknown mask or a device id out of range."""
     mask, device_id, baud = _unpack(_CONFIG, frame)
     if device_id > MAX_DEVICE_ID or mask & ~(_SET_DEVICE_ID | _SET_BAUD):
         raise AllegroFrameError(

@@ -29,7 +29,11 @@ class JointReading:
 
 @dataclass(frozen=True)
 class FrameCounts:
-    """Numbers of received frames: `accepted` from this hand, `ignored` of other devices or for a hand, `malformed`."""
+    """Numbers of received frames.
+
+    accepted: reports of this hand. ignored: frames of other devices, and commands of other programs to this hand.
+    malformed: frames of this hand with invalid content.
+    """
 
     accepted: int = 0
     ignored: int = 0
@@ -52,7 +56,7 @@ class Reports:
         self._accepted = self._ignored = self._malformed = 0
 
     def take(self, frame: can.Message, now_s: float) -> None:
-        """Process any frame of the bus; malformed frames are counted."""
+        """Store the report in a frame that was received at `now_s` seconds; other and malformed frames are counted."""
         if get_device_id(frame) != self.device_id:
             self._ignored += 1
             return
@@ -86,7 +90,10 @@ class Reports:
         return len(self._reported_fingers)
 
     def read_angles(self, now_s: float) -> JointReading:
-        """Return the latest angles; the next reading is complete when all fingers have reported again."""
+        """Return the latest angles at `now_s` seconds.
+
+        This starts the next reading, which is complete when all fingers have reported again.
+        """
         is_complete = len(self._reported_fingers) == len(FINGERS)
         self._reported_fingers.clear()
         return JointReading(self._angles.copy(), now_s - min(self.pose_time_s), is_complete)

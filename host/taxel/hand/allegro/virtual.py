@@ -136,7 +136,7 @@ class VirtualAllegro:
             self._send_due_reports()
 
     def run(self, stop: threading.Event, period_s: float = 0.001) -> None:
-        """Follow real time in steps of about `period_s` until `stop` is set; run it in a separate thread."""
+        """Advance with real time in steps of about `period_s` until `stop` is set; run it in a separate thread."""
         loop = ControlLoop(period_s, spin_s=0.0)
         offset_s = loop.clock() - self.time_s
         while not stop.is_set():
@@ -144,11 +144,14 @@ class VirtualAllegro:
             self.follow(loop.clock() - offset_s)
 
     def follow(self, time_s: float) -> None:
-        """Call `step` with the duration up to the virtual time `time_s`, seconds; 0 if that time has passed."""
+        """Advance to the virtual time `time_s`, seconds; if that time has passed, only process received commands."""
         self.step(max(0.0, time_s - self.time_s))
 
     def _process_frames(self) -> None:
-        """Execute all received frames for this device; malformed frames are counted and ignored."""
+        """Execute the commands in all received frames for this device; malformed frames are counted and ignored.
+
+        A silent hand (`faults.is_silent`) discards the frames.
+        """
         while (frame := self._bus.recv(0.0)) is not None:
             if self.faults.is_silent or get_device_id(frame) != self.device_id:
                 continue
@@ -194,7 +197,10 @@ class VirtualAllegro:
         self._velocities = (after - before) * (_NS / duration_ns)
 
     def _compute_torque(self, angles: FloatArray) -> FloatArray:
-        """Joint torques f64[16], N m, at angles f64[16]: the commands, or position control where a target is set."""
+        """Compute joint torques f64[16], Nm, at angles f64[16]; all 0 while the motors are off.
+
+        A joint with a target is position controlled; any other joint has its commanded torque.
+        """
         if not self.servo_on:
             return np.zeros(JOINT_COUNT)
         position_torque = _STIFFNESS_NM * (self._target - angles) - _DAMPING_NM_S * self._velocities
@@ -216,7 +222,7 @@ class VirtualAllegro:
         self._bus.send(encode(self._make_report(kind, index), self.device_id))
 
     def _make_report(self, kind: MessageId, index: int) -> Message:
-        """The report `kind` of a finger or temperature sensor `index`."""
+        """Make the report of type `kind`; index: finger or temperature sensor, ignored by other reports."""
         match kind:
             case MessageId.FINGER_POSE:
                 a, b, c, d = self.dynamics.angles[_get_joint_slice(index)].tolist()

@@ -23,8 +23,8 @@ _STANDSTILL_RAD_S = 1e-3
 class Ur5eArm:
     """UR5e at the network address `host`; a context manager that stops the arm and disconnects.
 
-    acceleration_rad_s2: of joint motions. Raises ArmPackageMissingError without ur_rtde, and ArmConnectionError if the
-    controller is not reachable or does not grant control.
+    acceleration_rad_s2: acceleration of joint motions. Raises ArmPackageMissingError without ur_rtde, and
+    ArmConnectionError if the controller is not reachable or does not grant control.
 
     .. warning::
         Not verified on hardware. The driver checks only joint limits and speed: use `taxel.planning` for motions that
@@ -82,7 +82,11 @@ class Ur5eArm:
         return np.array(self._call(self._receive.getActualQ), dtype=np.float64)
 
     def move_joints(self, target: npt.ArrayLike, speed_rad_s: float) -> None:
-        """Start a motion to f64[6] radians. Raises ArmLimitError before any motion, ArmBusyError during a motion."""
+        """Start a motion to `target`, f64[6], radians, and return at once.
+
+        Raises ArmLimitError before any motion, ArmBusyError during a motion, and ArmConnectionError if the controller
+        rejects it.
+        """
         angles = check_target(self.name, target, speed_rad_s)
         if self.is_moving:
             raise ArmBusyError(self.name, "expected a standing arm, found a moving arm; wait, or call stop() first")

@@ -19,7 +19,8 @@ _NAME = "simulated arm"
 class TrapezoidalProfile:
     """Trapezoidal speed profile from rest to rest; triangular for a short distance.
 
-    distance: above 0. speed: largest speed. acceleration: of acceleration and braking. Any unit of length; seconds.
+    distance: above 0. speed: largest speed. acceleration: magnitude while accelerating and braking. The unit of the
+    distance is arbitrary; times are in seconds.
     """
 
     distance: float
@@ -52,10 +53,9 @@ class TrapezoidalProfile:
 class SimulatedArm:
     """Arm whose joints move along a straight line in joint space with a trapezoidal speed profile.
 
-    angles: start angles, f64[6], radians; default 0. acceleration_rad_s2: of the joint with the largest motion.
-
-    Time advances only in `step`. Raises ArmLimitError for start angles outside the limits. Not modelled: dynamics,
-    following error, collisions and safety limits of the controller.
+    angles: start angles, f64[6], radians; default 0. acceleration_rad_s2: acceleration of the joint with the largest
+    motion. Time advances only in `step`. Raises ArmLimitError for start angles outside the limits. Not modelled:
+    dynamics, following error, collisions and safety limits of the controller.
     """
 
     def __init__(
@@ -90,7 +90,10 @@ class SimulatedArm:
         return self._start_angles + self._displacement * (self._travelled / self._profile.distance)
 
     def move_joints(self, target: npt.ArrayLike, speed_rad_s: float) -> None:
-        """Start a motion to f64[6] radians. Raises ArmLimitError before any motion, ArmBusyError during a motion."""
+        """Start a motion to `target`, f64[6], radians, which `step` executes.
+
+        Raises ArmLimitError before any motion, and ArmBusyError during a motion.
+        """
         angles = check_target(_NAME, target, speed_rad_s)
         if self.is_moving:
             raise ArmBusyError(_NAME, "expected a standing arm, found a moving arm; wait, or call stop() first")

@@ -2,8 +2,7 @@
 
 The coded centres of the kinds proximal_front, medial_front and fingertip are the true centres turned by 5 degrees about
 the y axis of their link, 2.1 to 2.9 mm apart on average; those of the palm differ at seven taxels. Some boards have no
-coded centres. Source: the public repository
-abed-almrad/BICI_SENSORS_ROS (2023), tools/hand/original.
+coded centres. Source: the public repository abed-almrad/BICI_SENSORS_ROS (2023), tools/hand/original.
 """
 
 import csv
@@ -71,7 +70,7 @@ def _read_coded_centres() -> dict[str, FloatArray]:
 
 
 def load_coded_centres(hand: Hand) -> FloatArray:
-    """Centres that the original host uses, f64[n, 3], metres, in the frame of each taxel's bracket; NaN without one.
+    """Load the taxel centres of the original host, f64[n, 3], metres, in the frames of the brackets; NaN: no centre.
 
     The host contains the centres of palm, back of the hand, proximal and medial fronts, and fingertips. Raises
     NoCodedCentresError for a hand other than the original hand.
@@ -86,7 +85,7 @@ def load_coded_centres(hand: Hand) -> FloatArray:
 
 
 def get_plugin_coordinates(hand: Hand) -> list[PluginCoordinates]:
-    """Coordinates of each board in the contact plug-in, in the order of `hand.boards`.
+    """Return which coordinates the contact plug-in has for the taxels of each board, in the order of `hand.boards`.
 
     Raises NoCodedCentresError for a hand other than the original hand.
     """

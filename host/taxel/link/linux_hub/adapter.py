@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import smbus2
 
 I2C_FUNC_I2C: Final = 0x00000001
-"""Bit of plain I2C transfers in the functions of an adapter (linux/i2c.h)."""
+"""Bit that is set in the function flags of an adapter that performs plain I2C transfers (linux/i2c.h)."""
 
 DEFAULT_SCL_HZ: Final = 100e3
 """Bus clock of an adapter whose clock is not in the device tree, Hz: the default of most drivers."""
@@ -33,7 +33,7 @@ _REJECTED_ERRNOS: Final = {errno.EOPNOTSUPP, errno.EINVAL}
 def open_adapter(device: str) -> smbus2.SMBus:
     """Open the adapter `/dev/i2c-N`. The caller closes it.
 
-    Raises `PortMissingError` as `open_i2c`, `LinkError` for an adapter without plain I2C transfers.
+    Raises the errors of `open_i2c`, and `LinkError` for an adapter without plain I2C transfers.
     """
     bus = open_i2c(device)
     if not int(bus.funcs) & I2C_FUNC_I2C:
@@ -58,14 +58,14 @@ def read_scl_hz(device: str) -> float:
 
 
 def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]) -> None:
-    """Wait until a board acknowledges one of `addresses`.
+    """Wait until a board acknowledges one of the I2C addresses.
 
-    Raises `LinkError` with the adapter's name if none does within `BOARD_TIMEOUT_S`, or if a line of the bus is held
-    low.
+    device: path of the adapter for error messages. Raises `LinkError` if no board does within `BOARD_TIMEOUT_S`; the
+    message states whether a line of the bus seems to be held low.
     """
     deadline = time.monotonic() + BOARD_TIMEOUT_S
     while True:
-        failures = [_probe(bus, device, address) for address in addresses]
+        failures = [_probe_address(bus, device, address) for address in addresses]
         if None in failures:
             return
         if time.monotonic() > deadline:
@@ -89,10 +89,11 @@ def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]
     )
 
 
-def _probe(bus: smbus2.SMBus, device: str, address: int) -> int | None:
-    """Address a board without data. Returns None if it acknowledges, else the error number of the kernel.
+def _probe_address(bus: smbus2.SMBus, device: str, address: int) -> int | None:
+    """Address a board without data, or read one byte of it if the adapter rejects this.
 
-    Raises `LinkError` if the adapter itself fails.
+    Returns None if a board acknowledges, else the error number of the kernel. Raises `LinkError` if the adapter itself
+    fails.
     """
     from smbus2 import i2c_msg
 

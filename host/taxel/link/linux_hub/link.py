@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 READ_SIZE: Final = 1 << 16
 WRITE_TIMEOUT_S: Final = 2.0
 RETRY_S: Final = 0.001
-"""Pause before the next attempt to write to a full buffer, seconds: the hub takes 256 bytes in less time."""
+"""Pause before the next attempt to write to a full buffer, seconds; the hub processes 256 bytes in less time."""
 
 
 class LinuxHubLink:
@@ -104,7 +104,7 @@ class LinuxHubLink:
 
 
 def _describe_failure(failure: int) -> str:
-    """Text for the error number with which an adapter has failed."""
+    """Return the message for the error number (errno) with which an adapter has failed, with a remedy."""
     if failure in (errno.EOPNOTSUPP, errno.EINVAL):
         return (
             f"the adapter rejects a transfer of the boards ({os.strerror(failure)}); use an adapter that reads "

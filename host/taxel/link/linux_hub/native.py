@@ -48,10 +48,10 @@ class Settings(ctypes.Structure):
 
 
 def make_settings(scl_hz: float, addresses: Iterable[int], clock_start_us: int = 0) -> Settings:
-    """Settings of a hub with the firmware version of this package.
+    """Return the settings of a hub with the firmware version of this package, as a C structure.
 
-    scl_hz: clock of the bus, Hz. addresses: I2C addresses at which boards are searched. clock_start_us: the hub's clock
-    at its start, microseconds.
+    scl_hz: clock of the bus, Hz. addresses: I2C addresses at which boards are searched. clock_start_us: reading of the
+    hub's clock at its start, microseconds.
     """
     settings = Settings(round(scl_hz), unique_id=(ctypes.c_uint8 * 8)(*UNIQUE_ID), clock_start_us=clock_start_us)
     numbers = [int(part) for part in VERSION.split("+")[0].split(".")[:3]]
@@ -63,7 +63,10 @@ def make_settings(scl_hz: float, addresses: Iterable[int], clock_start_us: int =
 
 @cache
 def load_linux_hub() -> ctypes.CDLL:
-    """Load and return the library. Raises `LinuxHubLibraryError` if it is missing."""
+    """Load the compiled hub, declare the types of its functions, and return it.
+
+    Raises `LinuxHubLibraryError` if it is missing.
+    """
     library = load_library("taxel_linux_hub", "the compiled hub for Linux", LinuxHubLibraryError, use_errno=True)
     pointer, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
     for name, result, *arguments in (

@@ -18,9 +18,10 @@ LOWEST_SCL_HZ, HIGHEST_SCL_HZ = 1e4, 5e6
 
 @dataclass(frozen=True)
 class I2cUrl:
-    """Parts of the URL of an adapter.
+    """Parts of the URL of an I2C adapter.
 
-    device: its path. addresses: where boards are searched. scl_hz: clock of the bus, Hz; None: that of the adapter.
+    device: path of the adapter. addresses: I2C addresses at which boards are searched. scl_hz: clock of the bus, Hz;
+    None: that of the adapter's device tree.
     """
 
     device: str
@@ -52,8 +53,8 @@ def open_linux_hub(url: str, hand: Any = None) -> LinuxHubLink:
     """Open an I2C adapter of this computer as the bus of a skin without a hub.
 
     Options: `boards=auto` (default: boards are searched at all addresses) or `boards=0x1C,0x1D` (no other address is
-    used); `scl_hz`: clock of the bus, Hz, if the device tree does not state it (default: 100000). The option informs
-    taxel, it does not set the clock. hand: not used. Raises `LinkError` of one line.
+    used); `scl_hz`: clock of the bus, Hz, if the device tree does not state it (default: 100000). The option `scl_hz`
+    states the clock to taxel; it does not set the clock. hand: not used. Raises a one-line `LinkError`.
     """
     parts = parse_i2c_url(url)
     bus = open_adapter(parts.device)
@@ -66,7 +67,7 @@ def open_linux_hub(url: str, hand: Any = None) -> LinuxHubLink:
 
 
 def _parse_boards(url: str, text: str) -> tuple[int, ...]:
-    """Addresses of the option `boards`. Raises `LinkError` unless it is `auto` or a list of I2C addresses."""
+    """Return the addresses of the option `boards`; all addresses for `auto`. Raises `LinkError` for another text."""
     if text == "auto":
         return ALL_ADDRESSES
     try:
@@ -82,7 +83,7 @@ def _parse_boards(url: str, text: str) -> tuple[int, ...]:
 
 
 def _parse_scl_hz(url: str, text: str) -> float:
-    """Bus clock of the option `scl_hz`, Hz. Raises `LinkError` for a value out of range."""
+    """Convert the option `scl_hz` to a bus clock, Hz. Raises `LinkError` for another text or a value out of range."""
     try:
         value = float(text)
     except ValueError:

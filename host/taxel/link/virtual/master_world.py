@@ -14,10 +14,10 @@ from taxel_protocol.names import ResetCause
 
 DRIVER_LATENCY_S: Final = 50e-6
 """Time between two transfers of an adapter, seconds: interrupt of the controller, wake-up of the thread and system
-call. Chosen; a computer with a busy processor needs longer, which lowers the frame rate."""
+call. The value is chosen; a computer with a busy processor needs longer, which lowers the frame rate."""
 
 TIMEOUT_UNIT_S: Final = 0.01
-"""Step of the time limit of an adapter of Linux, seconds (ioctl I2C_TIMEOUT)."""
+"""Step in which the time limit of a Linux I2C adapter is set, seconds (ioctl I2C_TIMEOUT)."""
 
 _OK, _NACK_ADDRESS, _NACK_DATA = 0, -1, -2
 _PS_PER_US: Final = 10**6
@@ -27,10 +27,10 @@ MIN_STEP_S: Final = 1e-9
 
 
 class VirtualMasterWorld(VirtualWorld):
-    """A world whose hub is this process: it has the methods of `VirtualWorld`, but no UART and no hub board.
+    """An emulated world whose hub is executed by this process; it has no UART and no hub board.
 
-    After a failed transfer, the emulated adapter frees the bus as drivers of Linux do. Faults of the hub act on the hub
-    in this process. A context manager.
+    The methods are those of `VirtualWorld`. After a failed transfer, the emulated adapter frees the bus as Linux
+    drivers do. Faults of the hub act on the hub in this process. A context manager.
 
     .. warning::
         Not modelled: other programs that use the adapter at the same time, and pauses of the operating system.
@@ -48,8 +48,9 @@ class VirtualMasterWorld(VirtualWorld):
     ) -> None:
         """Create the boards of a world file, with an I2C adapter in place of the hub, at virtual time 0.
 
-        scl_hz: clock of the bus in the world file, Hz. addresses: where the hub searches boards. latency_s: time
-        between two transfers. counts, files: as for `VirtualWorld`. Raises LinkError if the emulator rejects the world.
+        scl_hz: clock of the bus in the world file, Hz. addresses: I2C addresses at which the hub searches boards.
+        latency_s: time between two transfers, seconds. counts, files: as for `VirtualWorld`. Raises LinkError if the
+        emulator rejects the world.
         """
         super().__init__(world, "none", counts=counts, files=files)
         super().inject("hub_unplug")
@@ -70,13 +71,17 @@ class VirtualMasterWorld(VirtualWorld):
             raise LinkError("virtual rig", "has no memory for the hub")
 
     def _read_clock_us(self, _: Any) -> int:
-        """Virtual time in microseconds, for the hub."""
+        """Return the virtual time in microseconds. The C code of the hub calls this method."""
         return round(self.now_s * PS_PER_S) // _PS_PER_US
 
     def _execute_transfer(
         self, _: Any, address: int, write: Any, write_size: int, read: Any, read_size: int, timeout_us: int
     ) -> int:
-        """Execute a transfer of the hub on the emulated bus, as an adapter of Linux does. Returns its result."""
+        """Execute an I2C transfer of the hub on the emulated bus; the C code of the hub calls this method.
+
+        Writes `write_size` bytes to the address, then reads `read_size` bytes of it to `read`. Returns the result (enum
+        taxel_i2c_result, 0: success). An exception is stored for `_run_hub`, which raises it; the result is then -4.
+        """
         try:
             steps = int(1e-6 * timeout_us / TIMEOUT_UNIT_S) + 1
             written = ctypes.string_at(write, write_size) if write_size else b""
@@ -106,7 +111,11 @@ class VirtualMasterWorld(VirtualWorld):
                 super().run(max(min(due_s, end_s) - now_s, MIN_STEP_S))
 
     def _run_hub(self) -> float:
-        """One pass of the hub with its transfer. Returns the virtual time at which the next pass is due, seconds."""
+        """Execute one pass of the hub's main loop with its transfer.
+
+        Returns the virtual time at which the next pass is due, seconds; infinity for a hub without power. Raises the
+        exception of a failed transfer.
+        """
         if not self._is_powered:
             return float("inf")
         if self.now_s < self._stalled_until_s:
@@ -119,7 +128,10 @@ class VirtualMasterWorld(VirtualWorld):
         return float(due_us) * _PS_PER_US / PS_PER_S
 
     def send(self, data: bytes) -> int:
-        """Send bytes from the host to the hub; return the number of accepted bytes."""
+        """Send bytes from the host to the hub; return the number of accepted bytes.
+
+        Without power of the hub, all bytes are accepted and lost.
+        """
         return int(self._hub_library.linux_hub_send(self._hub, data, len(data))) if self._is_powered else len(data)
 
     def receive(self) -> bytes:

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 RAM_END: Final = 0x20001000
 EXCEPTIONS: Final = {"SVCall": 11, "PendSV": 14, "SysTick": 15, "SCB0": 26, "SCB1": 27, "CSD": 31}
-"""Exception numbers of ARMv6-M by name; that of an interrupt is 16 plus the number of the interrupt."""
+"""Exception numbers of ARMv6-M by name; the exception number of an interrupt is 16 plus the interrupt number."""
 FAULTS: Final = (
     "none",
     "undefined instruction",
@@ -25,7 +25,7 @@ FAULTS: Final = (
 class Fault(NamedTuple):
     """A fault of an emulated processor.
 
-    kind: one of `FAULTS`. pc: address of the instruction. address: address of the memory access.
+    kind: one of `FAULTS`. pc: address of the faulting instruction. address: address of its memory access.
     """
 
     kind: str
@@ -34,12 +34,12 @@ class Fault(NamedTuple):
 
 
 class Processor(NamedTuple):
-    """State of the emulated processor of a board or of the hub, counted since its first power-up.
+    """State of the emulated processor of a board or of the hub; numbers are counted since its first power-up.
 
-    cycles: clock cycles, including sleep. sleep_cycles: cycles in sleep. stack: largest stack size, bytes. faults:
-    number of faults. fault: the latest fault, or None. is_broken: the processor has stopped, because its program used a
-    feature that the emulator does not model. is_application: the application runs, not the bootloader. pc: program
-    counter.
+    resets: number of resets. cycles: clock cycles, including sleep. sleep_cycles: cycles in sleep. stack: largest stack
+    size, bytes. faults: number of faults. fault: the latest fault, or None. is_broken: whether the processor has
+    stopped, because its program used a feature that the emulator does not model. is_application: whether the
+    application runs and not the bootloader. pc: program counter.
     """
 
     resets: int
@@ -56,9 +56,9 @@ class Processor(NamedTuple):
 class HandlerCost(NamedTuple):
     """Clock cycles of an exception handler, including entry and return, summed over `count` calls.
 
-    own: without the handlers that preempt this handler. inclusive: with the handlers that preempt it. latency: from the
-    request of the exception to the first cycle of its entry. The names with _min and _max are the extremes of single
-    calls.
+    own: cycles without the handlers that preempt this handler. inclusive: cycles with the handlers that preempt it.
+    latency: cycles from the request of the exception to the first cycle of its entry. The names with _min and _max are
+    the smallest and largest values of a single call.
     """
 
     count: int  # type: ignore[assignment]  # replaces the method tuple.count

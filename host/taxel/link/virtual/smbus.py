@@ -28,7 +28,7 @@ _ERRORS: Final = {
 
 
 class VirtualSMBus:
-    """An I2C adapter on the bus of `world`, a second master that waits for the stop condition of the hub.
+    """An I2C adapter on the bus of an emulated world: a second master, which waits for the stop condition of the hub.
 
     .. warning::
         Not modelled: PEC, SMBus block reads with a length from the slave, ten-bit addresses, a transfer of more than
@@ -38,7 +38,7 @@ class VirtualSMBus:
     def __init__(self, world: VirtualWorld, recovers: bool = False) -> None:
         """Connect an emulated I2C adapter to the bus of a virtual world, without packet error checking (pec = 0).
 
-        recovers: the adapter's driver frees a held bus after a failed transfer, as many drivers of Linux do.
+        recovers: whether the adapter's driver frees a held bus after a failed transfer, as many Linux drivers do.
         """
         self._world = world
         self._recovers = recovers

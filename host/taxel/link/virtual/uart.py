@@ -8,7 +8,9 @@ from taxel.link.serial_port import SerialLink
 from taxel.link.virtual.world import VirtualWorld
 
 STEP_S: Final = 0.002
-"""Virtual time between two reads of the port, seconds: 200 bytes at 1 Mbaud, far below a pseudo-terminal's buffer."""
+"""Virtual time between two reads of the port, seconds. At 1 Mbaud 200 bytes arrive in this time, far fewer than a
+pseudo-terminal can buffer.
+"""
 MIN_STEP_S: Final = 1e-9
 """Shortest step of virtual time, seconds: a shorter step could round to 0, and a wait would never end."""
 NS_PER_S: Final = 1e9
@@ -32,7 +34,7 @@ class VirtualMemoryLink:
         self.has_flow_control = world.has_flow_control
 
     def now_s(self) -> float:
-        """Present virtual time, seconds."""
+        """Return the present virtual time, seconds."""
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:
@@ -60,7 +62,8 @@ class VirtualMemoryLink:
 class VirtualSerialLink(SerialLink):
     """The hub's UART as a serial port: a pseudo-terminal, opened by pyserial, of a world with `uart="pty"`.
 
-    `read` waits for every byte that the world has delivered, so that the bytes read depend only on virtual time.
+    `read` waits until pyserial has received every byte that the world has delivered, so that the result depends only on
+    virtual time.
 
     .. warning::
         Not modelled: different baud rates at both ends, modem lines, break, parity. A pseudo-terminal has none of
@@ -77,7 +80,7 @@ class VirtualSerialLink(SerialLink):
         self._read_bytes = world.delivered_bytes  # opening the port has discarded the bytes delivered before
 
     def now_s(self) -> float:
-        """Present virtual time, seconds."""
+        """Return the present virtual time, seconds."""
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:

@@ -55,7 +55,8 @@ class _LibraryMissingError(TaxelError):
 class FaultEvent(NamedTuple):
     """A fault that has occurred in the virtual world.
 
-    time_s: virtual time, seconds. kind: number of the fault in the emulator. address: of the board; 0: no board.
+    time_s: virtual time, seconds. kind: number of the fault type in the emulator. address: I2C address of the board; 0:
+    no board.
     """
 
     time_s: float
@@ -66,8 +67,8 @@ class FaultEvent(NamedTuple):
 class BoardFlash(NamedTuple):
     """The flash memory of a board or of the hub.
 
-    data: its 32 KiB. wear: u32[256], number of writes of each row. torn: number of writes that a power cut interrupted.
-    runs: the program that runs.
+    data: content of the flash, 32 KiB. wear: u32[256], number of writes of each row. torn: number of writes that a
+    power cut interrupted. runs: the program that runs.
     """
 
     data: bytes
@@ -96,7 +97,10 @@ class _FaultEventStruct(ctypes.Structure):
 
 @cache
 def _load_library() -> ctypes.CDLL:
-    """The compiled emulator library with the signatures of firmware/emulator/bench.h."""
+    """Load the compiled emulator library, declare the functions of firmware/emulator/bench.h, and return it.
+
+    Raises `_LibraryMissingError`, a TaxelError, if the library is missing.
+    """
     library = load_library("taxel_bench", "the compiled emulator library", _LibraryMissingError)
     pointer, size, byte, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint8, ctypes.c_char_p
     time, number, integer = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
@@ -135,10 +139,8 @@ def _load_library() -> ctypes.CDLL:
 class VirtualWorld:
     """A hub with its boards, bus, UART and skin in virtual time, which only `run` and `transfer` advance.
 
-    world: text of a world file. uart: connection of the hub's UART: "memory" (`send` and `receive`), "pty" (the
-    pseudo-terminal `pty_name`) or "none". counts: the values of `set_stimulus` are raw counts instead of newtons.
-    files: firmware images, by the file names in the lines `image` and `hub_image` of the world file. A context manager.
-    Raises `LinkError` with the emulator's message if the emulator rejects the world.
+    The UART of the hub is connected to memory (`send` and `receive`), to a pseudo-terminal (`pty_name`), or not at all.
+    A context manager.
     """
 
     def __init__(
@@ -151,9 +153,10 @@ class VirtualWorld:
     ) -> None:
         """Create a virtual hub with its boards, bus, UART and skin, at virtual time 0.
 
-        world: text of a world file. uart: connection of the hub's UART: "memory", "pty" (pseudo-terminal) or "none".
-        counts: the values of `set_stimulus` are raw counts instead of newtons. files: paths of firmware images by their
-        names in the world file. Raises LinkError if the emulator rejects the world.
+        world: content of a world file. uart: connection of the hub's UART: "memory", "pty" (pseudo-terminal) or "none".
+        counts: whether the values of `set_stimulus` are raw counts instead of newtons. files: paths of firmware images,
+        by their names in the lines `image` and `hub_image` of the world file. Raises LinkError with the emulator's
+        message if the emulator rejects the world.
         """
         self._library = _load_library()
         self._handle: int | None = self._open(world, uart, counts, files or {})
@@ -191,7 +194,7 @@ class VirtualWorld:
         return int(self._library.taxel_bench_now(self._open_handle)) / PS_PER_S
 
     def run(self, seconds: float) -> None:
-        """Advance the virtual world by `seconds` of virtual time. Raises `LinkError` if the emulation has ended."""
+        """Advance the virtual world by `seconds` of virtual time. Raises `LinkError` if the emulation has failed."""
         until = int(self._library.taxel_bench_now(self._open_handle)) + round(seconds * PS_PER_S)
         if self._library.taxel_bench_run(self._open_handle, until):
             raise LinkError("virtual rig", "has ended (see the emulator's message on standard error)")
@@ -227,7 +230,11 @@ class VirtualWorld:
             raise ValueError("expected finite values of at least 0")
 
     def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
-        """Inject the fault `name` of firmware/emulator/README.md now, with its parameters. Raises `FaultError`."""
+        """Inject the fault `name` of firmware/emulator/README.md at the present virtual time.
+
+        address: I2C address of the board; 0: no board. value, second: first and second parameter of the fault. Raises
+        `FaultError` for an unknown fault, a missing board, and too many pending faults.
+        """
         refusal = self._library.taxel_bench_inject_fault(self._open_handle, name.encode(), address, value, second)
         if refusal:
             raise FaultError("virtual rig", f"fault '{name}' (address 0x{address:02X}) {_REFUSALS[refusal]}")
@@ -235,9 +242,10 @@ class VirtualWorld:
     def transfer(
         self, address: int, write: bytes, read_size: int, timeout_s: float = TRANSFER_TIMEOUT_S
     ) -> tuple[int, bytes]:
-        """Transfer on the I2C bus with the bench's adapter: write `write`, then read `read_size` bytes.
+        """Perform one transfer on the I2C bus with the bench's adapter: write `write`, then read `read_size` bytes.
 
-        Returns the result (enum taxel_i2c_result, 0: success) and the bytes read. timeout_s: virtual time.
+        Returns (result, an enum taxel_i2c_result, 0 for success; bytes read). timeout_s: time limit, seconds of virtual
+        time.
         """
         buffer = ctypes.create_string_buffer(max(read_size, 1))
         timeout = round(timeout_s * PS_PER_S)
@@ -247,7 +255,10 @@ class VirtualWorld:
         return int(result), buffer.raw[:read_size]
 
     def recover_bus(self) -> None:
-        """Free a bus whose SDA a board holds low, as the driver of an adapter does: up to nine clocks, then stop."""
+        """Free a bus whose SDA line a board holds low, as the driver of an adapter does.
+
+        The adapter sends up to nine clock pulses and then a stop condition.
+        """
         self._library.taxel_bench_recover_bus(self._open_handle)
 
     def read_faults(self, first: int = 0) -> list[FaultEvent]:
@@ -289,9 +300,10 @@ class VirtualWorld:
         return struct.read()
 
     def read_handler_costs(self, address: int) -> dict[str, HandlerCost]:
-        """Return the clock cycles used by each exception handler of a processor since its first power-up, by exception.
+        """Return the clock cycles that each exception handler of a processor has used since its first power-up.
 
-        address: I2C address of a board, or 0 for the hub. Raises `FaultError` if no firmware image is executed there.
+        The keys of the result are those of `EXCEPTIONS`. address: I2C address of a board, or 0 for the hub. Raises
+        `FaultError` if no firmware image is executed there.
         """
         costs = {}
         for name, number in EXCEPTIONS.items():
@@ -305,7 +317,8 @@ class VirtualWorld:
         """Plan a power cut of a board or of the hub (address 0) during a write to its flash.
 
         operation: number of the write, counted from 1 for the next write after the last planned cut. after_s: time
-        after the start of the write, seconds; a write takes 0.02 s. off_s: duration of the cut. Raises `FaultError`.
+        after the start of the write, seconds; a write takes 0.02 s. off_s: duration of the cut, seconds. Raises
+        `FaultError` for an address without a board and for too many planned cuts.
         """
         after, off = round(after_s * PS_PER_S), round(off_s * PS_PER_S)
         refusal = self._library.taxel_bench_plan_power_cut(self._open_handle, address, operation, after, off)
@@ -320,9 +333,10 @@ class VirtualWorld:
         return int(self._library.taxel_bench_power_cut_count(self._open_handle, address))
 
     def read_power_cuts(self, address: int, first: int = 0) -> list[PowerCut]:
-        """The planned power cuts that have occurred, beginning with number `first`.
+        """Return the planned power cuts of a board or of the hub (address 0) that have occurred.
 
-        Raises `LinkError` if the emulator no longer stores these cuts; the emulator stores the last eight.
+        first: number of the first returned cut, from 0. Raises `LinkError` if the emulator no longer stores these cuts;
+        it stores the last eight.
         """
         handle = self._open_handle
         row, after, new_data = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)

@@ -1,4 +1,4 @@
-"""Checks of the requests and messages of pages, as functions and classes of the library websockets."""
+"""Checks of the requests and messages of pages, as callbacks and connections for the library websockets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taxel.monitor.web.page_input import MESSAGE_BYTES_MAX
 from taxel.monitor.web.refusals import Refusals
 
 CLIENTS_MAX: Final = 64
-"""Largest number of connected pages: each costs processor time for every drawing."""
+"""Largest number of connected pages: each of them needs processor time for every drawing."""
 
 CONNECTIONS_MAX: Final = 4 * CLIENTS_MAX
 """Largest number of open sockets of the page, also of requests that are not complete: the limit of open files of a
@@ -30,7 +30,7 @@ OPEN_TIMEOUT_S: Final = 5.0
 """Longest duration of a request, seconds; browsers on the same computer send a request within milliseconds."""
 
 IGNORED_MAX: Final = 100
-"""Number of ignored messages after which a page is disconnected: a page of another version may send a few."""
+"""Number of ignored invalid messages after which a page is disconnected: a page of another version may send a few."""
 
 POLICY_VIOLATION: Final = 1008
 """Close code of RFC 6455 for a message that the server refuses."""
@@ -49,7 +49,10 @@ _TEXT: Final = {
 
 
 class Admission:
-    """Serves the page and admits its connections. `is_installed`: whether viser's server uses the checks."""
+    """Server of the page that checks requests, connections and messages.
+
+    The attribute `is_installed` states whether viser's server has taken the options with the checks.
+    """
 
     def __init__(
         self,
@@ -61,7 +64,7 @@ class Admission:
     ) -> None:
         """Create the checks of a server.
 
-        check_message: returns the reason to ignore a message, None for a valid message. subprotocol: name of the
+        check_message: returns why a message is ignored, None for a valid message. subprotocol: name of the WebSocket
         protocol of viser's page. client: file of viser's page.
         """
         self._gate = gate
@@ -86,7 +89,10 @@ class Admission:
         }
 
     def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the page, or the response to a refused request; None to continue with the connection of a page."""
+        """Return the page, or the response to a refused request; None to open the connection of a page.
+
+        An accepted connection consumes its ticket.
+        """
         if request.headers.get("Upgrade", "").lower() != "websocket":
             refusal = self._gate.check_page(request.path, request.headers)
             return self._refuse(connection, refusal) if refusal is not None else self._make_page(request)
@@ -99,7 +105,10 @@ class Admission:
         return None
 
     def _check_client(self, request: Request) -> Refusal | None:
-        """Return the reason to refuse a connection of an admitted page; None if it can be opened."""
+        """Return why a connection is refused although its ticket is valid; None if it can be opened.
+
+        The reasons are another subprotocol than that of viser's page, and too many connected pages.
+        """
         values = request.headers.get_all("Sec-WebSocket-Protocol")
         if self._subprotocol not in [name.strip() for value in values for name in value.split(",")]:
             return Refusal.OTHER_CLIENT
@@ -127,13 +136,13 @@ class Admission:
         return Response(http.HTTPStatus.OK, "OK", headers, body)
 
     def _set_ticket(self, connection: ServerConnection, request: Request, response: Response) -> None:
-        """Add the ticket of the next connection to the response that opens a connection."""
+        """Set a new ticket in the response that opens a connection, so that the page can connect again."""
         if response.status_code == http.HTTPStatus.SWITCHING_PROTOCOLS:
             response.headers["Set-Cookie"] = self._gate.make_cookie()
 
 
 class Connection(ServerConnection):
-    """A connection of a page, which returns only valid messages. `is_page`: its request was admitted."""
+    """A connection that returns only valid messages. `is_page`: its request was accepted as that of a page."""
 
     def __init__(self, *arguments: Any, admission: Admission, **options: Any) -> None:
         """Create a connection whose messages are checked by `admission`; other arguments as in `ServerConnection`."""
@@ -143,7 +152,7 @@ class Connection(ServerConnection):
         self.is_page = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Accept a socket, unless too many are open."""
+        """Register a new socket; it is closed immediately if `CONNECTIONS_MAX` sockets are open."""
         if len(self._admission.connections) >= CONNECTIONS_MAX:
             self._admission.refusals.add(Refusal.TOO_MANY)
             assert isinstance(transport, asyncio.Transport)
@@ -157,7 +166,10 @@ class Connection(ServerConnection):
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """Return the next valid message; ignored messages are counted, and too many of them end the connection."""
+        """Return the next valid message.
+
+        Invalid messages are ignored and counted; `IGNORED_MAX` of them close the connection.
+        """
         while True:
             data = await super().recv(decode)
             refusal = self._admission.check_message(data)

@@ -1,5 +1,5 @@
-// Banner over the page of the monitor: the skin sends no data, or the page receives none. The second case cannot be
-// reported by the program, which may have ended.
+// Banner over the page of the monitor, shown if the skin sends no data, or if the page receives no data. The page itself
+// detects the second case, because the program may have ended.
 (() => {
   const TIMEOUT_MS = 3000; // ten updates of the panel
   const banner = document.createElement("div");

@@ -1,4 +1,4 @@
-"""Admission of requests to the monitor's page: names of the computer, origin of the page, token and tickets."""
+"""Checks of the requests for the monitor's page: host name, origin of the page, token and tickets."""
 
 import hmac
 import secrets
@@ -15,7 +15,7 @@ resolved to this computer (DNS rebinding). The port is not compared, because a t
 """
 
 TOKEN_BYTES: Final = 24
-"""Random bytes of a token or ticket: 192 bits, which cannot be found by trial."""
+"""Number of random bytes of a token or ticket: 192 bits, which cannot be found by trial."""
 
 TICKETS_MAX: Final = 4096
 """Largest number of unused tickets. The oldest is discarded, so that requests cannot exhaust memory; its page must be
@@ -24,7 +24,7 @@ loaded again before it can connect.
 
 
 class Refusal(Enum):
-    """Reason for which a request or a message of a page is refused; the value is the text for the user."""
+    """Why a request or a message of a page is refused; the value is the text for the user."""
 
     FOREIGN_HOST = "a request to a foreign host name"
     FOREIGN_ORIGIN = "a request from a page of a foreign origin"
@@ -46,11 +46,12 @@ class Headers(Protocol):
 
 
 class Gate:
-    """Admits the requests of pages that were opened with the address that the program printed.
+    """Checks that a request comes from a page that was opened with the address that the program printed.
 
-    The address contains a token that is valid until the program ends. Each response of a page sets a ticket in a
-    cookie, and each connection of a page consumes a ticket: a recorded request is refused when it is repeated. Foreign
-    pages neither read the cookie (HttpOnly) nor send it (SameSite), and their origin is refused.
+    The address contains a random token, which is valid until the program ends. A ticket is a random string that permits
+    one connection: each response with the page sets a new ticket in a cookie, and each connection of a page consumes
+    its ticket. A recorded request is therefore refused when it is repeated. Foreign pages can neither read the cookie
+    (HttpOnly) nor send it (SameSite), and requests with their origin are refused.
     """
 
     def __init__(self) -> None:
@@ -60,9 +61,10 @@ class Gate:
         self._tickets: OrderedDict[str, None] = OrderedDict()
 
     def check_page(self, path: str, headers: Headers) -> Refusal | None:
-        """Return the reason to refuse a request for the page; None if the request is admitted.
+        """Return why a request for the page is refused; None if the request is accepted.
 
-        path: target of the request with its query. A ticket is accepted instead of the token and stays valid.
+        path: target of the request with its query. A request without the token is accepted with a ticket, which is not
+        consumed.
         """
         if (refusal := self._check_names(headers, needs_origin=False)) is not None:
             return refusal
@@ -77,7 +79,10 @@ class Gate:
         return None if parts.path == "/" else Refusal.NOT_FOUND
 
     def check_connection(self, path: str, headers: Headers) -> Refusal | None:
-        """Return the reason to refuse the connection of a page; None if it is admitted: then call `consume_ticket`."""
+        """Return why the connection of a page is refused; None if it is accepted.
+
+        The caller must call `consume_ticket` for an accepted connection.
+        """
         if (refusal := self._check_names(headers, needs_origin=True)) is not None:
             return refusal
         if self._find_ticket(headers) is None:
@@ -85,13 +90,16 @@ class Gate:
         return None if path.partition("?")[0] == "/" else Refusal.NOT_FOUND
 
     def consume_ticket(self, headers: Headers) -> None:
-        """Make the ticket of an admitted connection invalid."""
+        """Make the ticket in the cookies of an accepted connection invalid."""
         ticket = self._find_ticket(headers)
         if ticket is not None:
             del self._tickets[ticket]
 
     def make_cookie(self) -> str:
-        """Return the value of a header Set-Cookie with a new ticket."""
+        """Create a ticket, and return the value of the header Set-Cookie that contains it.
+
+        If there are `TICKETS_MAX` unused tickets, the oldest one becomes invalid.
+        """
         ticket = secrets.token_urlsafe(TOKEN_BYTES)
         self._tickets[ticket] = None
         if len(self._tickets) > TICKETS_MAX:
@@ -99,7 +107,7 @@ class Gate:
         return f"{self._cookie}={ticket}; Path=/; HttpOnly; SameSite=Strict"
 
     def _find_ticket(self, headers: Headers) -> str | None:
-        """Return the unused ticket in the cookies of a request; None without one."""
+        """Return the unused ticket in the cookies of a request; None if there is none."""
         for header in headers.get_all("Cookie"):
             try:
                 cookie = SimpleCookie(header).get(self._cookie)
@@ -111,7 +119,10 @@ class Gate:
 
     @staticmethod
     def _check_names(headers: Headers, needs_origin: bool) -> Refusal | None:
-        """Return the reason to refuse a request for its host name or origin; None if both are those of the page."""
+        """Return why a request is refused for its host name or origin; None if both are those of the page.
+
+        needs_origin: whether a request without the header Origin is refused, too.
+        """
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         if len(hosts) != 1 or not _is_loopback(hosts[0]):
             return Refusal.FOREIGN_HOST
@@ -127,5 +138,5 @@ def _is_loopback(host: str) -> bool:
 
 
 def _has_few_fields(query: str) -> bool:
-    """Whether a query has at most as many fields as `parse_qs` may parse without an error."""
+    """Return whether a query has at most the 16 fields that `parse_qs` parses without an error."""
     return query.count("&") < 16

@@ -23,7 +23,10 @@ _NAME_STYLE = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
 
 
 def format_status_html(reading: SkinReading, title: str) -> str:
-    """Format rates, errors, processor load and advice of a reading as HTML for the monitor's web page."""
+    """Format rates, errors, processor load and advice of a reading as HTML for the monitor's web page.
+
+    The attributes `data-...` of the element are read by the script banner.js.
+    """
     load = f'<span style="{_MUTED_STYLE}">{_join_parts(format_load(reading))}</span>'
     rows = [_join_parts(format_rates(reading)), _join_parts(format_errors(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
@@ -37,7 +40,7 @@ def format_status_html(reading: SkinReading, title: str) -> str:
 
 
 def _join_parts(parts: list[Part]) -> str:
-    """Join the parts of a status line, pairs of a text and whether it reports a problem, to HTML."""
+    """Join the parts of a status line to HTML, with problems in bold red."""
     return " &middot; ".join(f'<span style="{_BAD_STYLE}">{text}</span>' if is_bad else text for text, is_bad in parts)
 
 
@@ -80,7 +83,7 @@ def format_table_html(reading: SkinReading) -> str:
 def _format_row(board: BoardReading) -> str:
     """Format one board as a row of the HTML table."""
     style = _BAD_STYLE if not board.is_streaming else "font-weight:600" if board.active else ""
-    active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
+    active = str(board.active) if board.baseline_progress >= 1.0 else f"{100 * board.baseline_progress:.0f} %"
     values = [
         f"{board.rate_hz:.1f}" if board.is_streaming else escape(board.state),
         active,

@@ -29,7 +29,7 @@ class ViewerCameraMessage(msgspec.Struct, tag=True, tag_field="type", forbid_unk
     up_direction: tuple[float, float, float]
 
     def is_valid(self) -> bool:
-        """Whether all numbers are finite and of a possible size."""
+        """Return whether all numbers are finite and at most `LENGTH_MAX`."""
         vectors = (*self.wxyz, *self.position, *self.look_at, *self.up_direction)
         scalars = (self.fov, self.near, self.far, float(self.image_height), float(self.image_width))
         return all(math.isfinite(value) and abs(value) <= LENGTH_MAX for value in (*vectors, *scalars))
@@ -46,16 +46,16 @@ class PageInput:
     """The messages that a page may send. All other messages are refused, among them uploads."""
 
     def __init__(self) -> None:
-        """Create a validation that admits only camera poses; `allow` adds controls."""
+        """Create a validation that accepts only camera poses; `allow` adds controls."""
         self._decoder = msgspec.msgpack.Decoder(ViewerCameraMessage | GuiUpdateMessage)
         self._values: dict[str, Collection[bool | str]] = {}
 
     def allow(self, uuid: str, values: Collection[bool | str]) -> None:
-        """Admit the values `values` of the control with the identifier `uuid`."""
+        """Accept messages that set the control with the identifier `uuid` to one of `values`."""
         self._values[uuid] = values
 
     def check(self, data: bytes | str) -> Refusal | None:
-        """Return the reason to ignore a message of a page; None for a valid message."""
+        """Return why a message of a page is refused; None for a valid message. data: encoded as MessagePack."""
         if isinstance(data, str) or len(data) > MESSAGE_BYTES_MAX:
             return Refusal.MALFORMED
         try:

@@ -11,7 +11,10 @@ MESSAGE_REFUSALS = frozenset({Refusal.MALFORMED, Refusal.UNKNOWN_CONTROL, Refusa
 
 
 class Refusals:
-    """Counter of refusals. The texts contain nothing of a request, which could control the terminal."""
+    """Counter of refusals.
+
+    The reported texts contain no part of a request, because its characters could control the terminal.
+    """
 
     def __init__(self, report: Callable[[str], None]) -> None:
         """Create a counter; report: called with one line for the first refusal of each kind, from any thread."""

@@ -83,7 +83,7 @@ def build_scene(hand: Hand) -> HandScene:
 
 
 def _compute_drawn_angles(robot: Robot) -> FloatArray:
-    """Return the joint angles of the drawn hand, f64[j], radians, within the joint ranges."""
+    """Compute the joint angles of the drawn hand, f64[j] for j joints, radians, limited to the joint ranges."""
     angles = np.array([OPEN_HAND.get(name, 0.0) for name in robot.joint_names])
     return np.asarray(np.clip(angles, robot.lower, robot.upper))
 

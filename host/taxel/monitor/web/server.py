@@ -1,4 +1,4 @@
-"""viser's server behind the gate of the monitor: viser receives only requests and messages that were checked."""
+"""Start of viser's server such that viser receives only requests and messages that the monitor has checked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def start_server(
 ) -> viser.ViserServer:
     """Start viser's server with the page of the monitor behind the checks of `gate`.
 
-    port: 0 for a free port. check_message: returns the reason to ignore a message of a page, None for a valid message.
+    port: 0 for a free port. check_message: returns why a message of a page is ignored, None for a valid message.
     Raises `WebError` if the port is not available, or if the checks cannot be installed in this version of viser;
     `MissingPackageError` if viser is not installed.
     """
@@ -78,7 +78,11 @@ def start_server(
 
 @contextlib.contextmanager
 def _replaced_serve(module: Any, admission: Any, listener: socket.socket) -> Iterator[None]:
-    """Let `module` of viser start its server through `admission` on the socket `listener`, within the block."""
+    """Within the `with` block, replace the function with which `module` of viser starts its server.
+
+    The replacement listens on the socket `listener` and uses the checks of `admission`. Another version of viser, which
+    does not have this function, is left unchanged.
+    """
     original: Any = getattr(module, "websockets", None)
 
     def serve(handler: Callable[[Any], Awaitable[None]], host: str, port: int, **options: Any) -> Any:
@@ -98,7 +102,7 @@ def _replaced_serve(module: Any, admission: Any, listener: socket.socket) -> Ite
 
 
 class _Override:
-    """A module in which some names are replaced."""
+    """View of a module in which some names have other values; the module itself is not changed."""
 
     def __init__(self, module: Any, **names: Any) -> None:
         """Create a view of `module` in which `names` have other values."""
@@ -106,7 +110,7 @@ class _Override:
         self.__dict__.update(names)
 
     def __getattr__(self, name: str) -> Any:
-        """Return the name of the module that is not replaced."""
+        """Return the module's value of a name that is not replaced."""
         return getattr(self._module, name)
 
 

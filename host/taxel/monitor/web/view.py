@@ -36,7 +36,7 @@ LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 """Colours of the time series, distinguishable by colour-blind people (Okabe and Ito)."""
 
 PANEL_EVERY = 3
-"""The texts of the panel are updated at every third drawing, which is often enough for reading."""
+"""Number of drawings between two updates of the panel's texts: three updates per second are sufficient for reading."""
 
 MOST_ACTIVE = "the most active taxels"
 BOARDS = "the most active boards"
@@ -52,7 +52,7 @@ def _print_line(text: str) -> None:
 class WebView:
     """View of the monitor as a web page, served on 127.0.0.1 until `close` to browsers that open `url`.
 
-    A context manager and a `taxel.monitor.View`. Everything that a page sends is hostile until checked
+    A context manager and a `taxel.monitor.View`. Requests and messages of pages are checked before use
     (`taxel.monitor.web.gate`, `taxel.monitor.web.page_input`). `refusals` counts refused requests and messages.
     """
 
@@ -66,10 +66,10 @@ class WebView:
     ) -> None:
         """Start a web server on 127.0.0.1 with a page that shows a 3D drawing of the hand and a control panel.
 
-        title: heading of the page. port: 0 for a free port. has_control: the page can take the baseline again; False:
-        the page only shows. report: called with one line for the first refusal of each kind. Raises MissingPackageError
-        if viser is not installed, WebError if the port is not available, HandGeometryError for a hand description
-        without geometry.
+        title: heading of the page. port: 0 for a free port. has_control: the page has a button that measures the
+        baseline again; False: the page cannot change the monitor. report: called with one line for the first refusal of
+        each kind. Raises MissingPackageError if viser is not installed, WebError if the port is not available,
+        HandGeometryError for a hand description without geometry.
         """
         self._monitor = monitor
         self._title = title
@@ -89,7 +89,7 @@ class WebView:
 
     @property
     def url(self) -> str:
-        """Address of the page, with the token of this run: whoever has the address can open the page."""
+        """Address of the page, with the token of this run: anyone on this computer who has the address can open it."""
         return f"http://{HOST}:{self._server.get_port()}/?token={self._gate.token}"
 
     @property
@@ -133,7 +133,10 @@ class WebView:
         server.initial_camera.up = tuple(hand.up)
 
     def _get_camera_position(self, side: str) -> tuple[float, float, float]:
-        """Camera position from which one side of the hand is visible, metres."""
+        """Compute the camera position from which one side of the hand is visible, metres.
+
+        side: `PALM` or `BACK`.
+        """
         sign = 1.0 if side == PALM else -1.0
         sideways = np.cross(self._scene.up, self._scene.outwards)
         direction = sign * (self._scene.outwards + 0.35 * sideways) + 0.15 * self._scene.up
@@ -141,7 +144,10 @@ class WebView:
         return float(x), float(y), float(z)
 
     def _create_panel(self, has_control: bool) -> None:
-        """Create the control panel of the web page: status, view buttons, baseline button, plot and table."""
+        """Create the control panel of the web page: status, view buttons, baseline button, plot and table.
+
+        has_control: whether the panel has the baseline button.
+        """
         gui = self._server.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -176,11 +182,12 @@ class WebView:
 
         @names.on_update
         def _(event: Any) -> None:
+            """Show or hide the board names in all browsers."""
             for label in self._names:
                 label.visible = names.value
 
     def _add_baseline_button(self) -> None:
-        """Add the button that takes the baseline again."""
+        """Add the button that measures the baseline again."""
         hint = "Nothing may touch the skin during the baseline."
         baseline = self._server.gui.add_button("Take the baseline again", hint=hint)
         self._input.allow(baseline._impl.uuid, (True,))
@@ -190,7 +197,7 @@ class WebView:
             self._monitor.restart_baseline()
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading of the skin in all connected browsers."""
+        """Show a reading of the skin in all connected browsers; without a browser, the reading is only stored."""
         self._history.add(reading)
         self._drawings += 1
         if not self.has_client and not reading.is_ended:
@@ -219,7 +226,10 @@ class WebView:
         self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
 
     def _select_series(self) -> tuple[tuple[str, ...], Float32Array]:
-        """Names and signals f32[t, k] of the selected time series."""
+        """Return the names and the signals f32[t, k], counts, of the k time series that the user has selected.
+
+        The rows are the t stored readings, oldest first. At most `LINES` series are returned.
+        """
         hand, selection = self._monitor.hand, self._choice.value
         if selection not in self._options or selection == BOARDS:
             signals = self._history.taxels(np.arange(hand.n_taxels))
@@ -247,13 +257,16 @@ def _format_title(name: str) -> str:
 
 
 def _compute_row_maximum(signals: Float32Array) -> Float32Array:
-    """Return the largest known signal of each row of f32[t, k]; NaN where all signals of the row are unknown."""
+    """Return the largest known signal of each row, f32[t]; NaN if all signals of the row are unknown.
+
+    signals: f32[t, k], t readings of k taxels, counts.
+    """
     largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
 
 
 def _make_line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return the styles of the time axis and of each named line of the plot, as the plot library uPlot requires."""
+    """Return the styles of the time axis and of each named line of the plot, in the format of the library uPlot."""
     lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, LINE_COLOURS, strict=False)]
     return ({"label": "time"}, *lines)
 

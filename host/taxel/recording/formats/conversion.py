@@ -60,9 +60,9 @@ ENCODED_NOTE = (
 class ConversionResult:
     """Result of a conversion.
 
-    frames: converted frames. missing: frames that are missing according to the cycle numbers. lost_on_wire: frames
-    lost between hub and host. seconds: duration of the recording. notes: sentences about information that the target
-    does not contain.
+    frames: number of converted board frames. missing: number of board frames that are missing according to the numbers
+    of the poll cycles. lost_on_wire: number of frames lost between hub and host. seconds: duration of the recording.
+    notes: sentences about information that the target does not contain.
     """
 
     frames: int
@@ -86,10 +86,10 @@ def format_of(path: str | os.PathLike[str]) -> str:
 def open_recording(
     path: str | os.PathLike[str], hand: Hand | str | os.PathLike[str] | None = None, grasp: str | None = None
 ) -> tuple[Link, Hand]:
-    """Open a recording in any format, and return a link that plays it and its hand.
+    """Open a recording in any format; return (link that plays the recording, description of its hand).
 
-    hand: None: the hand that the recording contains or names. grasp: id of the grasp in a dataset with several. Raises
-    TaxelError for a file that is no recording.
+    hand: description, or its name or file; None: the hand that the recording contains or names. grasp: id of the grasp
+    in a dataset with several grasps. Raises TaxelError for a file that is no recording.
     """
     text = os.fspath(path)
     table_formats = {ending: name for name in ("hdf5", "parquet") for ending in FORMATS[name]}
@@ -105,7 +105,10 @@ def open_recording(
 
 
 def _open_frames(path: Path, format_name: str, grasp: str | None) -> FramesLink:
-    """Open a table of frames in format `format_name` as a link; grasp: id of the grasp of an HDF5 dataset."""
+    """Open a recording in a format without the hub's bytes ("csv", "parquet" or "hdf5") as a link.
+
+    grasp: id of the grasp to open in a grasp dataset; None: its only grasp.
+    """
     if format_name == "csv":
         return open_csv(path)
     if format_name == "parquet":
@@ -176,7 +179,10 @@ def _choose_joints(
     joint_position: npt.ArrayLike | JointHistory | None,
     grasp: str | None,
 ) -> FloatArray | JointHistory | None:
-    """Return the joint angles of a conversion: those of the caller, or those of the source."""
+    """Return the joint angles to write: `joint_position` if it is given, else the angles of the source.
+
+    The angles of the source are its measured angles over time, else the constant angles of its header; None: neither.
+    """
     if isinstance(joint_position, JointHistory):
         return joint_position
     if joint_position is None:
@@ -188,7 +194,7 @@ def _choose_joints(
 
 
 def get_source_format(source: str | os.PathLike[str]) -> str:
-    """Return the format of an existing recording, a key of `FORMATS`; an unknown ending counts as a capture."""
+    """Return the format of an existing recording, a key of `FORMATS`; "capture" for an unknown ending."""
     text = os.fspath(source)
     if Path(text).is_dir():
         return "csv"
@@ -206,7 +212,8 @@ def _open_sink(
 ) -> FrameSink:
     """Create the writer of a recording in format `format_name`.
 
-    angles: joint angles of the hand's robot, f64[j], radians, or None. options: labels of the grasp.
+    header: header of the recording. options: object, approach and session of the grasp. angles: joint angles of the
+    hand's robot, f64[j], radians, or measured angles over time; None: not known.
     """
     measured = angles if isinstance(angles, JointHistory) else None
     if format_name == "csv":
@@ -225,9 +232,10 @@ def _open_sink(
 def _convert_frames(
     skin: Skin, sink: FrameSink, notes: list[str], progress: Callable[[float], None]
 ) -> ConversionResult:
-    """Pass all frames of the skin to the writer `sink`.
+    """Pass all frames of the skin to the writer `sink`, close both, and return the numbers of the conversion.
 
-    The target file is completed also if the source is truncated. progress: called with the converted seconds.
+    If the source is truncated, the target file is completed first and then the source's CaptureError is raised.
+    progress: called with the converted seconds.
     """
     count, first, last = 0, float("inf"), 0.0
     truncation: CaptureError | None = None

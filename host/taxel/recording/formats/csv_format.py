@@ -45,8 +45,7 @@ ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active"
 class CsvSink:
     """Writer of a recording as a folder of CSV files, one for each board.
 
-    topics: source of the contact cloud; None: no `active.csv`. grasp: object and approach in `active.csv`. The folder
-    gets its final name when it is complete.
+    The folder gets its final name when it is complete.
     """
 
     def __init__(
@@ -59,12 +58,11 @@ class CsvSink:
         joints: JointHistory | None = None,
         overwrite: bool = False,
     ) -> None:
-        """Create a writer of a folder of CSV files, one per board, and write the recording's header.
+        """Create the folder under a temporary name, and write the recording's header to it.
 
-        path: final name of the folder; it is written under another name until it is complete. topics: source of the
-        contact cloud for `active.csv`; None: no such file. grasp: (object, approach), columns of `active.csv`. joints:
-        measured joint angles, written to `joints.csv` for each poll cycle. overwrite: replace an existing recording.
-        Raises CaptureError.
+        path: final name of the folder. topics: computes the positions of the active taxels for `active.csv`; None: no
+        such file. grasp: (object, approach), which `active.csv` repeats in each row. joints: measured joint angles,
+        written to `joints.csv` for each poll cycle. overwrite: replace an existing recording. Raises CaptureError.
         """
         self._path = path
         self._names = {board.address: board.name for board in hand.boards}
@@ -125,10 +123,7 @@ class CsvSink:
             file.write(f"1,{self._grasp},{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
 
     def close(self, is_complete: bool) -> None:
-        """Give the folder of CSV files its final name, or delete the folder if it is not complete.
-
-        An existing folder is replaced only if it is a recording.
-        """
+        """Close all files and give the folder its final name, or delete the folder if it is not complete."""
         try:
             if is_complete:
                 with convert_output_errors(self._path):
@@ -188,7 +183,10 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
 
 
 def _parse_row(line: list[str], path: Path, number: int) -> tuple[int, TaxelFrame]:
-    """Return frame number and taxel frame of a row. Raises RecordingFormatError. number: of the line."""
+    """Return (frame number, taxel frame) of a row of a CSV file.
+
+    line: entries of the row. number: line number for error messages. Raises RecordingFormatError.
+    """
     try:
         values: dict[str, float] = {
             name: parse_integer(text) for name, text in zip(COLUMNS, line, strict=False) if name != "time_s"

@@ -61,9 +61,10 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 @contextmanager
 def open_target(path: Path, overwrite: bool, is_folder: bool = False) -> Iterator[PendingOutput]:
-    """Context manager for the creation of a writer: the output of a conversion, discarded if the block fails.
+    """Context manager for the creation of a writer: gives a temporary output, which is discarded if the block fails.
 
-    Raises CaptureError if the system refuses, or if another program writes the output.
+    After a successful block the writer commits or discards the output. Raises CaptureError if the system refuses, or if
+    another program writes the output.
     """
     with convert_output_errors(path):
         pending = PendingOutput(path, overwrite=overwrite, is_folder=is_folder)
@@ -110,7 +111,8 @@ def parse_header(text: bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
 def check_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], row: str) -> TaxelFrame:
     """Check the values of a row and return its taxel frame. Raises RecordingFormatError for a value out of range.
 
-    values: numbers by column, including `time_s`. counts: sequence of integers. row: the row in messages, "line 7".
+    values: numbers by column name, including `time_s`. counts: sequence of integers. row: name of the row in error
+    messages, such as "line 7".
     """
     for name, largest in INTEGER_COLUMNS.items():
         if not 0 <= values[name] <= largest:

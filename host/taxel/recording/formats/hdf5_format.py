@@ -48,10 +48,7 @@ _TYPES = {
 
 
 class Hdf5Sink:
-    """Writer of a recording as an HDF5 dataset with one grasp. joint_position: radians [j]; None: all 0.
-
-    Raises DatasetError for an unknown object, HandGeometryError for a hand description without geometry.
-    """
+    """Writer of a recording as an HDF5 dataset with one grasp. The file gets its final name when it is complete."""
 
     def __init__(
         self,
@@ -146,9 +143,10 @@ class Hdf5Sink:
             self._write_block()
 
     def _compute_elapsed_us(self, frame: TaxelFrame) -> int:
-        """Return the time since the last frame of the same board on the board's clock, microseconds.
+        """Return the time since the board's last frame on the board's clock, microseconds, and store the frame's time.
 
-        For the first frame of a board the result is the reading of its clock. The clock wraps at 2^32.
+        For the first frame of a board the result is the reading of its clock. The clock wraps at 2^32 us; the result
+        is negative if the clock went back.
         """
         last = self._last_us.get(frame.address)
         self._last_us[frame.address] = frame.board_time_us
@@ -220,9 +218,9 @@ class Hdf5Sink:
 
 
 def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, ObjectMesh]) -> None:
-    """Create a dataset file without grasps.
+    """Create the dataset file of a real hand without grasps.
 
-    The sensor rates written here are placeholders, replaced when the recording has ended and the rates are measured.
+    The sensor rates written here are placeholders, which the measured rates replace when the recording has ended.
     generator: name and version of the writing program. objects: meshes by name.
     """
     taxels = TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, np.full(hand.n_taxels, hand.size_m))
@@ -237,7 +235,7 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
 
 
 def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
-    """Return the mesh of the object `name` as a dictionary; a microscopic triangle for an unknown object.
+    """Return {name: mesh} of the object `name`; for the name "unknown" the mesh is a microscopic triangle.
 
     The dataset format requires a mesh. Raises DatasetError for a name that is not an object of the thesis.
     """
@@ -278,7 +276,9 @@ def _group_taxels_by_sensor(data: GraspDataset) -> list[IndexArray]:
 def _read_frames(path: Path, grasp: str, addresses: ByteArray, taxels: list[IndexArray]) -> Iterator[TaxelFrame]:
     """Yield the taxel frames of a grasp of a dataset, read in blocks of rows.
 
-    grasp: id. addresses: u8[s], I2C address of each sensor. taxels: for each sensor the indices of its taxels.
+    The row number is both cycle and scan number, because a dataset contains neither. Without the array sensor_time the
+    row's time replaces the board's clock. grasp: id. addresses: u8[s], I2C address of each sensor. taxels: for each
+    sensor the indices of its taxels.
     """
     with open_hdf5(path, "r") as file:
         group: Mapping[str, Any] = file["grasps"][grasp]

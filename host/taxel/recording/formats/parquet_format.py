@@ -70,9 +70,10 @@ class ParquetSink:
         joints: JointHistory | None = None,
         overwrite: bool = False,
     ) -> None:
-        """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file.
+        """Create a Parquet file for taxel frames under a temporary name.
 
-        joints: measured joint angles, stored for each frame in the column `joint_position`.
+        header: header of the recording, stored as metadata of the file. joints: measured joint angles, stored for each
+        frame in the column `joint_position`. overwrite: replace an existing file. Raises CaptureError.
         """
         self._joints = joints
         self._arrow, parquet = _import_pyarrow()
@@ -178,8 +179,10 @@ def _is_compatible(arrow: Any, found: Any, expected: Any) -> bool:
 
 
 def read_parquet_joints(path: Path, names: Sequence[str]) -> JointHistory | None:
-    """Read the joint angles of a Parquet file; None if it has no such column. Raises RecordingFormatError for a row
-    with another number of joints, or with a value that is not finite.
+    """Read the joint angles of a Parquet file over time; None if it has no such column or cannot be read.
+
+    names: names of the robot's joints. Raises RecordingFormatError for a row with another number of joints, or with a
+    value that is not finite.
     """
     arrow, parquet = _import_pyarrow()
     try:
@@ -215,9 +218,9 @@ def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
 
 
 def _read_rows(path: Path, file: Any, names: Sequence[str]) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield (number from 1, values by column) of all rows of a Parquet file.
+    """Yield (row number from 1, values by column) of all rows of a Parquet file.
 
-    Raises RecordingFormatError for a damaged page and for a row with a missing value.
+    names: columns to read. Raises RecordingFormatError for a damaged page and for a row with a missing value.
     """
     number = 0
     batches = iter(file.iter_batches(batch_size=BLOCK_ROWS, columns=list(names)))

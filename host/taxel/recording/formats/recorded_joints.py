@@ -29,7 +29,8 @@ def load_recorded_joints(
 ) -> JointHistory | None:
     """Return the measured joint angles of a recording on the clock of its frames; None if it contains none.
 
-    Raises JointFileError or RecordingFormatError for invalid angles. grasp: id of the grasp in a dataset.
+    None also for a hand without geometry, whose joints have no names. format_name: key of `conversion.FORMATS`. grasp:
+    id of the grasp in a dataset. Raises JointFileError or RecordingFormatError for invalid angles.
     """
     names = get_joint_names(hand)
     source = Path(path)
@@ -69,9 +70,10 @@ def _read_dataset_joints(path: Path, names: tuple[str, ...], grasp: str | None) 
 
 
 def load_joint_file(path: str | os.PathLike[str], hand: Hand, header: dict[str, Any]) -> JointHistory:
-    """Read a file of joint angles for the recording with this header, for the option `--joint-file`.
+    """Read a file of joint angles (option `--joint-file`); return the angles on the clock of the recording's frames.
 
-    The times are those of the stream, or Unix times. Raises JointFileError, HandGeometryError.
+    The times in the file are those of the stream, or Unix times. Unix times are converted with the offset
+    `epoch_offset_ns` of the recording's header: Unix time minus stream time. Raises JointFileError, HandGeometryError.
     """
     history = read_joint_file(path, build_kinematics(hand).robot.joint_names)
     if history.first_s >= UNIX_TIME_S:

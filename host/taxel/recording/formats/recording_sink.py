@@ -11,10 +11,10 @@ from taxel.stream import TaxelFrame
 
 
 class RecordingSink:
-    """A recording under a temporary name, which gets its final name when the conversion is complete."""
+    """Writer of a capture or an MCAP file under a temporary name; the file gets its final name when it is complete."""
 
     def __init__(self, path: Path, overwrite: bool, has_joints: bool) -> None:
-        """Create the temporary files. has_joints: also for the file of joint angles beside a capture.
+        """Create the temporary file of the recording. has_joints: also that of the joint-angle file beside a capture.
 
         Raises CaptureError if the system refuses, or if another program writes the output.
         """
@@ -28,7 +28,7 @@ class RecordingSink:
             stack.pop_all()
 
     def open(self) -> tuple[LiveOutput, LiveOutput | None]:
-        """Open the recording and the file of joint angles for writing. Raises CaptureError."""
+        """Open the temporary files; return (recording, joint-angle file), None without joints. Raises CaptureError."""
         with convert_output_errors(self._path):
             recording = LiveOutput.without_name(self._pending.part)
             return recording, None if self._joints is None else LiveOutput.without_name(self._joints.part)

@@ -21,8 +21,9 @@ from taxel_protocol.frames import FRAMES, BoardInfo, HubHandshake, Log, Reply
 from taxel_protocol.layout import list_fields, pack, unpack
 
 HANDSHAKE_TIMEOUT_S: Final = 1.0
-"""A program that sends nothing for this time after it has opened the port only reads; then the playback starts. A
-larger value delays the playback for such programs; a smaller one may miss the handshake of a slow host.
+"""Time after which a program that has opened the port without sending anything is assumed to only read, seconds. The
+playback then starts. A larger value delays the playback for such programs; a smaller one may miss the handshake of a
+slow host.
 """
 
 RESERVED_SEQUENCES: Final = 64
@@ -40,12 +41,8 @@ class PortClosedError(Exception):
 class VirtualPort:
     """A pseudo-terminal on which a recording is played.
 
-    open_link: opens the recording from its start; called several times. A host that opens the port gets the replies of
-    a hub to handshake, board requests, settings and START. After START the port only plays. speed: factor on the
-    recorded speed; None: as fast as the program reads. The attribute `device` is the name of the port, such as
-    /dev/pts/3.
-
-    Raises `CaptureError` for a recording without a taxel frame.
+    A host that opens the port gets the replies of a hub to handshake, board requests, settings and START. After START
+    the port only plays. The attribute `device` is the name of the port, such as /dev/pts/3.
     """
 
     def __init__(self, open_link: Callable[[], Link], hand: Hand, speed: float | None = 1.0) -> None:
@@ -99,7 +96,11 @@ class VirtualPort:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def _answer_handshake(self) -> None:
-        """Answer the host as a hub does until the host sends START, or no frame for `HANDSHAKE_TIMEOUT_S` seconds."""
+        """Answer the host as a hub does until it sends START; return early if it sends nothing at first.
+
+        A host that has sent no frame within `HANDSHAKE_TIMEOUT_S` only reads; a host that has sent one is awaited
+        without limit.
+        """
         deadline_s = time.monotonic() + HANDSHAKE_TIMEOUT_S
         is_silent = True
         while not self._is_started and (not is_silent or time.monotonic() < deadline_s):
@@ -121,7 +122,10 @@ class VirtualPort:
             raise
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
-        """Reply to a frame of the host as a hub does."""
+        """Reply to a frame of the host as a hub does; other frames than handshake and command get no reply.
+
+        The command START sets `_is_started`.
+        """
         if kind is FrameType.HOST_HANDSHAKE:
             fields: dict[str, Any] = {field.name: 0 for field in list_fields(HubHandshake)}
             fields |= {"tag": payload[0], "unique_id": bytes(8), "version_chosen": PROTOCOL_VERSION}
@@ -162,7 +166,7 @@ class VirtualPort:
                 select.select([], [self._master], [], _POLL_PERIOD_S)
 
     def _play(self) -> None:
-        """Send the recorded bytes to the host at the recorded times, divided by the speed."""
+        """Send the recorded bytes, from the first taxel frame on, at the recorded times divided by the speed."""
         skip = self._start.skip
         origin: tuple[float, float] | None = None
         with closing(self._open_link()) as link:

@@ -20,7 +20,7 @@ _LINES: Final = ("sensor", "tx", "rx")
 
 
 def check_properties(properties: Properties, location: Location) -> None:
-    """Raise DatasetError for a wrong declaration."""
+    """Raise DatasetError for the first declared property with a value that the format does not permit."""
     for name, permitted in (("contact", tuple(Direction)), ("modality", MODALITIES)):
         value = getattr(properties, name)
         if value is not None and value not in permitted:
@@ -35,25 +35,29 @@ def check_properties(properties: Properties, location: Location) -> None:
 
 
 def check_places(places: TaxelPlaces, n: int, location: Location) -> None:
-    """Raise DatasetError for an array of the taxels that does not fit the n taxels of the values."""
-    for one in fields(places):
-        array = getattr(places, one.name)
+    """Raise DatasetError for an array of taxel properties with wrong values or not n rows.
+
+    n: number of taxels in the values of the contacts.
+    """
+    for item in fields(places):
+        array = getattr(places, item.name)
         if array is None:
             continue
-        expected = (n, *_SHAPES[one.name])
-        own = location.key("taxels").key(one.name)
-        if array.shape != expected:
-            own.fail(f"shape {expected}, as values have {n} taxels", f"shape {array.shape}", "correct that array")
+        shape = (n, *_SHAPES[item.name])
+        array_location = location.key("taxels").key(item.name)
+        if array.shape != shape:
+            expected = f"shape {shape}, as values have {n} taxels"
+            array_location.fail(expected, f"shape {array.shape}", "correct that array")
         if not np.isfinite(array).all():
-            own.fail("finite numbers", "others", "correct that array, or leave it out if it is not known")
-        if one.name in _LINES and not ((array >= 0) & (array <= 255)).all():
-            own.fail("numbers from 0 to 255", format_value(int(array.max())), "number them from 0")
+            array_location.fail("finite numbers", "others", "correct that array, or leave it out if it is not known")
+        if item.name in _LINES and not ((array >= 0) & (array <= 255)).all():
+            array_location.fail("numbers from 0 to 255", format_value(int(array.max())), "number them from 0")
     if (places.tx is None) != (places.rx is None):
         location.key("taxels").fail("both tx and rx, or neither", "one of them", "add the other one")
 
 
 def check_header(header: GeneralHeader, n: int, location: Location) -> None:
-    """Raise DatasetError for the first deviation."""
+    """Raise DatasetError for the first deviation of the header from the format. n: number of taxels."""
     if header.source not in (REAL, SIM):
         location.key("source").fail('"real" or "sim"', format_value(header.source), "correct the attribute")
     if not 0 < n <= LARGEST_AXIS["n"]:
@@ -63,7 +67,10 @@ def check_header(header: GeneralHeader, n: int, location: Location) -> None:
 
 
 def check_contact(contact: Contact, n: int, is_vector: bool, location: Location) -> None:
-    """Raise DatasetError for the first deviation. n: number of taxels. is_vector: whether values have 3 components."""
+    """Raise DatasetError for the first deviation of a contact from the format.
+
+    n: number of taxels. is_vector: whether the value of a taxel has 3 components. Both are those of the first contact.
+    """
     if contact.time.ndim != 1:
         location.key("time").fail("one time for each frame", f"shape {contact.time.shape}", "correct that array")
     frames = len(contact.time)

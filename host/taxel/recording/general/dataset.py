@@ -1,4 +1,4 @@
-"""Reader of a dataset of version 2, and of version 1 as one of version 2."""
+"""Reader of grasp datasets of version 2; datasets of version 1 are converted to the contents of version 2."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ _ALIASES: Final = {"time": ("time", "timestamp", "t"), "values": ("values", "raw
 """Names under which a required array is accepted."""
 
 _LEVELS: Final = 3
-"""Levels of groups with data: the file, its groups, and their groups."""
+"""Levels of groups with data: the root group of the file, its subgroups, and their subgroups."""
 
 
 def read_version(path: str | PathLike[str]) -> int:
-    """Version of a grasp dataset. Raises DatasetError for a file of another format."""
+    """Return the version number of a grasp dataset. Raises DatasetError for a file in another format."""
     location = Location(str(path))
     with open_hdf5(Path(path), "r") as file, convert_hdf5_errors(location):
         name, version = file.attrs.get("format", ""), file.attrs.get("version", 0)
@@ -58,7 +58,7 @@ def read_version(path: str | PathLike[str]) -> int:
 
 
 def read_source(path: str | PathLike[str]) -> str:
-    """Declared source of a grasp dataset, such as "real"; "" if none is declared. Raises DatasetError."""
+    """Return the declared source of a grasp dataset, "real" or "sim"; "" if none is declared. Raises DatasetError."""
     read_version(path)
     with open_hdf5(Path(path), "r") as file:
         return read_text(file.attrs, "source", "", Location(str(path)))
@@ -67,12 +67,13 @@ def read_source(path: str | PathLike[str]) -> str:
 class GeneralDataset:
     """A dataset of version 2 or 1, open for reading. A context manager; iteration gives each `Contact` in order.
 
-    header: tables and declared properties. n: number of taxels. is_vector: whether a value has 3 components. version:
-    of the file. Raises DatasetError for the first deviation from the format.
+    header: everything except the contacts. ids: ids of the contacts, sorted. n: number of taxels. is_vector: whether
+    the value of a taxel has 3 components. version: format version of the file, 1 or 2. Raises DatasetError for the
+    first deviation from the format.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
-        """Open a dataset and check everything but the arrays of its contacts."""
+        """Open a dataset and check everything except the arrays of its contacts."""
         self.path = Path(path)
         self._location = Location(str(path))
         self.version = read_version(path)
@@ -95,6 +96,10 @@ class GeneralDataset:
             raise
 
     def _read_tables(self) -> None:
+        """Read and check the header of a version 2 file, and set `ids`, `n` and `is_vector`.
+
+        n and is_vector come from the values of the first contact.
+        """
         check_links(self._file, self._location, _LEVELS)
         grasps = self._file.get("grasps")
         self.ids = tuple(sorted(grasps)) if grasps is not None else ()
@@ -103,15 +108,15 @@ class GeneralDataset:
         shape = self._find(self.ids[0], "values").shape
         self.n, self.is_vector = int(shape[1]) if len(shape) > 1 else 0, len(shape) == 3
         attrs = self._file.attrs
-        own = self._location
+        location = self._location
         declared: dict[str, Any] = {
-            name: read_text(attrs, name, "", own) for name in ("unit", "contact", "modality") if name in attrs
+            name: read_text(attrs, name, "", location) for name in ("unit", "contact", "modality") if name in attrs
         }
-        declared |= {name: read_number(attrs, name, own) for name in ("full_scale", "resolution") if name in attrs}
+        declared |= {name: read_number(attrs, name, location) for name in ("full_scale", "resolution") if name in attrs}
         self.header = GeneralHeader(
-            source=read_text(attrs, "source", "", own),
-            sensor=read_text(attrs, "sensor", "sensor", own),
-            generator=read_text(attrs, "generator", "unknown", own),
+            source=read_text(attrs, "source", "", location),
+            sensor=read_text(attrs, "sensor", "sensor", location),
+            generator=read_text(attrs, "generator", "unknown", location),
             properties=Properties(**declared),
             places=self._read_places(),
             sensor_names=self._read_sensor_names(),
@@ -120,7 +125,7 @@ class GeneralDataset:
         check_header(self.header, self.n, self._location)
 
     def _read_places(self) -> TaxelPlaces:
-        """Read what is known of the taxels."""
+        """Read the optional arrays of taxel properties: sensor, electrode lines, position, normal and size."""
         taxels, location = self._file.get("taxels", {}), self._location.key("taxels")
         places: dict[str, Any] = {
             name: read_integers(taxels[name], location.key(name)) for name in ("sensor", "tx", "rx") if name in taxels
@@ -130,7 +135,7 @@ class GeneralDataset:
         return TaxelPlaces(**places)
 
     def _read_sensor_names(self) -> tuple[str, ...]:
-        """Read the names of the sensors."""
+        """Read the names of the sensors; empty if the file has none. Raises DatasetError for another type."""
         names = getattr(self._file.get("taxels"), "attrs", {}).get("sensor_names", ())
         location = self._location.key("taxels").key("sensor_names")
         if np.ndim(names) != 1:
@@ -138,12 +143,12 @@ class GeneralDataset:
         return tuple(decode_text(name, location) for name in names)
 
     def _read_objects(self) -> dict[str, ObjectMesh]:
-        """Read the meshes of the objects."""
+        """Read the meshes of the objects by name. Raises DatasetError for a face without its vertices."""
         meshes = {}
-        for name, own in self._file.get("objects", {}).items():
+        for name, group in self._file.get("objects", {}).items():
             location = self._location.key("objects").key(name)
-            vertices = read_floats(own["vertices"], location.key("vertices"))
-            faces = read_integers(own["faces"], location.key("faces"))
+            vertices = read_floats(group["vertices"], location.key("vertices"))
+            faces = read_integers(group["faces"], location.key("faces"))
             is_index = (faces >= 0) & (faces < len(vertices))
             if vertices.ndim != 2 or not np.isfinite(vertices).all() or not is_index.all():
                 location.fail("finite vertices [V, 3], and faces of their rows", "others", "write the mesh again")
@@ -151,10 +156,10 @@ class GeneralDataset:
         return meshes
 
     def __iter__(self) -> Iterator[Contact]:
-        """Each contact in order; the repeats of a condition are numbered if the file has no numbers."""
+        """Yield each contact in the order of ids; repeats of a condition are numbered from 0 if the file does not."""
         seen: Counter[tuple[str, str]] = Counter()
-        for number, name in enumerate(self.ids):
-            contact = self._read_old(name) if self._old is not None else self._read(name, number, seen)
+        for name in self.ids:
+            contact = self._convert_grasp(name) if self._old is not None else self._read(name, seen)
             seen[contact.object, contact.approach] += 1
             yield contact
 
@@ -162,7 +167,10 @@ class GeneralDataset:
         return len(self.ids)
 
     def _find(self, contact_id: str, name: str) -> Any:
-        """The array of a required field, under one of its names. Raises DatasetError."""
+        """Return the HDF5 dataset of a required array of a contact, under any of its accepted names.
+
+        name: key of `_ALIASES`. Raises DatasetError if the contact has none of the names.
+        """
         group = self._file["grasps"][contact_id]
         for alias in _ALIASES[name]:
             if alias in group:
@@ -170,7 +178,12 @@ class GeneralDataset:
         location = self._location.key("grasps").key(contact_id)
         return location.fail(f"an array {name}", "none", "see docs/dataset-format.md for the required fields")
 
-    def _read(self, contact_id: str, number: int, seen: Counter[tuple[str, str]]) -> Contact:
+    def _read(self, contact_id: str, seen: Counter[tuple[str, str]]) -> Contact:
+        """Read and check one contact of a version 2 file.
+
+        seen: number of earlier contacts with each (object, approach), the repeat number of a contact without one. Force
+        and separation of a measured dataset are ignored. Raises DatasetError.
+        """
         location = self._location.key("grasps").key(contact_id)
         with convert_hdf5_errors(location):
             group = self._file["grasps"][contact_id]
@@ -203,7 +216,8 @@ class GeneralDataset:
         check_contact(contact, self.n, self.is_vector, location)
         return contact
 
-    def _read_old(self, contact_id: str) -> Contact:
+    def _convert_grasp(self, contact_id: str) -> Contact:
+        """Return a grasp of a version 1 file as a contact; counts of a frame that did not arrive become NaN."""
         assert self._old is not None
         grasp = self._old[contact_id]
         index = self._old.sensors.index_of(self._old.taxels)
@@ -238,7 +252,7 @@ class GeneralDataset:
 
 
 def _convert_header(old: GraspDataset) -> GeneralHeader:
-    """The header of a dataset of version 1: counts that contact lowers."""
+    """Convert the header of a version 1 dataset, whose values are capacitive counts that contact lowers."""
     taxels = old.taxels
     index = old.sensors.index_of(taxels)
     places = TaxelPlaces(

@@ -25,12 +25,12 @@ AXES: Final = 3
 
 
 class Direction(StrEnum):
-    """Change of a value by contact."""
+    """Direction in which contact changes a value."""
 
     RAISES = "raises"
     LOWERS = "lowers"
     SIGNED = "signed"
-    """Either: the components of a vector taxel."""
+    """In both directions, such as the components of a vector taxel."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class Properties:
     modality: str | None = None
 
     def to_attributes(self) -> dict[str, Any]:
-        """The declared properties by name."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        """Return the declared properties by name, without the properties that are None."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False)
 class TaxelPlaces:
-    """What is known of the taxels; None: not known.
+    """Electrodes and geometry of the n taxels; None: not known.
 
     Attributes:
         sensor: i64[n], number of the sensor (board, pad) of each taxel, 0 to 255.
@@ -108,14 +108,18 @@ class Contact:
     object_pose: FloatArray | None = None
 
     def is_missing(self) -> NDArray[np.bool_]:
-        """Whether a frame did not arrive, or has no value at all, bool[T]."""
+        """Whether each frame did not arrive, or has no value at all, bool[T]."""
         empty = np.isnan(self.values).reshape(len(self.values), -1).all(axis=1)
         return np.asarray(empty if self.valid is None else empty | ~self.valid)
 
 
 @dataclass(frozen=True, eq=False)
 class GeneralHeader:
-    """Everything of a dataset but its contacts. source: "real" or "sim". sensor: name of the sensor or hand."""
+    """All content of a dataset except its contacts.
+
+    source: "real" or "sim". sensor: name of the sensor or hand. generator: program that wrote the dataset.
+    sensor_names: name of each sensor number of `places.sensor`. objects: meshes by name.
+    """
 
     source: str
     sensor: str = "sensor"

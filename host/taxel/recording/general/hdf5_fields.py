@@ -1,4 +1,4 @@
-"""Fields of a dataset of version 2 in HDF5: values of the type that the format requires, or an error of one line.
+"""Readers of the HDF5 fields of a version 2 dataset: values of the required type, or a one-line error message.
 
 A number of another type is accepted if the conversion is exact, because many programs write every number as a float.
 """
@@ -26,14 +26,17 @@ _EXACT: Final = 2**53
 
 
 def check_links(group: Any, location: Location, depth: int) -> None:
-    """Raise DatasetError for a link to another place or file below a group. depth: levels of groups that are read."""
+    """Raise DatasetError for a member of a group that is a soft or external link, also in subgroups.
+
+    depth: number of levels of groups that are checked; 1: only the members of `group`.
+    """
     for name in _list_names(group):
         link = group.get(name, getlink=True)
-        own = location.key(name)
+        member_location = location.key(name)
         if not isinstance(link, h5py.HardLink):
-            own.fail("data of this file", "a link", "store the data itself; links are not followed")
+            member_location.fail("data of this file", "a link", "store the data itself; links are not followed")
         if depth > 1 and isinstance(group[name], h5py.Group):
-            check_links(group[name], own, depth - 1)
+            check_links(group[name], member_location, depth - 1)
 
 
 def _list_names(group: Any) -> Iterator[str]:
@@ -42,14 +45,17 @@ def _list_names(group: Any) -> Iterator[str]:
 
 
 def read_text(attributes: Any, name: str, default: str, location: Location) -> str:
-    """Return a text attribute; `default` if it is absent. Raises DatasetError for another type or a long text."""
+    """Return a string attribute; `default` if it is absent. Raises DatasetError for another type or a long string."""
     if name not in attributes:
         return default
     return decode_text(attributes[name], location.key(name))
 
 
 def decode_text(value: object, location: Location) -> str:
-    """Return a text, also one stored as bytes. Raises DatasetError for another type, or more than `LONGEST_TEXT`."""
+    """Return a string, also one stored as UTF-8 bytes.
+
+    Raises DatasetError for another type, or more than `LONGEST_TEXT` characters.
+    """
     text = value.decode(errors="replace") if isinstance(value, bytes) else value
     if not isinstance(text, str) or len(text) > LONGEST_TEXT:
         expected = f"a text of at most {LONGEST_TEXT} characters"
@@ -78,7 +84,10 @@ def read_integer(attributes: Any, name: str, default: int, location: Location) -
 
 
 def read_array(item: Any, location: Location) -> NDArray[Any]:
-    """Read a numeric array of bounded size of this file. Raises DatasetError."""
+    """Read a numeric array of this file, item: `h5py.Dataset`.
+
+    Raises DatasetError for another type, data in another file, and an array that is too large or expands too much.
+    """
     if not isinstance(item, h5py.Dataset) or item.shape is None or item.dtype.kind not in _NUMBERS:
         kind = str(getattr(item, "dtype", "a group"))
         location.fail("an array of numbers", kind, "write numbers")
@@ -99,7 +108,7 @@ def read_floats(item: Any, location: Location) -> NDArray[np.float64]:
 
 
 def read_integers(item: Any, location: Location) -> NDArray[np.int64]:
-    """Read an array of integers as i64. Raises DatasetError for numbers that are not integers."""
+    """Read an array of integers, also stored as floating-point numbers, as i64. Raises DatasetError for fractions."""
     array = read_array(item, location)
     if array.dtype.kind == "f" or array.dtype == np.uint64:
         numbers = array.astype(np.float64)
@@ -117,7 +126,7 @@ def read_flags(item: Any, location: Location) -> NDArray[np.bool_]:
 
 
 def _simplify(value: object) -> object:
-    """Return a scalar of NumPy as a value of Python."""
+    """Convert a NumPy scalar, or an array of one number, to a plain Python value; return other values unchanged."""
     if isinstance(value, np.ndarray) and value.size == 1 and value.ndim <= 1:
         return value.reshape(-1)[0].item() if value.dtype.kind in _NUMBERS else value
     return value.item() if isinstance(value, np.generic) else value

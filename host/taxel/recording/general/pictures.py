@@ -1,4 +1,4 @@
-"""Picture of a dataset of version 2: signals of the taxels in the hold, on a map of the sensor."""
+"""Pictures of version 2 datasets: mean change of each taxel in the hold phase, on a map of the sensor."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ with optional_import("matplotlib", "pictures"):
     import matplotlib as mpl
 
 MAX_CONDITIONS: Final = 6
-"""Conditions that are drawn for each dataset."""
+"""Largest number of conditions (object and approach) that are drawn for each dataset."""
 
 MAP_POINTS: Final = 80.0
-"""Sum of the widths of the squares along a side of a map, typographic points; a map is about 150 points wide."""
+"""Sum of the widths of the taxels' squares along a side of a map, typographic points; a map is about 150 points wide.
+"""
 
 
 def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) -> int:
-    """Draw the mean signals in the hold of the first conditions of datasets; return the number of conditions.
+    """Draw maps of the mean change in the hold phase to the file `out`; return the number of drawn conditions.
 
-    One row for each dataset, one map for each condition. A taxel is at its position, or at its number on a square grid.
-    The components of a vector taxel are drawn as their length. Raises DatasetError.
+    The picture has one row for each dataset and one map for each of the first `MAX_CONDITIONS` conditions (object and
+    approach). A taxel is drawn at its position, or at its number on a square grid if positions are not known. A vector
+    taxel is drawn with the length of its change. Raises DatasetError.
     """
     mpl.use("agg")
     from matplotlib import pyplot as plt
@@ -37,7 +39,7 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
     rows = []
     for path in paths:
         with GeneralDataset(path) as data:
-            means = compute_hold_means(one for one in map(with_phases, data) if one is not None)
+            means = compute_hold_means(contact for contact in map(with_phases, data) if contact is not None)
             rows.append((data, means, _find_places(data)))
     conditions = sorted({condition for _, means, _ in rows for condition in means.conditions})[:MAX_CONDITIONS]
     size = (2.4 * max(len(conditions), 1), 2.6 * len(rows))
@@ -57,7 +59,10 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
 
 
 def _compute_maps(data: GeneralDataset, means: HoldMeans, conditions: Sequence[tuple[str, str]]) -> FloatArray:
-    """Mean signals of conditions, f64[C, n]; the length of the change of a vector taxel."""
+    """Return the mean change of n taxels in each of C conditions, f64[C, n], in the unit of the dataset.
+
+    The change of a scalar taxel is signed, that of a vector taxel is a length. NaN for a condition without contacts.
+    """
     signals = means.average_conditions(conditions)
     if not data.is_vector:
         return signals
@@ -65,7 +70,11 @@ def _compute_maps(data: GeneralDataset, means: HoldMeans, conditions: Sequence[t
 
 
 def _draw_map(axis: Any, places: FloatArray, signal: FloatArray, limit: float) -> None:
-    """Draw one map. places: f64[n, 2]. signal: f64[n]."""
+    """Draw the map of one condition on Matplotlib axes.
+
+    places: f64[n, 2], places of the n taxels in the picture. signal: f64[n], their mean changes. limit: largest
+    absolute change of the colour scale.
+    """
     size = MAP_POINTS / max(np.sqrt(len(places)), 1.0)
     axis.scatter(*places.T, c=signal, s=size**2, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit)
     axis.set_aspect("equal")
@@ -75,8 +84,10 @@ def _draw_map(axis: Any, places: FloatArray, signal: FloatArray, limit: float) -
 
 
 def _find_places(data: GeneralDataset) -> FloatArray:
-    """Places of the taxels on the picture, f64[n, 2]: the two axes along which the positions extend most; several
-    sensors side by side.
+    """Choose the places of the n taxels in the picture, f64[n, 2].
+
+    The coordinates are those of the two axes along which the positions extend most; several sensors are side by side.
+    Without positions the taxels are on a square grid, row by row.
     """
     position, sensor = data.header.places.position, data.header.places.sensor
     if position is None:

@@ -1,4 +1,4 @@
-"""Properties of values that a dataset does not declare: direction of the change by contact; rest and hold values."""
+"""Mean values of contacts without contact and in the hold phase, and the direction in which contact changes them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,18 @@ from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 
 CLEAR_SHARE: Final = 0.5
-"""Share of the squared change of one sign beyond that of the other, from which the direction is clear."""
+"""Smallest difference between the squared increases and the squared decreases, relative to their sum, at which contact
+is taken to change the values in one direction only.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class HoldMeans:
-    """Mean values of M contacts of m components: rest and change in the hold, f64[M, m] each, and the labels."""
+    """Mean values of M contacts with m components (the components of all taxels).
+
+    rest: f64[M, m], mean in the baseline phase, without contact. change: f64[M, m], mean in the hold phase minus rest.
+    NaN where a component has no value. conditions: (object, approach) of each contact. sessions: session of each.
+    """
 
     rest: FloatArray
     change: FloatArray
@@ -28,7 +34,10 @@ class HoldMeans:
 
     @property
     def direction(self) -> Direction:
-        """Change of the values by contact: of the squared changes, by sign."""
+        """Direction in which contact changes the values: that of the squared changes with the larger sum.
+
+        `SIGNED` if the sums of squared increases and decreases differ too little (`CLEAR_SHARE`).
+        """
         change = np.nan_to_num(self.change)
         balance = float((change * np.abs(change)).sum()) / max(float((change**2).sum()), 1e-300)
         if abs(balance) < CLEAR_SHARE:
@@ -36,16 +45,19 @@ class HoldMeans:
         return Direction.RAISES if balance > 0 else Direction.LOWERS
 
     def average_conditions(self, wanted: Iterable[tuple[str, str]]) -> FloatArray:
-        """Mean change of each wanted condition, f64[C, m]; NaN for a condition without contacts."""
-        rows = []
+        """Return the mean change of each wanted condition, f64[C, m]; NaN for a condition without contacts.
+
+        wanted: C conditions, (object, approach) each.
+        """
+        averages = []
         for condition in wanted:
-            own = [number for number, other in enumerate(self.conditions) if other == condition]
-            rows.append(self.change[own].mean(axis=0) if own else np.full(self.change.shape[1], np.nan))
-        return np.array(rows)
+            contacts = [number for number, other in enumerate(self.conditions) if other == condition]
+            averages.append(self.change[contacts].mean(axis=0) if contacts else np.full(self.change.shape[1], np.nan))
+        return np.array(averages)
 
 
 def with_phases(contact: Contact) -> Contact | None:
-    """The contact with its declared phases, or with detected ones; None if the values contain no contact."""
+    """Return the contact with its declared phases, or with detected ones; None if the values contain no contact."""
     if contact.phase is not None:
         return contact
     values = contact.values.reshape(len(contact.values), -1)
@@ -54,7 +66,10 @@ def with_phases(contact: Contact) -> Contact | None:
 
 
 def compute_hold_means(contacts: Iterable[Contact]) -> HoldMeans:
-    """Rest values and changes in the hold; contacts without phases, baseline or hold are left out."""
+    """Compute the mean values of contacts in baseline and hold phase.
+
+    Contacts without phases, baseline frames or hold frames are left out.
+    """
     rest, change, conditions, sessions = [], [], [], []
     for contact in contacts:
         phase = contact.phase
@@ -63,9 +78,8 @@ def compute_hold_means(contacts: Iterable[Contact]) -> HoldMeans:
         values = contact.values.reshape(len(contact.values), -1)
         values = np.where(contact.is_missing()[:, None], np.nan, values)
         with np.errstate(invalid="ignore"):
-            own = np.nanmean(values[phase == Phase.BASELINE], axis=0)
-            rest.append(own)
-            change.append(np.nanmean(values[phase == Phase.HOLD], axis=0) - own)
+            rest.append(np.nanmean(values[phase == Phase.BASELINE], axis=0))
+            change.append(np.nanmean(values[phase == Phase.HOLD], axis=0) - rest[-1])
         conditions.append((contact.object, contact.approach))
         sessions.append(contact.session)
     if not rest:

@@ -1,4 +1,4 @@
-"""Writer of a dataset of version 2."""
+"""Writer of grasp datasets of version 2."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def write_general(
 ) -> int:
     """Write a dataset of version 2; return the number of contacts.
 
-    The file appears under its name when it is complete. Raises DatasetError for the first deviation from the format; an
-    existing file then stays as it was.
+    The file appears under its name when it is complete. Raises DatasetError for the first deviation from the format,
+    and if there is no contact; an existing file then stays as it was.
     """
     location = Location(str(path))
     with open_whole_dataset(path, overwrite) as part:
@@ -42,7 +42,10 @@ def write_general(
 
 
 def _write_contacts(file: WritableFile, header: GeneralHeader, contacts: Iterable[Contact], location: Location) -> int:
-    """Write the header and all contacts; return their number."""
+    """Write the header and all contacts; return the number of contacts.
+
+    The header is written with the first contact, whose values give the number of taxels. Raises DatasetError.
+    """
     first: Contact | None = None
     count = 0
     for contact in contacts:
@@ -51,9 +54,9 @@ def _write_contacts(file: WritableFile, header: GeneralHeader, contacts: Iterabl
             check_header(header, contact.values.shape[1] if contact.values.ndim > 1 else 0, location)
             with convert_writing_errors(location):
                 _write_header(file, header)
-        own = location.key("grasps").key(contact.id)
-        check_contact(contact, first.values.shape[1], first.values.ndim == 3, own)
-        with convert_writing_errors(own):
+        contact_location = location.key("grasps").key(contact.id)
+        check_contact(contact, first.values.shape[1], first.values.ndim == 3, contact_location)
+        with convert_writing_errors(contact_location):
             _write_contact(file, contact)
             file.check()
         count += 1
@@ -61,23 +64,25 @@ def _write_contacts(file: WritableFile, header: GeneralHeader, contacts: Iterabl
 
 
 def _write_header(file: Any, header: GeneralHeader) -> None:
+    """Write everything of a dataset except the contacts; the attribute `created` is the current time."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
     text = {"source": header.source, "sensor": header.sensor, "generator": header.generator, "created": created}
     file.attrs.update({"format": FORMAT, "version": np.int64(VERSION), **text, **header.properties.to_attributes()})
-    known = {one.name: getattr(header.places, one.name) for one in fields(header.places)}
-    group = file.create_group("taxels")
-    for name, array in known.items():
+    taxels = file.create_group("taxels")
+    for item in fields(header.places):
+        array = getattr(header.places, item.name)
         if array is not None:
-            group.create_dataset(name, data=array)
+            taxels.create_dataset(item.name, data=array)
     if header.sensor_names:
-        group.attrs["sensor_names"] = list(header.sensor_names)
+        taxels.attrs["sensor_names"] = list(header.sensor_names)
     for name, mesh in header.objects.items():
-        own = file.create_group(f"objects/{name}")
-        own.create_dataset("vertices", data=mesh.vertices)
-        own.create_dataset("faces", data=mesh.faces)
+        group = file.create_group(f"objects/{name}")
+        group.create_dataset("vertices", data=mesh.vertices)
+        group.create_dataset("faces", data=mesh.faces)
 
 
 def _write_contact(file: Any, contact: Contact) -> None:
+    """Write a checked contact as a group of the file; large arrays are compressed."""
     group = file.create_group(f"grasps/{contact.id}")
     labels = {"object": contact.object, "approach": contact.approach}
     numbers = {"session": np.int64(contact.session), "iteration": np.int64(contact.iteration)}

@@ -18,20 +18,21 @@ from taxel.recording.importers.mapping import Grouping, Labels
 from taxel.types import BoolArray, ByteArray, FloatArray
 
 DEFAULT_SESSION: Final = 1
-"""Session of a file without a label."""
+"""Session number of contacts whose session is not given."""
 
 _FRAME_ARRAYS: Final = ("phase", "valid", "force", "separation")
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """The T frames of a file.
+    """The T frames of a file, before their division into contacts.
 
     Attributes:
-        location: the file, for messages.
-        time: f64[T], seconds. values: f64[T, n] or f64[T, n, 3].
-        labels: constant labels. label_arrays: labels of each frame, [T], by name.
-        contact: number or name of the contact of each frame, [T]; None: see `Grouping`. -1, NaN and "": no contact.
+        location: the file, for error messages.
+        time: f64[T], seconds. values: f64[T, n] of n taxels, or f64[T, n, 3] of vector taxels.
+        labels: labels of all contacts of the file. label_arrays: labels of each frame, [T], by the name of the label.
+        contact: number or name of the contact of each frame, [T]; -1, NaN and "" mark a frame outside all contacts.
+            None: a `Grouping` divides the frames.
         phase, valid, force, separation: as in `Contact`; None: not known.
     """
 
@@ -48,7 +49,10 @@ class Recording:
 
 
 def divide(recording: Recording, grouping: Grouping) -> Iterator[NDArray[np.intp]]:
-    """Yield the frames of each contact of a recording, in order of time. Raises DatasetError for a time of NaN."""
+    """Yield the frame indices of each contact of a recording, in order of the contacts' first frames.
+
+    Frames outside all contacts are left out. Raises DatasetError for a time that is not finite.
+    """
     _check_finite(recording)
     if recording.contact is not None:
         ids = recording.contact
@@ -66,10 +70,11 @@ def divide(recording: Recording, grouping: Grouping) -> Iterator[NDArray[np.intp
 
 
 def make_contacts(recording: Recording, grouping: Grouping, first: int = 0) -> Iterator[Contact]:
-    """Yield the contacts of a recording. first: number of the first contact in the dataset.
+    """Yield the contacts of a recording, whose times each begin at 0.
 
-    The time of each contact begins at 0. Raises DatasetError for a contact whose labels change, whose times do not
-    increase, or which is too short, unless the grouping leaves out short contacts.
+    first: number of contacts that the dataset already has; the ids continue from there. Raises DatasetError for a
+    contact whose labels change or whose times do not increase, and for a contact that is too short, unless the grouping
+    leaves out short contacts.
     """
     number = first
     for frames in divide(recording, grouping):
@@ -77,8 +82,8 @@ def make_contacts(recording: Recording, grouping: Grouping, first: int = 0) -> I
             if grouping.skip_short:
                 continue
             remedy = "choose another rule for contacts, or leave out short contacts (skip_short = true)"
-            own = recording.location.key(f"contact {number - first + 1}")
-            own.fail(f"at least {LEAST_FRAMES} frames", str(len(frames)), remedy)
+            location = recording.location.key(f"contact {number - first + 1}")
+            location.fail(f"at least {LEAST_FRAMES} frames", str(len(frames)), remedy)
         time = recording.time[frames]
         _check_increasing(recording, frames)
         arrays: dict[str, Any] = {}
@@ -107,7 +112,7 @@ def _check_finite(recording: Recording) -> None:
 
 
 def _check_increasing(recording: Recording, frames: NDArray[np.intp]) -> None:
-    """Raise DatasetError for a time that does not increase from frame to frame."""
+    """Raise DatasetError for the first time that does not increase among `frames`, the frame indices of a contact."""
     time = recording.time[frames]
     wrong = np.flatnonzero(np.diff(time) <= 0)
     if len(wrong):
@@ -118,7 +123,10 @@ def _check_increasing(recording: Recording, frames: NDArray[np.intp]) -> None:
 
 
 def _find_labels(recording: Recording, frames: NDArray[np.intp]) -> Labels:
-    """Labels of a contact. Raises DatasetError for a label that changes in the contact, and for a wrong session."""
+    """Return the labels of the contact with the frame indices `frames`: labels of its frames, else constant labels.
+
+    Raises DatasetError for a label that changes within the contact, and for a session that is no number of 0 or more.
+    """
     found: dict[str, Any] = {}
     for name, array in recording.label_arrays.items():
         location = recording.location.key(name)
@@ -137,7 +145,10 @@ def _find_labels(recording: Recording, frames: NDArray[np.intp]) -> Labels:
 
 
 def convert_phases(array: NDArray[Any], location: Location) -> ByteArray:
-    """Return phases u8[T] of numbers 0 to 4 or names such as "hold". Raises DatasetError for others."""
+    """Convert phases, given as numbers from 0 to 4 or as names such as "hold", to u8[T].
+
+    Raises DatasetError for other numbers or names.
+    """
     names = {phase.name.lower(): int(phase) for phase in Phase}
     expected = f"{', '.join(names)}, or 0 to 4"
     if array.dtype.kind in "iufb":

@@ -30,8 +30,8 @@ class Field:
     Attributes:
         name: name in the file.
         shape: shape of the array; the first axis is the frame, except for positions.
-        dtype: NumPy type as text, "text" for texts.
-        load: read the array; raises DatasetError.
+        dtype: name of the NumPy type, such as "float64"; "text" for strings.
+        load: function that reads and returns the array; raises DatasetError.
     """
 
     name: str
@@ -49,8 +49,8 @@ class Field:
 class Source:
     """A file, or a folder of a known layout, as named arrays.
 
-    path: the file. kind: kind of the file for messages. fields: arrays by name, in the order of the file. is_table:
-    whether the fields are columns of one table.
+    path: the file. kind: type of the file for error messages, such as "CSV table". fields: arrays by name, in the order
+    of the file. is_table: whether the fields are columns of one table.
     """
 
     path: Path
@@ -68,7 +68,7 @@ class Source:
         return self.location.key(name.lstrip("/"))
 
     def find(self, name: str) -> Field:
-        """Return a field. Raises DatasetError for an unknown name, with similar names as remedy."""
+        """Return the field of a name. Raises DatasetError for an unknown name; the message suggests similar names."""
         if name not in self.fields:
             remedy = suggest_names(name, self.fields)
             self.at(name).fail(f"a field of the {self.kind}", "none of this name", remedy)
@@ -89,7 +89,10 @@ class Source:
 
 
 def find_text(array: NDArray[Any]) -> str:
-    """Return the first entry of an array that is not a number, as text; the type of the array if there is none."""
+    """Return the first entry that is not a number, as a string, such as "n/a"; the array's type if there is none.
+
+    Only the first 100,000 entries are examined.
+    """
     for entry in array.ravel()[:100_000]:
         try:
             float(entry)
@@ -99,7 +102,7 @@ def find_text(array: NDArray[Any]) -> str:
 
 
 def suggest_names(name: str, known: Iterable[str]) -> str:
-    """Return a remedy for an unknown name: the most similar known names, else a list of known names."""
+    """Return the remedy in the message about an unknown name: the most similar known names, else some known names."""
     names = list(known)
     similar = difflib.get_close_matches(name[:64], names, n=_SUGGESTIONS, cutoff=0.5)
     if similar:
@@ -109,12 +112,15 @@ def suggest_names(name: str, known: Iterable[str]) -> str:
 
 
 def check_size(shape: tuple[int, ...], itemsize: int, location: Location) -> None:
-    """Raise DatasetError for an array that is larger than the dataset format permits. itemsize: bytes."""
+    """Raise DatasetError for an array that exceeds the size limit of the dataset format.
+
+    itemsize: bytes of an element; it is taken as at least 8, the size after the conversion to float64.
+    """
     if prod(shape) * max(itemsize, 8) > LARGEST_ARRAY_BYTES:
         location.fail(f"at most {LARGEST_ARRAY_BYTES // 8} numbers", str(prod(shape)), "divide the file")
 
 
 def make_field(name: str, array: NDArray[Any]) -> Field:
-    """Return a field of an array in memory."""
+    """Return a field for an array that is already in memory."""
     is_numeric = array.dtype.kind in NUMBERS
     return Field(name, array.shape, str(array.dtype) if is_numeric else "text", lambda: np.asarray(array))

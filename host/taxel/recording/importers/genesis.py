@@ -40,14 +40,14 @@ def read_genesis(
     has_environments: bool = False,
     is_scalar: bool = False,
 ) -> tuple[GeneralHeader, list[Recording]]:
-    """Read an array of a tactile sensor of Genesis; each environment gives its own contacts.
+    """Read an array of a Genesis tactile sensor; return (header of the dataset, one recording for each environment).
 
     field: name of the array; None: force, displacement, penetration, or the only array. has_environments: whether the
     second axis is the environment. is_scalar: whether a last axis of length 3 counts probes instead of components.
     Raises DatasetError for a missing array and other shapes.
     """
     opened = open_source(path)
-    name = field or _choose(opened)
+    name = field or _choose_array(opened)
     array = opened.read_numbers(name).astype(np.float64)
     lead = 2 if has_environments else 1
     is_vector = array.ndim > lead and array.shape[-1] == AXES and not is_scalar and "penetration" not in name
@@ -64,8 +64,11 @@ def read_genesis(
     return header, list(split_environments(values, time, opened.location, options.labels))
 
 
-def _choose(opened: Source) -> str:
-    """Name of the array to import. Raises DatasetError if the file has several arrays without a known name."""
+def _choose_array(opened: Source) -> str:
+    """Return the name of the array to import: the first known name in the file, else that of its only array.
+
+    Raises DatasetError for a file without a known name that has no array or several arrays.
+    """
     for name in _FIELDS:
         if name in opened.fields:
             return name

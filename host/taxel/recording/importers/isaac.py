@@ -38,21 +38,21 @@ _LEAST_AXES: Final = {NET: 3, MATRIX: 4}
 def read_isaac(
     path: Path, options: PresetOptions, has_environments: bool = False
 ) -> tuple[GeneralHeader, list[Recording]]:
-    """Read arrays of Isaac Lab; each environment gives its own contacts.
+    """Read arrays of Isaac Lab; return (header of the dataset, one recording for each environment).
 
     has_environments: whether the second axis of a force field is the environment; for contact sensors, and for a force
     field [T, e, rows, columns], the number of axes shows it. Raises DatasetError for missing arrays and other shapes.
     """
     opened = open_source(path)
-    present = [name for name in (NORMAL, MATRIX, NET) if _find(opened, name)]
+    present = [name for name in (NORMAL, MATRIX, NET) if _find_field(opened, name)]
     if not present:
         expected = f"an array {NORMAL}, {MATRIX} or {NET}"
         opened.location.fail(expected, "none", "save the arrays under these names, see docs/import-isaac.md")
-    name = _find(opened, present[0])
+    name = _find_field(opened, present[0])
     if present[0] == NORMAL:
-        values = _read_field(opened, name, has_environments)
+        values = _read_force_field(opened, name, has_environments)
     else:
-        values = _read_contacts(opened, name, _LEAST_AXES[present[0]])
+        values = _read_contact_forces(opened, name, _LEAST_AXES[present[0]])
     time = read_preset_times(opened, len(values), options)
     is_vector = values.ndim == 4
     contact = Direction.SIGNED if is_vector else Direction.RAISES
@@ -60,13 +60,17 @@ def read_isaac(
     return header, list(split_environments(values, time, opened.location, options.labels))
 
 
-def _find(opened: Source, name: str) -> str:
-    """Name of the first field that ends with a name, such as sensor/net_forces_w; "" without one."""
-    return next((own for own in opened.fields if own == name or own.endswith(f"/{name}")), "")
+def _find_field(opened: Source, name: str) -> str:
+    """Return the path of the first field called `name`, such as sensor/net_forces_w; "" if there is none."""
+    return next((path for path in opened.fields if path == name or path.endswith(f"/{name}")), "")
 
 
-def _read_contacts(opened: Source, name: str, least: int) -> FloatArray:
-    """Forces f64[T, e, bodies, 3] of a contact sensor; NaN of missing filters counts as 0. Raises DatasetError."""
+def _read_contact_forces(opened: Source, name: str, least: int) -> FloatArray:
+    """Return the contact forces, f64[T, e, bodies, 3], of e environments; forces of several filters are summed.
+
+    name: path of the field. least: number of axes of the array without environments, 3, or 4 with filters (other bodies
+    of the contact). NaN of a missing filter is taken as 0. Raises DatasetError for another shape.
+    """
     array = opened.read_numbers(name).astype(np.float64)
     if array.ndim not in (least, least + 1) or array.shape[-1] != AXES:
         expected = "shape [T, bodies, 3]" if least == 3 else "shape [T, bodies, filters, 3]"
@@ -77,8 +81,11 @@ def _read_contacts(opened: Source, name: str, least: int) -> FloatArray:
     return np.asarray(array if least == 3 else np.nansum(array, axis=3))
 
 
-def _read_field(opened: Source, name: str, has_environments: bool) -> FloatArray:
-    """Values f64[T, e, n], or f64[T, e, n, 3] if the file has the shear forces. Raises DatasetError."""
+def _read_force_field(opened: Source, name: str, has_environments: bool) -> FloatArray:
+    """Return a TacSL force field of e environments and n points: f64[T, e, n], or f64[T, e, n, 3] with shear forces.
+
+    name: path of the field with the normal forces. Raises DatasetError for another shape.
+    """
     normal = opened.read_numbers(name).astype(np.float64)
     if normal.ndim not in (2, 3, 4):
         remedy = "stack the array of every step along a new first axis"
@@ -88,7 +95,7 @@ def _read_field(opened: Source, name: str, has_environments: bool) -> FloatArray
         opened.at(name).fail("shape [T, e, points]", f"shape {normal.shape}", "leave out --environments")
     lead = normal.shape[:2] if split else (len(normal), 1)
     points = prod(normal.shape[len(normal.shape) - normal.ndim + (2 if split else 1) :])
-    shear_name = _find(opened, SHEAR)
+    shear_name = _find_field(opened, SHEAR)
     if not shear_name:
         return normal.reshape(*lead, points)
     shear = opened.read_numbers(shear_name).astype(np.float64)

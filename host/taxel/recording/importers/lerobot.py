@@ -23,14 +23,15 @@ def make_lerobot_mapping(
     labels: Labels | None = None,
     properties: Properties | None = None,
 ) -> Mapping:
-    """Return the mapping of a LeRobot dataset. Raises DatasetError for an unknown column.
+    """Return the mapping that imports a LeRobot dataset. Raises DatasetError for an unknown column.
 
-    column: feature with the values. elements: first and last element of the feature that are used; None: all. labels:
-    constant labels; without an object, the text of the task is the object.
+    column: feature with the values of the taxels. source: "real" or "sim". components: numbers of each taxel, 1 or 3.
+    elements: first and last element of the feature that are used; None: all. labels: labels of all contacts; without an
+    object, the description of the task is the object.
     """
     opened = open_source(folder)
     opened.find(column)
-    own = labels or Labels()
+    constant_labels = labels or Labels()
     used = None if elements is None else tuple(range(elements[0], elements[1] + 1))
     return Mapping(
         source=source,
@@ -39,6 +40,6 @@ def make_lerobot_mapping(
         sensor=column,
         properties=properties or Properties(),
         grouping=Grouping(opened.find(EPISODE).name),
-        labels=own,
-        label_fields={"object": TASK} if own.object is None and TASK in opened.fields else {},
+        labels=constant_labels,
+        label_fields={"object": TASK} if constant_labels.object is None and TASK in opened.fields else {},
     )

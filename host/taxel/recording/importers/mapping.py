@@ -26,7 +26,7 @@ FORMAT: Final = "taxel-import-map"
 VERSION: Final = 1
 
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Seconds of each unit of a time."""
+"""Length of each time unit in seconds."""
 
 ORDERS: Final = ("taxel", "component")
 """Order of the values of vector taxels in a frame: x y z of the first taxel first, or x of all taxels first."""
@@ -34,10 +34,11 @@ ORDERS: Final = ("taxel", "component")
 
 @dataclass(frozen=True)
 class Selection:
-    """Fields, or columns of a table, in the order of the taxels. Exactly one of the first three is set.
+    """Fields of a file, or columns of a table, whose numbers are joined in the order of the taxels.
 
-    names: names of fields. prefix: start of the names; the rest of each name is a number, which gives the order. span:
-    first and last column of a table. elements: positions in the joined frame that are used; None: all.
+    Exactly one of names, prefix and span is set. names: names of the fields. prefix: common start of the names; the
+    remainder of each name is a number, which gives the order. span: first and last column of a table. elements: indices
+    of the numbers that are used in each joined frame; None: all. location: the table of the mapping file, for errors.
     """
 
     location: Location
@@ -49,10 +50,10 @@ class Selection:
 
 @dataclass(frozen=True)
 class Values:
-    """Selection and shape of the values.
+    """Selection and shape of the taxel values.
 
-    components: numbers of each taxel, 1 or 3. order: one of `ORDERS`. shape: expected shape of a frame, without
-    components; None: not checked. frame_axis: axis of the frames in the array.
+    components: count of numbers for each taxel, 1 or 3. order: one of `ORDERS`. shape: expected shape of a frame,
+    without components; None: not checked. frame_axis: axis of the frames in the array.
     """
 
     selection: Selection
@@ -64,7 +65,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Times:
-    """Times of the frames: a field and its unit, or a constant rate in hertz."""
+    """Times of the frames: the name of a field and its unit (key of `TIME_UNITS`), or a constant rate in hertz."""
 
     name: str | None = None
     unit: str = "s"
@@ -73,16 +74,16 @@ class Times:
 
 @dataclass(frozen=True)
 class Labels:
-    """Labels of contacts: constants, or names of fields. An entry None is not set."""
+    """Labels of all contacts of a file: number of the session, names of object and approach; None: not given."""
 
     session: int | None = None
     object: str | None = None
     approach: str | None = None
 
     def merge(self, other: Labels) -> Labels:
-        """Return these labels, replaced by the labels that `other` sets."""
-        own = {name: getattr(other, name) for name in vars(other)}
-        return Labels(**{name: getattr(self, name) if value is None else value for name, value in own.items()})
+        """Return the labels of `other`, completed by these labels where `other` has None."""
+        entries = {name: getattr(other, name) for name in vars(other)}
+        return Labels(**{name: getattr(self, name) if value is None else value for name, value in entries.items()})
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,12 @@ class Grouping:
 
 @dataclass(frozen=True)
 class Mapping:
-    """A mapping. The attributes are those of the mapping file; `label_fields`: name of the field of a label."""
+    """Rule that converts the fields of files to contacts; docs/import-any-data.md describes the keys of the file.
+
+    label_fields: name of the field that contains a label, by the name of the label. phase, valid, position: names of
+    fields. taxels: numbers of the taxels ("sensor", "tx", "rx"), or the name of their field. files: (pattern of file
+    names, labels of the matching files).
+    """
 
     source: str
     times: Times
@@ -123,11 +129,11 @@ class Mapping:
     files: tuple[tuple[str, Labels], ...] = ()
 
     def find_labels(self, path: Path) -> Labels:
-        """Return the constant labels of a file: those of the mapping, replaced by those of matching patterns."""
+        """Return the constant labels of a file: those of the last matching patterns, else those of the mapping."""
         labels = self.labels
-        for pattern, own in self.files:
+        for pattern, labels_of_pattern in self.files:
             if fnmatch(path.name, pattern) or fnmatch(str(path), pattern):
-                labels = labels.merge(own)
+                labels = labels.merge(labels_of_pattern)
         return labels
 
 
@@ -145,7 +151,10 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
 
 
 def parse_mapping(values: dict[str, Any], location: Location) -> Mapping:
-    """Convert the content of a mapping file. Raises DatasetError for the first error."""
+    """Convert the content of a mapping file to a `Mapping`. Raises DatasetError for the first error.
+
+    values: content of the TOML file. location: the file, for error messages.
+    """
     table = MappingTable(values, location)
     remedy = "taxel import inspect FILE writes a mapping to start from"
     for name, expected in (("format", FORMAT), ("version", VERSION)):
@@ -190,8 +199,12 @@ def parse_mapping(values: dict[str, Any], location: Location) -> Mapping:
     return mapping
 
 
-def _open(table: MappingTable, name: str, short: str = "field") -> MappingTable | None:
-    """Take a subtable; a text stands for a table with the key `short`. None if it is absent."""
+def _take_subtable(table: MappingTable, name: str, short: str = "field") -> MappingTable | None:
+    """Remove a subtable from a table and return it; None if it is absent.
+
+    short: key of the subtable whose value may stand for the whole subtable: time = "t" means time = {field = "t"}.
+    Raises DatasetError for a value that is neither a table nor a string.
+    """
     value = table.take_any(name)
     if value is None:
         return None
@@ -204,31 +217,32 @@ def _open(table: MappingTable, name: str, short: str = "field") -> MappingTable 
 
 
 def _parse_selection(table: MappingTable, name: str) -> Selection | None:
-    own = _open(table, name)
-    if own is None:
+    """Take the subtable `name` as a selection; None if it is absent. Raises DatasetError for wrong or unknown keys."""
+    subtable = _take_subtable(table, name)
+    if subtable is None:
         return None
-    selection = _take_selection(own)
-    own.finish()
+    selection = _take_selection(subtable)
+    subtable.finish()
     return selection
 
 
-def _take_selection(own: MappingTable) -> Selection:
+def _take_selection(table: MappingTable) -> Selection:
     """Take the keys field, fields, columns, prefix, range and elements of a table. Raises DatasetError."""
-    one, prefix = own.take("field", str), own.take("prefix", str)
-    several = own.take_names("fields") or own.take_names("columns")
-    span = own.take_names("range")
-    elements = own.take_integers("elements", length=2)
-    given = [value for value in (one, several, prefix, span) if value is not None]
+    field_name, prefix = table.take("field", str), table.take("prefix", str)
+    names = table.take_names("fields") or table.take_names("columns")
+    span = table.take_names("range")
+    elements = table.take_integers("elements", length=2)
+    given = [value for value in (field_name, names, prefix, span) if value is not None]
     if len(given) != 1:
         found = "none" if not given else "several"
-        own.location.fail("one of the keys field, fields, columns, prefix, range", found, "select the values once")
+        table.location.fail("one of the keys field, fields, columns, prefix, range", found, "select the values once")
     if span is not None and len(span) != 2:
-        own.location.key("range").fail("the first and the last column", f"{len(span)} names", "correct the list")
+        table.location.key("range").fail("the first and the last column", f"{len(span)} names", "correct the list")
     if elements is not None and elements[1] < elements[0]:
-        own.location.key("elements").fail("first and last number", repr(list(elements)), "exchange the numbers")
+        table.location.key("elements").fail("first and last number", repr(list(elements)), "exchange the numbers")
     return Selection(
-        own.location,
-        names=(one,) if one is not None else several,
+        table.location,
+        names=(field_name,) if field_name is not None else names,
         prefix=prefix,
         span=(span[0], span[1]) if span is not None else None,
         elements=None if elements is None else tuple(range(elements[0], elements[1] + 1)),
@@ -236,59 +250,67 @@ def _take_selection(own: MappingTable) -> Selection:
 
 
 def _parse_values(table: MappingTable) -> Values:
-    own = _open(table, "values") or table.location.key("values").fail("a table", "nothing", "select the values")
-    selection = _take_selection(own)
-    components = own.take("components", int, 1)
+    """Take the required table [values]: selection and shape of the taxel values. Raises DatasetError."""
+    subtable = _take_subtable(table, "values") or table.location.key("values").fail(
+        "a table", "nothing", "select the values"
+    )
+    selection = _take_selection(subtable)
+    components = subtable.take("components", int, 1)
     if components not in (1, 3):
-        own.location.key("components").fail("1 or 3", format_value(components), "correct the value")
-    order = own.take_choice("order", ORDERS, ORDERS[0])
-    shape, axis = own.take_integers("shape", least=1), own.take("frame_axis", int, 0)
-    own.finish()
+        subtable.location.key("components").fail("1 or 3", format_value(components), "correct the value")
+    order = subtable.take_choice("order", ORDERS, ORDERS[0])
+    shape, axis = subtable.take_integers("shape", least=1), subtable.take("frame_axis", int, 0)
+    subtable.finish()
     return Values(selection, int(components), str(order), shape, int(axis or 0))
 
 
 def _parse_times(table: MappingTable) -> Times:
+    """Take the required table [time]: either a field and its unit, or a rate. Raises DatasetError."""
     remedy = 'add [time] with field = "..." or rate_hz = 100.0'
-    own = _open(table, "time") or table.location.key("time").fail("a table", "nothing", remedy)
-    name, rate_hz = own.take("field", str), own.take("rate_hz", float)
-    unit = own.take_choice("unit", tuple(TIME_UNITS), "s")
-    own.finish()
+    subtable = _take_subtable(table, "time") or table.location.key("time").fail("a table", "nothing", remedy)
+    name, rate_hz = subtable.take("field", str), subtable.take("rate_hz", float)
+    unit = subtable.take_choice("unit", tuple(TIME_UNITS), "s")
+    subtable.finish()
     if (name is None) == (rate_hz is None):
-        own.location.fail("either field or rate_hz", "neither" if name is None else "both", remedy)
+        subtable.location.fail("either field or rate_hz", "neither" if name is None else "both", remedy)
     if rate_hz is not None and rate_hz <= 0:
-        own.location.key("rate_hz").fail("a rate above 0 Hz", format_value(rate_hz), "correct the value")
+        subtable.location.key("rate_hz").fail("a rate above 0 Hz", format_value(rate_hz), "correct the value")
     return Times(name, str(unit), rate_hz)
 
 
 def _parse_grouping(table: MappingTable) -> Grouping:
-    own = _open(table, "grasp")
-    if own is None:
+    """Take the optional table [grasp], which divides the frames into contacts. Raises DatasetError for two rules."""
+    subtable = _take_subtable(table, "grasp")
+    if subtable is None:
         return Grouping()
     grouping = Grouping(
-        own.take("field", str),
-        own.take("gap_s", float),
-        bool(own.take("axis", bool, False)),
-        bool(own.take("skip_short", bool, False)),
+        subtable.take("field", str),
+        subtable.take("gap_s", float),
+        bool(subtable.take("axis", bool, False)),
+        bool(subtable.take("skip_short", bool, False)),
     )
-    own.finish()
+    subtable.finish()
     if sum((grouping.name is not None, grouping.gap_s is not None, grouping.axis)) > 1:
-        own.location.fail("at most one of field, gap_s and axis", "several", "choose one rule")
+        subtable.location.fail("at most one of field, gap_s and axis", "several", "choose one rule")
     if grouping.gap_s is not None and grouping.gap_s <= 0:
-        own.location.key("gap_s").fail("a pause above 0 s", format_value(grouping.gap_s), "correct the value")
+        subtable.location.key("gap_s").fail("a pause above 0 s", format_value(grouping.gap_s), "correct the value")
     return grouping
 
 
 def _parse_labels(table: MappingTable) -> tuple[Labels, dict[str, str]]:
-    """Take the labels: constants, or tables with the key field."""
+    """Take session, object and approach: constants, or tables with the key field.
+
+    Returns (constant labels, name of the field by the name of the label). Raises DatasetError.
+    """
     constants: dict[str, Any] = {}
     label_fields: dict[str, str] = {}
     for name, kind in (("session", int), ("object", str), ("approach", str)):
         value = table.take_any(name)
         location = table.location.key(name)
         if isinstance(value, dict):
-            own = MappingTable(value, location)
-            label_fields[name] = own.require("field", str, "name the field with the label, or write a constant")
-            own.finish()
+            subtable = MappingTable(value, location)
+            label_fields[name] = subtable.require("field", str, "name the field with the label, or write a constant")
+            subtable.finish()
         elif value is not None:
             constants[name] = _check_label(value, kind, location)
     return Labels(**constants), label_fields
@@ -304,16 +326,19 @@ def _check_label(value: Any, kind: type, location: Location) -> Any:
 
 
 def _parse_files(table: MappingTable) -> tuple[tuple[str, Labels], ...]:
-    """Take the list [[files]]: a pattern of file names, and labels of the files."""
+    """Take the list [[files]]; return (pattern of file names, labels of the matching files) for each entry.
+
+    Raises DatasetError for an entry without a pattern, and for labels that are fields.
+    """
     result = []
     for number, entry in enumerate(table.take("files", list, []) or []):
         location = table.location.key(f"files[{number}]")
         if not isinstance(entry, dict):
             location.fail("a table", format_value(entry), "write [[files]]")
-        own = MappingTable(entry, location)
-        pattern = own.require("pattern", str, 'write pattern = "day2_*.csv"')
-        labels, label_fields = _parse_labels(own)
-        own.finish()
+        subtable = MappingTable(entry, location)
+        pattern = subtable.require("pattern", str, 'write pattern = "day2_*.csv"')
+        labels, label_fields = _parse_labels(subtable)
+        subtable.finish()
         if label_fields:
             location.fail("constant labels", "a field", "write the constant, or move the field to the top of the file")
         result.append((pattern, labels))
@@ -321,35 +346,39 @@ def _parse_files(table: MappingTable) -> tuple[tuple[str, Labels], ...]:
 
 
 def _parse_positions(table: MappingTable) -> tuple[Grid | None, str | None, str]:
-    """Take the positions of the taxels: a field and its unit, or a grid."""
-    own = _open(table, "positions")
-    if own is None:
+    """Take the positions of the taxels; return (grid or None, name of a field or None, unit "m" or "mm").
+
+    At most one of grid and field is set; neither without the table [positions]. Raises DatasetError.
+    """
+    subtable = _take_subtable(table, "positions")
+    if subtable is None:
         return None, None, "m"
-    name, unit = own.take("field", str), own.take_choice("unit", ("m", "mm"), "m")
-    rows, columns, pads = own.take("rows", int), own.take("columns", int), own.take("pads", int, 1)
-    pitch_mm = own.take("pitch_mm", float)
-    own.finish()
+    name, unit = subtable.take("field", str), subtable.take_choice("unit", ("m", "mm"), "m")
+    rows, columns, pads = subtable.take("rows", int), subtable.take("columns", int), subtable.take("pads", int, 1)
+    pitch_mm = subtable.take("pitch_mm", float)
+    subtable.finish()
     if name is not None and (rows, columns, pitch_mm) == (None, None, None):
         return None, name, str(unit)
+    location = subtable.location
     if name is not None or rows is None or columns is None or pitch_mm is None:
-        own.location.fail("either field, or rows, columns and pitch_mm", "another selection", "correct the keys")
+        location.fail("either field, or rows, columns and pitch_mm", "another selection", "correct the keys")
     if rows < 1 or columns < 1 or not pads or pads < 1 or pitch_mm <= 0:
-        own.location.fail("numbers above 0", f"rows {rows}, columns {columns}, pitch_mm {pitch_mm}", "correct them")
+        location.fail("numbers above 0", f"rows {rows}, columns {columns}, pitch_mm {pitch_mm}", "correct them")
     return Grid(rows, columns, pitch_mm * 1e-3, pads), None, "m"
 
 
 def _parse_taxels(table: MappingTable) -> dict[str, str | tuple[int, ...]]:
-    """Take the numbers of the taxels: lists, or names of fields."""
-    own = _open(table, "taxels", "sensor")
-    if own is None:
+    """Take the sensor, TX and RX numbers of the taxels: a list, or the name of a field, by "sensor", "tx" or "rx"."""
+    subtable = _take_subtable(table, "taxels", "sensor")
+    if subtable is None:
         return {}
     result: dict[str, str | tuple[int, ...]] = {}
     for name in ("sensor", "tx", "rx"):
-        value = own.take_any(name)
+        value = subtable.take_any(name)
         if isinstance(value, str):
             result[name] = value
         elif value is not None:
-            reader = MappingTable({name: value}, own.location)
+            reader = MappingTable({name: value}, subtable.location)
             result[name] = reader.take_integers(name) or ()
-    own.finish()
+    subtable.finish()
     return result

@@ -33,7 +33,11 @@ class MappingTable:
         self.location = location
 
     def take(self, name: str, kind: type[T], default: T | None = None) -> T | None:
-        """Remove a key and return its value; `default` if it is absent. Raises DatasetError for another type."""
+        """Remove a key and return its value; `default` if it is absent.
+
+        kind: required type; an integer is accepted for float. Raises DatasetError for another type and a number that is
+        not finite.
+        """
         self._known.append(name)
         if name not in self._values:
             return default
@@ -66,7 +70,10 @@ class MappingTable:
         return value
 
     def take_names(self, name: str) -> tuple[str, ...] | None:
-        """Remove a key and return its value, a list of texts; None if it is absent. Raises DatasetError."""
+        """Remove a key and return its value, a list of strings; None if it is absent.
+
+        Raises DatasetError for another type and an empty list.
+        """
         value = self.take(name, list)
         if value is None:
             return None
@@ -77,7 +84,7 @@ class MappingTable:
     def take_integers(self, name: str, least: int = 0, length: int | None = None) -> tuple[int, ...] | None:
         """Remove a key and return its value, a list of integers of at least `least`; None if it is absent.
 
-        length: required number of integers; None: any. Raises DatasetError.
+        length: required number of integers; None: one or more. Raises DatasetError for another value.
         """
         value = self.take(name, list)
         if value is None:

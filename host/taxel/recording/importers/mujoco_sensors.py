@@ -44,8 +44,8 @@ KINDS: Final = ("touch", "touch_grid", "tactile")
 class TactileSensor:
     """A tactile sensor of a model.
 
-    name: in the model. kind: one of `KINDS`. start: position of its first value in sensordata. taxels, channels:
-    numbers of taxels, and of values of each taxel.
+    name: name in the model. kind: one of `KINDS`. start: index of the sensor's first value in sensordata. taxels:
+    number of taxels. channels: number of values of each taxel.
     """
 
     name: str
@@ -63,19 +63,20 @@ def read_mujoco_sensors(
     names: Sequence[str] = (),
     is_normal_only: bool = False,
 ) -> tuple[GeneralHeader, list[Recording]]:
-    """Read sensordata of tactile sensors. model: XML or MJB file. layout: see `parse_layout`, instead of a model.
+    """Read the sensordata of tactile sensors; return (header of the dataset, list of one recording).
 
-    names: sensors to import; empty: all tactile ones. is_normal_only: import one value for each taxel, the normal one.
-    Raises DatasetError for a wrong number of values, an unknown sensor, or sensors of one and of three components.
+    model: XML or MJB file. layout: description of the sensors instead of a model, see `parse_layout`. names: sensors to
+    import; empty: all tactile ones. is_normal_only: import only the normal component of each taxel. Raises DatasetError
+    for a wrong number of values, an unknown sensor, and sensors of one together with sensors of three components.
     """
     opened = open_source(path)
-    own = Location(str(model if model is not None else path))
-    sensors = read_model(model) if model is not None else parse_layout(layout or "", own)
+    location = Location(str(model if model is not None else path))
+    sensors = read_model(model) if model is not None else parse_layout(layout or "", location)
     if names:
         by_name = {sensor.name: sensor for sensor in sensors}
         for name in names:
             if name not in by_name:
-                own.key(name).fail("a tactile sensor", "none of this name", suggest_names(name, by_name))
+                location.key(name).fail("a tactile sensor", "none of this name", suggest_names(name, by_name))
         sensors = [by_name[name] for name in names]
     data = opened.read_numbers(SENSORDATA)
     last = max(sensor.start + sensor.taxels * sensor.channels for sensor in sensors)
@@ -85,7 +86,7 @@ def read_mujoco_sensors(
     is_vector = {sensor.channels >= AXES and not is_normal_only for sensor in sensors}
     if len(is_vector) > 1:
         remedy = "import them separately (--sensors), or the normal values only (--normal-only)"
-        own.fail("sensors of one number of components", "some of 1 and some of 3", remedy)
+        location.fail("sensors of one number of components", "some of 1 and some of 3", remedy)
     values = np.concatenate([_read_sensor(data, sensor, is_vector == {True}) for sensor in sensors], axis=1)
     time = read_preset_times(opened, len(data), options)
     index = np.concatenate([np.full(sensor.taxels, number) for number, sensor in enumerate(sensors)])
@@ -94,21 +95,27 @@ def read_mujoco_sensors(
 
 
 def _read_sensor(data: Any, sensor: TactileSensor, is_vector: bool) -> FloatArray:
-    """Values f64[T, n] or f64[T, n, 3] of a sensor."""
+    """Return the values of a sensor: f64[T, n], or f64[T, n, 3] if `is_vector` (tangent 1, tangent 2, normal).
+
+    data: sensordata of T steps. Further channels, such as torques, are left out.
+    """
     flat = data[:, sensor.start : sensor.start + sensor.taxels * sensor.channels].astype(np.float64)
     images = flat.reshape(len(data), sensor.channels, sensor.taxels)
     return join_components(images[:, 1:AXES].swapaxes(1, 2), images[:, 0]) if is_vector else images[:, 0]
 
 
 def _find_properties(sensors: Sequence[TactileSensor], is_vector: bool) -> Properties:
-    """Declared properties; newtons only if every sensor measures forces."""
+    """Return the properties of the sensors' values; the unit is newtons only if every sensor measures forces."""
     kinds = {sensor.kind for sensor in sensors}
     contact = Direction.SIGNED.value if is_vector else Direction.RAISES.value if kinds == {"touch"} else None
     return Properties(unit=None if "tactile" in kinds else "N", contact=contact, modality="other")
 
 
 def read_model(path: Path) -> list[TactileSensor]:
-    """Tactile sensors of a model, XML or MJB. Raises DatasetError for a model that cannot be loaded or has none."""
+    """Return the tactile sensors of a model file (XML or MJB) in the order of sensordata.
+
+    Raises DatasetError for a model that cannot be loaded or has no tactile sensor, and MissingPackageError.
+    """
     with optional_import("mujoco", "a MuJoCo model"):
         import mujoco
     location = Location(str(path))
@@ -130,9 +137,9 @@ def read_model(path: Path) -> list[TactileSensor]:
             vertices = int(model.mesh_vertnum[model.sensor_objid[index]])
             sensors.append(TactileSensor(name, "tactile", start, vertices, dim // vertices))
         elif kind == mujoco.mjtSensor.mjSENS_PLUGIN and model.sensor_plugin[index] >= 0:
-            grid = _read_grid(model, int(model.sensor_plugin[index]))
-            if grid is not None and dim % grid == 0:
-                sensors.append(TactileSensor(name, "touch_grid", start, grid, dim // grid))
+            taxels = _read_grid_size(model, int(model.sensor_plugin[index]))
+            if taxels is not None and dim % taxels == 0:
+                sensors.append(TactileSensor(name, "touch_grid", start, taxels, dim // taxels))
     if not sensors:
         location.fail(f"a sensor of the kinds {', '.join(KINDS)}", "none", "add the sensor, or give another model")
     return sensors
@@ -150,10 +157,11 @@ def _load_plugins(mujoco: Any) -> None:
             continue
 
 
-def _read_grid(model: Any, instance: int) -> int | None:
-    """Number of taxels of a touch_grid plug-in: the attribute size is the second text of its configuration.
+def _read_grid_size(model: Any, instance: int) -> int | None:
+    """Return the number of taxels of a touch_grid plug-in; None for another plug-in or a damaged configuration.
 
-    The attributes are nchannel, size, fov and gamma (touch_grid.cc, RegisterPlugin), each ended by a zero byte.
+    instance: index of the plug-in instance. Its configuration contains the attributes nchannel, size, fov and gamma
+    (touch_grid.cc, RegisterPlugin), each ended by a zero byte; size is "columns rows".
     """
     start = int(model.plugin_attradr[instance])
     texts = bytes(np.asarray(model.plugin_attr[start:]).astype(np.uint8)).split(b"\0")

@@ -11,7 +11,10 @@ from taxel.recording.general.format import TaxelPlaces
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of taxels, row by row. pitch_m: distance of neighbours, metres. pads: number of equal grids."""
+    """A regular grid of taxels, which are numbered row by row.
+
+    pitch_m: distance between neighbouring taxels, metres. pads: number of equal grids, one for each pad of the sensor.
+    """
 
     rows: int
     columns: int
@@ -22,7 +25,8 @@ class Grid:
 def make_grid_places(grid: Grid) -> TaxelPlaces:
     """Return the places of the taxels of grids in the plane z = 0, with the first taxel at the origin.
 
-    x increases along a row and y along a column; the outward normal is +z. The sensor number is that of the pad.
+    x increases along a row and y along a column; the outward normal is +z. All pads have the same positions; the sensor
+    number of a taxel is the number of its pad, None with one pad.
     """
     count = grid.rows * grid.columns
     row, column = np.divmod(np.arange(count), grid.columns)

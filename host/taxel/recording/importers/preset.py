@@ -1,4 +1,4 @@
-"""Options that all presets share, and arrays of simulators with several environments."""
+"""Options that all presets (importers of files of a known layout) share, and arrays with several environments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class PresetOptions:
-    """Options of every preset.
+    """Options of every preset, an importer of files of a known layout.
 
     labels: constant labels of all contacts. grouping: division into contacts. time_unit: unit of the times; None:
     inferred. rate_hz: frame rate of a file without times, hertz.
@@ -32,12 +32,15 @@ class PresetOptions:
 
 
 def read_preset_times(source: Source, frames: int, options: PresetOptions) -> FloatArray:
-    """Times f64[T] of a file of a known layout, seconds. Raises DatasetError if the file has none."""
+    """Return the times of a file of a known layout, f64[T], seconds from its first frame.
+
+    frames: number T of frames. Raises DatasetError if the file has no times and the options give no rate.
+    """
     return read_times(source, find_times(source, frames, options.time_unit, options.rate_hz), frames)
 
 
 def split_environments(values: FloatArray, time: FloatArray, location: Location, labels: Labels) -> Iterator[Recording]:
-    """Yield a recording of each environment. values: f64[T, e, n] or f64[T, e, n, 3]."""
+    """Yield one recording for each environment. values: f64[T, e, n] or f64[T, e, n, 3] of e environments."""
     for index in range(values.shape[1]):
         yield Recording(location, time, np.ascontiguousarray(values[:, index]), labels)
 

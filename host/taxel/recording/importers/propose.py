@@ -23,7 +23,7 @@ _LABEL_NAMES: Final = {
     "phase": r"phases?",
     "valid": r"valid|is_valid",
 }
-"""Names of fields that are labels, in lower case, without folder."""
+"""Regular expression of the field names for each label. Names are compared in lower case, without folder or topic."""
 
 _COUNTERS: Final = re.compile(r"(frame|step|sample|row|task)(_?(index|id|number))?|index|seq(uence)?", re.IGNORECASE)
 _LEAST_TAXELS: Final = 2
@@ -31,7 +31,12 @@ _LEAST_TAXELS: Final = 2
 
 @dataclass(frozen=True)
 class _Guess:
-    """Guess of the values: the lines of the table [values], number of frames and of values, and the fields used."""
+    """A guess which fields contain the taxel values.
+
+    lines: lines of the table [values] of the mapping. frames: number of frames. width: number of taxels. names: fields
+    with the values. shape: shape of a frame without components; empty for columns. components: numbers of each taxel.
+    is_batch: whether the first axis of the array is the contact and the second the frame.
+    """
 
     lines: tuple[str, ...]
     frames: int
@@ -68,7 +73,7 @@ def propose_mapping(source: Source) -> str:
         "# full_scale = 10.0      # largest change of a value by contact, in the unit",
         "# resolution = 0.01      # smallest step between two values, in the unit",
         '# modality = "other"     # capacitive, resistive, magnetic, barometric, optical or other',
-        *_label_lines(source, labels, guess),
+        *_label_lines(labels),
         "",
         *_time_lines(time),
         "",
@@ -88,7 +93,7 @@ def _quote(text: str) -> str:
 
 
 def _find_labels(source: Source) -> dict[str, str]:
-    """Name of the field of each label, for the labels that have one."""
+    """Return the name of the field of each label (key of `_LABEL_NAMES`) that the file contains."""
     result = {}
     for label, pattern in _LABEL_NAMES.items():
         for field in source.fields.values():
@@ -101,7 +106,10 @@ def _find_labels(source: Source) -> dict[str, str]:
 
 
 def _find_table_time(source: Source) -> Field | None:
-    """The column of a table that is most probably the time; a numbered column counts only if it is the first one."""
+    """Return the column of a table that is most probably the time; None if there is none.
+
+    A column whose name is no name of a time is selected only if it is the first one, increases, and is no counter.
+    """
     rows = next(iter(source.fields.values())).shape[0]
     named = [field for field in source.fields.values() if rank_time_name(field.name) < 4]
     found = find_time(source, rows, candidates=named)
@@ -113,7 +121,10 @@ def _find_table_time(source: Source) -> Field | None:
 
 
 def _guess_values(source: Source, used: set[str]) -> _Guess | None:
-    """The widest array [frame, ...], or the largest set of columns of a table."""
+    """Return the guess with the most taxels: an array [frame, ...], or a set of columns; None if there is none.
+
+    used: fields that are times or labels.
+    """
     guesses = [
         _guess_array(source, field, used)
         for field in source.fields.values()
@@ -125,8 +136,10 @@ def _guess_values(source: Source, used: set[str]) -> _Guess | None:
 
 
 def _guess_array(source: Source, field: Field, used: set[str]) -> _Guess:
-    """A guess that uses one array; the first axis is the contact if only the second axis has times. used: fields that
-    are labels, which are no times.
+    """Return the guess that the array `field` contains the taxel values.
+
+    The first axis is the contact if only the second axis has as many entries as a field of times. used: fields that are
+    labels and therefore no times.
     """
     lengths = {other.shape[0] for other in source.fields.values() if len(other.shape) == 1}
     times = [other for other in source.fields.values() if other.name not in {*used, field.name}]
@@ -143,7 +156,10 @@ def _guess_array(source: Source, field: Field, used: set[str]) -> _Guess:
 
 
 def _guess_columns(source: Source, used: set[str]) -> list[_Guess]:
-    """Guesses that use columns of a table: numbered columns of one prefix, or all other numeric columns."""
+    """Return the guesses that columns of a table contain the taxel values: one guess for each set of numbered columns.
+
+    Without numbered columns, the only guess is all other numeric columns. used: columns that are times or labels.
+    """
     free = [
         field.name
         for field in source.fields.values()
@@ -175,13 +191,18 @@ def _guess_columns(source: Source, used: set[str]) -> list[_Guess]:
 
 
 def _time_lines(time: Field | None) -> list[str]:
+    """Return the lines of the table [time] of a mapping. time: field of the times; None: a rate is proposed."""
     if time is None:
         return ["[time]                   # GUESS: the file has no increasing times", "rate_hz = 100.0"]
     unit = guess_unit(time.name, time.load())
     return ["[time]                   # GUESS", f"field = {_quote(time.name)}", f"unit = {_quote(unit)}"]
 
 
-def _label_lines(source: Source, labels: dict[str, str], guess: _Guess) -> list[str]:
+def _label_lines(labels: dict[str, str]) -> list[str]:
+    """Return the lines of a mapping for session, object, approach, phase and valid.
+
+    labels: name of the field by the name of the label. A label without a field gets a constant or a comment.
+    """
     lines = []
     defaults = {
         "session": "session = 1              # GUESS: number of the day or of the mounting",
@@ -198,6 +219,7 @@ def _label_lines(source: Source, labels: dict[str, str], guess: _Guess) -> list[
 
 
 def _grasp_lines(labels: dict[str, str], guess: _Guess) -> list[str]:
+    """Return the lines of the table [grasp] of a mapping, which divides the frames into contacts."""
     if guess.is_batch:
         return ["[grasp]", "axis = true              # GUESS: the first axis is the contact, the second the frame"]
     if "grasp" in labels:
@@ -206,6 +228,10 @@ def _grasp_lines(labels: dict[str, str], guess: _Guess) -> list[str]:
 
 
 def _position_lines(guess: _Guess) -> list[str]:
+    """Return the lines of the table [positions] of a mapping, as comments.
+
+    A grid is proposed for a frame of two axes, and for a square number of taxels.
+    """
     shape = guess.shape
     side = isqrt(guess.width)
     if len(shape) != 2 and side * side == guess.width and side > 1:

@@ -1,4 +1,4 @@
-"""Write the recordings of files as a dataset of version 2."""
+"""Import of files: their recordings are divided into contacts and written as a dataset of version 2."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ def write_recordings(
     grouping: Grouping | None = None,
     overwrite: bool = False,
 ) -> ImportReport:
-    """Write recordings as a dataset; return the numbers of what was written.
+    """Write the contacts of recordings to the dataset file `out`; return the numbers of contacts, frames and taxels.
 
-    The dataset is written completely or not at all. Raises DatasetError for the first error.
+    grouping: division of the frames into contacts; None: one contact for each recording without contact numbers. The
+    dataset is written completely or not at all. Raises DatasetError for the first error.
     """
     counter = _Counter()
     write_general(out, header, counter.count(recordings, grouping or Grouping()), overwrite)
@@ -55,7 +56,10 @@ def write_recordings(
 def import_files(
     paths: Sequence[str | os.PathLike[str]], mapping: Mapping, out: str | os.PathLike[str], overwrite: bool = False
 ) -> ImportReport:
-    """Import files by a mapping; the contacts are in the order of the files. Raises DatasetError."""
+    """Import files by a mapping into the dataset file `out`; the contacts are in the order of the files.
+
+    The places of the taxels are those of the first file. Raises DatasetError for the first error.
+    """
     first = open_source(paths[0])
     sources = chain([first], (open_source(path) for path in paths[1:]))
     header = make_header(mapping.source, mapping.sensor, mapping.properties, read_places(first, mapping))
@@ -64,14 +68,14 @@ def import_files(
 
 
 class _Counter:
-    """Counts contacts and frames while they are written."""
+    """Counter of the contacts and frames that pass through `count` to the writer."""
 
     def __init__(self) -> None:
         self.contacts = self.frames = self.taxels = 0
         self.components = 1
 
     def count(self, recordings: Iterable[Recording], grouping: Grouping) -> Iterator[Contact]:
-        """Yield the contacts of all recordings."""
+        """Yield the contacts of all recordings, and count contacts, frames, taxels and components."""
         for recording in recordings:
             for contact in make_contacts(recording, grouping, self.contacts):
                 shape: tuple[Any, ...] = contact.values.shape

@@ -1,4 +1,4 @@
-"""Apply a mapping to a file: read the selected fields and give them the shapes of a recording."""
+"""Application of a mapping to a file: the selected fields are read and brought into the shapes of a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ from taxel.types import FloatArray
 
 
 def read_recording(source: Source, mapping: Mapping, labels: Labels) -> Recording:
-    """Read the frames of a file. labels: constant labels of the file. Raises DatasetError for the first error."""
+    """Read the frames of a file by a mapping. labels: labels of all contacts of the file.
+
+    If the first axis of the arrays is the contact, the frames of all contacts follow each other in the result, and its
+    `contact` contains their numbers. Raises DatasetError for the first error.
+    """
     array = read_selection(source, mapping.values.selection, mapping.values.frame_axis)
     is_batch = mapping.grouping.axis
     count = array.shape[:2] if is_batch else array.shape[:1]
@@ -47,7 +51,7 @@ def read_recording(source: Source, mapping: Mapping, labels: Labels) -> Recordin
 
 
 def select_columns(source: Source, selection: Selection) -> tuple[str, ...]:
-    """Names of the selected fields in order. Raises DatasetError for an unknown name or prefix."""
+    """Return the names of the selected fields in order. Raises DatasetError for an unknown name or prefix."""
     if selection.names is not None:
         return tuple(source.find(name).name for name in selection.names)
     if selection.prefix is not None:
@@ -65,7 +69,7 @@ def select_columns(source: Source, selection: Selection) -> tuple[str, ...]:
 
 
 def find_numbered(source: Source, prefix: str) -> tuple[str, ...]:
-    """Names of the fields that consist of the prefix and a number, in the order of the numbers."""
+    """Return the names of the fields that consist of the prefix and a number, in the order of the numbers."""
     numbered = re.compile(re.escape(prefix) + r"(\d+)")
     matches = [match for name in source.fields if (match := numbered.fullmatch(name)) is not None]
     return tuple(match[0] for match in sorted(matches, key=lambda match: int(match[1])))
@@ -74,19 +78,20 @@ def find_numbered(source: Source, prefix: str) -> tuple[str, ...]:
 def read_selection(source: Source, selection: Selection, frame_axis: int = 0) -> NDArray[Any]:
     """Read the selected fields as one array [frame, ...]; several fields are joined along the taxels.
 
-    Raises DatasetError for a field that is not numeric, and for fields with different numbers of frames.
+    frame_axis: axis of the frames in each field. Raises DatasetError for a field that is not numeric, fields with
+    different numbers of frames, and selected elements beyond the frame.
     """
     names = select_columns(source, selection)
     arrays: list[NDArray[Any]] = []
     for name in names:
         array = source.read_numbers(name)
-        own = source.at(name)
+        location = source.at(name)
         if array.ndim == 0 or not -array.ndim <= frame_axis < array.ndim:
-            own.fail("an array with a frame axis", f"shape {array.shape}", "choose another field or frame_axis")
+            location.fail("an array with a frame axis", f"shape {array.shape}", "choose another field or frame_axis")
         array = np.moveaxis(array, frame_axis, 0)
         if arrays and len(array) != len(arrays[0]):
             remedy = "select fields that were recorded together"
-            own.fail(f"{len(arrays[0])} frames as in {names[0]}", str(len(array)), remedy)
+            location.fail(f"{len(arrays[0])} frames as in {names[0]}", str(len(array)), remedy)
         arrays.append(array)
     if len(arrays) == 1:
         joined = arrays[0]
@@ -102,7 +107,10 @@ def read_selection(source: Source, selection: Selection, frame_axis: int = 0) ->
 
 
 def shape_values(array: NDArray[Any], values: Values) -> FloatArray:
-    """Return values f64[T, n], or f64[T, n, 3] of vector taxels. array: [T, ...]. Raises DatasetError."""
+    """Bring an array [T, ...] into the shape of values: f64[T, n], or f64[T, n, 3] for vector taxels.
+
+    Raises DatasetError if the numbers of a frame do not fit the components or the expected shape.
+    """
     location = values.selection.location
     flat = np.asarray(array, np.float64).reshape(len(array), prod(array.shape[1:]))
     if flat.shape[1] % values.components:
@@ -119,7 +127,11 @@ def shape_values(array: NDArray[Any], values: Values) -> FloatArray:
 
 
 def read_times(source: Source, times: Times, frames: int, length: int | None = None) -> FloatArray:
-    """Times f64[T] in seconds from the first frame. length: frames of each contact, if a time is [length] for all."""
+    """Return the times of all frames, f64[T], seconds from the first frame.
+
+    frames: number T of frames. length: number of frames of each contact, if all contacts have the same times and the
+    field contains them once. Raises DatasetError for another number of times, and without a frame.
+    """
     if times.name is None:
         assert times.rate_hz is not None
         return np.arange(frames, dtype=np.float64) / times.rate_hz
@@ -139,7 +151,10 @@ def read_times(source: Source, times: Times, frames: int, length: int | None = N
 
 
 def read_places(source: Source, mapping: Mapping) -> TaxelPlaces:
-    """Places of the taxels, from the mapping and from arrays of the first file. Raises DatasetError."""
+    """Return the positions and numbers of the taxels, from the mapping and from fields of a file.
+
+    Raises DatasetError for a field that is not numeric, and for positions without 3 coordinates.
+    """
     places = make_grid_places(mapping.grid) if mapping.grid is not None else TaxelPlaces()
     arrays: dict[str, Any] = {}
     if mapping.position is not None:
@@ -155,9 +170,10 @@ def read_places(source: Source, mapping: Mapping) -> TaxelPlaces:
 
 
 def _read_column(source: Source, name: str, frames: int, contacts: int | None = None) -> NDArray[Any]:
-    """Read one entry for each frame, numbers or texts; a single entry counts for all frames. Raises DatasetError.
+    """Read one entry for each frame, numbers or strings; a single entry is repeated for all frames.
 
     contacts: number of contacts of equal length, for each of which the field may have one entry; None: not known.
+    Raises DatasetError for another number of entries.
     """
     array = source.read(name).ravel()
     if len(array) == 1:
@@ -171,7 +187,7 @@ def _read_column(source: Source, name: str, frames: int, contacts: int | None = 
 
 
 def _read_flags(source: Source, name: str, frames: int) -> NDArray[np.bool_]:
-    """Read whether each frame is valid. Raises DatasetError for entries other than 0 and 1."""
+    """Read a field that states with 0 or 1 whether each frame is valid, as bool[T]. Raises DatasetError for others."""
     array = _read_column(source, name, frames)
     location: Location = source.at(name)
     if array.dtype.kind not in "iufb" or not np.isin(array, (0, 1)).all():
@@ -180,7 +196,7 @@ def _read_flags(source: Source, name: str, frames: int) -> NDArray[np.bool_]:
 
 
 def _read_per_taxel(source: Source, selection: Selection, frames: int, n: int) -> FloatArray:
-    """Read an array f64[T, n]. Raises DatasetError for another shape."""
+    """Read the selected fields as f64[T, n], T = `frames`, n taxels. Raises DatasetError for another size."""
     array = read_selection(source, selection)
     if array.size != frames * n:
         found = f"shape {array.shape}"

@@ -53,14 +53,14 @@ def open_file(path: Path) -> Source:
 
 
 def _check_names(names: list[str], location: Location) -> None:
-    """Raise DatasetError for a name that two columns have."""
+    """Raise DatasetError for a name of more than one column."""
     name, count = Counter(names).most_common(1)[0] if names else ("", 0)
     if count > 1:
         location.key(name or "(empty name)").fail("each column once", f"{count} columns", "rename the columns")
 
 
 def _is_number(text: str) -> bool:
-    """Whether a text is a number; an empty text counts as a missing number."""
+    """Whether a string is a number; an empty string is treated as a missing number."""
     try:
         float(text or "nan")
     except ValueError:
@@ -69,7 +69,11 @@ def _is_number(text: str) -> bool:
 
 
 def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list[NDArray[Any]] | None:
-    """Read a large table of numbers; None for a table with texts, empty entries or errors."""
+    """Read the columns of a large table of numbers with NumPy.
+
+    width: number of columns. None for a small table, and for a table with strings, empty entries or errors, which
+    `_read_rows` reads instead.
+    """
     if path.stat().st_size < _FAST_BYTES:
         return None
     try:
@@ -82,7 +86,7 @@ def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list
 def _read_rows(
     path: Path, separator: str, has_header: bool, names: list[str], location: Location
 ) -> list[NDArray[Any]]:
-    """Read the columns of a table, numbers or texts. Raises DatasetError for rows of different lengths."""
+    """Read the columns of a table, numbers or strings. Raises DatasetError for rows of different lengths."""
     check_size((path.stat().st_size // 8,), 8, location)
     rows: list[list[str]] = []
     try:
@@ -92,16 +96,16 @@ def _read_rows(
                 if not row or (has_header and reader.line_num == 1):
                     continue
                 if len(row) != len(names):
-                    own = location.key(f"line {reader.line_num}")
-                    own.fail(f"{len(names)} entries as in the first line", str(len(row)), "correct that line")
+                    line = location.key(f"line {reader.line_num}")
+                    line.fail(f"{len(names)} entries as in the first line", str(len(row)), "correct that line")
                 rows.append(row)
     except (csv.Error, UnicodeDecodeError, OSError) as error:
         location.fail("a CSV table as UTF-8 text", format_value(str(error)), "save the table as CSV again")
-    return [_convert([row[index].strip() for row in rows]) for index in range(len(names))]
+    return [_convert_column([row[index].strip() for row in rows]) for index in range(len(names))]
 
 
-def _convert(column: list[str]) -> NDArray[Any]:
-    """Return a column as f64 if every entry is a number or empty, else as texts."""
+def _convert_column(column: list[str]) -> NDArray[Any]:
+    """Convert a column to f64 if every entry is a number or empty (NaN), else to an array of strings."""
     try:
         return np.array([float(entry or "nan") for entry in column], np.float64)
     except ValueError:

@@ -1,4 +1,4 @@
-"""HDF5 files of any layout: every numeric or text dataset is a field, by its path. Needs h5py."""
+"""HDF5 files of any layout: every dataset of numbers or strings is a field, named by its path. Needs h5py."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ def open_file(path: Path) -> Source:
     location = Location(str(path))
     fields: dict[str, Field] = {}
 
-    def add(name: str, item: Any) -> None:
+    def add_field(name: str, item: Any) -> None:
+        """Add the member `item` of the file to the fields if it is a dataset of numbers or strings in this file."""
         if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
             return
         is_text = h5py.check_string_dtype(item.dtype) is not None
         if is_text or item.dtype.kind in NUMBERS:
             kind = "text" if is_text else str(item.dtype)
-            fields[name] = Field(name, item.shape, kind, lambda: _load(path, name))
+            fields[name] = Field(name, item.shape, kind, lambda: _load_dataset(path, name))
 
     with open_hdf5(path, "r") as file, convert_hdf5_errors(location):
-        file.visititems(add)  # hard links only
+        file.visititems(add_field)  # hard links only
     return Source(path, "HDF5 file", fields)
 
 
-def _load(path: Path, name: str) -> NDArray[Any]:
-    """Read a dataset. Raises DatasetError."""
+def _load_dataset(path: Path, name: str) -> NDArray[Any]:
+    """Read the dataset `name` of an HDF5 file, numbers or strings. Raises DatasetError."""
     location = Location(str(path)).key(name)
     with open_hdf5(path, "r") as file, convert_hdf5_errors(location):
         dataset = file[name]

@@ -3,8 +3,8 @@
 Layout: huggingface/lerobot, and the blog page lerobot-datasets-v3.md of huggingface/blog. ``meta/info.json`` has the
 key codebase_version; the tables are data/chunk-NNN/episode_NNNNNN.parquet (v2.1) or data/chunk-NNN/file-NNN.parquet
 (v3), with the columns timestamp (seconds from the start of the episode), frame_index, episode_index, task_index, and
-the features. The texts of the tasks are in meta/tasks.jsonl (v2.1) or meta/tasks.parquet (v3); they are the additional
-field ``task``.
+the features. The descriptions of the tasks are in meta/tasks.jsonl (v2.1) or meta/tasks.parquet (v3); this module adds
+the field ``task``, which contains the description of the task in each row.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ from taxel.recording.importers.source_parquet import open_tables
 EPISODE, TIME, TASK_INDEX, TASK = "episode_index", "timestamp", "task_index", "task"
 
 _LARGEST_TASK: Final = 1e9
+"""Largest number of a task that is accepted."""
 
 _VERSIONS: Final = {"v2.": "episode_*.parquet", "v3.": "file-*.parquet"}
+"""Pattern of the data files, by the start of the dataset's version."""
 
 
 def open_file(path: Path) -> Source:
@@ -59,7 +61,7 @@ def _read_json(file: Path, location: Location) -> Any:
 
 
 def _read_tasks(path: Path) -> dict[int, str]:
-    """Texts of the tasks by number; empty if the dataset has none. Raises DatasetError for damaged files."""
+    """Read the descriptions of the tasks by number; empty if there are none. Raises DatasetError for damaged files."""
     lines, table = path / "meta/tasks.jsonl", path / "meta/tasks.parquet"
     if lines.is_file():
         location = Location(str(lines))
@@ -78,12 +80,12 @@ def _read_tasks(path: Path) -> dict[int, str]:
 
 
 def _name_tasks(source: Source, texts: dict[int, str]) -> NDArray[Any]:
-    """Text of the task of each row."""
+    """Return the description of the task in each row of a table; "task 7" for a number without description."""
     return np.array([texts.get(index, f"task {index}") for index in _read_task_numbers(source)])
 
 
 def _read_task_numbers(source: Source) -> list[int]:
-    """Number of the task of each row. Raises DatasetError for a value that is no integer."""
+    """Return the number of the task in each row of a table. Raises DatasetError for a value that is no integer."""
     values = source.read_numbers(TASK_INDEX).ravel()
     if not np.isfinite(values).all() or (values != np.round(values)).any() or (np.abs(values) > _LARGEST_TASK).any():
         source.at(TASK_INDEX).fail("the number of a task in each row", "other numbers", "correct the column")

@@ -33,25 +33,28 @@ def open_file(path: Path) -> Source:
     """Open a NumPy file; arrays are read on first use. Raises DatasetError for a damaged file and Python objects."""
     location = Location(str(path))
     if path.suffix.lower() == ".npy":
-        own = location.key(ARRAY_NAME)
-        with _convert_errors(own, "a NumPy array"), open_regular_file(path) as file:
+        place = location.key(ARRAY_NAME)
+        with _convert_errors(place, "a NumPy array"), open_regular_file(path) as file:
             header = parse_array_header(file.read(HEADER_BYTES), path.stat().st_size)
-        return Source(path, "NumPy file", {ARRAY_NAME: _make_field(header, ARRAY_NAME, own, lambda: _load_npy(path))})
+        return Source(path, "NumPy file", {ARRAY_NAME: _make_field(header, ARRAY_NAME, place, lambda: _load_npy(path))})
     fields = {}
     with _convert_errors(location, "a NumPy archive (.npz)"):
         archive = NumpyArchive(path)
     with archive:
         for name in archive.names:
-            own = location.key(name)
-            with _convert_errors(own, "a NumPy array"):
+            place = location.key(name)
+            with _convert_errors(place, "a NumPy array"):
                 header = archive.read_header(name)
-            fields[name] = _make_field(header, name, own, _make_loader(path, name))
+            fields[name] = _make_field(header, name, place, _make_loader(path, name))
     return Source(path, "NumPy archive", fields)
 
 
 @contextmanager
 def _convert_errors(location: Location, expected: str) -> Iterator[None]:
-    """Context that converts the errors of a NumPy file into DatasetError. expected: for the message."""
+    """Context manager that converts the errors of a NumPy file into DatasetError.
+
+    expected: expected content in the error message, such as "a NumPy array".
+    """
     try:
         yield
     except (ArchiveError, OSError) as error:
@@ -65,9 +68,10 @@ def _make_field(header: ArrayHeader, name: str, location: Location, load: Callab
 
 
 def _make_loader(path: Path, name: str) -> Callable[[], NDArray[Any]]:
-    """Return a function that reads one array of an archive."""
+    """Return a function that reads the array `name` of an archive."""
 
     def load() -> NDArray[Any]:
+        """Open the archive again and read the array. Raises DatasetError."""
         with _convert_errors(Location(str(path)).key(name), "a complete array"), NumpyArchive(path) as archive:
             return archive.read(name, LARGEST_ARRAY_BYTES)
 

@@ -23,7 +23,8 @@ def open_file(path: Path) -> Source:
 def open_tables(path: Path, files: Sequence[Path], kind: str) -> Source:
     """Open Parquet files with equal columns as one table: the rows of the files in the given order.
 
-    path: for messages. Columns of another type than numbers, texts and lists of numbers are left out.
+    path, kind: path and type of the source in error messages. Only columns of numbers, times, strings and lists of
+    numbers become fields. Raises DatasetError for damaged files, different columns, and a table without rows.
     """
     with optional_import("pyarrow", "a Parquet table"):
         import pyarrow.parquet as parquet
@@ -54,7 +55,7 @@ def open_tables(path: Path, files: Sequence[Path], kind: str) -> Source:
 
 
 def _with_shape(field: Field, file: Path, rows: int) -> Field:
-    """Add the shape of a column: the number of rows, and the shape of the list in the first row."""
+    """Return the field with the shape of its column: number of rows, and shape of the list in the file's first row."""
     import pyarrow.parquet as parquet
 
     with parquet.ParquetFile(file) as opened:
@@ -64,38 +65,39 @@ def _with_shape(field: Field, file: Path, rows: int) -> Field:
     return Field(field.name, (rows, *inner), field.dtype, field.load)
 
 
-def _is_readable(kind: Any) -> bool:
-    """Whether a column type is numbers, texts, times, or lists of numbers."""
+def _is_readable(arrow_type: Any) -> bool:
+    """Whether an Arrow column type is numbers, strings, times, or lists of numbers or times."""
     import pyarrow.types as types
 
-    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
-        return _is_readable(kind.value_type) and not _is_text(kind.value_type)
-    if hasattr(kind, "storage_type"):
-        return _is_readable(kind.storage_type)
-    return bool(
-        types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_timestamp(kind)
-    ) or _is_text(kind)
+    if types.is_list(arrow_type) or types.is_large_list(arrow_type) or types.is_fixed_size_list(arrow_type):
+        return _is_readable(arrow_type.value_type) and not _is_text(arrow_type.value_type)
+    if hasattr(arrow_type, "storage_type"):
+        return _is_readable(arrow_type.storage_type)
+    is_number = types.is_integer(arrow_type) or types.is_floating(arrow_type) or types.is_boolean(arrow_type)
+    return bool(is_number or types.is_timestamp(arrow_type)) or _is_text(arrow_type)
 
 
-def _is_text(kind: Any) -> bool:
+def _is_text(arrow_type: Any) -> bool:
+    """Whether an Arrow column type is strings, also as entries of a dictionary."""
     import pyarrow.types as types
 
-    if types.is_dictionary(kind):
-        return _is_text(kind.value_type)
-    return bool(types.is_string(kind) or types.is_large_string(kind))
+    if types.is_dictionary(arrow_type):
+        return _is_text(arrow_type.value_type)
+    return bool(types.is_string(arrow_type) or types.is_large_string(arrow_type))
 
 
-def _describe_type(kind: Any) -> str:
-    """Name of the element type of a column."""
-    while hasattr(kind, "value_type") or hasattr(kind, "storage_type"):
-        kind = kind.value_type if hasattr(kind, "value_type") else kind.storage_type
-    return "text" if _is_text(kind) else str(kind)
+def _describe_type(arrow_type: Any) -> str:
+    """Return the name of a column's element type, such as "float"; "text" for strings."""
+    while hasattr(arrow_type, "value_type") or hasattr(arrow_type, "storage_type"):
+        arrow_type = arrow_type.value_type if hasattr(arrow_type, "value_type") else arrow_type.storage_type
+    return "text" if _is_text(arrow_type) else str(arrow_type)
 
 
 def _make_loader(files: Sequence[Path], name: str) -> Any:
-    """Return a function that reads one column of all files."""
+    """Return a function that reads the column `name` of all files."""
 
     def load() -> NDArray[Any]:
+        """Read the column of all files, one after the other, as one array. Raises DatasetError."""
         import pyarrow.parquet as parquet
 
         arrays = []
@@ -106,7 +108,7 @@ def _make_loader(files: Sequence[Path], name: str) -> Any:
                     column = opened.read(columns=[name]).column(0).combine_chunks()
             except Exception as error:  # as in open_tables
                 location.fail("a readable column", format_value(str(error).partition("\n")[0]), "write it again")
-            arrays.append(_convert(column, location))
+            arrays.append(_convert_column(column, location))
         if len({array.shape[1:] for array in arrays}) > 1:
             Location(str(files[0])).key(name).fail("lists of one length in all files", "several", "import separately")
         return np.concatenate(arrays)
@@ -114,8 +116,11 @@ def _make_loader(files: Sequence[Path], name: str) -> Any:
     return load
 
 
-def _convert(column: Any, location: Location) -> NDArray[Any]:
-    """Convert a column to an array [row, ...]. Raises DatasetError for lists of different lengths."""
+def _convert_column(column: Any, location: Location) -> NDArray[Any]:
+    """Convert an Arrow column to an array [row, ...]; times become integers, nanoseconds, and booleans 0 and 1.
+
+    Missing strings become "". Raises DatasetError for lists of different lengths.
+    """
     import pyarrow
     import pyarrow.compute as compute
     import pyarrow.types as types
@@ -124,20 +129,20 @@ def _convert(column: Any, location: Location) -> NDArray[Any]:
         column = column.combine_chunks()
     if isinstance(column, pyarrow.ExtensionArray):
         column = column.storage
-    kind = column.type
-    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
+    arrow_type = column.type
+    if types.is_list(arrow_type) or types.is_large_list(arrow_type) or types.is_fixed_size_list(arrow_type):
         lengths = set(compute.unique(compute.list_value_length(column)).to_pylist())
         if len(lengths) != 1 or None in lengths:
             found = ", ".join(str(length) for length in list(lengths)[:4])
             location.fail("a list of one length in every row", f"lengths {found}", "correct or remove those rows")
-        inner = _convert(compute.list_flatten(column), location)
+        inner = _convert_column(compute.list_flatten(column), location)
         return inner.reshape(len(column), lengths.pop(), *inner.shape[1:])
-    if types.is_dictionary(kind):
+    if types.is_dictionary(arrow_type):
         column = column.dictionary_decode()
-    if types.is_timestamp(kind):
+    if types.is_timestamp(arrow_type):
         column = column.cast(pyarrow.timestamp("ns")).cast(pyarrow.int64())
-    if types.is_boolean(kind):
+    if types.is_boolean(arrow_type):
         column = column.cast(pyarrow.uint8())
-    if _is_text(kind):
+    if _is_text(arrow_type):
         return np.array(["" if text is None else text for text in column.to_pylist()], dtype=str)
     return np.asarray(column.to_numpy(zero_copy_only=False))

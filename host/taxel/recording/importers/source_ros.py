@@ -52,7 +52,10 @@ def open_file(path: Path) -> Source:
 
 
 def _flatten(message: Any, prefix: str = "") -> dict[str, Any]:
-    """Return the values of a message by their path."""
+    """Return the numbers, times and strings of a message by their path, such as "header.stamp".
+
+    Time stamps become nanoseconds. prefix: path of the message in its parent message, with a full stop at its end.
+    """
     result: dict[str, Any] = {}
     for entry in message_fields(message):
         value, name = getattr(message, entry.name), prefix + entry.name
@@ -74,7 +77,10 @@ def _flatten(message: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _stack(items: list[dict[str, Any]]) -> dict[str, Any]:
-    """Join the values of a list of messages along a new first axis; values of different shapes are left out."""
+    """Join the values of a list of messages along a new first axis; return arrays by path.
+
+    items: values of each message by path. Strings, and values whose shape differs between messages, are left out.
+    """
     result = {}
     for name in items[0]:
         entries: list[Any] = [item.get(name) for item in items]
@@ -85,7 +91,10 @@ def _stack(items: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _make_field(name: str, entries: list[Any], location: Location) -> Field:
-    """Return the field of one value of each message of a topic."""
+    """Return a field of which each message of a topic gives one entry.
+
+    If the shapes of the entries differ, the field can be listed, but reading it raises DatasetError.
+    """
     if isinstance(entries[0], str):
         return make_field(name, np.array(entries, dtype=str))
     shapes = {np.shape(entry) for entry in entries}
@@ -93,6 +102,7 @@ def _make_field(name: str, entries: list[Any], location: Location) -> Field:
         return make_field(name, np.stack([np.asarray(entry) for entry in entries]))
 
     def load() -> NDArray[Any]:
+        """Raise DatasetError: the entries cannot be joined to one array."""
         found = ", ".join(str(shape) for shape in sorted(shapes)[:3])
         return location.key(name.lstrip("/")).fail(
             "one shape in every message", f"shapes {found}", "choose another field"

@@ -36,7 +36,10 @@ def open_file(path: Path) -> Source:
 
 
 def _walk(node: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield (path, array) of all arrays at and below a node."""
+    """Yield (path, array) for a Zarr array, or for all arrays in a Zarr group and its subgroups.
+
+    node: array or group. path: its path; "" for the root, whose array is called "data".
+    """
     if hasattr(node, "shape"):
         yield path or "data", node
         return
@@ -48,9 +51,10 @@ def _walk(node: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 
 def _make_loader(array: Any, location: Location) -> Any:
-    """Return a function that reads one array."""
+    """Return a function that reads a Zarr array."""
 
     def load() -> NDArray[Any]:
+        """Read the array into memory. Raises DatasetError for a damaged store."""
         try:
             return np.asarray(array[...])
         except Exception as error:  # as in open_file

@@ -1,4 +1,4 @@
-"""Open a file of any supported kind as named arrays."""
+"""Opening of a file of any supported kind as named arrays."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _FOLDERS: Final = (
     (".zgroup", "source_zarr"),
     (".zarray", "source_zarr"),
 )
-"""A file that is in a folder of a known layout, and the module that reads the folder."""
+"""Known folder layouts: path of a file that every folder of the layout contains, and the module that reads it."""
 
 
 def check_input(path: Path) -> None:
@@ -70,7 +70,10 @@ def _check_folder(path: Path) -> None:
 
 
 def find_kind(path: Path) -> str:
-    """Return the name of the module that reads a path. Raises DatasetError for an unknown kind."""
+    """Return the name of the module that reads a file or folder, such as "source_csv".
+
+    Raises DatasetError for an unknown kind, and for a path that `check_input` refuses.
+    """
     if path.is_dir():
         _check_folder(path)
         for name, module in _FOLDERS:

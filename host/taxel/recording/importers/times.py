@@ -19,7 +19,7 @@ _NAMES: Final = (
     re.compile(r"(.*[_/ .])?(time|timestamps?|stamp|seconds)([_ /\[(]*(s|sec|ms|us|ns)[\])]?)?", re.IGNORECASE),
     re.compile(rf".*:{RECORD_TIME}"),
 )
-"""Names of times, the most certain first."""
+"""Patterns of field names that indicate times, the most certain pattern first."""
 
 _LARGEST_STEP: Final = (("s", 0.5), ("ms", 500.0), ("us", 5e5), ("ns", np.inf))
 """Largest median step between two frames in each unit. Origin: tactile sensors have rates from 2 Hz to 1 kHz, which
@@ -29,21 +29,28 @@ be taken as milliseconds.
 
 
 def rank_time_name(name: str) -> int:
-    """Return the rank of a name as name of the times, 0 for the most certain; the number of ranks for another name."""
+    """Return how certainly a field name indicates times: the index of its pattern in `_NAMES`, 0 for the most certain.
+
+    The number of patterns for a name that matches none.
+    """
     ranks = (rank for rank, pattern in enumerate(_NAMES) if pattern.fullmatch(name))
     return next(ranks, len(_NAMES))
 
 
 def is_increasing(array: NDArray[Any]) -> bool:
-    """Whether an array has no decrease and more than one value, except where a new contact starts again at 0."""
+    """Whether an array is finite and increases from entry to entry in more than half of its steps.
+
+    Single decreases are permitted, because times may start again at 0 in each contact.
+    """
     steps = np.diff(array.ravel().astype(np.float64))
     return len(steps) > 0 and bool(np.isfinite(steps).all()) and bool((steps > 0).mean() > 0.5)
 
 
 def find_time(source: Source, frames: int, near: str = "", candidates: Iterable[Field] | None = None) -> Field | None:
-    """Return the field that is most probably the time of `frames` frames; None if there is none.
+    """Return the field that most probably contains the times of `frames` frames; None if there is none.
 
-    near: name of a field of the same ROS topic. candidates: fields to choose from; None: all.
+    near: name of a field, such as that of the values; if it belongs to a ROS topic, only fields of this topic with a
+    name of a time are considered. candidates: fields to choose from; None: all.
     """
     topic = near.partition(":")[0] if ":" in near else ""
     best: tuple[int, Field] | None = None
@@ -59,7 +66,7 @@ def find_time(source: Source, frames: int, near: str = "", candidates: Iterable[
 
 
 def guess_unit(name: str, array: NDArray[Any]) -> str:
-    """Return the unit of times: from the name, such as time_ms, else from the median step."""
+    """Return the unit of times (key of `TIME_UNITS`): from a name such as time_ms, else from the median step."""
     match = re.search(r"[_ /\[(](s|sec|ms|us|ns)[\])]?$", name, re.IGNORECASE)
     if match is not None:
         return "s" if match[1].lower() == "sec" else match[1].lower()
@@ -70,8 +77,9 @@ def guess_unit(name: str, array: NDArray[Any]) -> str:
 
 
 def find_times(source: Source, frames: int, unit: str | None, rate_hz: float | None) -> Times:
-    """Return the times of a file of a known layout. unit: declared unit; None: inferred. rate_hz: replaces the times.
+    """Return the field and unit of the times in a file of a known layout, or the given frame rate.
 
+    unit: declared unit; None: inferred. rate_hz: frame rate that replaces the file's times; None: the times are used.
     Raises DatasetError if the file has no times and no rate is given.
     """
     if rate_hz is not None:

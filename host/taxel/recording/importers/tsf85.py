@@ -43,7 +43,9 @@ _PAD: Final = re.compile(r"(?<![a-zA-Z0-9])s([12])(?![0-9])")
 def read_tsf85(
     paths: Sequence[Path], source: str, options: PresetOptions, columns: tuple[str, str] | None = None
 ) -> tuple[GeneralHeader, list[Recording]]:
-    """Read tables of the TSF-85. Files that differ only in s1 and s2 are the two fingers of one recording.
+    """Read tables of the TSF-85; return (header of the dataset, recordings).
+
+    Files whose names differ only in s1 and s2 are the two fingers of one recording.
 
     source: "real" or "sim". columns: first and last column of the taxels; None: found by their names. Raises
     DatasetError for a table without 28 or 56 columns of taxels, and for pairs without common frames.
@@ -60,7 +62,11 @@ def read_tsf85(
 
 
 def _read_group(paths: Sequence[Path], options: PresetOptions, columns: tuple[str, str] | None) -> Recording:
-    """Read one file, or the files of both fingers, whose rows are joined by the number of the frame."""
+    """Read one file, or the files of both fingers, as one recording.
+
+    Rows of both fingers with the same frame number are joined; other rows are left out. Raises DatasetError if no frame
+    number is in both files.
+    """
     tables = [open_source(path) for path in paths]
     values = [_read_taxels(table, columns) for table in tables]
     time = read_preset_times(tables[0], len(values[0]), options)
@@ -70,20 +76,23 @@ def _read_group(paths: Sequence[Path], options: PresetOptions, columns: tuple[st
         if not len(common):
             remedy = "give the files of one recording, or import the fingers separately"
             tables[1].at(_FRAME).fail(f"frames that are also in {paths[0].name}", "none", remedy)
-        rows = [_find_rows(own, common) for own in numbers]
-        values = [own[index] for own, index in zip(values, rows, strict=True)]
+        rows = [_find_rows(frame_numbers, common) for frame_numbers in numbers]
+        values = [finger[index] for finger, index in zip(values, rows, strict=True)]
         time = time[rows[0]]
     return Recording(tables[0].location, time, np.concatenate(values, axis=1), options.labels)
 
 
 def _find_rows(numbers: IntArray, common: IntArray) -> IntArray:
-    """Row of the first occurrence of each common frame."""
+    """Return the index in `numbers` of the first occurrence of each frame number in `common`."""
     order = np.argsort(numbers, kind="stable")
     return np.asarray(order[np.searchsorted(numbers, common, sorter=order)])
 
 
 def _read_taxels(table: Source, columns: tuple[str, str] | None) -> FloatArray:
-    """Values f64[T, 28 or 56] of a table. Raises DatasetError for another number of columns."""
+    """Read the taxel values of a table, f64[T, 28] or f64[T, 56]. Raises DatasetError for another number of columns.
+
+    columns: first and last column of the taxels; None: found by their names.
+    """
     if columns is not None:
         selection = Selection(table.at("columns"), span=columns)
     else:
@@ -100,9 +109,10 @@ def _read_taxels(table: Source, columns: tuple[str, str] | None) -> FloatArray:
 
 
 def find_fingers(table: Source) -> list[list[str]]:
-    """Sets of 28 columns with one prefix and successive numbers, in the order of the table; at most two.
+    """Find the columns of the fingers: at most two lists of 28 names with one prefix and successive numbers.
 
-    Columns that are numbered from 1 to 56 or from 0 to 55 are both fingers.
+    The lists are in the order of the table. If the first suitable prefix has 56 columns, which are those of both
+    fingers, the result is one list of 56 names. Empty if the table has no such columns.
     """
     groups: dict[str, dict[int, str]] = defaultdict(dict)
     for name in table.fields:

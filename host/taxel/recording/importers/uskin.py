@@ -42,10 +42,11 @@ _HEADERLESS: Final = "c"
 def read_uskin(
     paths: Sequence[Path], source: str, options: PresetOptions, prefix: str | None = None, unit: str = "counts"
 ) -> tuple[GeneralHeader, list[Recording]]:
-    """Read tables of uSkin sensors. prefix: start of the column names of one set; None: the first set.
+    """Read tables of uSkin sensors; return (header of the dataset, one recording for each table).
 
-    unit: of the values; the sensors give counts unless they are calibrated. Raises DatasetError for a table without
-    three columns of each taxel.
+    source: "real" or "sim". prefix: common start of the column names to read, such as "raw_"; None: that of the first
+    columns. unit: unit of the values; the sensors give counts unless they are calibrated. Raises DatasetError for a
+    table without three columns for each taxel.
     """
     recordings = []
     for path in paths:
@@ -68,9 +69,10 @@ def read_uskin(
 
 
 def find_axes(table: Source, prefix: str | None) -> tuple[str, ...]:
-    """Names of the columns in the order x, y, z of the first taxel, x, y, z of the second taxel, ...; empty if none.
+    """Return the names of the columns: x, y, z of the first taxel, x, y, z of the second taxel, ...; empty if none.
 
-    Raises DatasetError if a taxel of the set lacks an axis.
+    prefix: common start of the column names; None: that of the first three or more columns. Raises DatasetError if a
+    taxel lacks an axis.
     """
     groups: dict[str, dict[tuple[int, str], str]] = defaultdict(dict)
     for name in table.fields:
@@ -78,7 +80,9 @@ def find_axes(table: Source, prefix: str | None) -> tuple[str, ...]:
         if match is not None:
             groups[match["prefix"]][int(match["number"]), match["axis"].lower()] = name
     found = (
-        groups.get(prefix) if prefix is not None else next((own for own in groups.values() if len(own) >= AXES), None)
+        groups.get(prefix)
+        if prefix is not None
+        else next((columns for columns in groups.values() if len(columns) >= AXES), None)
     )
     if not found:
         return ()
@@ -91,7 +95,12 @@ def find_axes(table: Source, prefix: str | None) -> tuple[str, ...]:
 
 
 def _find_headerless(table: Source, options: PresetOptions) -> tuple[tuple[str, ...], FloatArray | None]:
-    """Columns of a table without a header, and the times of its first column, if it has one more column."""
+    """Return (names of the value columns, times) of a table without a header.
+
+    Three columns belong to each taxel. If there is one more column, the first one contains the times, f64[T], seconds
+    from the first frame; else the times are None. The names are empty for a table with a header, or with two more
+    columns. Raises DatasetError if the times do not increase.
+    """
     names = find_numbered(table, _HEADERLESS)
     if len(names) != len(table.fields) or len(names) % AXES == 2:
         return (), None

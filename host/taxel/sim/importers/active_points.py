@@ -56,7 +56,7 @@ def import_active(
         ImportDataError: the first error in a file, such as a point farther than `MATCH_M` from every taxel, or a taxel
             twice in a frame.
         DatasetError: `out` cannot be written.
-        ValueError: both or neither of joints and poses.
+        ValueError: both joints and poses are given, or neither.
     """
     options = options or ImportOptions()
     refuse_existing_file(out, options.overwrite)

@@ -54,7 +54,7 @@ def read_hand(
 ) -> HandMotion:
     """Read the motion of the hand from a file of joint angles or of poses.
 
-    Raises ValueError for both or neither of them.
+    Raises ValueError if both files are given, or neither.
     """
     if joints is not None and poses is None:
         return read_joints(joints, options.hand, options.wrist_pose, options.progress)
@@ -73,7 +73,7 @@ def write_grasps(
 ) -> ImportReport:
     """Write all grasps of a table to the dataset `out`, completely or not at all.
 
-    compute_forces: called once for each grasp. description: for the attribute generator of the dataset.
+    compute_forces: called once for each grasp. description: text in the attribute "generator" of the dataset.
     """
     refuse_existing_file(out, options.overwrite)
     grasps = group_grasps(table)
@@ -101,7 +101,7 @@ def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
 
 
 def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: ImportOptions) -> ImportedGrasp:
-    """Combine a posed grasp of T frames with the forces on n taxels to a grasp of the dataset.
+    """Combine a posed grasp of T frames with the forces on n taxels into a grasp of the dataset.
 
     name: id in the dataset. forces: f64[T, n], newtons.
     """
@@ -154,7 +154,7 @@ def _fail_without_object_pose(source: FileLocation, name: str) -> NoReturn:
 def group_rows_by_frame(grasp: PosedGrasp, selection: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
     """List the selected rows of the table by frame of a grasp: (index of the frame, row numbers i64).
 
-    selection: bool[r], the selected rows of the table. Frames without such rows are left out.
+    selection: bool[r], the selected rows of the table. Frames without selected rows are left out.
     """
     rows, frame = grasp.rows.rows, grasp.frames.frame
     is_selected = selection[rows]

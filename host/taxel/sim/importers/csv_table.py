@@ -22,11 +22,11 @@ Progress = Callable[[str, int, int], object]
 
 POSE_PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _PROGRESS_LINES = 2000  # lines between two calls of the progress function
-_MIN_QUATERNION_NORM = 1e-6  # below, a quaternion counts as missing
+_MIN_QUATERNION_NORM = 1e-6  # a quaternion with a smaller norm is treated as missing
 
 
 def ignore_progress(step: str, completed: int, total: int) -> None:
-    """A progress function without effect."""
+    """Do nothing: the default progress function."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class CsvTable:
     numbers: Mapping[str, FloatArray]
 
     def has(self, name: str) -> bool:
-        """Whether the file has a column of this name."""
+        """Return whether the file has a column of this name."""
         return name in self.texts or name in self.numbers
 
     def at(self, row: int, column: str = "") -> FileLocation:
@@ -156,7 +156,10 @@ def _read_table(reader: Any, columns: Sequence[Column], source: FileLocation) ->
 
 
 def _read_header(cells: list[str], columns: Sequence[Column], source: FileLocation) -> list[Column]:
-    """Return the known column that each cell of the header line names. Raises ImportDataError for an unknown name."""
+    """Return the known column that each cell of the header line names.
+
+    Raises ImportDataError for an unknown or repeated name, and for a missing required column.
+    """
     known = {name.lower(): column for column in columns for name in (column.name, *column.aliases)}
     order: list[Column] = []
     location = source.at(1)
@@ -179,7 +182,10 @@ def _read_header(cells: list[str], columns: Sequence[Column], source: FileLocati
 
 
 def _parse_value(cell: str, column: Column, source: FileLocation, line: int) -> str | float:
-    """Convert a cell of a CSV file to a text or number; NaN for a permitted empty cell. Raises ImportDataError."""
+    """Convert a cell of a CSV file to the type of its column: a string or a number; NaN for a permitted empty cell.
+
+    Raises ImportDataError for any other cell, with the line number `line`.
+    """
     if column.kind == "text":
         if not cell:
             source.at(line, column.name).fail("a name", "nothing", "add the name")

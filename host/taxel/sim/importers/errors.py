@@ -43,7 +43,7 @@ class FileLocation:
 
 
 def suggest_names(name: str, known: Iterable[str]) -> str:
-    """The remedy for an unknown name: a question with the most similar known names, else a list of known names."""
+    """Return the remedy for an unknown name: a question with the most similar known names, else some known names."""
     names = list(known)
     similar = difflib.get_close_matches(name[:_MAX_CHARACTERS], names, n=_MAX_SUGGESTIONS, cutoff=0.5)
     if similar:

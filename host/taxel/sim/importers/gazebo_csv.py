@@ -55,7 +55,7 @@ _ROUNDING = 1e-9  # relative tolerance of comparisons with the threshold
 
 
 def compute_default_threshold(hand: Hand) -> float:
-    """Distance threshold of the thesis, metres: 2.35 mm for taxels of 3 mm (Figure 4.7)."""
+    """Compute the distance threshold of the thesis, metres: 2.35 mm for 3 mm taxels (Figure 4.7)."""
     return ConeSensing(compute_base_radius(hand)).threshold_m
 
 
@@ -82,7 +82,7 @@ def import_contacts(
     Raises:
         ImportDataError: the first error in a file.
         DatasetError: `out` cannot be written.
-        ValueError: a threshold that is not above 0; both or neither of joints and poses.
+        ValueError: a threshold that is not above 0; both joints and poses are given, or neither.
     """
     options = options or ImportOptions()
     threshold = compute_default_threshold(options.hand) if threshold_m is None else threshold_m
@@ -93,7 +93,7 @@ def import_contacts(
     motion = read_hand(joints, poses, options)
 
     def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
-        """Return the contact force of each taxel in a grasp, f64[T, n], newtons."""
+        """Return the contact force of each taxel in a grasp, f64[T, n], newtons, and count its contacts in `report`."""
         return _compute_taxel_forces(contact_points, grasp, options.hand, threshold, report)
 
     force_source = "nominal forces" if contact_points.force is None else "given forces"
@@ -128,8 +128,8 @@ def _compute_taxel_forces(
 ) -> FloatArray:
     """Distribute the contact forces of one grasp over the taxels, f64[T, n], newtons.
 
-    threshold_m: largest distance from a contact to the centre of a taxel on which it acts. Contacts without a taxel are
-    counted in the report.
+    threshold_m: largest distance from a contact to the centre of a taxel on which it acts. The report counts all
+    contacts and those that act on no taxel. Raises ImportDataError if no contact is within `FAR_M` of a taxel.
     """
     centres = compute_taxel_positions(hand, grasp.hand_track.sensor_pose)
     forces, smallest_distance = np.zeros(centres.shape[:2]), np.inf
@@ -169,7 +169,7 @@ def distribute_forces(distance: FloatArray, threshold_m: float, force: FloatArra
 
 
 def _find_contact_rows(table: CsvTable) -> NDArray[np.bool_]:
-    """Whether each row is a contact, bool[r]; a row without x, y and z is a frame without contact.
+    """Find the rows that are contacts, bool[r]; a row without x, y and z is a frame without contact.
 
     Raises ImportDataError for a row with only some coordinates, and for a contact without a value in a column of the
     file for normal, force or depth.
@@ -191,10 +191,10 @@ def _find_contact_rows(table: CsvTable) -> NDArray[np.bool_]:
 
 
 def _normal_forces(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray | None:
-    """Magnitude of the force of each contact along its normal, newtons, f64[r]; None if the file has no forces.
+    """Compute the magnitude of each contact's force along its normal, f64[r], newtons; None if the file has no forces.
 
     If the file has no normals, the result is the length of the force vector. The sign is ignored, because it depends on
-    the order in which Gazebo lists the two bodies.
+    the order in which Gazebo lists the two bodies. Raises ImportDataError for a negative force.
     """
     vector, normal = table.vectors(FORCE), _unit_normals(table, is_contact)
     if "force" in table.numbers:
@@ -230,7 +230,10 @@ def _unit_normals(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray 
 
 
 def _board_indices(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
-    """Return the index of the board named in each row of the table, i64[r]; -1 without a column for the board."""
+    """Return the index of the board named in each row of the table, i64[r]; -1 in all rows without a column "board".
+
+    Raises ImportDataError for an unknown board.
+    """
     indices = np.full(len(table.line), -1, np.int64)
     names = {board.name: index for index, board in enumerate(hand.boards)}
     for row, name in enumerate(table.texts.get("board", ())):

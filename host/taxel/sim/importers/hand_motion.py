@@ -51,7 +51,8 @@ class GraspTrack:
     def resample(self, time_s: FloatArray, grasp: str) -> GraspTrack:
         """Interpolate the motion of the hand linearly at the times f64[T], seconds; a track with one time is constant.
 
-        grasp: name of the grasp, for errors. Raises ImportDataError for times outside of the track.
+        The result has no phases. grasp: name of the grasp, for errors. Raises ImportDataError for times more than
+        `OUTSIDE_S` outside the track.
         """
         recorded_s = self.time_s
         if len(recorded_s) == 1:
@@ -86,7 +87,7 @@ class GraspTrack:
 def _interpolate_poses(
     poses: FloatArray, before: NDArray[np.intp], after: NDArray[np.intp], fraction: FloatArray
 ) -> FloatArray:
-    """Poses between `poses[before]` (fraction 0) and `poses[after]` (fraction 1), f64[T, ..., 4, 4]."""
+    """Interpolate between `poses[before]` (fraction 0) and `poses[after]` (fraction 1): poses f64[T, ..., 4, 4]."""
     result = poses[before]
     is_between = fraction > 0
     if is_between.any():
@@ -198,7 +199,7 @@ def read_poses(path: str | os.PathLike[str], hand: Hand, progress: Progress = ig
 def _group_by_time(table: CsvTable, key: str, required_names: Sequence[str]) -> list[dict[str, int]]:
     """Return for each time of each grasp the row of every name in the column `key`.
 
-    required_names: names that each time must have. Raises ImportDataError for a missing name and for a name twice.
+    required_names: names that each time must have. Raises ImportDataError for a missing or repeated name.
     """
     names = table.texts[key]
     times = table.numbers.get("time", np.zeros(len(table.line)))
@@ -222,8 +223,9 @@ def _make_tracks(
 ) -> dict[str, GraspTrack]:
     """Divide the poses of the hand at k times into one track for each grasp, by name of the grasp.
 
-    sensors: f64[k, s, 4, 4], brackets. joints: f64[k, j], radians, or None. first_rows: i64[k], row of the table with
-    labels and object of each time; None: one row for each time. Raises ImportDataError for times that do not increase.
+    sensors: f64[k, s, 4, 4], brackets. joints: f64[k, j], radians, or None. first_rows: i64[k], row of the table that
+    contains grasp, time, phase and object pose of each time; None: the table has one row for each time. Raises
+    ImportDataError for times that do not increase within a grasp.
     """
     row_of_time = np.arange(len(table.line)) if first_rows is None else first_rows
     times_by_grasp: dict[str, list[int]] = {}
@@ -260,9 +262,9 @@ def _make_tracks(
 
 
 def parse_phase(value: str, location: FileLocation) -> int:
-    """Convert the text of a phase, its number 0 to 4 or its name, to its number.
+    """Convert the string of a phase (its name, or a number from 0 to 4) to the number of the phase.
 
-    Raises ImportDataError for other text.
+    Raises ImportDataError for any other string.
     """
     text = value.strip().lower()
     if text not in {*_PHASES, *map(str, _PHASES.values())}:

@@ -112,7 +112,7 @@ def import_rollout(
 
 
 def _count_contacts(contacts: ContactPoints, report: ImportReport) -> None:
-    """Add the number and force of the contacts of a grasp to the report; a contact without a board counts as far."""
+    """Add number and force of a grasp's contacts to the report; a contact without a board is counted as far."""
     is_far = contacts.board < 0
     report.contacts += len(is_far)
     report.far_contacts += int(is_far.sum())
@@ -128,9 +128,9 @@ def _import_grasp(
     sensing: Sensing,
     options: ImportOptions,
 ) -> ImportedGrasp:
-    """Compute the taxel forces of a replayed grasp, and return the grasp for the dataset.
+    """Compute the taxel forces of a grasp from its replayed motion, and return the grasp for the dataset.
 
-    name: id in the dataset. first_row: row of its first state, which holds the labels of the grasp.
+    name: id in the dataset. first_row: row of the first state of the grasp, whose labels are used.
     """
     grasp_object = rollout_object.grasp_object
     sensed = sense(options.hand, grasp_object.shape, motion, sensing)
@@ -170,7 +170,7 @@ class _Snapshot:
 
 
 class _Run:
-    """Replay of a MuJoCo model, which is set to one recorded state after the other."""
+    """Replay of a MuJoCo model: the model is set to, or stepped to, one recorded state after the other."""
 
     def __init__(
         self, model: mujoco.MjModel, parts: ModelParts, rollout_object: RolloutObject, options: ImportOptions
@@ -183,8 +183,9 @@ class _Run:
     def compute_motion(self, states: RolloutStates, rows: NDArray[np.intp], is_replayed: bool) -> GraspMotion:
         """Compute poses and contacts at the recorded states `rows` of one grasp.
 
-        is_replayed: step the model with the recorded controls, instead of evaluating each recorded state. Raises
-        ImportDataError if the replay deviates from the recording.
+        is_replayed: step the model with the recorded controls (if the file has them) instead of evaluating each
+        recorded state. If the file contains only the first state, the model is always stepped. Raises ImportDataError
+        if the replay deviates from the recording.
         """
         is_stepped = states.has_start_only or ("ctrl" in states.values and is_replayed)
         snapshots: list[_Snapshot] = []
@@ -224,7 +225,7 @@ class _Run:
     def _step_to(self, states: RolloutStates, row: int) -> None:
         """Simulate from the state before `row` to the state `row`, with the controls of the state before.
 
-        Raises ImportDataError if the result deviates from the recorded state.
+        Raises ImportDataError if the result deviates from the recorded state by more than `REPLAY_TOLERANCE`.
         """
         self._set_values(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied", "eq_active"))
         elapsed_s, step_s = states.time_s[row] - states.time_s[row - 1], self.model.opt.timestep
@@ -251,7 +252,7 @@ class _Run:
         return _Snapshot(sensors, body_pose @ self.rollout_object.frame, self._find_contacts(sensors))
 
     def _find_contacts(self, sensors: FloatArray) -> StepContacts:
-        """Find the contact points between the object and bodies with boards; forces and normals act on the boards.
+        """Find the contact points between the object and bodies with boards; forces and normals point into the boards.
 
         sensors: f64[s, 4, 4], poses of the brackets in the world.
         """

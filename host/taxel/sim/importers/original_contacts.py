@@ -36,7 +36,7 @@ _FAR_M = 1e6  # coordinate of taxels that the plug-in has no centre for, metres
 
 @dataclass(frozen=True)
 class OriginalGrasp:
-    """Labels of the grasps of some files. object, approach: names, such as "cylinder" and "side_1"."""
+    """Labels of imported grasps, which the files lack. object, approach: names, such as "cylinder" and "side_1"."""
 
     object: str
     approach: str
@@ -112,7 +112,7 @@ def import_original_contacts(
         ImportDataError: the first error in a file.
         NoCodedCentresError: another hand, although `rules` use the numbers of the original hand.
         DatasetError: `out` cannot be written.
-        ValueError: both or neither of joints and poses.
+        ValueError: both joints and poses are given, or neither.
     """
     options, rules = options or ImportOptions(), rules or OriginalRules()
     refuse_existing_file(out, options.overwrite)
@@ -122,7 +122,7 @@ def import_original_contacts(
     is_raw = values.shape[1] == _RAW_COLUMNS
 
     def compute_forces(posed: PosedGrasp, report: ImportReport) -> FloatArray:
-        """Return the force of each taxel in a grasp, f64[T, n], newtons."""
+        """Return the force of each taxel in a grasp, f64[T, n], newtons, and count its points in `report`."""
         sensors = posed.hand_track.sensor_pose
         forces = np.zeros((len(sensors), options.hand.n_taxels))
         for frame, rows in group_rows_by_frame(posed, np.ones(len(values), bool)):
@@ -148,9 +148,10 @@ def import_original_contacts(
 
 
 def _make_table(files: Sequence[str | os.PathLike[str]], grasp: OriginalGrasp) -> tuple[CsvTable, FloatArray]:
-    """Join the files to one table with labels, and return it with the numbers f64[r, 3 or 4].
+    """Join the r rows of all files into one table with labels; return the table and the numbers, f64[r, 3 or 4].
 
-    Raises ImportDataError for an error in a file, for files of two types and for two files with one name.
+    Raises ImportDataError for an error in a file, for files with different numbers of columns, and for two files with
+    the same name.
     """
     if not files:
         raise TaxelError("no contact file: give at least one file of the original simulator")
@@ -178,7 +179,10 @@ def _make_table(files: Sequence[str | os.PathLike[str]], grasp: OriginalGrasp) -
 
 
 def _place_centres(hand: Hand, centres: FloatArray, sensor_pose: FloatArray) -> FloatArray:
-    """Centres in the world, f64[n, 3], metres, from centres in the brackets' frames and poses f64[s, 4, 4]."""
+    """Transform taxel centres f64[n, 3], metres, from the brackets' frames to the world.
+
+    sensor_pose: f64[s, 4, 4], brackets in the world.
+    """
     placed = np.empty_like(centres)
     for index, board in enumerate(hand.boards):
         where = hand.get_slice(board.address)
@@ -189,9 +193,10 @@ def _place_centres(hand: Hand, centres: FloatArray, sensor_pose: FloatArray) -> 
 def _activate(
     hand: Hand, placed: FloatArray, points: FloatArray, threshold_m: float, report: ImportReport
 ) -> FloatArray:
-    """Nominal force on the active taxels, f64[n], newtons; contacts without a taxel are counted in the report.
+    """Activate the taxels near contact points: return `NOMINAL_FORCE_N` on active taxels and 0 on others, f64[n], N.
 
-    placed: f64[n, 3], taxel centres in the world. points: f64[c, 3], contact points.
+    placed: f64[n, 3], taxel centres in the world. points: f64[c, 3], contact points in the world. threshold_m: distance
+    below which a point activates a taxel. The report counts the points that activate no taxel.
     """
     stored = StoredPoints(points, np.full(len(points), NOMINAL_FORCE_N))
     force = np.zeros(hand.n_taxels)

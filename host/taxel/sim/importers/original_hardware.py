@@ -105,7 +105,7 @@ def import_original_hardware(
         files: the files GRASP_active_points_coordinates_N.csv. The two other files of each grasp are beside it.
         out: the dataset.
         object_name: grasped object, a key of `options.objects`.
-        approach: of all grasps; None: the part GRASP of the file name.
+        approach: name of the approach of all grasps; None: the part GRASP of the file name.
         options: common options; wrist_pose, sensor noise and seed are not used. object_poses: relative to the robot's
             base; without an entry, `ORIGINAL_OBJECT_POSE`. baseline_frames: None: 100.
 
@@ -150,9 +150,9 @@ def _make_record(
     options: ImportOptions,
     report: HardwareImportReport,
 ) -> GraspRecord:
-    """Make the dataset record of a grasp: baseline frames and one frame of the phase hold; count it in the report.
+    """Make the dataset record of a grasp: baseline frames and one frame of the phase hold; count them in the report.
 
-    sensor_pose: f64[s, 4, 4], base of the robot. object_pose: f64[4, 4], base of the robot.
+    sensor_pose: f64[s, 4, 4], poses of the brackets, and object_pose: f64[4, 4], both in the frame of the robot's base.
     """
     added = BASELINE_FRAMES if options.baseline_frames is None else options.baseline_frames
     frames = added + 1
@@ -178,7 +178,7 @@ def _make_record(
 
 
 def _compute_deviations(grasp: _HardwareGrasp, hand: Hand, sensor_pose: FloatArray) -> FloatArray:
-    """Compute the distances between recorded and modelled taxel positions, f64[p], metres; p taxels have a position."""
+    """Compute the distances between recorded and modelled taxel positions, f64[p], metres, of the p recorded taxels."""
     centres = compute_taxel_positions(hand, sensor_pose[None])[0]
     recorded = (grasp.position - BASE_IN_WORLD[:3, 3]) @ BASE_IN_WORLD[:3, :3]
     distances = np.linalg.norm(recorded - centres, axis=1)
@@ -186,7 +186,10 @@ def _compute_deviations(grasp: _HardwareGrasp, hand: Hand, sensor_pose: FloatArr
 
 
 def _read_grasp(path: Path, hand: Hand) -> _HardwareGrasp:
-    """Read the three files of a grasp. path: file of the active points. Raises ImportDataError."""
+    """Read the three files of a grasp. path: file of the active points; the other two are in the same folder.
+
+    Raises ImportDataError for an error in a file, and for files that contradict each other.
+    """
     match = _FILE_NAME.fullmatch(path.name)
     if match is None:
         expected = "a name GRASP_active_points_coordinates_N.csv"
@@ -226,10 +229,10 @@ def _load_complete_hand() -> Hand:
 
 
 def _find_rows(hand: Hand, points: FloatArray, path: Path) -> NDArray[np.intp]:
-    """Return the row of each taxel of a hand, i64[n].
+    """Return the file row of each taxel of a hand, i64[n].
 
-    points: f64[1324, 4]. path: file, for errors. Raises ImportDataError for a hand with other boards, and for values in
-    the rows of a board that the hand does not have.
+    points: f64[1324, 4], all rows of a file. path: the file, for errors. Raises ImportDataError for a hand with boards
+    that the original hand lacks, and for values in the rows of a board that the hand lacks.
     """
     complete = _load_complete_hand()
     sizes = {board.address: board.kind.taxel_count for board in complete.boards}
@@ -287,7 +290,7 @@ def _read_joints(path: Path, hand: Hand) -> FloatArray:
     assert hand.robot is not None
     for name in load_robot(hand.robot).joint_names:
         if name not in angles:
-            original = next((each for each, own in _JOINT_NAMES.items() if own == name), name)
+            original = next((key for key, joint in _JOINT_NAMES.items() if joint == name), name)
             source.fail(f"a row of joint {original}", "none", "add the angle in radians")
     return np.array([angles[name] for name in load_robot(hand.robot).joint_names])
 
@@ -310,7 +313,7 @@ def _read_rows(path: Path) -> list[tuple[int, Sequence[str]]]:
 
 
 def _parse_number(text: str, location: FileLocation) -> float:
-    """Convert a text to a finite number. Raises ImportDataError."""
+    """Convert a string to a finite number. Raises ImportDataError for any other string."""
     try:
         value = float(text) if "_" not in text else float("nan")
     except ValueError:

@@ -77,10 +77,11 @@ def open_new_dataset(
     layer: str | None = None,
     source: str = "sim",
 ) -> Iterator[GraspDatasetWriter]:
-    """Context manager: a writer of a temporary dataset file, which replaces `path` when all grasps are written.
+    """Open a writer of a temporary dataset file, which replaces `path` when the context ends without an error.
 
-    meshes: of the objects by name. rate_hz: frame rate. description: for the attribute generator of the dataset. layer:
-    "coupled" or "uncoupled", the soft layer. source: "sim", or "real" for a dataset without a sensor model.
+    meshes: meshes of the objects by name. rate_hz: frame rate. description: text in the attribute "generator" of the
+    dataset. stiffness_n_per_m: of the soft layer over one taxel, and layer: "coupled" or "uncoupled" springs; None: not
+    stated. source: "sim", or "real" for a dataset without a sensor model.
 
     Raises DatasetError as the writer does, with the name of `path`.
     """
@@ -108,8 +109,8 @@ def make_record(
 ) -> GraspRecord:
     """Make the dataset record of a grasp, with baseline frames and raw counts.
 
-    The noise of the counts depends only on the seed and the id. Raises ImportDataError for too few baseline frames if
-    the options do not add frames.
+    The noise of the counts depends only on the seed and the id. The frames are counted in the report. Raises
+    ImportDataError for too few baseline frames if the options do not add frames.
     """
     added = _count_missing_baseline(grasp, options.baseline_frames, source)
     times, step = grasp.time_s, 1.0 / compute_frame_rate([grasp.time_s])
@@ -150,8 +151,8 @@ def _repeat_first(values: FloatArray, added: int) -> FloatArray:
 def _count_missing_baseline(grasp: ImportedGrasp, required_frames: int | None, source: FileLocation) -> int:
     """Return the number of baseline frames to add to a grasp.
 
-    required_frames: number of baseline frames after the addition; None: none are added. Raises ImportDataError for too
-    few frames if none are to be added.
+    required_frames: required number of baseline frames; None: no frames are added, and a grasp with fewer than
+    `BASELINE_FRAMES` baseline frames raises ImportDataError.
     """
     baseline_frames = int((grasp.phase == Phase.BASELINE).sum())
     if required_frames is None:

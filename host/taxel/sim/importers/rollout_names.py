@@ -63,7 +63,7 @@ class ModelParts:
 def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], FileLocation]:
     """Read a model map (a TOML file with names of a MuJoCo model), and return it with its location for errors.
 
-    Raises ImportDataError for a file that is not TOML.
+    Raises ImportDataError for a missing or unreadable file and for a file that is not TOML.
     """
     source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
@@ -79,7 +79,10 @@ def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], FileLocation
 
 
 def model_names(model: mujoco.MjModel, kind: str) -> list[str]:
-    """Names of the geoms, bodies or sites of a model by index; "" without a name. kind: one of `KINDS`."""
+    """List the names of a model's geoms, bodies or sites by index; "" for a part without a name.
+
+    kind: one of `KINDS`.
+    """
     return [mujoco.mj_id2name(model, _TYPES[kind], index) or "" for index in range(getattr(model, _SIZES[kind]))]
 
 
@@ -118,14 +121,15 @@ def _require_table(value: Any, location: FileLocation) -> dict[str, Any]:
 
 
 class _PartFinder:
-    """Search for parts of a MuJoCo model by their names; a part is a kind of `KINDS` and an index in the model."""
+    """Search for parts of a MuJoCo model by name; a part is ("geom", "body" or "site", index in the model)."""
 
     def __init__(
         self, model: mujoco.MjModel, hand: Hand, names: Mapping[str, Sequence[str]], source: FileLocation
     ) -> None:
         """Create a search for the parts of a hand in a MuJoCo model.
 
-        names: requested names of the model by part of the hand. source: file location that error messages state.
+        names: all names in the model by kind of part ("geom", "body", "site"). source: location of the model map, which
+        error messages state.
         """
         self.model, self.hand, self.names, self.source = model, hand, names, source
 
@@ -151,7 +155,7 @@ class _PartFinder:
         return kind, self.names[kind].index(name)
 
     def _fail_for_unknown_name(self, name: str, kinds: Sequence[str], location: FileLocation) -> None:
-        """Raise ImportDataError for a name that the model lacks among its parts of the given kinds."""
+        """Raise ImportDataError for a name that no geom, body or site (as listed in `kinds`) of the model has."""
         known_names = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
         found = f"{format_value(name)}, which the model lacks"
         location.fail(f"a {' or '.join(kinds)} of the model", found, suggest_names(name, known_names))

@@ -41,7 +41,9 @@ def make_rollout_object(
 ) -> RolloutObject:
     """Determine the shape of the grasped object in a MuJoCo model.
 
-    Raises ImportDataError for an unknown name of a shape, and for a body without exactly one box, cylinder or mesh.
+    If the model map names a known shape, this shape is in the frame of the object's body; otherwise the shape is that
+    of the body's only geom. Raises ImportDataError for an unknown name of a shape, and for a body without exactly one
+    colliding box, cylinder or mesh.
     """
     is_geom = np.asarray(model.geom_bodyid == parts.object_body)
     known_shape = parts.known_shape
@@ -84,6 +86,6 @@ def _find_shape(model: mujoco.MjModel, is_geom: NDArray[np.bool_], location: Fil
 
 
 def _fail_for_shape(location: FileLocation, found: str) -> NoReturn:
-    """Raise ImportDataError for an object without exactly one usable shape; found: what the model contains."""
+    """Raise ImportDataError for an object without exactly one usable shape; found: geoms in the model, for the text."""
     remedy = "change the model, or set the key known under [object] of the map"
     location.fail("one colliding geom: a box, a cylinder or a convex mesh", found, remedy)

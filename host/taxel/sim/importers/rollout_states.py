@@ -116,7 +116,7 @@ def read_states(path: str | os.PathLike[str], sizes: dict[str, tuple[int, ...]],
 
 
 def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
-    """Load the arrays of an .npz file by name. Raises ImportDataError."""
+    """Load the arrays of an .npz file by name. Raises ImportDataError for a file that is missing or not an archive."""
     if not path.is_file():
         source.fail("an .npz file", "a folder" if path.is_dir() else "no such file", "check the path")
     try:
@@ -142,7 +142,7 @@ def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: File
 
 
 def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[str]:
-    """Return one label for each state, as text. Raises ImportDataError for another shape or type.
+    """Return one label for each state, as strings. Raises ImportDataError for another shape or type.
 
     value: one label, or an array of labels. frames: number of states.
     """
@@ -156,7 +156,7 @@ def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[s
 
 
 def _parse_integers(values: list[str], location: FileLocation) -> NDArray[np.int64]:
-    """Convert labels to integers, i64[T]. Raises ImportDataError for other texts and negative numbers."""
+    """Convert labels to integers, i64[T]. Raises ImportDataError for a label that is not an integer of 0 or more."""
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
             field = FileLocation(location.file, f"{location.field}[{row}]")

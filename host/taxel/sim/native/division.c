@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define VERTICES_MAX (4 + SIM_PARTS_MAX)
-#define SQUARE_AREA 4.0 /* in squares of half a side */
+#define SQUARE_AREA 4.0 /* in squared half sides */
 #define MIN_SHARE 1e-12 /* smaller parts are due to rounding */
 
 /* Convex polygon in half sides from the middle of the square. */
@@ -12,7 +12,7 @@ struct polygon {
     double point[VERTICES_MAX][2];
 };
 
-/* Depth of the plane of a face at a point of the square, metres. */
+/* Return the depth (metres) below the plane of a face at a point of the square (in half sides from its middle). */
 static double evaluate(const struct sim_face *face, const double point[2])
 {
     return face->depth + face->change[0] * point[0] + face->change[1] * point[1];
@@ -48,8 +48,8 @@ static void clip_outside(struct polygon *polygon, const struct sim_face *face)
     clip(polygon, value);
 }
 
-/* Cut off the part of a polygon in which another face is less deep than `face`. Of two equal faces the `first` one
-   counts. */
+/* Cut off the part of a polygon in which the depth below another face is smaller than below `face`. If both depths are
+   equal everywhere, the polygon is kept for the face that is `first`, and emptied for the other one. */
 static void clip_deeper(struct polygon *polygon, const struct sim_face *face, const struct sim_face *other, int first)
 {
     double value[VERTICES_MAX];
@@ -65,8 +65,8 @@ static void clip_deeper(struct polygon *polygon, const struct sim_face *face, co
     }
 }
 
-/* Area, centroid, and mean and standard deviation of the depth of a polygon, as a sum over triangles from its first
-   vertex. Returns 0 if the polygon is empty. */
+/* Compute area share, centroid, and mean and standard deviation of the depth of a polygon, as sums over the triangles
+   from its first vertex, and store them in `part`, whose face is set. Returns 0 if the polygon is empty, else 1. */
 static int measure(const struct polygon *polygon, struct sim_part *part)
 {
     double area = 0.0, square = 0.0;
@@ -97,7 +97,7 @@ static int measure(const struct polygon *polygon, struct sim_part *part)
     return 1;
 }
 
-/* Set the part of a square that lies wholly over its only face. */
+/* Set the part of a square that only the face of the part indents, over its whole area. */
 static void set_whole(struct sim_part *part)
 {
     const double *change = part->face.change;
@@ -107,7 +107,8 @@ static void set_whole(struct sim_part *part)
     part->deviation = sqrt((change[0] * change[0] + change[1] * change[1]) / 3.0);
 }
 
-/* Find the faces that may be the least deep one somewhere in the square of line i. Returns their number. */
+/* Find the faces below which the depth may be smallest somewhere in the square of line i. Stores at most SIM_PARTS_MAX
+   of them; returns their number. upper: upper bound of the smallest depth, metres. */
 static size_t find_candidates(const struct sim_solid *solid, const struct sim_lines *lines, size_t i, double min_slope,
                               double upper, struct sim_face candidates[SIM_PARTS_MAX])
 {

@@ -23,7 +23,7 @@ void sim_add_point(struct sim_equations *equations, size_t first, const double m
     }
 }
 
-/* Exchange two rows of the equations. */
+/* Exchange the rows a and b of matrix and right-hand side. */
 static void exchange_rows(struct sim_equations *equations, size_t a, size_t b)
 {
     for (size_t j = 0; j < equations->dofs; j++) {

@@ -11,8 +11,10 @@ struct sim_equations {
     double *force;  /* [dofs] */
 };
 
-/* Add a force f on a point of the object and its stiffness K [3][3] (N/m), both in the world.
-   motion: [6][3], motion of the point by the object's six degrees of freedom, which begin at `first`. */
+/* Add a force on a point of the object to the right-hand side, and its stiffness [3][3] (N/m) times the time step to
+   the matrix; both are given in the world.
+   motion: [6][3], velocity of the point per unit velocity of the object's six degrees of freedom, which begin at
+   `first`. */
 void sim_add_point(struct sim_equations *equations, size_t first, const double motion[6][3], const double force[3],
                    const double stiffness[3][3]);
 

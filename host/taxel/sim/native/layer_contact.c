@@ -13,7 +13,7 @@ size_t sim_layer_struct_size(void)
     return sizeof(struct sim_layer);
 }
 
-/* Pose of b in the frame of a: inverse(a) b of two rigid transforms (4 x 4, by rows). */
+/* Compute the pose of b in the frame of a: inverse(a) b of two rigid transforms (4 x 4, by rows). */
 static void compute_relative_pose(const double *a, const double *b, double *result)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -32,9 +32,9 @@ static double larger_of(double a, double b)
     return a > b ? a : b;
 }
 
-/* Force (newtons) of the layer on one taxel and its derivative `rate` (N/m) at a compression `depth` (metres):
-   stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4 + (d / solid_m)^16), continued along its tangent above
-   straight_m. */
+/* Compute the force (newtons) of the layer on one taxel and its derivative `rate` (N/m) at a compression d = `depth`
+   (metres): stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4 + (d / solid_m)^16), continued along its
+   tangent above straight_m. */
 static void apply_law(const struct sim_law *law, double depth, double *force, double *rate)
 {
     const double curved = depth < law->straight_m ? depth : law->straight_m;
@@ -47,15 +47,16 @@ static void apply_law(const struct sim_law *law, double depth, double *force, do
     *force = curved * growth + (depth - curved) * *rate;
 }
 
-/* Contact of one part of a column: point of contact relative to the bracket's origin, normal of the solid, force on the
-   board and its stiffness, in the solid's frame. */
+/* Contact of one part of a column, in the solid's frame: arm from the bracket's origin to the point of contact
+   (metres), outward normal of the solid, force on the board (newtons) and its stiffness (N/m). */
 struct column_contact {
     double arm[3], normal[3], force[3];
     double stiffness[3][3];
 };
 
-/* Shear (metres) of a piece across the normal n, from its anchor to its top. A part of the piece that touches the solid
-   anew is not sheared: while the `touched` share of the piece grows, the mean shear decreases. Returns its length. */
+/* Compute the shear (metres) of a piece across the normal n: the displacement of its top from its anchor, the point of
+   the solid to which it sticks. A part of the piece that touches the solid anew is not sheared: while the `touched`
+   share of the piece's area grows, the mean shear decreases. Returns the length of the shear. */
 static double find_shear(const struct sim_layer *layer, size_t piece, const double *top, const double *n,
                          double touched, double shear[3])
 {
@@ -73,9 +74,10 @@ static double find_shear(const struct sim_layer *layer, size_t piece, const doub
     return sqrt(square);
 }
 
-/* Add the part of the shear of a column: a spring between its top and the point of the solid to which it sticks. The
-   force is limited to the friction coefficient times the normal force `pressing`; the point then follows the top.
-   touched: share of the piece that touches the solid. */
+/* Add the shear of a column to its contact: the force and stiffness of a spring between the column's top and the point
+   of the solid to which it sticks (anchor). The force is limited to the friction coefficient times the normal force
+   `pressing`; beyond this limit the column slides, and its anchor follows the top. touched: share of the piece's area
+   that touches the solid. advance: not 0: store anchor and touched share. */
 static void add_shear(struct sim_layer *layer, size_t piece, const double *top, double touched, double pressing,
                       int advance, struct column_contact *contact)
 {
@@ -102,7 +104,7 @@ static void add_shear(struct sim_layer *layer, size_t piece, const double *top, 
     }
 }
 
-/* Add the cross product of two vectors to a third one, whose components are `stride` numbers apart. */
+/* Add the cross product of a and (x, y, z) to `result`, whose components are `stride` numbers apart. */
 static void add_cross(const double *a, double x, double y, double z, double *result, size_t stride)
 {
     result[0] += a[1] * z - a[2] * y;
@@ -165,8 +167,9 @@ static void rotate_stiffness(const double *pose, double *stiffness)
     }
 }
 
-/* Find the pieces of a block that may be indented: their tops are inside the solid or near to it. Stores the pieces and
-   their columns; returns their number. */
+/* Find the pieces of a block that may be indented: their tops are inside the solid or near it. Stores their numbers in
+   `piece` and their columns in `lines`; returns how many they are. advance: not 0: the other pieces of the block lose
+   their anchors. */
 static size_t select_columns(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
                              const uint32_t *near, size_t count, int advance, uint32_t *piece, struct sim_lines *lines)
 {
@@ -191,9 +194,9 @@ static size_t select_columns(const struct sim_layer *layer, const struct sim_sol
     return stored;
 }
 
-/* Compute the contact of a part of column i without shear: the force of the layer along the axis has the direction of
-   the solid's normal. The mean over the part follows from two depths with its mean and standard deviation. share: of the
-   area of the law. Returns the force along the normal. */
+/* Compute the contact of a part of column i without shear; its force has the direction of the solid's normal. The mean
+   force over the part follows from two depths that have the part's mean and standard deviation of the depth. share:
+   area of the piece divided by the area of the force law. Returns the force along the normal, newtons. */
 static double press_part(const struct sim_layer *layer, const struct sim_part *part, const struct sim_lines *lines,
                          size_t i, const double *origin, double share, struct column_contact *contact)
 {
@@ -223,8 +226,9 @@ struct column_sum {
     double along;            /* force along the axis */
 };
 
-/* Set the contact through which the shear of a column with several parts acts: the direction of the sum of the normal
-   forces, in their centre. Returns the magnitude of that sum. */
+/* Set the contact through which the shear of a column with several parts acts: its normal is the direction of the sum
+   of the parts' normal forces, and its point is their centre; its force is 0. Returns the magnitude of the sum,
+   newtons. */
 static double join_parts(const struct column_sum *sum, struct column_contact *contact)
 {
     const double *f = sum->force, magnitude = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
@@ -236,7 +240,8 @@ static double join_parts(const struct column_sum *sum, struct column_contact *co
     return magnitude;
 }
 
-/* Add the load of column i with its parts to the load of its board. Returns the force along the axis of the column. */
+/* Add the load of column i with its `count` parts to wrench and stiffness of its board. Returns the force along the
+   axis of the column, newtons. */
 static double load_column(struct sim_layer *layer, uint32_t piece, const double *pose, const struct sim_lines *lines,
                           size_t i, const struct sim_part *parts, size_t count, int advance, double *wrench,
                           double *stiffness)
@@ -270,8 +275,8 @@ static double load_column(struct sim_layer *layer, uint32_t piece, const double 
 }
 
 /* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
-   board is in contact. Each piece is a column with the share of the force law that its area has, divided along the edges
-   of the solid. */
+   board is in contact. Each piece is a column, which is divided along the edges of the solid and bears force in
+   proportion to its area. */
 static int load_board(struct sim_layer *layer, size_t board, const double *pose, double *wrench, double *stiffness,
                       double *taxel_force, int advance)
 {
@@ -304,9 +309,9 @@ static int load_board(struct sim_layer *layer, size_t board, const double *pose,
     return has_contact;
 }
 
-/* Wrench and stiffness on each board from its contact with the solid, in the world, and the force on each taxel. The
-   near pieces of a board are searched again only after the board has moved farther, relative to the solid, than the
-   slack of the last search. */
+/* Compute wrench and stiffness on each board from its contact with the solid, in the world, and the force on each
+   taxel; see layer_contact.h. The near pieces of a board are searched again only after the board has moved farther,
+   relative to the solid, than the slack of the last search. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
                     double *stiffness, double *taxel_force, int advance)
 {

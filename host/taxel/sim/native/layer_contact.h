@@ -1,5 +1,5 @@
-/* Contact of the elastic layer with one solid: every piece of the sheet is a column, which the solid indents and shears.
-   The code is independent of the emulated skin. */
+/* Contact of the elastic layer with one solid: every piece of the sheet is a column, which the solid indents and
+   shears. The code is independent of the emulated skin. */
 #ifndef TAXEL_SIM_LAYER_CONTACT_H
 #define TAXEL_SIM_LAYER_CONTACT_H
 
@@ -24,7 +24,7 @@ struct sim_law {
    shear acts as a spring, and it slides where the spring would exceed `coefficient` times the normal force. */
 struct sim_friction {
     double coefficient;       /* 0: no friction */
-    double stiffness_n_per_m; /* shear stiffness of the area of the law */
+    double stiffness_n_per_m; /* shear stiffness of 25 mm2 of the layer */
 };
 
 /* The caller owns all memory. Pieces are sorted by board, and within a board by square of the sheet. */
@@ -35,7 +35,7 @@ struct sim_layer {
     const double *position;   /* [pieces][3], on the electrode's level, bracket frame, metres */
     const double *normal;     /* [pieces][3] */
     const double *half_sides; /* [pieces][2][3], half of each side of the piece, bracket frame, metres */
-    const double *area_share; /* [pieces], area of the piece divided by the area of the law */
+    const double *area_share; /* [pieces], area of the piece divided by the area of the force law, 25 mm2 */
     const uint32_t *taxel;    /* [pieces], taxel of the piece; SIM_NO_TAXEL: a piece of the margin */
     const double *board_size; /* [boards], largest distance of a point of a piece from the bracket's origin, metres */
     double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */
@@ -59,13 +59,14 @@ struct sim_layer {
     double *touched;      /* [pieces], share of the area that touched the solid at the last advance; 0: no anchor */
 };
 
-/* sizeof (struct sim_layer), for a check by a caller in another language. */
+/* Return sizeof (struct sim_layer), for a check by a caller in another language. */
 size_t sim_layer_struct_size(void);
 
-/* Contact of brackets at poses [boards][SIM_POSE] with the solid at solid_pose [SIM_POSE], both in the world.
+/* Compute the contact of boards with the solid. poses: [boards][SIM_POSE], brackets in the world. solid_pose:
+   [SIM_POSE], world.
    wrench: [boards][6], force and moment on each board about its bracket's origin, world.
-   stiffness: [boards][6][6], negative derivative of the wrench with respect to a small motion of the board (translation,
-   rotation), world.
+   stiffness: [boards][6][6], negative derivative of the wrench with respect to a small motion of the board
+   (translation, rotation), world.
    taxel_force: [taxels] or NULL, newtons along the normals; set to zero by the caller.
    advance: not 0: store where the pieces now stick to the solid; 0: the stored points are unchanged. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,

@@ -5,7 +5,7 @@
 
 #include "layer_contact.h"
 
-/* Component `row` (x, y or z) of a vector rotated by a pose (4 x 4, by rows). */
+/* Return component `row` (0, 1, 2: x, y, z) of a vector rotated by a pose (4 x 4, by rows). */
 static inline double rotate_row(const double *pose, size_t row, const double *vector)
 {
     return pose[4 * row] * vector[0] + pose[4 * row + 1] * vector[1] + pose[4 * row + 2] * vector[2];
@@ -33,7 +33,8 @@ static inline void set_column(const struct sim_layer *layer, const double *pose,
     }
 }
 
-/* Set the half sides of the square of line i to those of a piece. */
+/* Set the half sides of the square of line i to those of a piece, in the solid's frame; `pose`: of the board in that
+   frame. */
 static inline void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece,
                                   struct sim_lines *lines, size_t i)
 {
@@ -44,7 +45,7 @@ static inline void set_half_sides(const struct sim_layer *layer, const double *p
     }
 }
 
-/* Number of lines of the next block, out of the lines that remain. */
+/* Return the number of lines in the next block: at most RAY_BLOCK of the `remaining` lines. */
 static inline size_t limit_to_block(size_t remaining)
 {
     return remaining < RAY_BLOCK ? remaining : RAY_BLOCK;

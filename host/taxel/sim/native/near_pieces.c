@@ -53,8 +53,8 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
     return stored;
 }
 
-/* Find the pieces of complete squares of the sheet that may touch the solid before the next search. As
-   find_near_pieces(), but a square whose middle piece is too far is skipped with one test. */
+/* Find the pieces of complete squares of the sheet that may touch the solid before the next search, as
+   find_near_pieces(); a square whose middle piece is too far away is skipped after one test. */
 static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                    uint32_t *near)
 {
@@ -79,8 +79,8 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
     return stored;
 }
 
-/* Find the faces of a polytope that can indent a near piece before the next search. The pieces lie so deep behind any
-   other face that a nearer face determines their indentation. */
+/* Find and store the faces of a polytope that can indent a near piece of a board before the next search. All near
+   pieces lie so deep behind any other face that a nearer face determines their indentation. */
 static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
 {
     const uint32_t *near = layer->near + layer->first[board];
@@ -118,7 +118,7 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
     layer->near_faces[board] = stored;
 }
 
-/* Forget the anchors of the pieces of a board that are not near: they touch the solid anew when they return. */
+/* Discard the anchors of the board's pieces that are not near: these pieces touch the solid anew when they return. */
 static void release_far_pieces(struct sim_layer *layer, size_t board)
 {
     const uint32_t *near = layer->near + layer->first[board];

@@ -7,15 +7,15 @@
 
 #include "layer_contact.h"
 
-/* Upper bound of the motion between two poses (4 x 4, by rows) of a piece at most `size` from the bracket's origin,
-   metres. */
+/* Return an upper bound (metres) of the displacement of any piece at most `size` metres from the bracket's origin,
+   between two poses of the bracket (4 x 4, by rows). */
 double sim_bound_motion(const double *from, const double *to, double size);
 
 /* Find the near pieces and faces of a board at `pose` in the solid's frame, and the motion (slack, metres) up to which
    they remain valid. A far board has no near pieces, and its slack is its clearance. */
 void sim_search_near(struct sim_layer *layer, size_t board, const double *pose);
 
-/* The solid reduced to the faces that the near pieces of a board can touch, which the last search has found. */
+/* Return the solid with only those faces that the near pieces of a board can touch, as found by the last search. */
 struct sim_solid sim_select_near_faces(const struct sim_layer *layer, size_t board);
 
 #endif

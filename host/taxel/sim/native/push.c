@@ -50,13 +50,14 @@ static void set_jacobian(struct sim_push *push)
     }
 }
 
-/* Lower bound (metres) of the distance of the layer of a board from the object at the last load. */
+/* Return a lower bound (metres) of the distance between a board's layer and the object at the last load. */
 static double get_clearance(const struct sim_layer *layer, size_t board)
 {
     return layer->near_count[board] || layer->slack_m[board] < 0.0 ? 0.0 : layer->slack_m[board];
 }
 
-/* Choose the part of the time step in which no board near the object moves too far, unless it moves away from it. */
+/* Choose the length of the next substep as a fraction of the time step, so that no board near the object moves farther
+   than motion_per_step_m, except a board that moves away from the object. */
 static double choose_part(const struct sim_push *push, const struct sim_layer *layer)
 {
     double fastest = 0.0;
@@ -97,8 +98,8 @@ static void set_motion_equations(const struct sim_push *push, struct sim_equatio
     }
 }
 
-/* Add dry friction, a spring to the angle at which the hinge came to rest with a limited moment (Dahl 1968), and the stiff
-   ends of the ranges. */
+/* Add dry friction and range limits of the hinges to the equations. Dry friction is a spring to the angle at which the
+   hinge came to rest, with a limited moment (Dahl 1968); beyond its range a hinge meets a stiff, damped spring. */
 static void add_hinges(const struct sim_push *push, struct sim_equations *equations)
 {
     const struct sim_hinges *hinges = &push->hinges;
@@ -143,7 +144,7 @@ static void add_board(const struct sim_push *push, size_t board, struct sim_equa
     }
 }
 
-/* Whether the layer loads a board. */
+/* Return whether the layer loads a board: any component of its wrench differs from 0. */
 static int is_loaded(const double *wrench)
 {
     for (size_t i = 0; i < TWIST; i++) {
@@ -154,7 +155,7 @@ static int is_loaded(const double *wrench)
     return 0;
 }
 
-/* Load the layer at the present poses; the result is the last wrench. */
+/* Compute the layer's contact at the present poses; stores the wrenches in last_wrench, and the stiffness. */
 static void load_layer(struct sim_push *push, struct sim_layer *layer)
 {
     const double *rotation = push->bodies.rotation + 9 * push->object_body;

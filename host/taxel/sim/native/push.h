@@ -50,7 +50,7 @@ struct sim_push {
     size_t object_dof;     /* first of six: velocity of the origin in the world, angular velocity in its frame */
     size_t object_address; /* first of seven numbers in qpos */
     double step_s;
-    double board_radius_m;    /* within which rotations of a board count in the choice of the step */
+    double board_radius_m;    /* distance from the bracket's origin at which a rotation is converted to a motion */
     double motion_per_step_m; /* largest motion of a board relative to the object in a step near a contact */
     double max_substeps;
     struct sim_hinges hinges;
@@ -66,12 +66,12 @@ struct sim_push {
     double *force;     /* [dofs] */
 };
 
-/* sizeof (struct sim_push), for a check by a caller in another language. */
+/* Return sizeof (struct sim_push), for a check by a caller in another language. */
 size_t sim_push_struct_size(void);
 
-/* Compute the velocities after a part of a time step, at most `remaining` of `step_s`, and the new state of the contacts.
-   The part is chosen so that no board near the object moves too far. Returns the part, above 0; or 0 if the equations of
-   the step have no solution. */
+/* Compute the velocities after one substep, and the new state of the contacts. The substep is a fraction of step_s, at
+   most `remaining`, chosen so that no board near the object moves too far. Returns the fraction, above 0; or 0 if the
+   equations of the substep have no solution. The caller integrates the positions. */
 double sim_push_step(struct sim_push *push, struct sim_layer *layer, double remaining);
 
 #endif

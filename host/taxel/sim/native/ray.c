@@ -19,13 +19,13 @@ size_t sim_count_faces(const struct sim_solid *solid)
     return solid->faces ? solid->faces : CYLINDER_FACES;
 }
 
-/* Scalar product of a vector and component (x, y, z) number i of a block. */
+/* Return the scalar product of a vector and vector i of a block, which is stored by component. */
 static double project(const double *vector, const double block[3][RAY_BLOCK], size_t i)
 {
     return vector[0] * block[0][i] + vector[1] * block[1][i] + vector[2] * block[2][i];
 }
 
-/* Complete the view of a plane from its normal and the distance (metres) of the top of line i below the plane. */
+/* Complete the view of a plane, whose normal is set. distance: of the top of line i below the plane, metres. */
 static void view_plane(const struct sim_lines *lines, size_t i, double distance, double min_slope,
                        struct sim_face *view)
 {
@@ -37,8 +37,9 @@ static void view_plane(const struct sim_lines *lines, size_t i, double distance,
     }
 }
 
-/* View the wall of an upright cylinder: the line against the axis leaves the wall at the root of a quadratic equation,
-   unless the wall is too steep there. */
+/* Compute the view of an upright cylinder's wall: the depth is a root of a quadratic equation, which gives the point
+   where line i, followed against its direction, leaves the wall. If the wall is too steep there, the depth is the
+   radial distance to the wall divided by min_slope. */
 static void view_wall(const struct sim_solid *solid, const struct sim_lines *lines, size_t i, double min_slope,
                       struct sim_face *view)
 {
@@ -78,7 +79,7 @@ void sim_view_face(const struct sim_solid *solid, size_t face, const struct sim_
     }
 }
 
-/* Add a face with depths between `low` and `high` over the square of column i to the ranges. */
+/* Update the ranges of column i by a face whose depths over the column's square are between `low` and `high`. */
 static inline void add_range(struct sim_ranges *ranges, size_t i, size_t face, double low, double high)
 {
     const int is_lowest = low < ranges->lower[i];
@@ -101,7 +102,7 @@ static void add_polytope_face(const struct sim_solid *solid, size_t face, const 
     }
 }
 
-/* Bounds of the depths (metres) of a block of columns over their squares; see ray.h. */
+/* Compute bounds of the depths (metres) of a block of columns over their squares; see struct sim_ranges. */
 void sim_bound_depths(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
                       struct sim_ranges *ranges)
 {
@@ -122,7 +123,7 @@ void sim_bound_depths(const struct sim_solid *solid, const struct sim_lines *lin
     }
 }
 
-/* Signed distance (metres) of a point from the surface of an upright cylinder; negative inside. */
+/* Return the signed distance (metres) of a point from the surface of an upright cylinder; negative inside. */
 static double cylinder_distance(const struct sim_solid *solid, double x, double y, double z)
 {
     const double radial = sqrt(x * x + y * y) - solid->radius;
@@ -131,7 +132,7 @@ static double cylinder_distance(const struct sim_solid *solid, double x, double 
     return sqrt(over_wall * over_wall + over_cap * over_cap) + smaller(larger(radial, axial), 0.0);
 }
 
-/* Heights (metres) of a block of points over the plane of one face; negative inside the solid. */
+/* Compute the heights (metres) of a block of points over the plane of one face; negative behind the face. */
 static void compute_heights(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t count,
                             double *height)
 {
@@ -142,8 +143,8 @@ static void compute_heights(const struct sim_solid *solid, size_t face, const st
     }
 }
 
-/* Lower bound (metres) of the distance from each point to the solid: exact for a cylinder, the largest height over any
-   half-space for a polytope. */
+/* Compute a lower bound (metres) of the distance from each point to the solid: exact for a cylinder, the largest height
+   over any half-space for a polytope. */
 void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *bound)
 {
     double height[RAY_BLOCK];
@@ -161,8 +162,8 @@ void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *
     }
 }
 
-/* Largest height (metres) of a block of points over one face of a polytope; negative if all points lie behind the face.
- */
+/* Return the largest height (metres) of a block of points over one face of a polytope; negative if all points lie
+   behind the face. */
 double sim_max_height(const struct sim_solid *polytope, size_t face, const struct sim_lines *lines, size_t count)
 {
     double height[RAY_BLOCK], max_height = -INFINITY;

@@ -23,17 +23,18 @@ struct sim_lines {
     double half[2][3][RAY_BLOCK];
 };
 
-/* One face of the solid over the square of a column: the distance from the top of the column to the plane of the face,
-   measured against the axis. A face whose inward normal has a smaller cosine `slope` with the axis than `min_slope`
-   counts as if it had this cosine (`limited`), so that a column that enters the solid sideways is loaded gradually. */
+/* View of one face of the solid from the square of a column. The depth is the distance from the top of the column to
+   the plane of the face, measured against the axis. A face whose inward normal has a smaller cosine with the axis than
+   `min_slope` is treated as if it had this cosine: a column that enters the solid sideways is loaded gradually. */
 struct sim_face {
-    double depth;     /* at the middle of the square, metres; below 0: outside of the plane */
-    double change[2]; /* of the depth along each half side */
+    double depth;     /* at the middle of the square, metres; below 0: outside the plane */
+    double change[2]; /* change of the depth from the middle along each half side, metres */
     double normal[3]; /* outward */
-    double slope, limited;
+    double slope;     /* cosine between the inward normal and the axis of the column */
+    double limited;   /* `slope`, but at least min_slope */
 };
 
-/* Bounds of the depths of a block of columns over their squares. The least depth over all faces is the indentation. */
+/* Bounds of the depths of a block of columns over their squares; an indentation is the smallest depth of any face. */
 struct sim_ranges {
     double lower[RAY_BLOCK];  /* smallest depth of any face */
     double second[RAY_BLOCK]; /* smallest depth of any other face */
@@ -41,20 +42,23 @@ struct sim_ranges {
     double face[RAY_BLOCK];   /* number of the face with the smallest depth */
 };
 
-/* Number of faces of a solid: those of a polytope; wall, bottom and top of a cylinder. */
+/* Return the number of faces of a solid; a cylinder has three: wall, bottom and top. */
 size_t sim_count_faces(const struct sim_solid *solid);
 
-/* View of one face from the square of line i. The wall of a cylinder is replaced by its tangent plane at the axis. */
+/* Compute the view of one face from the square of line i. The wall of a cylinder is replaced by its tangent plane at
+   the axis of the line. */
 void sim_view_face(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t i,
                    double min_slope, struct sim_face *view);
 
+/* Compute bounds of the depths of the first `count` columns over their squares. */
 void sim_bound_depths(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
                       struct sim_ranges *ranges);
 
-/* Lower bound of the distance from each point to the solid, metres. Its change is at most the motion of the point. */
+/* Compute a lower bound of the distance from each point to the solid, metres. When a point moves, its bound changes by
+   at most the length of the motion. */
 void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *bound);
 
-/* Largest height of the points over one half-space of a polytope, metres; negative behind the face. */
+/* Return the largest height of the points over one face of a polytope, metres; negative if all are behind the face. */
 double sim_max_height(const struct sim_solid *polytope, size_t face, const struct sim_lines *lines, size_t count);
 
 #endif

@@ -7,8 +7,8 @@ static double dot(const double *a, const double *b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Set the motion of a point at `arm` from the object's origin, world: by the velocity of the origin in the world and by
-   the angular velocity in the object's frame. */
+/* Set the velocity (world) of a point of the object per unit of the object's six velocities: velocity of its origin in
+   the world, and angular velocity in its own frame. arm: from the origin to the point, world. */
 static void set_motion(const double *rotation, const double arm[3], double motion[6][3])
 {
     for (size_t i = 0; i < 3; i++) {
@@ -20,7 +20,8 @@ static void set_motion(const double *rotation, const double arm[3], double motio
     }
 }
 
-/* Shear (metres) of a corner along the plane, from its anchor to the point; returns its length. */
+/* Compute the shear (metres) of a corner along the plane, from its anchor to its present position `point`; 0 without an
+   anchor. Returns its length. */
 static double find_shear(const struct sim_stand *stand, size_t corner, const double point[3], double shear[3])
 {
     for (size_t k = 0; k < 3; k++) {
@@ -33,7 +34,7 @@ static double find_shear(const struct sim_stand *stand, size_t corner, const dou
     return sqrt(dot(shear, shear));
 }
 
-/* Set force and stiffness of a corner that is `depth` metres below the plane, and store where it now sticks. */
+/* Compute force and stiffness of a corner that is `depth` metres below the plane, and store where it now sticks. */
 static void press_corner(struct sim_stand *stand, size_t corner, const double point[3], double depth, double force[3],
                          double stiffness[3][3])
 {

@@ -7,8 +7,8 @@
 
 #include "equations.h"
 
-/* The caller owns all memory. A corner sticks to the point of the plane that it first touched, and slides where the force
-   along the plane would exceed the friction coefficient times the force across. */
+/* The caller owns all memory. A corner sticks to the point of the plane that it first touched, and slides where the
+   force along the plane would exceed the friction coefficient times the force across. */
 struct sim_stand {
     size_t corners;
     const double *corner; /* [corners][3], object frame, metres */
@@ -21,7 +21,8 @@ struct sim_stand {
 };
 
 /* Add the load of the stand on the object to the equations of a step, and store where the corners now stick.
-   rotation: [9] by rows, position: [3] of the object in the world. first: degree of freedom of its motion along x. */
+   rotation: [9] by rows, position: [3], both of the object in the world. first: index of the first of the object's six
+   degrees of freedom in the equations. */
 void sim_add_stand(struct sim_stand *stand, const double *rotation, const double *position, size_t first,
                    struct sim_equations *equations);
 

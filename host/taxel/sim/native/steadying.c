@@ -6,7 +6,7 @@
 #define MOTIONS 6
 #define PI 3.14159265358979323846
 
-/* Rotation vector (radians, object frame) from the quaternion `from` to `to`, both [w, x, y, z] of length 1. */
+/* Compute the rotation vector (radians, object frame) from the quaternion `from` to `to`, both unit [w, x, y, z]. */
 static void subtract_quaternions(const double *to, const double *from, double turn[3])
 {
     const double w = from[0] * to[0] + from[1] * to[1] + from[2] * to[2] + from[3] * to[3];
@@ -23,8 +23,8 @@ static void subtract_quaternions(const double *to, const double *from, double tu
     }
 }
 
-/* Set the Jacobian of the motion of the centre of mass in the world and of the rotation in the object's frame. The rows
-   are motions, the columns are the six velocities of the object. */
+/* Set the Jacobian with which the object's six velocities are converted to the velocity of the centre of mass in the
+   world (first three rows) and the angular velocity in the object's frame (last three rows). */
 static void set_motion(const double *rotation, const double *centre, double motion[MOTIONS][MOTIONS])
 {
     const double cross[3][3] = {

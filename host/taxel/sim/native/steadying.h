@@ -15,8 +15,9 @@ struct sim_steadying {
     double rest[7];      /* position (metres) and quaternion of the object when the hold began; state */
 };
 
-/* Add the load of the hold on the object to the equations of a step. pose: [7], position and quaternion of the object.
-   rotation: [9] by rows. first: degree of freedom of its motion along x. */
+/* Add the load of the experimenter's hand on the object to the equations of a step; no load at a firmness of 0. In the
+   first step of a hold, stores the object's pose as the rest pose. pose: [7], position and quaternion of the object.
+   rotation: [9] by rows. first: index of the first of the object's six degrees of freedom in the equations. */
 void sim_add_steadying(struct sim_steadying *steadying, const double *pose, const double *rotation, size_t first,
                        struct sim_equations *equations);
 

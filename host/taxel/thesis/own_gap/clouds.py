@@ -12,11 +12,11 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 from taxel.thesis.own_gap.effects import OwnEffects
 from taxel.thesis.own_gap.plugin import PluginGrasp, find_plugin_contacts
-from taxel.thesis.own_gap.taxel_sets import TaxelSets, get_centres, place_in_object_frame, select_counted
+from taxel.thesis.own_gap.taxel_sets import TaxelSets, get_centres, place_in_object_frame, select_used
 from taxel.types import BoolArray, FloatArray
 
 Points = dict[str, FloatArray]
-"""Contact points f64[N, 3] of all grasps by name of the object, metres, nominal frame of the object."""
+"""Contact points of all grasps, f64[N, 3], by name of the object: metres, in the nominal frame of the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class MeasuredGrasp:
     """Signals of one grasp.
 
     Attributes:
-        object: name.
+        object: name of the grasped object.
         brackets: f64[s, 4, 4], poses of the brackets in the nominal frame of the object, metres.
         signal: f64[n], counts, baseline minus mean over hold; NaN without a valid frame.
     """
@@ -44,35 +44,36 @@ def read_measured_grasps(data: GraspDataset) -> list[MeasuredGrasp]:
     return grasps
 
 
-def find_active(signal: FloatArray, counted: BoolArray, *, with_rises: bool) -> BoolArray:
+def find_active(signal: FloatArray, used: BoolArray, *, with_rises: bool) -> BoolArray:
     """Find the active taxels, bool[n].
 
-    signal: f64[n], counts; NaN: not measured, hence not active. counted: bool[n], taxels that count. with_rises: the
-    rule of the original host, a change of at least 150 counts of either sign; False: a decrease above 150 counts.
+    signal: f64[n], counts; a taxel with NaN was not measured and is not active. used: bool[n]; other taxels are not
+    active. with_rises: whether a raw count that changes by at least 150 counts in either direction activates a taxel,
+    as in the original host; False: only a decrease by more than 150 counts.
     """
     known = np.nan_to_num(signal)
     is_active = np.abs(known) >= ACTIVE_SIGNAL_COUNTS if with_rises else known > ACTIVE_SIGNAL_COUNTS
-    return np.asarray(counted & is_active)
+    return np.asarray(used & is_active)
 
 
 def collect_real_points(grasps: Sequence[MeasuredGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
-    """Collect the contact points that the host of the hardware saves."""
-    counted, centres = select_counted(sets, effects, is_real=True), get_centres(sets, effects, is_real=True)
-    active = [find_active(grasp.signal, counted, with_rises=effects.rises) for grasp in grasps]
+    """Collect the contact points that the original host program of the hardware saves."""
+    used, centres = select_used(sets, effects, is_real=True), get_centres(sets, effects, is_real=True)
+    active = [find_active(grasp.signal, used, with_rises=effects.rises) for grasp in grasps]
     return _collect([(grasp.object, grasp.brackets) for grasp in grasps], active, sets, centres)
 
 
 def collect_layer_points(grasps: Sequence[MeasuredGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
     """Collect the contact points of a simulated campaign with an elastic layer."""
-    counted, centres = select_counted(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
-    active = [find_active(grasp.signal, counted, with_rises=False) for grasp in grasps]
+    used, centres = select_used(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
+    active = [find_active(grasp.signal, used, with_rises=False) for grasp in grasps]
     return _collect([(grasp.object, grasp.brackets) for grasp in grasps], active, sets, centres)
 
 
 def collect_plugin_points(hand: Hand, grasps: Sequence[PluginGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
-    """Collect the contact points that the original contact plug-in saves."""
-    counted, centres = select_counted(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
-    active = [found & counted for found in find_plugin_contacts(hand, grasps, effects)]
+    """Collect the contact points that the contact plug-in of the original simulation saves."""
+    used, centres = select_used(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
+    active = [found & used for found in find_plugin_contacts(hand, grasps, effects)]
     poses = [(grasp.object, inverse(grasp.object_pose) @ grasp.sensor_pose) for grasp in grasps]
     return _collect(poses, active, sets, centres)
 
@@ -80,10 +81,10 @@ def collect_plugin_points(hand: Hand, grasps: Sequence[PluginGrasp], sets: Taxel
 def _collect(
     poses: Sequence[tuple[str, FloatArray]], active: Sequence[BoolArray], sets: TaxelSets, centres: FloatArray
 ) -> Points:
-    """Collect the centres of the active taxels of all grasps by object.
+    """Collect the centres of the active taxels of all grasps by object, in the frame of the object.
 
-    poses: name of the object and poses of the brackets f64[s, 4, 4] in its frame, for each grasp. active: bool[n] for
-    each grasp. centres: f64[n, 3], metres, bracket frame.
+    poses: name of the object, and poses of the brackets in its frame, f64[s, 4, 4], for each grasp. active: active
+    taxels, bool[n], for each grasp. centres: f64[n, 3], metres, bracket frame.
     """
     points: dict[str, list[FloatArray]] = {}
     for (name, brackets), is_active in zip(poses, active, strict=True):

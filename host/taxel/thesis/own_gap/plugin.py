@@ -68,7 +68,7 @@ def simulate_plugin_grasps(
 
 
 def _simulate(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> PluginGrasp:
-    """Simulate one planned grasp and keep what the plug-in needs."""
+    """Simulate one planned grasp; return its contact messages and the poses when the plug-in saves."""
     motion = simulate_motion(setup, planned, settings)
     assert motion.messages is not None  # recorded with the sensing level "original"
     saved = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
@@ -84,7 +84,9 @@ def _simulate(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> Plu
 
 
 def make_rules(effects: OwnEffects) -> OriginalRules:
-    """Make the rules of the plug-in: those of the effects as switched, all others as in the original."""
+    """Make the rules of the plug-in: stale contacts and coded centres as in `effects`, all others as in the
+    original.
+    """
     return OriginalRules(
         stale_contacts=effects.stale_contacts,
         coded_centres=effects.coded_simulation,
@@ -95,7 +97,8 @@ def make_rules(effects: OwnEffects) -> OriginalRules:
 def find_plugin_contacts(hand: Hand, grasps: Sequence[PluginGrasp], effects: OwnEffects) -> list[BoolArray]:
     """Find the taxels that the plug-in saves as active, bool[n] for each grasp in the order of `grasps`.
 
-    The messages of the earlier iterations of an approach precede those of a grasp.
+    The messages of the earlier iterations of an approach are processed before those of a grasp, because the plug-in may
+    keep their contact points.
     """
     rules, active = make_rules(effects), [np.zeros(hand.n_taxels, bool) for _ in grasps]
     rows: dict[tuple[str, str], list[int]] = defaultdict(list)

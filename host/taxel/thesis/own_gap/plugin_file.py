@@ -22,9 +22,9 @@ class PluginFileError(TaxelError):
 
 
 def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp], settings: str) -> None:
-    """Write grasps to an NPZ file, by way of a temporary file: a file with the final name is complete.
+    """Write grasps to an NPZ file atomically: an interrupted call leaves no incomplete file.
 
-    settings: description of the simulation, one line; the file is refused for any other.
+    settings: one-line description of the simulation; `read_plugin_grasps` refuses the file for any other description.
     """
     messages = [message for grasp in grasps for message in grasp.messages]
     entries = [entry for message in messages for entry in message.entries]
@@ -51,7 +51,10 @@ def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp], settings: str
 
 
 def read_plugin_grasps(path: Path, settings: str) -> list[PluginGrasp]:
-    """Read the grasps of a file that `write_plugin_grasps` wrote with the same settings. Raises PluginFileError."""
+    """Read the grasps of a file that `write_plugin_grasps` wrote.
+
+    Raises PluginFileError for a damaged file, another version, or settings other than `settings`.
+    """
     try:
         with np.load(path, allow_pickle=False) as stored:
             data = {name: stored[name] for name in stored.files}

@@ -15,24 +15,25 @@ from taxel.thesis.own_gap.clouds import Points
 from taxel.thesis.own_gap.effects import NO_EFFECTS, OwnEffects, combine, switch
 
 Distances = dict[str, float]
-"""Mean distance from the real to the simulated points by name of the object, metres; NaN: a side has too few points."""
+"""Mean distance from the real to the simulated points by name of the object, metres; NaN if a side has too few
+points."""
 
 ALL_OBJECTS: Final = "mean"
-"""Name of the mean over the objects."""
+"""Key under which the mean over the objects is stored."""
 
 CONFIDENCE: Final = 0.95
-"""Confidence of the intervals over seeds."""
+"""Confidence level of the intervals over seeds."""
 
 TOGETHER: Final = "together"
-"""Name of the row of all effects."""
+"""Key under which the shares of all effects together are stored."""
 
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of one effect in the distance with all effects, by name of the object; without unit.
+    """Shares of one effect in the real-to-simulation distance, by name of the object.
 
-    alone: distance with this effect only minus distance without effects. removed: distance with all effects minus
-    distance with all others. Both relative to the distance with all effects.
+    alone: distance with only this effect minus distance without effects. removed: distance with all effects minus
+    distance with all effects but this one. Both are divided by the distance with all effects.
     """
 
     alone: Mapping[str, float]
@@ -41,14 +42,17 @@ class Shares:
 
 @dataclass(frozen=True)
 class Interval:
-    """Mean of a value over seeds and half the width of its interval; NaN half width for a single seed."""
+    """Mean of a value over seeds, and half the width of its confidence interval (NaN for a single seed)."""
 
     mean: float
     half_width: float
 
 
 def compute_distances(real: Points, sim: Points) -> Distances:
-    """Compute the mean distances (thesis, 5.6.1) from the real to the simulated points, after alignment by ICP."""
+    """Compute the mean distance from the real to the simulated points of each object, after alignment (thesis, 5.6.1).
+
+    The distance is NaN for an object that cannot be aligned or has no simulated points.
+    """
     return {name: _measure_mean(points, sim.get(name, np.empty((0, 3))), name) for name, points in real.items()}
 
 
@@ -63,10 +67,11 @@ def _measure_mean(real: np.ndarray, sim: np.ndarray, name: str) -> float:
 def compute_shares(
     groups: tuple[str, ...], measure: Callable[[OwnEffects], Distances]
 ) -> tuple[Distances, Distances, dict[str, Shares]]:
-    """Compute the distances without and with all effects, and the shares of each effect and of all together.
+    """Compute the distances without and with all effects, and the shares of each effect by name of its group.
 
-    groups: rows of `effects.GROUPS`. measure: computes the distances with a combination of effects. The results have
-    the mean over the objects under `ALL_OBJECTS`; an object without a distance in any combination is left out of it.
+    groups: names of groups in `effects.GROUPS`. measure: computes the distances with a combination of effects. The
+    shares of all effects together have the key `TOGETHER`. Distances and shares contain the mean over the objects under
+    `ALL_OBJECTS`, without objects whose distance is NaN in a combination.
     """
     everything = combine(groups)
     combinations = {
@@ -80,8 +85,8 @@ def compute_shares(
     shares = {}
     for group in groups:
         alone, without = distances[switch(NO_EFFECTS, group, True)], distances[switch(everything, group, False)]
-        shares[group] = Shares(_divide(alone, none, full), _divide(full, without, full))
-    shares[TOGETHER] = Shares(_divide(full, none, full), _divide(full, none, full))
+        shares[group] = Shares(_relative_difference(alone, none, full), _relative_difference(full, without, full))
+    shares[TOGETHER] = Shares(_relative_difference(full, none, full), _relative_difference(full, none, full))
     return none, full, shares
 
 
@@ -95,13 +100,13 @@ def _add_mean(distances: Mapping[OwnEffects, Distances]) -> dict[OwnEffects, Dis
     }
 
 
-def _divide(larger: Distances, smaller: Distances, full: Distances) -> Distances:
-    """Return the difference of two distances relative to the distance with all effects, by object."""
-    return {name: (larger[name] - smaller[name]) / full[name] for name in full}
+def _relative_difference(minuend: Distances, subtrahend: Distances, full: Distances) -> Distances:
+    """Return the difference of two distances divided by `full`, the distance with all effects, by object."""
+    return {name: (minuend[name] - subtrahend[name]) / full[name] for name in full}
 
 
 def compute_interval(values: Sequence[float]) -> Interval:
-    """Compute the mean and the 95 % interval (Student's t) of one value for each seed."""
+    """Compute the mean of values (one for each seed) and the half width of its 95 % interval (Student's t)."""
     n = len(values)
     if n < 2:
         return Interval(float(np.mean(values)), float("nan"))

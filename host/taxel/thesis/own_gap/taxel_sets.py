@@ -24,7 +24,7 @@ contains the taxels 21 to 26 of the pinkie, which the host never updates.
 
 @dataclass(frozen=True, eq=False)
 class TaxelSets:
-    """Tables of the n taxels of a hand, as the effects need them.
+    """Properties of the n taxels of a hand on which the effects of the original programs depend.
 
     Attributes:
         board: i64[n], row of the taxel's board in `hand.boards`.
@@ -49,7 +49,7 @@ class TaxelSets:
 
 
 def make_taxel_sets(hand: Hand) -> TaxelSets:
-    """Make the tables of the original hand. Raises NoCodedCentresError for another hand."""
+    """Determine the properties of the original hand's taxels. Raises NoCodedCentresError for another hand."""
     board = np.zeros(hand.n_taxels, np.int64)
     is_used, has_no_coordinates, is_masked = (np.zeros(hand.n_taxels, bool) for _ in range(3))
     for row, (item, coordinates) in enumerate(zip(hand.boards, get_plugin_coordinates(hand), strict=True)):
@@ -62,14 +62,20 @@ def make_taxel_sets(hand: Hand) -> TaxelSets:
     return TaxelSets(board, hand.position, coded, is_used, has_no_coordinates, is_masked & is_used)
 
 
-def select_counted(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> BoolArray:
-    """Select the taxels that count on one side, bool[n]. is_real: True for the hardware, False for the simulation."""
-    counted = sets.is_used | sets.has_no_coordinates if effects.back_boards else sets.is_used.copy()
-    return counted & ~sets.is_masked if is_real and effects.mask else counted
+def select_used(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> BoolArray:
+    """Select the taxels whose contacts are used on one side, bool[n].
+
+    is_real: True for the hardware, False for the simulation.
+    """
+    used = sets.is_used | sets.has_no_coordinates if effects.back_boards else sets.is_used.copy()
+    return used & ~sets.is_masked if is_real and effects.mask else used
 
 
 def get_centres(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> FloatArray:
-    """Return the centres at which one side places its taxels, f64[n, 3], metres, bracket frame."""
+    """Return the centres at which the program of one side places its taxels, f64[n, 3], metres, bracket frame.
+
+    is_real: True for the hardware, False for the simulation.
+    """
     is_coded = effects.coded_host if is_real else effects.coded_simulation
     centres = sets.true_centres.copy()
     if is_coded:

@@ -14,6 +14,7 @@ namespace
 
 const char DIGITS[] = "0123456789abcdef";
 
+/* Formats bytes as hexadecimal digits. */
 std::string to_hex(const std::uint8_t *bytes, std::size_t size)
 {
     std::string text;
@@ -24,6 +25,7 @@ std::string to_hex(const std::uint8_t *bytes, std::size_t size)
     return text;
 }
 
+/* Parses hexadecimal digits. */
 std::vector<std::uint8_t> from_hex(const std::string &text)
 {
     std::vector<std::uint8_t> bytes;
@@ -33,6 +35,7 @@ std::vector<std::uint8_t> from_hex(const std::string &text)
     return bytes;
 }
 
+/* Formats numbers with commas between them. */
 template <class Number> std::string join(const Number *numbers, std::size_t size)
 {
     std::string text;
@@ -42,7 +45,7 @@ template <class Number> std::string join(const Number *numbers, std::size_t size
     return text;
 }
 
-/* Visitor of the fields of a struct: appends " name=value". */
+/* Visitor of the fields of a struct, which appends " name=value" to a line. */
 struct FieldPrinter {
     std::string &line;
     std::string prefix;
@@ -57,7 +60,7 @@ struct FieldPrinter {
     }
 };
 
-/* The frame again, from its packed fields: both directions of the generated code are tested. */
+/* Encodes a decoded frame again from its fields, so that both directions of the generated code are tested. */
 std::string encode_again(const taxel::Frame &frame)
 {
     std::vector<std::uint8_t> payload(frame.payload, frame.payload + frame.length);
@@ -70,6 +73,7 @@ std::string encode_again(const taxel::Frame &frame)
     return to_hex(wire.data(), wire.size());
 }
 
+/* Prints a frame; with_wire: also its encoding from the decoded fields. */
 void print_frame(const taxel::Frame &frame, bool with_wire)
 {
     std::string line = std::string("frame type=") + taxel::to_string(frame.type) +
@@ -91,6 +95,7 @@ void print_frame(const taxel::Frame &frame, bool with_wire)
     std::cout << line << '\n';
 }
 
+/* Prints the counters of a stream and of its boards, and the pending acknowledgements. */
 void print_losses(taxel::Decoder &decoder)
 {
     const taxel::Losses &losses = decoder.losses();
@@ -107,6 +112,7 @@ void print_losses(taxel::Decoder &decoder)
     }
 }
 
+/* Prints the frames and losses of a capture file. */
 void dump_capture(const char *path)
 {
     taxel::CaptureReader reader(path);
@@ -120,6 +126,7 @@ void dump_capture(const char *path)
     print_losses(decoder);
 }
 
+/* Prints the messages of a stream of the original hub. */
 void dump_original(const std::string &name, const std::vector<std::uint8_t> &bytes)
 {
     for (const taxel::OriginalFormat &format : taxel::original_formats) {
@@ -142,6 +149,7 @@ void dump_original(const std::string &name, const std::vector<std::uint8_t> &byt
     }
 }
 
+/* Prints the decoded content of one line of the standard input. */
 void dump_vector(const std::string &kind, const std::string &which, const std::vector<std::uint8_t> &bytes)
 {
     if (kind == "register") {

@@ -13,26 +13,27 @@ local REACH, ESCAPE = protocol.COMPACT_REACH, protocol.COMPACT_ESCAPE
 local MIDDLE = ESCAPE + cumulative_table[#cumulative_table]
 local REPEAT_AFTER = 4 -- snapshots that may arrive before an answer takes effect on the board
 
--- State of a taxel: mean in 64ths of a count, level of the scale, and values that follow from the level.
+-- Creates the state of a taxel: mean in 64ths of a count, level of the scale, and values that follow from the level.
 local function new_taxel(mean, level)
     local octave = rshift(level, 6)
     return { mean = mean, level = level, octave = octave, multiplier = multipliers[rshift(level, 3) % 8 + 1],
         raw_bits = max(octave - protocol.COMPACT_COARSE_OCTAVE, 0) }
 end
 
-local function centre_of(taxel)
+-- Returns the predicted count.
+local function compute_centre(taxel)
     return min(floor((taxel.mean + 32) / 64), COUNT_MAX)
 end
 
--- A magnitude in 64ths of a count, as 1024ths of the taxel's scale.
-local function distance(taxel, difference)
+-- Converts a magnitude in 64ths of a count to 1024ths of the taxel's scale.
+local function compute_distance(taxel, difference)
     return rshift(difference * taxel.multiplier, taxel.octave)
 end
 
--- Probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
-local function cumulative(taxel, symbol)
+-- Returns the probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
+local function compute_cumulative(taxel, symbol)
     local difference = lshift(symbol, taxel.raw_bits + 6) - 32 - taxel.mean
-    local size = min(distance(taxel, abs(difference)), REACH)
+    local size = min(compute_distance(taxel, abs(difference)), REACH)
     local corner, fraction = rshift(size, 7), size % 128
     local share = cumulative_table[corner + 1]
     if fraction > 0 then
@@ -41,7 +42,7 @@ local function cumulative(taxel, symbol)
     return difference < 0 and MIDDLE - share or MIDDLE + share
 end
 
--- The largest corner of the cumulative table, 0 to 63, with at most this share.
+-- Returns the largest corner of the cumulative table, 0 to 63, with at most this share.
 local function find_corner(share)
     local low, high = 0, 63
     while low < high do
@@ -55,8 +56,8 @@ local function find_corner(share)
     return low
 end
 
--- A symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the segment of the
--- cumulative table that contains the target.
+-- Returns a symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the
+-- segment of the cumulative table that contains the target.
 local function find_first_symbol(taxel, target)
     local from, step, edge = taxel.mean + 32, lshift(1, 7 + taxel.octave), nil
     if target >= MIDDLE then
@@ -68,8 +69,8 @@ local function find_first_symbol(taxel, target)
     return min(rshift(edge, taxel.raw_bits + 6), rshift(COUNT_MAX, taxel.raw_bits))
 end
 
--- The difference between count and centre as a board stores it in one byte: exact below 64, else the middle of its
--- quarter of an octave.
+-- Rounds the difference between count and centre as a board stores it in one byte: exact below 64, else the middle of
+-- its quarter of an octave.
 local function quantise(size)
     local shift = 0
     if size >= 64 then
@@ -81,13 +82,13 @@ local function quantise(size)
     return size
 end
 
--- The state after one more key frame. gain: weight of the new count, in 256ths.
+-- Returns the state after one more key frame. gain: weight of the new count, in 256ths.
 local function update(taxel, count, gain)
-    local centre = centre_of(taxel)
+    local centre = compute_centre(taxel)
     local size = quantise(abs(count - centre))
     local difference = 64 * (centre + (count < centre and -size or size)) - taxel.mean
     local magnitude, sign = abs(difference), difference < 0 and -1 or 1
-    local scales, mean, level = distance(taxel, magnitude), nil, taxel.level
+    local scales, mean, level = compute_distance(taxel, magnitude), nil, taxel.level
     if scales >= protocol.COMPACT_JUMP then
         mean = taxel.mean + difference
     else
@@ -104,61 +105,65 @@ end
 local RangeDecoder = {}
 RangeDecoder.__index = RangeDecoder
 
+-- Creates a decoder of the coded bytes of a delta frame.
 local function new_range_decoder(data)
     local decoder = setmetatable({ data = data, position = 0, code = 0, range = WORD - 1 }, RangeDecoder)
     for _ = 1, 4 do
-        decoder:shift()
+        decoder:shift_in_byte()
     end
     return decoder
 end
 
-function RangeDecoder:shift()
+-- Moves the next byte into the code.
+function RangeDecoder:shift_in_byte()
     self.position = self.position + 1
     self.code = (self.code * 256 + (self.data:byte(self.position) or 0)) % WORD
 end
 
--- The next share out of 2^count equal shares; only damaged bytes point behind the last share.
+-- Returns the next of 2^count equal shares, without consuming it. Damaged bytes alone point behind the last one.
 function RangeDecoder:peek(count)
     return min(floor(self.code / rshift(self.range, count)), lshift(1, count) - 1)
 end
 
+-- Consumes the symbol with the interval from `first` on with `size` of 2^count equal shares.
 function RangeDecoder:take(first, size, count)
     local share = rshift(self.range, count)
     self.code = (self.code - first * share) % WORD
     self.range = size * share
     while self.range < 16777216 do
-        self:shift()
+        self:shift_in_byte()
         self.range = self.range * 256
     end
 end
 
+-- Decodes and consumes an uncoded number.
 function RangeDecoder:take_bits(count)
     local value = self:peek(count)
     self:take(value, 1, count)
     return value
 end
 
--- A count too far from its prediction; nil for bytes that no encoder produces.
+-- Decodes a count too far from its prediction; returns nil for bytes that no encoder produces.
 function RangeDecoder:take_escape(taxel)
     self:take(0, ESCAPE, 16)
     local head = self:take_bits(5)
     local exponent = rshift(head, 1)
     local size = lshift(1, exponent) + self:take_bits(exponent)
-    local count = centre_of(taxel) + (head % 2 == 1 and -size or size)
+    local count = compute_centre(taxel) + (head % 2 == 1 and -size or size)
     return count >= 0 and count <= COUNT_MAX and count or nil
 end
 
--- The next count; nil for bytes that no encoder produces.
+-- Decodes the next count; returns nil for bytes that no encoder produces.
 function RangeDecoder:take_count(taxel)
     local target = self:peek(16)
     if target < ESCAPE then
         return self:take_escape(taxel)
     end
     local symbol, last = find_first_symbol(taxel, target), rshift(COUNT_MAX, taxel.raw_bits)
-    local first, following = cumulative(taxel, symbol), cumulative(taxel, symbol + 1)
+    local first, following = compute_cumulative(taxel, symbol), compute_cumulative(taxel, symbol + 1)
     while following <= target and symbol < last do
         symbol = symbol + 1
-        first, following = following, cumulative(taxel, symbol + 1)
+        first, following = following, compute_cumulative(taxel, symbol + 1)
     end
     if target < first or target >= following then
         return nil
@@ -167,6 +172,7 @@ function RangeDecoder:take_count(taxel)
     return lshift(symbol, taxel.raw_bits) + self:take_bits(taxel.raw_bits)
 end
 
+-- Decodes the counts of a delta frame; returns nil for bytes that no encoder produces.
 local function decode_counts(taxels, data)
     local decoder, counts = new_range_decoder(data), {}
     for i, taxel in ipairs(taxels) do
@@ -178,6 +184,7 @@ local function decode_counts(taxels, data)
     return counts
 end
 
+-- Unpacks the counts of a packed frame, each of `width` bits, lowest bits first.
 local function unpack_counts(data, width, taxel_count)
     local counts, buffer, available, position = {}, 0, 0, 0
     for i = 1, taxel_count do
@@ -198,19 +205,21 @@ Receiver.__index = Receiver
 
 local compact = {}
 
--- State of the compact snapshots of one board: key_frame and pending, each {id, timestamp_us, updates, taxels} or nil;
--- answer: "acknowledge" or "forget" that the host has to send, or nil.
+-- Creates the state of the compact snapshots of one board: key_frame and pending, each {id, timestamp_us, updates, taxels}
+-- or nil; answer: "acknowledge" or "forget" that the host has to send, or nil.
 function compact.new_receiver()
-    return setmetatable({ until_repeat = 0 }, Receiver)
+    return setmetatable({ snapshots_until_repeat = 0 }, Receiver)
 end
 
+-- Stores an answer to be sent.
 function Receiver:set_answer(answer)
-    self.answer, self.until_repeat = answer, REPEAT_AFTER
+    self.answer, self.snapshots_until_repeat = answer, REPEAT_AFTER
 end
 
+-- Stores an answer again if several snapshots have arrived without its effect.
 function Receiver:repeat_answer(answer)
-    if self.until_repeat > 0 then
-        self.until_repeat = self.until_repeat - 1
+    if self.snapshots_until_repeat > 0 then
+        self.snapshots_until_repeat = self.snapshots_until_repeat - 1
     else
         self:set_answer(answer)
     end
@@ -247,6 +256,7 @@ function Receiver:receive(address, taxel_count, data)
     return counts, time
 end
 
+-- Decodes a packed frame. Returns counts, time and, if it is marked as one, the next key frame.
 function Receiver:receive_packed(content, taxel_count, width, start, is_key_frame)
     local head = fields.unpack("compact_packed", content)
     local size = protocol.structs.compact_packed.size
@@ -267,6 +277,7 @@ function Receiver:receive_packed(content, taxel_count, width, start, is_key_fram
     return counts, head.timestamp_us, { updates = 1, taxels = taxels }
 end
 
+-- Decodes a delta frame against the key frame that it names. Returns the same values.
 function Receiver:receive_delta(content, taxel_count, is_key_frame)
     local head, size = fields.unpack("compact_delta", content), protocol.structs.compact_delta.size
     if self.pending and self.pending.id == head.key_frame then -- the board has received the acknowledgement
@@ -277,7 +288,7 @@ function Receiver:receive_delta(content, taxel_count, is_key_frame)
         counts = decode_counts(key_frame.taxels, content:sub(size + 1))
     end
     if not counts then
-        return self:reject()
+        return self:reject_delta()
     end
     local low = fields.read_number(head.timestamp_low, 0, 3)
     local time = (key_frame.timestamp_us + (low - key_frame.timestamp_us) % 16777216) % WORD
@@ -294,15 +305,16 @@ function Receiver:receive_delta(content, taxel_count, is_key_frame)
     return counts, time, { updates = min(key_frame.updates + 1, #protocol.COMPACT_GAINS), taxels = taxels }
 end
 
-function Receiver:reject()
+-- Discards both key frames after a delta frame that cannot be decoded, and reports this to the board.
+function Receiver:reject_delta()
     if self.key_frame or self.pending then
-        self.key_frame, self.pending, self.until_repeat = nil, nil, 0
+        self.key_frame, self.pending, self.snapshots_until_repeat = nil, nil, 0
     end
     self:repeat_answer("forget")
     return nil, "no key frame"
 end
 
--- The answer as 3 bytes of an ACKNOWLEDGE payload, which then counts as sent; "" if there is none.
+-- Returns the answer as 3 bytes of an ACKNOWLEDGE payload, which then counts as sent; "" if there is none.
 function Receiver:take_answer(address)
     local answer = self.answer
     self.answer = nil

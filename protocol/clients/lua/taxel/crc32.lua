@@ -11,7 +11,7 @@ for byte = 0, 255 do
     remainders[byte] = remainder
 end
 
--- CRC-32 of the bytes `first` to `last` of a string. crc: CRC-32 of the bytes before them, 0 at the start.
+-- Computes the CRC-32 of the bytes `first` to `last` of a string. crc: CRC-32 of the bytes before them, 0 at the start.
 return function(data, crc, first, last)
     local state = bxor(crc or 0, 0xFFFFFFFF)
     for i = first or 1, last or #data do

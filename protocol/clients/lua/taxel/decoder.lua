@@ -12,8 +12,9 @@ local decoder = { BOARD_CRC_BAD = BOARD_CRC_BAD, HUB_RESTARTED = HUB_RESTARTED, 
 local Decoder = {}
 Decoder.__index = Decoder
 
--- A decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (whole frames that this version
--- does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC) and undecoded (no key frame).
+-- Creates a decoder without received bytes. losses: frames, lost (on the wire), restarts, unknown (complete frames that
+-- this version does not define); boards: by address the counters received, missing (poll cycles), damaged (board CRC)
+-- and undecoded (no key frame).
 function decoder.new(directions)
     return setmetatable({
         deframer = framing.new_deframer(directions),
@@ -28,25 +29,26 @@ end
 -- board_time_us, missing_before and counts (empty if they are not available).
 function Decoder:push(data, handler)
     self.deframer:push(data, function(...)
-        self:take(handler, ...)
+        self:deliver(handler, ...)
     end)
 end
 
 -- Decodes the remaining bytes at the end of a stream.
 function Decoder:finish(handler)
     self.deframer:finish(function(...)
-        self:take(handler, ...)
+        self:deliver(handler, ...)
     end)
 end
 
--- To be called when the host sends START: frames of the interrupted poll cycle then do not count as missing.
+-- Forgets the poll cycles of all boards. To be called when the host sends START: frames of the interrupted poll cycle
+-- then do not count as missing.
 function Decoder:forget_cycles()
     for _, board in pairs(self.boards) do
         board.cycle = nil
     end
 end
 
--- Addresses of the boards that have sent a frame, in ascending order.
+-- Returns the addresses of the boards that have sent a frame, in ascending order.
 function Decoder:list_addresses()
     local addresses = {}
     for address in pairs(self.boards) do
@@ -56,7 +58,7 @@ function Decoder:list_addresses()
     return addresses
 end
 
--- Pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send.
+-- Returns the pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send.
 function Decoder:take_acknowledgements()
     local parts = {}
     for _, address in ipairs(self:list_addresses()) do
@@ -70,29 +72,32 @@ end
 
 -- Decodes a known frame; counts an unknown one, which takes a number of the sender's sequence and is no loss. A frame of
 -- the other direction has the sequence of another sender.
-function Decoder:take(handler, code, sequence, payload, is_known)
+function Decoder:deliver(handler, code, sequence, payload, is_known)
     if is_known then
         handler(self:decode(code, sequence, payload))
         return
     end
     self.losses.unknown = self.losses.unknown + 1
     if framing.is_accepted(code, self.deframer.directions) then
-        local lost = self:count_lost(sequence)
+        local lost = self:compute_lost_before(sequence)
         self.lost_before_unknown = (self.lost_before_unknown + lost) % 65536
         self:count_frame(sequence, lost)
     end
 end
 
-function Decoder:count_lost(sequence)
+-- Returns the number of frames that are missing in the sequence before this frame.
+function Decoder:compute_lost_before(sequence)
     return self.next_sequence and (sequence - self.next_sequence) % 65536 or 0
 end
 
+-- Counts a frame with the number of frames that were lost before it.
 function Decoder:count_frame(sequence, lost)
     self.losses.frames = self.losses.frames + 1
     self.losses.lost = self.losses.lost + lost
     self.next_sequence = (sequence + 1) % 65536
 end
 
+-- Decodes a frame that this version defines.
 function Decoder:decode(code, sequence, payload)
     local frame = { code = code, type = protocol.frames[code].name, sequence = sequence, payload = payload,
         lost_before = 0, flags = 0 }
@@ -105,6 +110,7 @@ function Decoder:decode(code, sequence, payload)
     return frame
 end
 
+-- Counts a frame and the frames that were lost before it.
 function Decoder:count_sequence(frame)
     local losses = self.losses
     if frame.type == "HUB_HANDSHAKE" and frame.sequence == 0 and fields.unpack("hub_handshake", frame.payload).tag == 0 then
@@ -115,7 +121,7 @@ function Decoder:count_sequence(frame)
         end
         self:count_frame(frame.sequence, 0)
     else
-        local lost = self:count_lost(frame.sequence)
+        local lost = self:compute_lost_before(frame.sequence)
         frame.lost_before = (lost + self.lost_before_unknown) % 65536
         self:count_frame(frame.sequence, lost)
     end
@@ -135,6 +141,7 @@ function Decoder:read_header(frame)
     return board, header.taxel_count
 end
 
+-- Decodes a TAXELS frame and checks the CRC of its board.
 function Decoder:decode_taxels(frame)
     local board, taxel_count = self:read_header(frame)
     local payload = frame.payload
@@ -155,6 +162,7 @@ function Decoder:decode_taxels(frame)
     Decoder.count_cycles(board, frame, 0)
 end
 
+-- Decodes a COMPACT_TAXELS frame.
 function Decoder:decode_compact(frame)
     local board, taxel_count = self:read_header(frame)
     local snapshot = frame.payload:sub(HEADER_SIZE + 1)

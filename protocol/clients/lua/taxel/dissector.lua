@@ -32,7 +32,7 @@ info.text = ProtoField.string("taxel.text", "Text")
 info.unknown = ProtoField.uint32("taxel.unknown", "Frames of a newer version")
 info.discarded = ProtoField.uint32("taxel.discarded", "Bytes of no frame")
 
--- One field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
+-- Creates one field of Wireshark per field of a struct: taxel.STRUCT.FIELD.
 local function register_struct(struct)
     for _, field in ipairs(protocol.structs[struct]) do
         local name = struct .. "." .. field.name
@@ -81,7 +81,7 @@ function proto.init()
     streams, packets = {}, {}
 end
 
--- Frames that end in this packet, and the bytes of no frame. Packets are decoded once, in their order.
+-- Returns the frames that end in this packet, and the number of bytes of no frame. Packets are decoded once, in order.
 local function decode_packet(number, data, direction)
     if not packets[number] then
         local stream = streams[direction] or decoder.new(direction)
@@ -106,6 +106,7 @@ local function add_fields(tree, frame, buffer)
     end)
 end
 
+-- Adds the decoded content of a taxel frame.
 local function add_taxels(tree, frame)
     tree:add(info.address, frame.address):set_generated()
     tree:add(info.missing, frame.missing_before):set_generated()
@@ -116,6 +117,7 @@ local function add_taxels(tree, frame)
     end
 end
 
+-- Adds the expert information about losses and damage.
 local function add_experts(tree, frame)
     if frame.lost_before > 0 then
         tree:add_proto_expert_info(lost_expert, frame.lost_before .. " frames were lost before this frame")
@@ -129,7 +131,7 @@ local function add_experts(tree, frame)
     end
 end
 
--- Text of a frame for the column Info.
+-- Returns the text of a frame for the column Info.
 local function describe(frame)
     if frame.counts then
         local count = select(2, frame.counts:gsub("%d+", ""))
@@ -138,6 +140,7 @@ local function describe(frame)
     return frame.type
 end
 
+-- Adds a frame with all its fields.
 local function add_frame(tree, frame)
     local buffer = ByteArray.new(fields.to_hex(frame.payload)):tvb("Payload of " .. frame.type)
     local branch = tree:add(proto, buffer(), "Taxel frame, " .. describe(frame))

@@ -3,7 +3,7 @@ local protocol = require("taxel.protocol")
 
 local fields = {}
 
--- The unsigned little-endian number of 1 to 4 bytes behind `offset` (0: first byte).
+-- Returns the unsigned little-endian number of 1 to 4 bytes behind `offset` (0: first byte).
 function fields.read_number(data, offset, size)
     local value = 0
     for i = size, 1, -1 do
@@ -12,7 +12,7 @@ function fields.read_number(data, offset, size)
     return value
 end
 
--- An unsigned number of any size as decimal digits: Lua has no unsigned 64-bit numbers.
+-- Formats an unsigned number of any size as decimal digits: Lua has no unsigned 64-bit numbers.
 function fields.format_decimal(data, offset, size)
     local digits = { 0 }
     for i = size, 1, -1 do
@@ -34,13 +34,14 @@ function fields.format_decimal(data, offset, size)
     return table.concat(text)
 end
 
+-- Formats bytes as hexadecimal digits.
 function fields.to_hex(data)
     return (data:gsub(".", function(byte)
         return string.format("%02x", byte:byte())
     end))
 end
 
--- The value of a field: a number; the digits of a number of 64 bits; or a string of bytes.
+-- Returns the value of a field: a number; the digits of a number of 64 bits; or a string of bytes.
 function fields.read(field, data, offset)
     if field.is_bytes then
         return data:sub(offset + field.offset + 1, offset + field.offset + field.size)
@@ -50,7 +51,7 @@ function fields.read(field, data, offset)
     return fields.read_number(data, offset + field.offset, field.size)
 end
 
--- Values of all fields of a struct by name. name: as in protocol.structs.
+-- Returns the values of all fields of a struct by name. name: as in protocol.structs.
 function fields.unpack(name, data, offset)
     local values = {}
     for _, field in ipairs(protocol.structs[name]) do

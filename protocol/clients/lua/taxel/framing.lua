@@ -16,7 +16,7 @@ for i = 1, protocol.BODY_MAX do
     value = (protocol.WHITENING_FACTOR * value + protocol.WHITENING_INCREMENT) % 256
 end
 
--- The bytes of a string XORed with the whitening sequence from position `first` (1: start of the body) on.
+-- Returns the bytes of a string XORed with the whitening sequence from position `first` (1: start of the body) on.
 local function whiten(data, first)
     local out = { data:byte(1, #data) }
     for i = 1, #out do
@@ -25,23 +25,24 @@ local function whiten(data, first)
     return string.char(table.unpack(out))
 end
 
--- Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+-- Returns whether frames of this type are accepted. Bit 7 of a type: from host to hub.
 function framing.is_accepted(code, directions)
     return bits.band(directions, code >= 0x80 and framing.TO_HUB or framing.TO_HOST) ~= 0
 end
 
--- The size of the body with this header; nil if no frame has this length. A newer sender may use types and lengths that
--- this version does not define.
-local function expect_size(header)
+-- Returns the size of the body with this header; nil if no frame has this length. A newer sender may use types and
+-- lengths that this version does not define.
+local function compute_expected_size(header)
     local length = fields.read_number(header, 3, 2)
     return length <= protocol.PAYLOAD_MAX and HEADER + length + CRC or nil
 end
 
-local function has_right_crc(body)
+-- Returns whether the CRC of a body is correct.
+local function is_crc_correct(body)
     return crc32(body, 0, 1, #body - CRC) == fields.read_number(body, #body - CRC, CRC)
 end
 
--- Whether this version defines a whole frame: its type, length, address and number of taxels.
+-- Returns whether this version defines a complete frame: its type, length, address and number of taxels.
 function framing.is_known(code, payload, directions)
     local rule = protocol.frames[code]
     if not rule or not framing.is_accepted(code, directions) or #payload < rule.minimum or #payload > rule.maximum then
@@ -55,7 +56,8 @@ function framing.is_known(code, payload, directions)
     return rule.name ~= "TAXELS" or #payload == header + protocol.SNAPSHOT_OVERHEAD + 2 * count
 end
 
--- The frame that begins at byte `start` of a chunk: position behind its stuffed bytes, and its body; nil if there is none.
+-- Returns the position behind the stuffed bytes, and the body, of the frame that begins at byte `start` of a chunk; nil
+-- if no frame begins there.
 local function take_frame(chunk, start)
     local parts, length, position, size = {}, 0, start, nil
     while position <= #chunk do
@@ -67,14 +69,14 @@ local function take_frame(chunk, start)
         length = length + code - 1
         position = position + code
         if not size and length >= HEADER then
-            size = expect_size(table.concat(parts))
+            size = compute_expected_size(table.concat(parts))
             if not size then
                 return nil
             end
         end
         if size and length >= size then
             local body = table.concat(parts)
-            if length == size and has_right_crc(body) then
+            if length == size and is_crc_correct(body) then
                 return position, body
             end
             return nil
@@ -93,12 +95,12 @@ end
 local Deframer = {}
 Deframer.__index = Deframer
 
--- A deframer without received bytes. directions: TO_HOST (default), TO_HUB or BOTH.
+-- Creates a deframer without received bytes. directions: TO_HOST (default), TO_HUB or BOTH.
 function framing.new_deframer(directions)
     return setmetatable({ directions = directions or framing.TO_HOST, chunk = "", discarded_bytes = 0 }, Deframer)
 end
 
--- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each whole frame that they complete.
+-- Takes any number of bytes and calls handler(code, sequence, payload, is_known) for each frame that they complete.
 -- is_known: this version defines the type with this payload.
 function Deframer:push(data, handler)
     local start = 1

@@ -8,7 +8,7 @@ local START = string.char(layouts.START)
 local Decoder = {}
 Decoder.__index = Decoder
 
--- A decoder without received bytes. format: an element of original.formats (default: original). Counters:
+-- Creates a decoder without received bytes. format: an element of original.formats (default: original). Counters:
 -- discarded_bytes (in no accepted message), rejected_candidates (headers without an end byte at their length) and
 -- ambiguous_candidates (complete candidates that overlap a better one).
 function original.new_decoder(format)
@@ -36,6 +36,7 @@ function Decoder:finish(handler)
     self:process(true, handler)
 end
 
+-- Delivers the messages that can be decided with the bytes in the buffer.
 function Decoder:process(is_end, handler)
     local size = self.format.record_size
     if size > 0 then
@@ -48,11 +49,11 @@ function Decoder:process(is_end, handler)
         while self:step(is_end, handler) do
         end
     end
-    self:forget()
+    self:remove_settled_bytes()
 end
 
--- Searches up to the next start byte, or to the end of the current candidate; false if bytes are missing. Positions
--- count from 0, `last` is the position behind a candidate.
+-- Searches up to the next start byte, or to the end of the current candidate; returns false if bytes are missing.
+-- Positions count from 0, `last` is the position behind a candidate.
 function Decoder:step(is_end, handler)
     local bound = self.current and self.current.last or #self.buffer
     local found = self.buffer:find(START, self.scan + 1, true)
@@ -83,7 +84,7 @@ function Decoder:step(is_end, handler)
     return true
 end
 
--- Length of the message whose header begins at a position; 0: no header; nil: bytes are missing.
+-- Returns the length of the message whose header begins at a position; 0: no header; nil: bytes are missing.
 function Decoder:match_header(position)
     local first, length, address = self.buffer:byte(position + 1, position + HEADER)
     if first and first ~= layouts.START then
@@ -96,13 +97,14 @@ function Decoder:match_header(position)
     return 0
 end
 
--- Compares a complete candidate with those that overlap it; false if bytes are missing.
+-- Compares a complete candidate with those that overlap it, and keeps the better one; returns false if bytes are
+-- missing.
 function Decoder:resolve(candidate, is_end)
     local current = self.current
     if self.format.has_timestamp then
-        candidate.has_evidence = self:is_plausible(self:time_at(candidate.first))
+        candidate.has_evidence = self:is_plausible(self:read_time(candidate.first))
     elseif current or self.strong_end > candidate.first then
-        if not self:find_follower(candidate, is_end) or (current and not self:find_follower(current, is_end)) then
+        if not self:find_evidence(candidate, is_end) or (current and not self:find_evidence(current, is_end)) then
             return false
         end
     end
@@ -124,8 +126,9 @@ function Decoder:resolve(candidate, is_end)
     return true
 end
 
--- Without timestamps, a header or the end of the stream directly behind a candidate is its evidence.
-function Decoder:find_follower(candidate, is_end)
+-- Finds the evidence of a candidate without timestamps: a header or the end of the stream directly behind it. Returns
+-- false if bytes are missing.
+function Decoder:find_evidence(candidate, is_end)
     if candidate.has_evidence == nil then
         local length = self:match_header(candidate.last)
         if not length and not is_end then
@@ -136,12 +139,14 @@ function Decoder:find_follower(candidate, is_end)
     return true
 end
 
-function Decoder:time_at(position)
+-- Returns the timestamp of the message that begins at a position.
+function Decoder:read_time(position)
     local a, b, c, d = self.buffer:byte(position + HEADER + 1, position + HEADER + 4)
     return ((a * 256 + b) * 256 + c) * 256 + d
 end
 
--- Whether a time follows one of the last messages' times. Time 0, the start of the hub, is always a reference.
+-- Returns whether a time follows one of the last messages' times closely. Time 0, the start of the hub, is always a
+-- reference.
 function Decoder:is_plausible(time)
     if time <= layouts.TIME_STEP_MAX_MS then
         return true
@@ -154,7 +159,7 @@ function Decoder:is_plausible(time)
     return false
 end
 
--- `count` words from a position on; is_signed: as numbers of two's complement.
+-- Returns `count` words from a position on; is_signed: as numbers of two's complement.
 function Decoder:read_words(position, count, is_signed)
     local words = {}
     for i = 1, count do
@@ -165,13 +170,14 @@ function Decoder:read_words(position, count, is_signed)
     return words
 end
 
+-- Decodes an accepted candidate, calls the handler, and updates counters and reference times.
 function Decoder:accept(candidate, handler)
     local format, first = self.format, candidate.first
     local is_record = format.record_size > 0
     local message = { position = self.base + first, is_time_plausible = false }
     message.address = is_record and layouts.RECORD_ADDRESS or self.buffer:byte(first + 3)
     if format.has_timestamp then
-        message.timestamp_ms = self:time_at(first)
+        message.timestamp_ms = self:read_time(first)
         message.is_time_plausible = candidate.has_evidence
         self.times[#self.times + 1] = message.timestamp_ms
         if #self.times > layouts.REFERENCE_TIMES then
@@ -187,7 +193,7 @@ function Decoder:accept(candidate, handler)
 end
 
 -- Counts the bytes before the search position as discarded and removes them from the buffer.
-function Decoder:forget()
+function Decoder:remove_settled_bytes()
     local settled = self.current and self.current.first or self.scan
     if self.base + settled > self.covered then
         self.discarded_bytes = self.discarded_bytes + self.base + settled - self.covered

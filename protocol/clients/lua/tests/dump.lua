@@ -10,11 +10,13 @@ local fields = require("taxel.fields")
 local original = require("taxel.original")
 local protocol = require("taxel.protocol")
 
+-- Formats the value of a field.
 local function format_value(field, data, offset)
     local value = fields.read(field, data, offset)
     return field.is_bytes and fields.to_hex(value) or tostring(value)
 end
 
+-- Prints a frame.
 local function print_frame(frame)
     local line = { string.format("frame type=%s sequence=%d lost=%d flags=%d", frame.type, frame.sequence,
         frame.lost_before, frame.flags) }
@@ -30,6 +32,7 @@ local function print_frame(frame)
     print(table.concat(line))
 end
 
+-- Prints the counters of a stream and of its boards, and the pending acknowledgements.
 local function print_losses(stream)
     local losses = stream.losses
     print(string.format("end frames=%d lost=%d restarts=%d unknown=%d discarded=%d answers=%s", losses.frames, losses.lost,
@@ -41,6 +44,7 @@ local function print_losses(stream)
     end
 end
 
+-- Prints the frames and losses of a capture file.
 local function dump_capture(path)
     local stream = decoder.new()
     local is_complete, problem = pcall(capture.read, path, function(bytes)
@@ -54,20 +58,22 @@ local function dump_capture(path)
     print_losses(stream)
 end
 
+-- Prints the messages of a stream of the original hub.
 local function dump_original(name, data)
     local stream, half = original.new_decoder(original.formats[name]), math.floor(#data / 2)
-    local function show(message)
+    local function print_message(message)
         print(string.format("message address=%d time=%d plausible=%d position=%d counts=%s accelerations=%s",
             message.address, message.timestamp_ms or 0, message.is_time_plausible and 1 or 0, message.position,
             table.concat(message.counts, ","), table.concat(message.accelerations, ",")))
     end
-    stream:push(data:sub(1, half), show) -- the result does not depend on the pieces
-    stream:push(data:sub(half + 1), show)
-    stream:finish(show)
+    stream:push(data:sub(1, half), print_message) -- the result does not depend on the pieces
+    stream:push(data:sub(half + 1), print_message)
+    stream:finish(print_message)
     print(string.format("end discarded=%d rejected=%d ambiguous=%d", stream.discarded_bytes, stream.rejected_candidates,
         stream.ambiguous_candidates))
 end
 
+-- Prints the decoded content of one line of the standard input.
 local function dump_vector(kind, which, data)
     if kind == "register" then
         local line, struct = { "register" }, protocol.structs[which]

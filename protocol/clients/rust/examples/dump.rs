@@ -11,14 +11,17 @@ use taxel_client::{encode_frame, CaptureReader, Decoder, Direction, Frame, Origi
 
 const BOARDS: usize = 112; // the addresses 0x08 to 0x77
 
+/// Format bytes as hexadecimal digits.
 fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{:02x}", byte)).collect()
 }
 
+/// Parse hexadecimal digits.
 fn from_hex(text: &str) -> Vec<u8> {
     (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
 }
 
+/// Append " name=value" to a line.
 fn push_field(line: &mut String, prefix: &str, name: &str, value: Value<'_>) {
     match value {
         Value::Number(number) => write!(line, " {}{}={}", prefix, name, number).unwrap(),
@@ -26,7 +29,8 @@ fn push_field(line: &mut String, prefix: &str, name: &str, value: Value<'_>) {
     }
 }
 
-fn format_frame(frame: &Frame<'_>, has_wire: bool) -> String {
+/// Format a frame; `with_wire`: also its encoding from the decoded fields.
+fn format_frame(frame: &Frame<'_>, with_wire: bool) -> String {
     let mut line = format!(
         "frame type={} sequence={} lost={} flags={}",
         frame.frame_type.name(),
@@ -42,7 +46,7 @@ fn format_frame(frame: &Frame<'_>, has_wire: bool) -> String {
     } else {
         write!(line, " tail={}", to_hex(message.tail())).unwrap();
     }
-    if has_wire {
+    if with_wire {
         let (mut payload, mut wire) = (frame.payload.to_vec(), [0; 600]);
         message.pack(&mut payload);
         let size = encode_frame(frame.frame_type, frame.sequence, &payload, &mut wire).unwrap();
@@ -51,6 +55,7 @@ fn format_frame(frame: &Frame<'_>, has_wire: bool) -> String {
     line
 }
 
+/// Print the counters of a stream and of its boards, and the pending acknowledgements.
 fn print_losses(decoder: &mut Decoder<BOARDS>, out: &mut impl Write) {
     let (losses, mut answers) = (decoder.losses(), [0; 66]);
     let size = decoder.take_acknowledgements(&mut answers);
@@ -77,6 +82,7 @@ fn print_losses(decoder: &mut Decoder<BOARDS>, out: &mut impl Write) {
     }
 }
 
+/// Print the frames and losses of a capture file.
 fn dump_capture(path: &str, out: &mut impl Write) -> Result<(), String> {
     let content = std::fs::read(path).map_err(|error| format!("{}: {}", path, error))?;
     let mut decoder = Box::new(Decoder::<BOARDS>::new(Direction::TO_HOST));
@@ -89,10 +95,12 @@ fn dump_capture(path: &str, out: &mut impl Write) -> Result<(), String> {
     Ok(())
 }
 
+/// Format numbers with commas between them.
 fn join<T: ToString>(numbers: &[T]) -> String {
     numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
 }
 
+/// Print the messages of a stream of the original hub.
 fn dump_original(name: &str, bytes: &[u8], out: &mut impl Write) {
     let format = ORIGINAL_FORMATS.iter().find(|format| format.name == name).unwrap();
     let mut decoder = OriginalDecoder::new(format);
@@ -121,6 +129,7 @@ fn dump_original(name: &str, bytes: &[u8], out: &mut impl Write) {
     writeln!(out, "{}", lines.join("\n")).unwrap();
 }
 
+/// Print the decoded content of one line of the standard input.
 fn dump_vector(kind: &str, which: &str, bytes: &[u8], out: &mut impl Write) {
     if kind == "register" {
         let (mut line, mut packed) = ("register".to_string(), vec![0; 600]);

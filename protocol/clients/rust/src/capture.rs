@@ -46,7 +46,7 @@ pub struct CaptureReader<'a> {
 }
 
 impl<'a> CaptureReader<'a> {
-    /// A reader of the content of a file.
+    /// Create a reader of the content of a file.
     pub fn new(content: &'a [u8]) -> Result<Self, CaptureError> {
         if content.len() < START_SIZE || !content.starts_with(MAGIC) {
             return Err(CaptureError::NoCapture);
@@ -64,11 +64,12 @@ impl<'a> CaptureReader<'a> {
         Ok(Self { header, rest })
     }
 
-    /// The header of the file, a JSON object in UTF-8.
+    /// Return the header of the file, a JSON object in UTF-8.
     pub fn header(&self) -> &'a [u8] {
         self.header
     }
 
+    /// Split the remaining bytes into the next record and the bytes after it; None if the record is incomplete.
     fn split_record(&self) -> Option<(CaptureRecord<'a>, &'a [u8])> {
         let head = self.rest.get(..HEAD_SIZE)?;
         let mut time = [0; 8];

@@ -11,10 +11,10 @@ const REPEAT_AFTER: u8 = 4; // snapshots that may arrive before an answer takes 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompactResult {
     /// The counts are decoded; `timestamp_us` is the board's clock.
-    Decoded {
-        timestamp_us: u32,
-    },
+    Decoded { timestamp_us: u32 },
+    /// The snapshot is damaged.
     Damaged,
+    /// The snapshot is a delta frame whose key frame this host does not have.
     NoKeyFrame,
 }
 
@@ -34,40 +34,46 @@ struct RangeDecoder<'a> {
 }
 
 impl<'a> RangeDecoder<'a> {
+    /// Create a decoder of the coded bytes of a delta frame.
     fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { bytes: bytes.iter(), code: 0, range: u32::MAX };
         for _ in 0..4 {
-            decoder.shift();
+            decoder.shift_in_byte();
         }
         decoder
     }
 
-    fn shift(&mut self) {
+    /// Move the next byte into the code.
+    fn shift_in_byte(&mut self) {
         self.code = self.code << 8 | self.bytes.next().map_or(0, |&byte| byte as u32);
     }
 
-    /// The next share out of 2^bits equal shares; only damaged bytes point behind the last share.
+    /// Return the next of 2^bits equal shares, without consuming it. Damaged bytes alone point behind the last one.
     fn peek(&self, bits: u32) -> u32 {
         (self.code / (self.range >> bits)).min((1 << bits) - 1)
     }
 
+    /// Consume the symbol with the interval from `first` on with `size` of 2^bits equal shares.
     fn take(&mut self, first: u32, size: u32, bits: u32) {
         let share = self.range >> bits;
         self.code = self.code.wrapping_sub(first * share);
         self.range = size * share;
         while self.range < 1 << 24 {
-            self.shift();
+            self.shift_in_byte();
             self.range <<= 8;
         }
     }
 
+    /// Decode and consume an uncoded number.
     fn take_bits(&mut self, bits: u32) -> u32 {
         let value = self.peek(bits);
         self.take(value, 1, bits);
         value
     }
 
-    /// A count too far from its prediction: sign, exponent and mantissa of the distance from the centre.
+    /// Decode a count too far from its prediction: sign, exponent and mantissa of the distance from the centre.
+    ///
+    /// Returns None for bytes that no encoder produces.
     fn take_escape(&mut self, taxel: Taxel) -> Option<u16> {
         self.take(0, COMPACT_ESCAPE, COMPACT_TOTAL_BITS);
         let head = self.take_bits(5);
@@ -79,7 +85,7 @@ impl<'a> RangeDecoder<'a> {
         (count <= COUNT_MAX).then(|| count as u16)
     }
 
-    /// The next count; None for bytes that no encoder produces.
+    /// Decode the next count; return None for bytes that no encoder produces.
     fn take_count(&mut self, taxel: Taxel) -> Option<u16> {
         let target = self.peek(COMPACT_TOTAL_BITS);
         if target < COMPACT_ESCAPE {
@@ -100,6 +106,7 @@ impl<'a> RangeDecoder<'a> {
     }
 }
 
+/// Unpack the counts of a packed frame, each of `width` bits, lowest bits first.
 fn unpack_counts(bytes: &[u8], width: u32, counts: &mut [u16]) {
     let (mut buffer, mut bits, mut bytes) = (0u32, 0, bytes.iter());
     for count in counts {
@@ -113,6 +120,7 @@ fn unpack_counts(bytes: &[u8], width: u32, counts: &mut [u16]) {
     }
 }
 
+/// Key frame of a board: the predictions against which delta frames are coded.
 #[derive(Clone, Copy)]
 struct KeyFrame {
     is_valid: bool,
@@ -132,27 +140,31 @@ impl KeyFrame {
 #[derive(Clone, Copy)]
 pub struct CompactReceiver {
     answer: CompactAnswer,
-    until_repeat: u8,
+    snapshots_until_repeat: u8,
     key_frame: KeyFrame,
     pending: KeyFrame,
 }
 
 impl CompactReceiver {
     /// The state without any key frame.
-    pub const EMPTY: Self =
-        Self { answer: CompactAnswer::None, until_repeat: 0, key_frame: KeyFrame::EMPTY, pending: KeyFrame::EMPTY };
+    pub const EMPTY: Self = Self {
+        answer: CompactAnswer::None,
+        snapshots_until_repeat: 0,
+        key_frame: KeyFrame::EMPTY,
+        pending: KeyFrame::EMPTY,
+    };
 
     /// Decode a compact snapshot, the bytes from `sequence` to `crc32`, into `counts`, one element per taxel.
     pub fn receive(&mut self, address: u8, bytes: &[u8], counts: &mut [u16]) -> CompactResult {
         self.try_receive(address, bytes, counts).unwrap_or(CompactResult::Damaged)
     }
 
-    /// The answer that has not been sent yet.
+    /// Return the answer that has not been sent yet.
     pub fn answer(&self) -> CompactAnswer {
         self.answer
     }
 
-    /// The answer as an element of an ACKNOWLEDGE payload, which then counts as sent; None if there is none.
+    /// Return the answer as an element of an ACKNOWLEDGE payload, which then counts as sent; None if there is none.
     pub fn take_answer(&mut self, address: u8) -> Option<Acknowledgement> {
         let acknowledgement = match self.answer {
             CompactAnswer::None => return None,
@@ -163,7 +175,7 @@ impl CompactReceiver {
         Some(acknowledgement)
     }
 
-    /// None for a damaged snapshot.
+    /// Decode a compact snapshot; return None if it is damaged.
     fn try_receive(&mut self, address: u8, bytes: &[u8], counts: &mut [u16]) -> Option<CompactResult> {
         if bytes.len() < COMPACT_OVERHEAD_DELTA as usize || counts.is_empty() || counts.len() > TAXELS {
             return None;
@@ -191,6 +203,7 @@ impl CompactReceiver {
         Some(result)
     }
 
+    /// Decode a packed frame; if it is marked as a key frame, it becomes the pending one.
     fn receive_packed(&mut self, content: &[u8], counts: &mut [u16]) -> Option<CompactResult> {
         let head = CompactPacked::unpack(content)?;
         let (format, taxels) = (head.format as u32, counts.len());
@@ -209,6 +222,7 @@ impl CompactReceiver {
         Some(CompactResult::Decoded { timestamp_us: head.timestamp_us })
     }
 
+    /// Decode a delta frame against the key frame that it names.
     fn receive_delta(&mut self, content: &[u8], counts: &mut [u16]) -> Option<CompactResult> {
         let head = CompactDelta::unpack(content)?;
         if self.pending.is_valid && self.pending.id == head.key_frame {
@@ -220,7 +234,7 @@ impl CompactReceiver {
         let is_available =
             key_frame.is_valid && key_frame.id == head.key_frame && key_frame.taxel_count as usize == counts.len();
         if !is_available || !self.decode_counts(&content[CompactDelta::SIZE..], counts) {
-            return Some(self.reject());
+            return Some(self.reject_delta());
         }
         let [low, middle, high] = head.timestamp_low;
         let since = u32::from_le_bytes([low, middle, high, 0]).wrapping_sub(self.key_frame.timestamp_us);
@@ -233,6 +247,7 @@ impl CompactReceiver {
         Some(CompactResult::Decoded { timestamp_us })
     }
 
+    /// Decode the counts of a delta frame; return false for bytes that no encoder produces.
     fn decode_counts(&self, coded: &[u8], counts: &mut [u16]) -> bool {
         let mut decoder = RangeDecoder::new(coded);
         for (count, &taxel) in counts.iter_mut().zip(&self.key_frame.taxels) {
@@ -244,6 +259,7 @@ impl CompactReceiver {
         true
     }
 
+    /// Compute the pending key frame from the key frame in use and the counts after it.
     fn update_pending(&mut self, counts: &[u16]) {
         let gain = COMPACT_GAINS[self.key_frame.updates as usize - 1] as u32;
         let states = self.pending.taxels.iter_mut().zip(&self.key_frame.taxels);
@@ -254,24 +270,27 @@ impl CompactReceiver {
         self.pending.updates = (self.key_frame.updates + 1).min(COMPACT_GAINS.len() as u8);
     }
 
-    fn reject(&mut self) -> CompactResult {
+    /// Discard both key frames after a delta frame that cannot be decoded, and report this to the board.
+    fn reject_delta(&mut self) -> CompactResult {
         if self.key_frame.is_valid || self.pending.is_valid {
             self.key_frame.is_valid = false;
             self.pending.is_valid = false;
-            self.until_repeat = 0;
+            self.snapshots_until_repeat = 0;
         }
         self.repeat_answer(CompactAnswer::Forget);
         CompactResult::NoKeyFrame
     }
 
+    /// Store an answer to be sent.
     fn set_answer(&mut self, answer: CompactAnswer) {
         self.answer = answer;
-        self.until_repeat = REPEAT_AFTER;
+        self.snapshots_until_repeat = REPEAT_AFTER;
     }
 
+    /// Store an answer again if several snapshots have arrived without its effect.
     fn repeat_answer(&mut self, answer: CompactAnswer) {
-        if self.until_repeat > 0 {
-            self.until_repeat -= 1;
+        if self.snapshots_until_repeat > 0 {
+            self.snapshots_until_repeat -= 1;
         } else {
             self.set_answer(answer);
         }

@@ -14,46 +14,52 @@ pub struct Taxel(u32);
 impl Taxel {
     pub const EMPTY: Self = Self(0);
 
+    /// Create the state of a taxel; mean in 64ths of a count.
     pub fn new(mean: u32, level: u32) -> Self {
         Self(mean << COMPACT_LEVEL_BITS | level)
     }
 
-    /// State after a packed key frame. `start`: bits 5 and 6 of its format.
+    /// Return the state after a packed key frame. `start`: bits 5 and 6 of its format.
     pub fn start(count: u16, start: u32) -> Self {
         Self::new((count as u32) << COMPACT_FRACTION_BITS, COMPACT_LEVEL_START + COMPACT_LEVEL_START_STEP * start)
     }
 
+    /// Return the predicted count in 64ths.
     pub fn mean(self) -> u32 {
         self.0 >> COMPACT_LEVEL_BITS
     }
 
+    /// Return the logarithm of the expected spread.
     pub fn level(self) -> u32 {
         self.0 & COMPACT_LEVEL_MAX
     }
 
+    /// Return the predicted count.
     pub fn centre(self) -> u32 {
         ((self.mean() + 32) >> COMPACT_FRACTION_BITS).min(COUNT_MAX)
     }
 
+    /// Return the octave of the scale; it has eight steps.
     fn octave(self) -> u32 {
         self.level() >> 6
     }
 
+    /// Return the factor of the scale's step within its octave.
     fn multiplier(self) -> u32 {
         COMPACT_MULTIPLIERS[(self.level() >> 3 & 7) as usize] as u32
     }
 
-    /// Low bits of a count that are sent uncoded.
+    /// Return the number of low bits of a count that are sent uncoded.
     pub fn raw_bits(self) -> u32 {
         self.octave().saturating_sub(COMPACT_COARSE_OCTAVE)
     }
 
-    /// A magnitude in 64ths of a count, as 1024ths of the scale.
+    /// Convert a magnitude in 64ths of a count to 1024ths of the scale.
     fn distance(self, difference: u32) -> u32 {
         (difference * self.multiplier()) >> self.octave()
     }
 
-    /// Probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
+    /// Return the probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
     pub fn cumulative(self, symbol: u32) -> u32 {
         let edge = symbol << (self.raw_bits() + COMPACT_FRACTION_BITS);
         let from = self.mean() + 32;
@@ -71,8 +77,8 @@ impl Taxel {
         }
     }
 
-    /// A symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the segment
-    /// of the cumulative table that contains the target.
+    /// Return a symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the
+    /// segment of the cumulative table that contains the target.
     pub fn find_first_symbol(self, target: u32) -> u32 {
         let shift = self.raw_bits() + COMPACT_FRACTION_BITS;
         let step = COMPACT_STEP_BITS + self.octave();
@@ -86,7 +92,7 @@ impl Taxel {
         (edge >> shift).min(COUNT_MAX >> self.raw_bits())
     }
 
-    /// The state after one more key frame. `gain`: weight of the new count, in 256ths.
+    /// Return the state after one more key frame. `gain`: weight of the new count, in 256ths.
     pub fn update(self, count: u16, gain: u32) -> Self {
         let centre = self.centre() as i64;
         let residual = count as i64 - centre;
@@ -95,24 +101,24 @@ impl Taxel {
         let magnitude = difference.unsigned_abs() as u32;
         let scales = self.distance(magnitude);
         if scales >= COMPACT_JUMP {
-            return Self::new(shift(self.mean(), difference < 0, magnitude, COMPACT_MEAN_MAX), self.level());
+            return Self::new(move_limited(self.mean(), difference < 0, magnitude, COMPACT_MEAN_MAX), self.level());
         }
         let spread = (scales.min(COMPACT_CLIP) * COMPACT_MEAN_DEVIATION) >> 10;
         let excess = if spread < COMPACT_UNIT { COMPACT_UNIT - spread } else { spread - COMPACT_UNIT };
         let step = (excess * gain * COMPACT_LEVEL_STEP + (1 << 17)) >> 18;
-        let level = shift(self.level(), spread < COMPACT_UNIT, step, COMPACT_LEVEL_MAX);
-        Self::new(shift(self.mean(), difference < 0, (magnitude * gain + 128) >> 8, COMPACT_MEAN_MAX), level)
+        let level = move_limited(self.level(), spread < COMPACT_UNIT, step, COMPACT_LEVEL_MAX);
+        Self::new(move_limited(self.mean(), difference < 0, (magnitude * gain + 128) >> 8, COMPACT_MEAN_MAX), level)
     }
 }
 
-/// The largest corner of the cumulative table with at most this share.
+/// Return the largest corner of the cumulative table with at most this share.
 fn find_corner(share: u32) -> u32 {
     let corners = &COMPACT_CUMULATIVE[1..=LAST_CORNER as usize];
     corners.partition_point(|&corner| corner as u32 <= share) as u32
 }
 
-/// The difference between count and centre as a board stores it in one byte: exact below 64, else the middle of its
-/// quarter of an octave.
+/// Round the difference between count and centre as a board stores it in one byte: exact below 64, else the middle of
+/// its quarter of an octave.
 fn quantise(size: u32) -> u32 {
     if size < 64 {
         return size;
@@ -121,8 +127,8 @@ fn quantise(size: u32) -> u32 {
     (size >> low_bits << low_bits) + (1 << low_bits >> 1)
 }
 
-/// `value` moved down or up, limited to 0 to `largest`.
-fn shift(value: u32, is_down: bool, step: u32, largest: u32) -> u32 {
+/// Return `value` moved down or up, limited to 0 to `largest`.
+fn move_limited(value: u32, is_down: bool, step: u32, largest: u32) -> u32 {
     if is_down {
         value.saturating_sub(step)
     } else {

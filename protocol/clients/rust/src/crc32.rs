@@ -2,6 +2,7 @@
 
 const SLICES: usize = 4;
 
+/// Compute the tables: `tables[k][b]` is the remainder of byte b and k zero bytes.
 const fn make_tables() -> [[u32; 256]; SLICES] {
     let mut tables = [[0u32; 256]; SLICES];
     let mut byte = 0;
@@ -30,7 +31,7 @@ const fn make_tables() -> [[u32; 256]; SLICES] {
 
 static TABLES: [[u32; 256]; SLICES] = make_tables();
 
-/// CRC-32 of the bytes. `crc`: CRC-32 of the bytes before them, 0 at the start.
+/// Compute the CRC-32 of the bytes. `crc`: CRC-32 of the bytes before them, 0 at the start.
 pub fn crc32(bytes: &[u8], crc: u32) -> u32 {
     let mut state = !crc;
     let mut steps = bytes.chunks_exact(SLICES);

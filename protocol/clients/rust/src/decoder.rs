@@ -10,7 +10,7 @@ use crate::protocol::*;
 pub struct Flags(pub u8);
 
 impl Flags {
-    /// The frame's CRC is right, the board's own CRC-32 is wrong.
+    /// The frame's CRC is correct, the board's own CRC-32 is wrong.
     pub const BOARD_CRC_BAD: Self = Self(1);
     /// The hub has restarted: its sequence begins at 0.
     pub const HUB_RESTARTED: Self = Self(2);
@@ -19,11 +19,12 @@ impl Flags {
     /// More boards than the decoder has memory for: no loss counters, and no counts of compact frames.
     pub const NO_MEMORY: Self = Self(8);
 
-    /// Whether all bits of `other` are set.
+    /// Return whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }
 
+    /// Set all bits of `other`.
     fn set(&mut self, other: Self) {
         self.0 |= other.0;
     }
@@ -59,7 +60,7 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// The payload as the structs of its type.
+    /// Return the payload as the structs of its type; None if the payload is too short.
     pub fn message(&self) -> Option<Message<'a>> {
         Message::parse(self.frame_type, self.payload)
     }
@@ -85,7 +86,7 @@ pub struct Losses {
     /// Frames lost on the wire: gaps of the frames' sequence.
     pub lost: u64,
     pub restarts: u64,
-    /// Whole frames that this version does not define.
+    /// Complete frames that this version does not define.
     pub unknown: u64,
 }
 
@@ -123,6 +124,7 @@ pub struct Decoder<const BOARDS: usize> {
     state: State<BOARDS>,
 }
 
+/// State of a decoder except its deframer, so that the deframer can call it.
 #[derive(Clone)]
 struct State<const BOARDS: usize> {
     directions: Direction,
@@ -135,7 +137,7 @@ struct State<const BOARDS: usize> {
 }
 
 impl<const BOARDS: usize> Decoder<BOARDS> {
-    /// A decoder without received bytes.
+    /// Create a decoder without received bytes.
     pub const fn new(directions: Direction) -> Self {
         let state = State {
             directions,
@@ -161,21 +163,23 @@ impl<const BOARDS: usize> Decoder<BOARDS> {
         self.deframer.finish(&mut |raw| state.deliver(raw, handler));
     }
 
-    /// Counters of the stream.
+    /// Return the counters of the stream.
     pub fn losses(&self) -> Losses {
         self.state.losses
     }
 
-    /// Counters of each board, in the order of the first frames.
+    /// Return the counters of each board, in the order of the first frames.
     pub fn boards(&self) -> impl Iterator<Item = BoardLosses> + '_ {
         self.state.boards[..self.state.board_count].iter().map(|board| board.losses)
     }
 
-    /// Bytes that were part of no frame; delimiters are not counted.
+    /// Return the number of bytes that were part of no frame; delimiters are not counted.
     pub fn discarded_bytes(&self) -> u64 {
         self.deframer.discarded_bytes()
     }
 
+    /// Forget the poll cycles of all boards.
+    ///
     /// To be called when the host sends START: frames of the interrupted poll cycle then do not count as missing.
     pub fn forget_cycles(&mut self) {
         self.state.forget_cycles();
@@ -201,6 +205,7 @@ impl<const BOARDS: usize> Decoder<BOARDS> {
 }
 
 impl<const BOARDS: usize> State<BOARDS> {
+    /// Decode a frame of the deframer and call the handler.
     fn deliver(&mut self, raw: RawFrame<'_>, handler: &mut impl FnMut(&Frame<'_>)) {
         let frame_type = match raw.frame_type {
             Some(frame_type) => frame_type,
@@ -233,10 +238,11 @@ impl<const BOARDS: usize> State<BOARDS> {
         }
     }
 
+    /// Count a frame and the frames that were lost before it.
     fn count_sequence(&mut self, frame: &mut Frame<'_>) {
-        let is_unrequested =
+        let is_start_of_hub =
             matches!(frame.message(), Some(Message::HubHandshake { fields }) if fields.tag == 0 && frame.sequence == 0);
-        if is_unrequested {
+        if is_start_of_hub {
             self.forget_cycles();
             if self.next_sequence.is_some() {
                 frame.flags.set(Flags::HUB_RESTARTED);
@@ -244,7 +250,7 @@ impl<const BOARDS: usize> State<BOARDS> {
             }
             self.count_frame(frame.sequence, 0);
         } else {
-            let lost = self.lost_before(frame.sequence);
+            let lost = self.compute_lost_before(frame.sequence);
             frame.lost_before = lost.wrapping_add(self.lost_before_unknown);
             self.count_frame(frame.sequence, lost);
         }
@@ -256,23 +262,25 @@ impl<const BOARDS: usize> State<BOARDS> {
     fn count_unknown(&mut self, code: u8, sequence: u16) {
         self.losses.unknown += 1;
         if self.directions.accepts(code) {
-            let lost = self.lost_before(sequence);
+            let lost = self.compute_lost_before(sequence);
             self.lost_before_unknown = self.lost_before_unknown.wrapping_add(lost);
             self.count_frame(sequence, lost);
         }
     }
 
-    fn lost_before(&self, sequence: u16) -> u16 {
+    /// Return the number of frames that are missing in the sequence before this frame.
+    fn compute_lost_before(&self, sequence: u16) -> u16 {
         self.next_sequence.map_or(0, |expected| sequence.wrapping_sub(expected))
     }
 
+    /// Count a frame with the number of frames that were lost before it.
     fn count_frame(&mut self, sequence: u16, lost: u16) {
         self.losses.frames += 1;
         self.losses.lost += lost as u64;
         self.next_sequence = Some(sequence.wrapping_add(1));
     }
 
-    /// Index of the board of this address; None if it is new and there is no memory for it.
+    /// Return the index of the board of this address; None if it is new and there is no memory for it.
     fn find_board(&mut self, address: u8) -> Option<usize> {
         let known = self.boards[..self.board_count].iter().position(|board| board.losses.address == address);
         if known.is_none() && self.board_count < BOARDS {
@@ -283,6 +291,7 @@ impl<const BOARDS: usize> State<BOARDS> {
         known
     }
 
+    /// Decode a TAXELS frame, check the CRC of its board, and call the handler.
     fn decode_taxels(
         &mut self,
         frame: &mut Frame<'_>,
@@ -295,14 +304,14 @@ impl<const BOARDS: usize> State<BOARDS> {
         for (count, bytes) in counts.iter_mut().zip(content[SnapshotHeader::SIZE..].chunks_exact(2)) {
             *count = u16::from_le_bytes([bytes[0], bytes[1]]);
         }
-        let is_right = crc32(content, crc32(&[header.address], 0)).to_le_bytes() == crc;
-        if !is_right {
+        let is_correct = crc32(content, crc32(&[header.address], 0)).to_le_bytes() == crc;
+        if !is_correct {
             frame.flags.set(Flags::BOARD_CRC_BAD);
         }
         let mut missing_before = 0;
         if let Some(i) = self.find_board(header.address) {
             let board = &mut self.boards[i];
-            *(if is_right { &mut board.losses.received } else { &mut board.losses.damaged }) += 1;
+            *(if is_correct { &mut board.losses.received } else { &mut board.losses.damaged }) += 1;
             missing_before = board.count_cycles(header.cycle, snapshot.sequence, 0);
         } else {
             frame.flags.set(Flags::NO_MEMORY);
@@ -312,6 +321,7 @@ impl<const BOARDS: usize> State<BOARDS> {
         handler(&Frame { taxels: Some(make_taxels(header, times, missing_before, counts)), ..*frame });
     }
 
+    /// Decode a COMPACT_TAXELS frame and call the handler.
     fn decode_compact(
         &mut self,
         frame: &mut Frame<'_>,
@@ -348,6 +358,7 @@ impl<const BOARDS: usize> State<BOARDS> {
     }
 }
 
+/// Build the content of a taxel frame. times: sequence of the snapshot, and time of the board.
 fn make_taxels(header: TaxelHeader, times: (u16, u32), missing_before: u16, counts: &[u16]) -> TaxelData<'_> {
     TaxelData {
         address: header.address,

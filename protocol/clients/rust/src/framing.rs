@@ -21,12 +21,13 @@ impl Direction {
     /// All frames.
     pub const BOTH: Self = Self(3);
 
-    /// Whether frames of this type are accepted. Bit 7 of a type: from host to hub.
+    /// Return whether frames of this type are accepted. Bit 7 of a type: from host to hub.
     pub(crate) fn accepts(self, code: u8) -> bool {
         self.0 & if code & 0x80 != 0 { 2 } else { 1 } != 0
     }
 }
 
+/// Compute the whitening sequence.
 const fn make_whitening() -> [u8; BODY] {
     let mut sequence = [0u8; BODY];
     let mut value = WHITENING_SEED;
@@ -41,14 +42,14 @@ const fn make_whitening() -> [u8; BODY] {
 
 static WHITENING: [u8; BODY] = make_whitening();
 
-/// The rule of a frame type, or None for an undefined code.
+/// Return the rule of a frame type, or None for an undefined code.
 pub fn find_rule(code: u8) -> Option<&'static FrameRule> {
     FRAME_RULES.iter().find(|rule| rule.frame_type as u8 == code)
 }
 
-/// Encode a frame with its two delimiters into `out`; returns its size.
+/// Encode a frame with its two delimiters into `out`; return its size.
 ///
-/// None if the type does not allow the length of the payload, or if `out` is too small (513 bytes suffice).
+/// Returns None if the type does not allow the length of the payload, or if `out` is too small (513 bytes suffice).
 pub fn encode_frame(frame_type: FrameType, sequence: u16, payload: &[u8], out: &mut [u8]) -> Option<usize> {
     let rule = find_rule(frame_type as u8)?;
     if payload.len() < rule.minimum || payload.len() > rule.maximum {
@@ -62,11 +63,11 @@ pub fn encode_frame(frame_type: FrameType, sequence: u16, payload: &[u8], out: &
     body[HEADER..end].copy_from_slice(payload);
     let crc = crc32(&body[..end], 0);
     body[end..end + CRC].copy_from_slice(&crc.to_le_bytes());
-    stuff(&body[..end + CRC], out)
+    whiten_and_stuff(&body[..end + CRC], out)
 }
 
-/// Whiten and stuff a body, with a delimiter before and after it; None if `out` is too small.
-fn stuff(body: &[u8], out: &mut [u8]) -> Option<usize> {
+/// Whiten and stuff a body, with a delimiter before and after it; return None if `out` is too small.
+fn whiten_and_stuff(body: &[u8], out: &mut [u8]) -> Option<usize> {
     *out.get_mut(0)? = 0;
     let mut code = 1; // position of the code byte of the current block
     let mut next = 2;
@@ -89,7 +90,7 @@ fn stuff(body: &[u8], out: &mut [u8]) -> Option<usize> {
     Some(next + 1)
 }
 
-/// A whole frame before its payload is decoded.
+/// A complete frame with a correct CRC, before its payload is decoded.
 #[derive(Clone, Copy, Debug)]
 pub struct RawFrame<'a> {
     /// The frame type; None if this version does not define it, or not with this payload.
@@ -117,17 +118,17 @@ pub struct Deframer {
 }
 
 impl Deframer {
-    /// A deframer without received bytes.
+    /// Create a deframer without received bytes.
     pub const fn new(directions: Direction) -> Self {
         Self { directions, discarded_bytes: 0, position: 0, fill: 0, chunk: [0; CHUNK], body: [0; BODY] }
     }
 
-    /// Bytes that were part of no frame; delimiters are not counted.
+    /// Return the number of bytes that were part of no frame; delimiters are not counted.
     pub fn discarded_bytes(&self) -> u64 {
         self.discarded_bytes
     }
 
-    /// Take any number of bytes, and call `handler` for each whole frame that they complete.
+    /// Take any number of bytes, and call `handler` for each frame that they complete.
     pub fn push(&mut self, mut bytes: &[u8], handler: &mut impl FnMut(RawFrame<'_>)) {
         while !bytes.is_empty() {
             let zero = bytes.iter().position(|&byte| byte == 0);
@@ -150,6 +151,7 @@ impl Deframer {
         self.fill = 0;
     }
 
+    /// Append bytes without a zero to the chunk; search its front when the buffer is full.
     fn append(&mut self, mut bytes: &[u8], handler: &mut impl FnMut(RawFrame<'_>)) {
         while !bytes.is_empty() {
             if self.fill == CHUNK {
@@ -164,7 +166,7 @@ impl Deframer {
         }
     }
 
-    /// Try every byte before `until` as the start of a frame; returns where the search ended.
+    /// Try every byte before `until` as the start of a frame; return where the search ended.
     fn search(&mut self, until: usize, handler: &mut impl FnMut(RawFrame<'_>)) -> usize {
         let mut start = 0;
         while start < until {
@@ -185,7 +187,7 @@ impl Deframer {
         start
     }
 
-    /// Unstuff the frame that begins at `start`; returns the end of its stuffed bytes and its payload's length.
+    /// Unstuff the frame that begins at `start`; return the end of its stuffed bytes and its payload's length.
     fn unstuff(&mut self, start: usize) -> Option<(usize, usize)> {
         let (mut position, mut length) = (start, 0);
         let mut size: Option<usize> = None;
@@ -200,12 +202,12 @@ impl Deframer {
             length = end;
             position += code;
             if size.is_none() && length >= HEADER {
-                size = Some(self.expect_size()?);
+                size = Some(self.compute_expected_size()?);
             }
             if let Some(size) = size {
                 if length >= size {
-                    let is_whole = length == size && self.has_right_crc(size);
-                    return is_whole.then(|| (position, size - HEADER - CRC));
+                    let is_frame = length == size && self.is_crc_correct(size);
+                    return is_frame.then(|| (position, size - HEADER - CRC));
                 }
             }
             if code != 0xFF {
@@ -216,20 +218,21 @@ impl Deframer {
         None
     }
 
-    /// Size of the body that begins with this header; None if no frame has this length.
+    /// Return the size of the body that begins with this header; None if no frame has this length.
     ///
     /// A newer sender may use types and lengths that this version does not define.
-    fn expect_size(&self) -> Option<usize> {
+    fn compute_expected_size(&self) -> Option<usize> {
         let length = u16::from_le_bytes([self.body[3], self.body[4]]) as usize;
         (length <= PAYLOAD_MAX as usize).then(|| HEADER + length + CRC)
     }
 
-    fn has_right_crc(&self, size: usize) -> bool {
+    /// Return whether the CRC of the body is correct.
+    fn is_crc_correct(&self, size: usize) -> bool {
         let (content, crc) = self.body[..size].split_at(size - CRC);
         crc32(content, 0).to_le_bytes() == crc
     }
 
-    /// The frame type if this version defines it with this length, address and number of taxels.
+    /// Return the frame type if this version defines it with this length, address and number of taxels.
     fn find_type(&self, code: u8, payload: &[u8]) -> Option<FrameType> {
         let rule = find_rule(code).filter(|_| self.directions.accepts(code))?;
         if payload.len() < rule.minimum || payload.len() > rule.maximum {

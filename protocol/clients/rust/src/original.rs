@@ -22,6 +22,7 @@ pub struct OriginalMessage<'a> {
     pub accelerations: &'a [i16],
 }
 
+/// A complete candidate in the buffer. `has_evidence`: None: not yet needed.
 #[derive(Clone, Copy)]
 struct Candidate {
     start: usize,
@@ -59,7 +60,7 @@ pub struct OriginalDecoder {
 }
 
 impl OriginalDecoder {
-    /// A decoder without received bytes.
+    /// Create a decoder without received bytes.
     pub const fn new(format: &'static OriginalFormat) -> Self {
         Self {
             format,
@@ -79,17 +80,17 @@ impl OriginalDecoder {
         }
     }
 
-    /// Bytes in no accepted message.
+    /// Return the number of bytes in no accepted message.
     pub fn discarded_bytes(&self) -> u64 {
         self.discarded
     }
 
-    /// Headers without an end byte at their length.
+    /// Return the number of headers without an end byte at their length.
     pub fn rejected_candidates(&self) -> u64 {
         self.rejected
     }
 
-    /// Complete candidates that overlap a better one.
+    /// Return the number of complete candidates that overlap a better one.
     pub fn ambiguous_candidates(&self) -> u64 {
         self.ambiguous
     }
@@ -110,6 +111,7 @@ impl OriginalDecoder {
         self.process(true, handler);
     }
 
+    /// Deliver the messages that can be decided with the bytes in the buffer.
     fn process(&mut self, is_end: bool, handler: &mut impl FnMut(OriginalMessage<'_>)) {
         if self.format.record_size > 0 {
             while self.fill - self.scan >= self.format.record_size {
@@ -123,10 +125,10 @@ impl OriginalDecoder {
         } else {
             while self.step(is_end, handler) {}
         }
-        self.forget();
+        self.remove_settled_bytes();
     }
 
-    /// Search up to the next start byte, or to the end of the current candidate; false if bytes are missing.
+    /// Search up to the next start byte, or to the end of the current candidate; return false if bytes are missing.
     fn step(&mut self, is_end: bool, handler: &mut impl FnMut(OriginalMessage<'_>)) -> bool {
         let until = self.current.map_or(self.fill, |current| current.end);
         let found = self.buffer[self.scan..until].iter().position(|&byte| byte as u32 == ORIGINAL_START);
@@ -150,7 +152,7 @@ impl OriginalDecoder {
         }
     }
 
-    /// Examine the start byte at `scan`; false if bytes are missing.
+    /// Examine the start byte at `scan`; return false if bytes are missing.
     fn examine(&mut self, is_end: bool) -> bool {
         let start = self.scan;
         match self.match_header(start) {
@@ -170,12 +172,13 @@ impl OriginalDecoder {
         }
     }
 
+    /// Return the offset of the first count in a message.
     fn counts_offset(&self) -> usize {
         HEADER + if self.format.has_timestamp { ORIGINAL_TIMESTAMP_SIZE as usize } else { 0 }
     }
 
-    /// Bytes of a message of this board; 0 for an unknown board.
-    fn length_of(&self, address: usize) -> usize {
+    /// Return the length of a message of this board; 0 for an unknown board.
+    fn get_length(&self, address: usize) -> usize {
         match self.format.taxels.get(address) {
             None | Some(0) => 0,
             Some(&taxels) => {
@@ -184,9 +187,10 @@ impl OriginalDecoder {
         }
     }
 
+    /// Examine whether a header begins at `start`.
     fn match_header(&self, start: usize) -> Header {
         let bytes = &self.buffer[start..self.fill];
-        let is_length = |length: u8| (0..self.format.taxels.len()).any(|a| self.length_of(a) == length as usize);
+        let is_length = |length: u8| (0..self.format.taxels.len()).any(|a| self.get_length(a) == length as usize);
         match *bytes {
             [] => Header::Incomplete,
             [first, ..] if first as u32 != ORIGINAL_START => Header::None,
@@ -198,7 +202,7 @@ impl OriginalDecoder {
                     Header::None
                 }
             }
-            [_, length, address, ..] => match self.length_of(address as usize) {
+            [_, length, address, ..] => match self.get_length(address as usize) {
                 0 => Header::None,
                 expected if expected == length as usize => Header::Length(expected),
                 _ => Header::None,
@@ -206,14 +210,16 @@ impl OriginalDecoder {
         }
     }
 
-    /// Compare a complete candidate with those that overlap it; false if bytes are missing.
+    /// Compare a complete candidate with those that overlap it, and keep the better one.
+    ///
+    /// Returns false if bytes are missing.
     fn resolve(&mut self, mut candidate: Candidate, is_end: bool) -> bool {
         let mut current = self.current;
         if self.format.has_timestamp {
-            candidate.has_evidence = Some(self.is_plausible(self.time_at(candidate.start)));
+            candidate.has_evidence = Some(self.is_plausible(self.read_time(candidate.start)));
         } else if current.is_some() || self.strong_end > candidate.start {
-            let is_found = self.find_follower(&mut candidate, is_end)
-                && current.as_mut().map_or(true, |current| self.find_follower(current, is_end));
+            let is_found = self.find_evidence(&mut candidate, is_end)
+                && current.as_mut().map_or(true, |current| self.find_evidence(current, is_end));
             if !is_found {
                 return false;
             }
@@ -236,8 +242,10 @@ impl OriginalDecoder {
         true
     }
 
-    /// Without timestamps, a header or the end of the stream directly behind a candidate is its evidence.
-    fn find_follower(&self, candidate: &mut Candidate, is_end: bool) -> bool {
+    /// Find the evidence of a candidate without timestamps: a header or the end of the stream directly behind it.
+    ///
+    /// Returns false if bytes are missing.
+    fn find_evidence(&self, candidate: &mut Candidate, is_end: bool) -> bool {
         if candidate.has_evidence.is_none() {
             candidate.has_evidence = match self.match_header(candidate.end) {
                 Header::Incomplete if !is_end => return false,
@@ -248,24 +256,28 @@ impl OriginalDecoder {
         true
     }
 
-    fn time_at(&self, start: usize) -> u32 {
+    /// Return the timestamp of the message that begins at `start`.
+    fn read_time(&self, start: usize) -> u32 {
         let bytes = &self.buffer[start + HEADER..start + HEADER + 4];
         u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
     }
 
-    /// Whether a time follows one of the last messages' times. Time 0, the start of the hub, is always a reference.
+    /// Return whether a time follows one of the last messages' times closely.
+    ///
+    /// Time 0, the start of the hub, is always a reference.
     fn is_plausible(&self, time_ms: u32) -> bool {
         let follows = |time: &u32| time_ms.wrapping_sub(*time) <= ORIGINAL_TIME_STEP_MAX_MS;
         time_ms <= ORIGINAL_TIME_STEP_MAX_MS || self.times.iter().flatten().any(follows)
     }
 
+    /// Decode an accepted candidate, call the handler, and update counters and reference times.
     fn accept(&mut self, candidate: Candidate, handler: &mut impl FnMut(OriginalMessage<'_>)) {
         let format = self.format;
         let is_record = format.record_size > 0;
         let address = if is_record { ORIGINAL_RECORD_ADDRESS as u8 } else { self.buffer[candidate.start + 2] };
         let mut timestamp_ms = None;
         if format.has_timestamp {
-            timestamp_ms = Some(self.time_at(candidate.start));
+            timestamp_ms = Some(self.read_time(candidate.start));
             self.times.rotate_left(1);
             self.times[TIMES - 1] = timestamp_ms;
         }
@@ -294,7 +306,7 @@ impl OriginalDecoder {
     }
 
     /// Count the bytes before the search position as discarded and remove them from the buffer.
-    fn forget(&mut self) {
+    fn remove_settled_bytes(&mut self) {
         let settled = self.current.map_or(self.scan, |current| current.start);
         let position = self.base + settled as u64;
         if position > self.covered {

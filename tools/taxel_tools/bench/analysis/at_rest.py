@@ -79,9 +79,11 @@ class RestCounts:
 
 
 def compute_standard_error(raw_counts: CountArray) -> FloatArray:
-    """Standard error of the mean raw count of each taxel, f64[taxels]. raw_counts: u16[t, taxels].
+    """Estimate the standard error of the mean raw count of each taxel, f64[taxels].
 
-    The larger of the error for white noise and the error from the means of `BATCHES` parts, pooled over the board.
+    raw_counts: u16[t, taxels], t frames. Returns the larger of two estimates: the standard error for white noise, and
+    the standard error from the means of `BATCHES` parts of the record, pooled over the board. A record with fewer than
+    4 frames per part gives only the first.
     """
     frames = len(raw_counts)
     white = raw_counts.std(axis=0) / np.sqrt(frames)
@@ -93,9 +95,10 @@ def compute_standard_error(raw_counts: CountArray) -> FloatArray:
 
 
 def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Faults of TX and RX lines of an untouched board, and the taxels that these faults explain, bool[taxels].
+    """Find faults of TX and RX lines in the counts of an untouched board.
 
-    limit: relative capacitance below which a crossing counts as missing.
+    limit: relative capacitance below which a crossing is treated as missing. Returns the faults, including missing
+    crossings that no line fault explains, and the taxels that these faults explain, bool[taxels].
     """
     missing = counts.relative_capacitance < limit
     explained = np.zeros(len(missing), dtype=bool)
@@ -115,10 +118,10 @@ def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], Boo
 
 
 def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Lines of an untouched board whose crossings are all missing; a shared crossing is explained by the longer
-    line.
+    """Find the lines of an untouched board whose crossings are all missing.
 
-    missing: bool, which crossings have a relative capacitance below `limit`.
+    missing: bool[taxels], relative capacitance below `limit`. If an open TX and an open RX line share a crossing, the
+    line with more taxels explains it. Returns the faults and the taxels on these lines, bool[taxels].
     """
     explained = np.zeros(len(missing), dtype=bool)
     candidates = []
@@ -141,9 +144,10 @@ def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tu
 
 
 def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Neighbouring lines of an untouched board that measure the same counts, the least probable equality first.
+    """Find neighbouring lines of an untouched board that measure equal counts, the least probable equality first.
 
-    A short changes the crossings of both its lines, so these crossings give no evidence on the lines that cross it.
+    missing: bool[taxels], missing crossings. A short changes the crossings of both its lines, so these crossings give
+    no evidence on the lines of the other axis. Returns the faults and the taxels on shorted lines, bool[taxels].
     """
     pairs = [(axis, index) for axis in Axis for index in range(counts.kind.crossings.shape[axis] - 1)]
     explained = np.zeros(len(missing), dtype=bool)
@@ -169,10 +173,10 @@ def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[
 def _compute_chance_of_short(
     counts: RestCounts, missing: BoolArray, pair: tuple[Axis, int], shorted: list[tuple[Axis, int]]
 ) -> tuple[float, float]:
-    """Probability that line `index` of an axis and the next line look like a short by chance, and their relative
-    level.
+    """Compute the probability that two healthy neighbouring lines look like a short by chance.
 
-    pair: (axis, index). shorted: pairs with a short, whose crossings are not used for lines of the other axis.
+    pair: (axis, number of the first line). shorted: pairs with a short, whose crossings are not used for lines of the
+    other axis. Returns this probability and the mean relative capacitance of the common crossings.
     """
     axis, index = pair
     grids = [counts.to_grid(values) for values in (counts.hardware, counts.error, counts.relative_capacitance)]
@@ -186,9 +190,10 @@ def _compute_chance_of_short(
 
 
 def _is_crossing_line_open(missing: FloatArray, index: int) -> BoolArray:
-    """Which crossing lines are open: missing on all lines except `index` and `index + 1`, bool[crossing lines].
+    """Return which crossing lines are open: missing on all lines except `index` and `index + 1`, bool[crossing lines].
 
-    missing: [lines, crossing lines], NaN without a taxel. An open crossing line gives no evidence on the two lines.
+    missing: f64[lines, crossing lines], 1 for a missing crossing, NaN for a crossing without a taxel. An open crossing
+    line gives no evidence on the two lines.
     """
     outside_pair = np.delete(missing, [index, index + 1], axis=0)
     is_open = (np.nan_to_num(outside_pair, nan=1.0) == 1.0).all(axis=0)
@@ -196,13 +201,16 @@ def _is_crossing_line_open(missing: FloatArray, index: int) -> BoolArray:
 
 
 def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[float, float]:
-    """Probability that two healthy lines look like a short at least as much by chance, and their relative level.
+    """Compute the probability that two healthy lines look at least as much like a short by chance.
 
-    Three independent properties of a short are compared with healthy lines. The counts of all common crossings are
-    equal: the probability is the product of the shares of a normal distribution within the tolerance. The level of the
-    common crossings differs from the median of the board, and a crossing that only one of the lines has is about half
-    that level: each has a two-sided normal p-value. The p-values are combined by Fisher's method, so that a pair of
-    healthy lines is below a limit with a probability of at most this limit.
+    pair: hardware counts, their standard errors and relative capacitances of the two lines, f64[2, crossing lines]
+    each. Three independent properties are tested. The counts of the common crossings are equal: the product of the
+    shares of a normal distribution within the tolerance. The level of the common crossings deviates from the board's
+    median, and a crossing that only one line has is about half that level: one two-sided normal p-value each, combined
+    by Fisher's method.
+
+    Returns the probability (1 if the lines do not look like a short) and the mean relative capacitance of the common
+    crossings.
     """
     hardware, error, relative = pair
     common = np.isfinite(hardware).all(axis=0)
@@ -228,21 +236,23 @@ def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> t
 
 
 def _compute_p_value(deviation: float, spread: float, count: int) -> float:
-    """Two-sided probability that the mean deviation of `count` healthy crossings is at least as large.
+    """Compute the two-sided probability that the mean of `count` healthy crossings deviates at least by `deviation`.
 
-    spread: standard deviation of one crossing.
+    deviation: from the median of the board, relative. spread: standard deviation of one crossing.
     """
     return float(erfc(abs(deviation) / spread * np.sqrt(count / 2.0)))
 
 
 def _combine_p_values(p_values: list[float]) -> float:
-    """Combined p-value of independent p-values: survival function of chi-squared at -2 sum(ln p)."""
+    """Combine independent p-values by Fisher's method: survival function of chi-squared at -2 sum(ln p)."""
     return float(chdtrc(2 * len(p_values), -2.0 * np.log(np.maximum(p_values, np.finfo(float).tiny)).sum()))
 
 
 def _find_swapped_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """The only pair of lines whose exchange explains exactly the missing crossings of an untouched board; []
-    otherwise.
+    """Find the pair of lines whose exchange explains exactly the missing crossings of an untouched board.
+
+    missing: bool[taxels], missing crossings. Returns one fault and the taxels on its lines, bool[taxels]; no fault if
+    no pair or several pairs explain the missing crossings, or if a missing crossing still has capacitance.
     """
     nothing = np.zeros(len(missing), dtype=bool)
     if not missing.any() or (counts.relative_capacitance[missing] > NO_TAXEL_SHARE).any():

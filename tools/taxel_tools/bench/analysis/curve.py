@@ -58,23 +58,26 @@ class Curve:
 
 
 def _integrate(values: FloatArray, positions: FloatArray) -> float:
-    """Integral of `values` f64[k] over `positions` f64[k] by the trapezoidal rule (`numpy.trapezoid` needs numpy 2)."""
+    """Integrate `values` f64[k] over `positions` f64[k] by the trapezoidal rule (`numpy.trapezoid` needs numpy 2)."""
     return float((np.diff(positions) * (values[1:] + values[:-1]) / 2.0).sum())
 
 
 def extrapolate_detectable_force(force_n: FloatArray, signal: FloatArray, error: float, sigmas: float = 3.0) -> float:
-    """Smallest detectable force in N: where a line through the signals of small forces reaches `sigmas` standard
-    errors.
+    """Extrapolate the smallest detectable force in N from the signals of small forces.
 
-    force_n: f64[k], increasing; signal: f64[k], in counts; error: standard error of one signal. The line passes
-    through the origin, because the response of a layer is linear for small forces. NaN without a positive slope.
+    It is the force at which a line through the signals reaches `sigmas` standard errors. force_n: f64[k], increasing;
+    signal: f64[k], in counts; error: standard error of one signal. The line passes through the origin, because the
+    response of a layer is linear for small forces. Returns NaN without a positive slope.
     """
     slope = float(force_n @ signal / (force_n @ force_n))
     return sigmas * error / slope if slope > 0.0 else float("nan")
 
 
 def find_first_detected_force(force_n: FloatArray, signal: FloatArray, error: float, sigmas: float = 3.0) -> float:
-    """Smallest tested force from which on all signals exceed `sigmas` standard errors; NaN if there is none."""
+    """Return the smallest tested force in N from which on all signals exceed `sigmas` standard errors, or NaN.
+
+    force_n: f64[k], increasing; signal: f64[k], in counts; error: standard error of one signal.
+    """
     is_detected = signal > sigmas * error
     undetected = np.nonzero(~is_detected)[0]
     first = int(undetected[-1]) + 1 if len(undetected) else 0

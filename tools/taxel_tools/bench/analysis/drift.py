@@ -29,10 +29,10 @@ class Drift:
 
 
 def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -> Drift:
-    """Fit the drift of each taxel, a slope of its raw counts over time, by least squares to means over steps.
+    """Fit the drift of each taxel: the slope of its raw counts over time, by least squares.
 
-    raw_counts: u16[t, taxels]; time_s: f64[t]; step_s: duration of a step. Raises ValueError for less than four
-    steps.
+    raw_counts: u16[t, taxels], t frames; time_s: f64[t]. The frames are first averaged over steps of `step_s` seconds.
+    Raises ValueError if the record is shorter than four steps.
     """
     steps = int((time_s[-1] - time_s[0]) / step_s) if len(time_s) else 0
     if steps < 4:
@@ -53,10 +53,10 @@ def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -
 
 
 def _compute_error_factor(residual: FloatArray) -> float:
-    """Factor by which autocorrelation of the residual increases the standard error of a slope.
+    """Compute the factor by which autocorrelation of the residual increases the standard error of a slope.
 
-    For a first-order autoregression the factor is sqrt((1 + r) / (1 - r)) with the correlation r at lag one (Zwiers and
-    von Storch, J. Climate 8, 1995).
+    residual: f64[k], counts. For a first-order autoregression the factor is sqrt((1 + r) / (1 - r)) with the
+    correlation r at lag one (Zwiers and von Storch, J. Climate 8, 1995); r is limited to 0 to 0.9.
     """
     power = residual @ residual
     if power <= 0.0:

@@ -34,32 +34,38 @@ class Fault:
 
 
 def get_lines_of_taxels(kind: BoardKind, axis: Axis) -> ByteArray:
-    """Number of the TX or RX line (`axis`) of each taxel of a board, u8[taxels]."""
+    """Return the number of the TX or RX line (`axis`) of each taxel of a board, u8[taxels]."""
     return kind.tx if axis is Axis.TX else kind.rx
 
 
 def compute_severity_below(share: float, limit: float) -> float:
-    """Severity of a value below its lower limit: limit divided by value; infinite for a value of 0 or less."""
+    """Compute the severity of a value below its lower limit: limit divided by value.
+
+    share: the value. Returns infinity for a value of 0 or less.
+    """
     return float("inf") if share <= 0.0 else limit / share
 
 
 def format_line_name(axis: Axis, index: int) -> str:
-    """Name of a line, such as TX 3."""
+    """Format the name of a line, such as "TX 3"."""
     return f"{axis.name} {index}"
 
 
 def format_line_pair_name(axis: Axis, first: int, second: int) -> str:
-    """Names of two lines, such as TX 3 and TX 4, the lower one first."""
+    """Format the names of two lines with the lower number first, such as "TX 3 and TX 4"."""
     low, high = sorted((first, second))
     return f"{format_line_name(axis, low)} and {format_line_name(axis, high)}"
 
 
 def format_connector_pin(axis: Axis, index: int, tx_count: int) -> str:
-    """Connector pin of a line. TX lines come first on the connector, then RX lines (docs/assumptions.md)."""
+    """Format the connector pin of a line, such as "J1 pin 5".
+
+    TX lines come first on the connector, then RX lines (docs/assumptions.md).
+    """
     pin = 1 + index + (tx_count if axis is Axis.RX else 0)
     return f"J1 pin {pin}"
 
 
 def format_taxel_name(taxel: int) -> str:
-    """Name of a taxel, such as taxel 17."""
+    """Format the name of a taxel, such as "taxel 17"."""
     return f"taxel {taxel}"

@@ -70,9 +70,10 @@ class Indentations:
         return float(np.median(self.response[indented].max(axis=1))) if len(indented) else float("nan")
 
     def compute_median_response(self, taxels: BoolArray) -> float:
-        """Median response of indented taxels to their own indentation. taxels: bool[taxels], which to use.
+        """Compute the median response of selected taxels to their own indentation, in counts.
 
-        `median_response` if none of these taxels was indented.
+        taxels: bool[taxels], the selected taxels; those that were not indented are ignored. Returns `median_response`
+        if none of them was indented.
         """
         own = self.own_response[taxels]
         own = own[np.isfinite(own)]
@@ -85,8 +86,8 @@ class Indentations:
 
 
 def find_response_faults(indentations: Indentations, limit: float) -> list[Fault]:
-    """Faults in the responses to indentations: dead taxels, open, shorted and swapped lines, or a board without
-    response.
+    """Find faults in the responses to indentations: dead taxels, open, shorted and swapped lines, or no response at
+    all.
 
     limit: share of the median response below which a taxel is dead.
     """
@@ -112,9 +113,9 @@ def find_response_faults(indentations: Indentations, limit: float) -> list[Fault
 
 
 def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second: int) -> list[tuple[int, int]]:
-    """Pairs of taxels of the lines `first` and `second` on the same crossing line, in both orders.
+    """List the pairs of taxels of the lines `first` and `second` on the same crossing line, in both orders.
 
-    Only pairs whose first taxel was indented.
+    Only pairs whose first taxel was indented are listed.
     """
     kind = indentations.kind
     lines, crossing_lines = get_lines_of_taxels(kind, axis), get_lines_of_taxels(kind, Axis(1 - axis))
@@ -133,9 +134,10 @@ def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second:
 
 
 def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
-    """Pairs of exchanged lines: an indentation of one line appears on the other line.
+    """Find pairs of exchanged lines: an indentation of one line appears on the other line.
 
-    explained: bool[taxels], taxels with a fault that was found before.
+    explained: not used; the parameter exists because `_find_shorts` has it. Returns the faults and the taxels on
+    swapped lines, bool[taxels].
     """
     kind, response, median = indentations.kind, indentations.response, indentations.median_response
     faults: list[Fault] = []
@@ -161,9 +163,10 @@ def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tup
 
 
 def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
-    """Pairs of shorted neighbouring lines: both respond to an indentation of either line.
+    """Find shorted neighbouring lines: both respond to an indentation of either line.
 
-    explained: bool[taxels], taxels with a fault that was found before.
+    explained: bool[taxels], taxels on swapped lines, which are skipped. Returns the faults and the taxels on shorted
+    lines, bool[taxels].
     """
     kind, response, error = indentations.kind, indentations.response, indentations.error
     faults: list[Fault] = []
@@ -191,9 +194,11 @@ def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list
 
 
 def _find_open_lines(indentations: Indentations, dead: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Open lines, on which no indented taxel responds. dead: bool[taxels], taxels without response.
+    """Find open lines, on which no indented taxel responds.
 
-    A line needs at least two taxels: a single taxel without response is a dead taxel.
+    dead: bool[taxels], taxels without response. limit: share of the median response below which a taxel is dead. A line
+    needs at least two indented taxels; a single taxel without response is a dead taxel. Returns the faults and the
+    indented taxels on open lines, bool[taxels].
     """
     on_open_line = np.zeros(len(dead), dtype=bool)
     is_indented = np.isfinite(indentations.own_response)
@@ -235,9 +240,9 @@ class Crosstalk:
 
 
 def measure_crosstalk(indentations: Indentations, ignored: BoolArray) -> list[Crosstalk]:
-    """Crosstalk along lines and between neighbouring lines, the largest first.
+    """Measure the crosstalk along lines and between neighbouring lines, the largest first.
 
-    `ignored`: bool[taxels], taxels explained by a fault. Paths with fewer than two indentations are omitted.
+    ignored: bool[taxels], taxels whose response a fault explains. Paths with fewer than two indentations are omitted.
     """
     tx, rx = indentations.kind.tx.astype(int), indentations.kind.rx.astype(int)
     shares: dict[str, list[float]] = {}
@@ -266,10 +271,10 @@ def measure_crosstalk(indentations: Indentations, ignored: BoolArray) -> list[Cr
 
 
 def find_gain_fault(indentations: Indentations, signal_counts: float, minimum: float, maximum: float) -> Fault | None:
-    """Fault of a board whose median signal is outside the permitted range; None if it is inside or the force is
-    unknown.
+    """Return the gain fault of a board whose median signal is outside the permitted range.
 
-    signal_counts: median signal of an indentation on healthy taxels; minimum, maximum: its permitted range.
+    signal_counts: median signal of an indentation on healthy taxels; minimum, maximum: its permitted range. Returns
+    None if the signal is inside the range or the force is unknown.
     """
     if not np.isfinite(indentations.force_n) or minimum <= signal_counts <= maximum:
         return None

@@ -18,8 +18,9 @@ _GAIN: Final = ("low gain", "high gain")
 
 
 def find_taxels(kind: BoardKind, place: str) -> BoolArray:
-    """Taxels of a board at a place, bool[taxels]. place: "TX 3", "RX 1 and RX 2" or "taxel 17"; any other place:
-    all taxels.
+    """Return the taxels of a board at the place of a fault, bool[taxels].
+
+    place: "TX 3", "RX 1 and RX 2" or "taxel 17"; any other place, such as "board", selects all taxels.
     """
     mask = np.zeros(kind.taxel_count, dtype=bool)
     for axis in Axis:
@@ -33,10 +34,10 @@ def find_taxels(kind: BoardKind, place: str) -> BoolArray:
 
 
 def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> bool:
-    """Whether a short that was detected at rest is refuted, because all its taxels respond normally to
-    indentations.
+    """Return whether indentations refute a short that was detected at rest.
 
-    Two healthy lines may measure the same by chance; joined lines never respond independently.
+    response_faults: faults found by indentations. The short is refuted if none of them concerns its taxels: two healthy
+    lines may measure equal counts by chance, but shorted lines never respond independently.
     """
     taxels = find_taxels(kind, short.place)
     return not any((taxels & find_taxels(kind, fault.place)).any() for fault in response_faults)
@@ -45,8 +46,9 @@ def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> 
 def merge_faults(kind: BoardKind, rest_faults: list[Fault], response_faults: list[Fault] | None) -> list[Fault]:
     """Merge the faults of a board found at rest and under indentation, in order of decreasing severity.
 
-    response_faults: None if no taxel was indented. A fault is omitted if all its taxels are explained by faults of
-    earlier groups (kinds of faults, the most certain first); places within one group may overlap.
+    response_faults: None if no taxel was indented. The faults are processed in groups, the most certain measurement
+    first. A fault is omitted if faults of earlier groups explain all its taxels; faults of one group may overlap. A
+    gain fault also explains a wrong level at rest.
     """
     if response_faults is None:
         response_faults = []

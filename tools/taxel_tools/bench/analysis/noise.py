@@ -63,7 +63,9 @@ class NoiseParts:
     spectrum: FloatArray
 
     def amplitudes(self) -> dict[str, float]:
-        """Amplitudes of the noise components in counts, by the names of the measurements in plans and records."""
+        """Return the amplitudes of the noise components in counts, by the names of the measurements in plans and
+        records.
+        """
         return {
             "white": self.white,
             "tx": self.tx,
@@ -125,23 +127,26 @@ def separate_noise(kind: BoardKind, raw_counts: CountArray, rate_hz: float, scan
 
 
 def _compute_sigma(density: float, band_hz: float) -> float:
-    """Standard deviation of noise from its spectral density in counts^2/Hz and its bandwidth in Hz."""
+    """Compute the standard deviation of noise from its spectral density in counts^2/Hz and its bandwidth in Hz.
+
+    Returns 0 for a negative density, which an estimate can have.
+    """
     return float(np.sqrt(max(density, 0.0) * band_hz))
 
 
 def _subtract_cubic(counts: FloatArray) -> FloatArray:
-    """Subtract from the counts f64[T, n] of each taxel the best cubic polynomial in time, which removes drift."""
+    """Subtract the best cubic polynomial in time from the counts f64[t, taxels] of each taxel, which removes drift."""
     time = np.linspace(-1.0, 1.0, len(counts))
     basis = np.linalg.qr(np.vander(time, 4))[0]
     return np.asarray(counts - basis @ (basis.T @ counts))
 
 
 def _fit_components(kind: BoardKind, transform: ComplexArray) -> _Components:
-    """Spectral density of noise that is independent in each taxel, or shared along TX lines, RX lines or by the
+    """Estimate the spectral densities of independent noise and of noise shared along TX lines, RX lines or by the
     board.
 
-    transform: Fourier transform of the counts, [frequencies, taxels]. The variance components of the two-way layout
-    follow from sums over lines, without a matrix of all pairs of taxels.
+    transform: Fourier transform of the counts, c128[frequencies, taxels]. The variance components of the two-way layout
+    follow from sums over lines, without a matrix of all pairs of taxels. An estimate can be negative.
     """
     tx, rx = kind.tx.astype(int), kind.rx.astype(int)
     power = float((np.abs(transform) ** 2).sum(axis=1).mean())
@@ -157,9 +162,10 @@ def _fit_components(kind: BoardKind, transform: ComplexArray) -> _Components:
 
 
 def _sum_line_pairs(transform: ComplexArray, line: NDArray[np.int_]) -> tuple[float, int]:
-    """Sum of the covariances of ordered pairs of different taxels on the same line, and the number of these pairs.
+    """Sum the covariances of all ordered pairs of different taxels on the same line.
 
-    transform: Fourier transform of the counts, [frequencies, taxels]. line: number of the line of each taxel.
+    transform: Fourier transform of the counts, c128[frequencies, taxels]. line: number of the line of each taxel.
+    Returns this sum, averaged over the frequencies, and the number of these pairs.
     """
     total, pairs = 0.0, 0
     for index in np.unique(line):
@@ -173,9 +179,10 @@ def _sum_line_pairs(transform: ComplexArray, line: NDArray[np.int_]) -> tuple[fl
 def _fit_pink(
     kind: BoardKind, transform: ComplexArray, frequency: FloatArray, white: _Components
 ) -> tuple[float, float]:
-    """Strength of the 1/f noise, independent in each taxel and shared by the board: density times frequency.
+    """Estimate the standard deviations of the 1/f noise in counts: independent in each taxel, and shared by the board.
 
-    transform: Fourier transform of the counts, [frequencies, taxels]. The white part is subtracted.
+    transform: Fourier transform of the counts, c128[frequencies, taxels]; frequency: f64[frequencies], Hz. The white
+    noise is subtracted. Returns (0, 0) if the record has fewer than 4 frequencies in the fitted band.
     """
     band = (frequency >= FIT_LOW_HZ) & (frequency <= min(FIT_HIGH_HZ, 0.5 * frequency[-1]))
     if band.sum() < 4:
@@ -189,8 +196,10 @@ def _fit_pink(
 
 
 def _fit_mean_change(mean: FloatArray, rate_hz: float, white: _Components, kind: BoardKind) -> tuple[float, float]:
-    """Root mean square change of the mean of a board within 0.25 s, and the exponent with which its square grows
-    with the lag.
+    """Estimate the random change of the board's mean raw count, without the white noise.
+
+    mean: f64[t], mean raw count per frame. Returns the root mean square change within 0.25 s in counts, and the
+    exponent with which its square grows with the lag; (0, 0) for a record shorter than the longest lag.
     """
     taxels = kind.taxel_count
     nyquist = rate_hz / 2.0
@@ -207,9 +216,11 @@ def _fit_mean_change(mean: FloatArray, rate_hz: float, white: _Components, kind:
 
 
 def _find_impulses(residual: FloatArray, scan_s: float) -> tuple[BoolArray, float]:
-    """Conversions disturbed by a short impulse on successive conversions, and the largest impulse in counts.
+    """Find conversions that a short impulse disturbs, bool[t, taxels], and return the largest impulse in counts (0 if
+    none).
 
-    An impulse of 5 ms covers the conversions of this time; the mean over these conversions stands out of their noise.
+    residual: f64[t, taxels], counts without drift; scan_s: duration of a scan. An impulse covers the successive
+    conversions of about `IMPULSE_S`; their mean exceeds the noise of a single conversion.
     """
     taxels = residual.shape[1]
     width = int(np.clip(round(IMPULSE_S / max(scan_s, 1e-4) * taxels), 1, taxels))

@@ -53,7 +53,11 @@ A component of amplitude 1 (row) may cause this amplitude in the estimate of ano
 
 
 def find_noise_faults(parts: NoiseParts, limits: Mapping[str, float]) -> list[Fault]:
-    """Faults of a board whose noise exceeds the limits. limits: largest amplitude in counts, by name in `TITLES`."""
+    """Return the faults of a board whose noise exceeds the limits, the largest excess first.
+
+    limits: largest permitted amplitude in counts, by name in `TITLES`. A component is reported only if it exceeds the
+    leakage of the components reported before it.
+    """
     amplitudes = parts.amplitudes()
     is_drift = parts.mean_change_exponent > DRIFT_EXPONENT
     amplitudes["pink_board" if is_drift else "wander"] = 0.0

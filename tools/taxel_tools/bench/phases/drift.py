@@ -14,7 +14,7 @@ SIGNIFICANT_ERRORS: Final = 4.0
 
 
 class Drift:
-    """Slope of the mean raw count of the board."""
+    """Phase that measures the slope of the board's median raw count over time."""
 
     name = "drift"
     title = "Baseline drift"
@@ -22,7 +22,7 @@ class Drift:
     limit_names = frozenset({"board", "worst_taxel"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the drift phase: it needs only the board."""
+        """Return "", because the drift phase needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -30,7 +30,7 @@ class Drift:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the record in s from the options; default 12 s."""
+        """Take the duration of the record in s from the options; default 12 s."""
         return options.take_number("seconds", 12.0, 3.0, 36000.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:

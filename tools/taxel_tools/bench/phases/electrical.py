@@ -18,7 +18,7 @@ SIGNAL_MIN: Final = 0.02
 
 
 class Electrical:
-    """Relative capacitances of all crossings, and lines with deviating capacitances."""
+    """Phase that measures the relative capacitances of all crossings and finds lines with deviating capacitances."""
 
     name = "electrical"
     title = "Opens and shorts"
@@ -26,7 +26,7 @@ class Electrical:
     limit_names = frozenset({"capacitance", "signal"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the electrical phase: it needs only the board."""
+        """Return "", because the electrical phase needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -34,11 +34,14 @@ class Electrical:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the record in s from the options; default 2 s."""
+        """Take the duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Measure the capacitance of each line and find line faults."""
+        """Measure the relative capacitance of each line and find line faults.
+
+        A board whose counts are far below full scale has the single fault "no signal".
+        """
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         kind, full_scale = board.kind, board.full_scale_count

@@ -7,7 +7,7 @@ from taxel_tools.testing.options import Options
 
 
 class Faults:
-    """Merges the faults that the other phases have detected, so that each fault is reported once."""
+    """Phase that merges the faults which the other phases have detected, so that each fault is reported once."""
 
     name = "faults"
     title = "Named faults"
@@ -15,7 +15,7 @@ class Faults:
     limit_names = frozenset[str]()
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """Reason why faults cannot be reported: no other phase has measured the board.
+        """Return why faults cannot be reported: no other phase has measured the board; "" if one has.
 
         Without this requirement, a test without measurements would pass.
         """

@@ -8,7 +8,7 @@ from taxel_tools.wires import HubWire
 
 
 class Frames:
-    """Frame rate, scan time, clock, and errors per thousand reads."""
+    """Phase that measures frame rate, scan time, clock deviation, and errors per thousand reads."""
 
     name = "frames"
     title = "Frame rate and bus"
@@ -16,7 +16,7 @@ class Frames:
     limit_names = frozenset({"rate", "rate_of_scans", "scan_time", "missed_scans", "clock", "bus_errors", "saturated"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the frames phase: it needs only the board."""
+        """Return "", because the frames phase needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -24,7 +24,7 @@ class Frames:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the record in s from the options; default 2 s."""
+        """Take the duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
@@ -36,7 +36,9 @@ class Frames:
         after, (errors_after, reads_after) = board.read_status(), board.readout.read_bus_errors()
 
         def increase(name: str, bits: int = 16) -> int:
-            """Increase of a status counter of the board during the record; the counter wraps after `bits` bits."""
+            """Return the increase of a status counter of the board during the record; the counter wraps after `bits`
+            bits.
+            """
             return int((after[name] - before[name]) % 2**bits)
 
         scan_s = after["scan_time_us"] * 1e-6

@@ -15,7 +15,7 @@ from taxel_tools.testing.options import Options
 
 
 class Identify:
-    """Identity and status registers, compared with the hand description and the plan."""
+    """Phase that compares the identity and status registers with the hand description and the plan."""
 
     name = "identify"
     title = "Identity"
@@ -23,12 +23,13 @@ class Identify:
     limit_names = frozenset({"error_flags"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the identification phase: it needs only the board."""
+        """Return "", because the identification phase needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """Check the option of the identification phase, `firmware`: required version, such as "0.1.0"; empty: any
-        version.
+        """Check the option of the identification phase, `firmware`.
+
+        It is the required version, such as "0.1.0"; empty for any version.
         """
         options.take_text("firmware", "")
 
@@ -62,8 +63,10 @@ class Identify:
             self._compare_with_hand(board, board.hand, log)
 
     def _compare_with_hand(self, board: BoardUnderTest, hand: Hand, log: PhaseLog) -> None:
-        """Compare kind and crossing map of the board with the hand description; add a fault or a note for each
-        difference.
+        """Compare kind and crossing map of the board with the hand description.
+
+        Adds a fault for a deviating crossing map, and a note for an unknown kind or a kind that is planned at another
+        address.
         """
         kind = board.kind
         hand_kind = {hand_board.kind.code: hand_board.kind for hand_board in hand.boards}.get(kind.code)
@@ -78,5 +81,5 @@ class Identify:
 
 
 def _format_code(names: type[IntEnum], value: int) -> str:
-    """Name of a numeric code in a register; the number if the code is unknown."""
+    """Return the name of a numeric code in a register in lower case; the number if the code is unknown."""
     return names(value).name.lower().replace("_", " ") if value in set(names) else str(value)

@@ -32,7 +32,7 @@ QUANTISATION_COUNTS: Final = 0.3
 
 
 class EachTaxel:
-    """Response matrix of all taxels: response, dead taxels, order of lines, SNR, crosstalk."""
+    """Phase that indents every taxel: response matrix, dead taxels, order of lines, SNR, crosstalk."""
 
     name = "presses"
     title = "Response of each taxel"
@@ -40,7 +40,7 @@ class EachTaxel:
     limit_names = frozenset({"response", "weakest", "snr", "lowest_snr", "crosstalk"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """Reason why the taxels cannot be indented: no probe. Empty with a probe."""
+        """Return why the taxels cannot be indented (no probe), or "" with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 
     def check_options(self, options: Options) -> None:
@@ -48,7 +48,10 @@ class EachTaxel:
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int]:
-        """Options of this phase from the test plan: force in N, diameter of the tip in m, frames per indentation."""
+        """Take the options of this phase from the test plan.
+
+        Returns force in N, diameter of the tip in m, frames per mean count.
+        """
         return (
             options.take_number("force_n", 1.0, 0.01, 50.0),
             options.take_number("diameter_mm", 3.0, 0.5, 20.0) * 1e-3,
@@ -72,7 +75,11 @@ class EachTaxel:
     def _measure_response(
         self, board: BoardUnderTest, force_n: float, diameter_m: float, frames: int, log: PhaseLog
     ) -> FloatArray:
-        """Response matrix f64[taxels, taxels], counts: row p is the signal of all taxels while taxel p is indented."""
+        """Measure the response matrix f64[taxels, taxels], in counts.
+
+        Row p contains the signals of all taxels while taxel p is indented: counts before the indentation minus counts
+        during the indentation.
+        """
         count = board.kind.taxel_count
         response = np.full((count, count), np.nan)
         for taxel in range(count):
@@ -93,10 +100,10 @@ class EachTaxel:
     def _write_results(
         self, board: BoardUnderTest, indentations: Indentations, sigma: FloatArray, log: PhaseLog
     ) -> None:
-        """Write the results of the indentations to the log: measurements, faults and the picture of the response
-        matrix.
+        """Write the measurements and the picture of the indentations to the log, and the faults to the board's
+        evidence.
 
-        sigma: standard deviation of the noise of one frame, in counts.
+        sigma: standard deviation of the noise of each taxel in one frame, f64[taxels], counts.
         """
         limit = log.get_limit("weakest")
         minimum = limit.minimum if limit is not None and limit.minimum is not None else WEAKEST_MIN
@@ -122,7 +129,10 @@ class EachTaxel:
         )
 
     def _find_board_faults(self, indentations: Indentations, explained: BoolArray, log: PhaseLog) -> list[Fault]:
-        """Faults of gain and crosstalk of the whole board. explained: bool[taxels], taxels with another fault."""
+        """Return gain and crosstalk faults of the whole board; write the crosstalk to the log.
+
+        explained: bool[taxels], taxels with another fault, which are excluded.
+        """
         faults: list[Fault] = []
         limit = log.get_limit("response")
         if limit is not None:
@@ -146,10 +156,10 @@ class EachTaxel:
 def _press_manually(
     board: BoardUnderTest, taxel: int, force_n: float, diameter_m: float, rest_counts: FloatArray
 ) -> None:
-    """Request an indentation by hand until the requested taxel has the largest signal, at most `MANUAL_ATTEMPTS`
-    times.
+    """Request an indentation by hand until the requested taxel has the largest signal.
 
-    rest_counts: raw counts of the untouched board.
+    After `MANUAL_ATTEMPTS` requests, the last indentation is kept, whichever taxel responds. rest_counts: f64[taxels],
+    raw counts of the untouched board.
     """
     for _ in range(MANUAL_ATTEMPTS):
         board.probe.release()
@@ -159,10 +169,10 @@ def _press_manually(
 
 
 def _wait_for_signal(board: BoardUnderTest, rest_counts: FloatArray, *, is_pressed: bool) -> FloatArray:
-    """Wait at most `MANUAL_S` until a taxel is active or, without `is_pressed`, none is. Returns the signals
-    f64[taxels].
+    """Wait until a taxel is active (`is_pressed`) or no taxel is active (not `is_pressed`), at most `MANUAL_S`.
 
-    rest_counts: raw counts of the untouched board.
+    rest_counts: f64[taxels], raw counts of the untouched board. Returns the last signals f64[taxels], also after the
+    longest wait.
     """
     start_s = board.wire.now_s()
     while True:

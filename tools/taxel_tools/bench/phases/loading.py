@@ -15,7 +15,7 @@ SETTLE_FRAMES: Final = 3
 
 
 class Loading:
-    """Stepwise loading and unloading of several taxels."""
+    """Phase that loads and unloads several taxels in steps of the force."""
 
     name = "loading"
     title = "Loading and unloading"
@@ -23,20 +23,21 @@ class Loading:
     limit_names = frozenset({"hysteresis", "fall", "saturation", "spread"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """Reason why taxels cannot be loaded: no probe. Empty with a probe."""
+        """Return why taxels cannot be loaded (no probe), or "" with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 
     def check_options(self, options: Options) -> None:
         """Check the options of the loading phase.
 
-        `force_n`: largest force; `diameter_mm`: tip; `steps`: in each direction; `taxels`: number; `frames`: per
-        mean.
+        `force_n`: largest force; `diameter_mm`: diameter of the tip; `steps`: force steps in each direction; `taxels`:
+        number of taxels; `frames`: frames per mean count.
         """
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int, int, int]:
-        """Options of this phase from the test plan: largest force in N, diameter of the tip in m, force steps,
-        taxels, frames per step.
+        """Take the options of this phase from the test plan.
+
+        Returns largest force in N, diameter of the tip in m, force steps, number of taxels, frames per step.
         """
         return (
             options.take_number("force_n", 50.0, 0.1, 50.0),

@@ -10,7 +10,7 @@ from taxel_tools.testing.options import Options
 
 
 class Noise:
-    """White noise, noise shared along lines or by the board, 1/f noise, impulses, drift; and the spectrum."""
+    """Phase that separates white noise, noise shared along lines or by the board, 1/f noise, impulses and drift."""
 
     name = "noise"
     title = "Noise"
@@ -18,7 +18,7 @@ class Noise:
     limit_names = frozenset(TITLES) | {"impulses"}
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the noise phase: it needs only the board."""
+        """Return "", because the noise phase needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -26,7 +26,7 @@ class Noise:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the record in s from the options; default 12 s."""
+        """Take the duration of the record in s from the options; default 12 s."""
         return options.take_number("seconds", 12.0, 2.0, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:

@@ -20,7 +20,7 @@ PERCENTILES: Final = (15.0, 85.0)
 
 
 class Rest:
-    """Median raw count, and constant counts."""
+    """Phase that measures the raw counts of the untouched board and finds constant taxels and constant bits."""
 
     name = "rest"
     title = "Raw counts at rest"
@@ -28,7 +28,7 @@ class Rest:
     limit_names = frozenset({"median", "lowest", "highest"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running this phase: it needs only the untouched board."""
+        """Return "", because this phase needs only the untouched board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -36,7 +36,7 @@ class Rest:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the record in s from the options; default 2 s."""
+        """Take the duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
@@ -71,9 +71,9 @@ class Rest:
 
 
 def find_stuck_bits(raw_counts: CountArray) -> list[tuple[int, int]]:
-    """Bits with the same value in every count, although the range of the counts covers both values; (bit, value).
+    """Find bits that have the same value in every count, although the range of the counts covers both values.
 
-    `raw_counts`: u16[t, taxels]. Constant taxels are ignored.
+    raw_counts: u16[t, taxels]. Constant taxels are ignored. Returns (bit, value) for each such bit.
     """
     varying = raw_counts[:, raw_counts.min(axis=0) != raw_counts.max(axis=0)]
     if varying.size == 0:

@@ -18,7 +18,7 @@ FORCES_N: Final = (0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.10)
 
 
 class SmallForces:
-    """Signals under small forces on several taxels, compared with the noise of one frame."""
+    """Phase that applies small forces to several taxels and compares the signals with the noise of one frame."""
 
     name = "small_forces"
     title = "Smallest detectable force"
@@ -26,7 +26,7 @@ class SmallForces:
     limit_names = frozenset({"visible", "seen"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """Reason why small forces cannot be applied: no probe with a known force. Empty with such a probe."""
+        """Return why small forces cannot be applied (no probe with a known force), or "" with such a probe."""
         if isinstance(board.probe, NoProbe):
             return "no probe; choose one with --probe"
         return "" if board.probe.has_known_force else "an operator cannot set forces this small"
@@ -36,7 +36,10 @@ class SmallForces:
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, int, int]:
-        """Options of this phase from the test plan: diameter of the tip in m, taxels, frames per force."""
+        """Take the options of this phase from the test plan.
+
+        Returns diameter of the tip in m, number of taxels, frames per force.
+        """
         return (
             options.take_number("diameter_mm", 1.9, 0.2, 10.0) * 1e-3,
             options.take_integer("taxels", 3, 1, 240),

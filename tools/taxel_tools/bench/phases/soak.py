@@ -18,7 +18,7 @@ S_PER_MIN: Final = 60.0
 US_PER_S: Final = 1e6
 CLOCK_SHARE: Final = 0.05
 CLOCK_S: Final = 0.05
-"""Permitted deviation between board and host clock: 2 % and the time of a transfer; a larger one shows a restart."""
+"""Permitted deviation between board and host clock: 5 % of the elapsed time and 50 ms; a larger one shows a restart."""
 QUANTISATION_COUNTS: Final = 0.3
 """Standard deviation of the rounding to whole counts: lower limit of the noise of a board."""
 
@@ -42,12 +42,15 @@ class SoakLog:
     _last_clock: tuple[float, int] | None = None
 
     def add_silence(self) -> None:
-        """Record an interruption of the frames; successive calls count once."""
+        """Record an interruption of the frames; successive calls are treated as one interruption."""
         self.silences += not self._is_silent
         self._is_silent = True
 
     def add_clock(self, time_s: float, clock_us: int) -> None:
-        """Record a reading of the board's clock, modulo 2^32, at the host time `time_s`."""
+        """Record a reading of the board's clock, microseconds modulo 2^32, at the host time `time_s`.
+
+        A restart is counted if the board's clock has advanced by another time than the host's clock.
+        """
         if self._last_clock is not None:
             elapsed_s = time_s - self._last_clock[0]
             board_s = ((clock_us - self._last_clock[1]) % 2**32) / US_PER_S
@@ -55,7 +58,7 @@ class SoakLog:
         self._last_clock = time_s, clock_us
 
     def add_part(self, time_s: float, part: Capture) -> None:
-        """Record mean and noise of a part of the frames at the host time `time_s`."""
+        """Record mean and noise of one part of the frames. time_s: host time since the start of the record."""
         self._is_silent = False
         self.missed_scans += part.missed_scans
         self.time_s.append(time_s)
@@ -64,7 +67,7 @@ class SoakLog:
 
 
 class Soak:
-    """Interruptions, restarts, drift and noise over minutes."""
+    """Phase that records the untouched board for minutes: interruptions, restarts, drift and noise."""
 
     name = "soak"
     title = "Soak"
@@ -72,7 +75,7 @@ class Soak:
     limit_names = frozenset({"silences", "restarts", "missed_scans", "walk", "noise_growth"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No reason against running the long record: it needs only the board."""
+        """Return "", because the soak needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
@@ -80,11 +83,11 @@ class Soak:
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
-        """Duration of the long record in s, from the option in minutes; default 10 minutes."""
+        """Return the duration of the long record in s, from the option in minutes; default 10 minutes."""
         return options.take_number("minutes", 10.0, 0.1, 10000.0) * S_PER_MIN
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Record frames of a board for minutes and report interruptions and restarts."""
+        """Record frames of a board for minutes; report interruptions and restarts, drift and growth of the noise."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         soak = self._record(board, seconds, log)
@@ -122,4 +125,5 @@ class Soak:
 
 
 def _format_times(count: int) -> str:
+    """Format how often an event occurred: "once" or "3 times"."""
     return "once" if count == 1 else f"{count} times"

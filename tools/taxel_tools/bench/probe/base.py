@@ -26,9 +26,9 @@ class Probe(Protocol):
     has_known_force: bool
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Indent the centre of a taxel with a flat round tip. A second force on the same taxel follows without release.
+        """Indent the centre of a taxel with a flat round tip. Raises `ProbeError`.
 
-        Raises `ProbeError`.
+        A second force on the same taxel may follow without a release.
         """
         ...
 
@@ -79,5 +79,5 @@ class NoProbe:
 
 
 def open_no_probe(request: ProbeRequest) -> NoProbe:
-    """The probe named `none`, which cannot indent taxels."""
+    """Open the probe named `none`, which cannot indent taxels."""
     return NoProbe()

@@ -62,7 +62,11 @@ class EmulatedProbe:
         self._world.set_stimulus(forces)
 
     def _compute_force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
-        """Share of the tip's area over each taxel of the emulated board; force beside the taxels has no effect."""
+        """Compute the share of the tip's area over each taxel of the emulated board, f64[taxels].
+
+        The tip is centred on `taxel`. The shares add up to less than 1 if part of the tip is beside the taxels; the
+        force on that part has no effect.
+        """
         across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
         along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
         is_under_tip = np.hypot(along_tx, along_rx) <= diameter_m / 2.0
@@ -85,7 +89,7 @@ class EmulatedProbe:
 
 
 def open_emulated_probe(request: ProbeRequest) -> EmulatedProbe:
-    """The probe named `emulated`. Raises `ProbeError` for a board that is not emulated."""
+    """Open the probe named `emulated`. Raises `ProbeError` for a board that is not emulated."""
     if request.emulated is None:
         raise ProbeError("--probe: 'emulated' requires an emulated board, found a physical one; choose another probe")
     first_taxel = request.emulated.hand.get_slice(request.address).start

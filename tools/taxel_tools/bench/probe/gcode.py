@@ -176,10 +176,10 @@ class GcodeProbe:
             self._fail(f"{error}; check the cable")
 
     def _read_answer(self, line: str) -> None:
-        """Read one line from the gantry and count an answer to a sent line. A line that is neither answer nor alarm
-        is ignored.
+        """Read one line from the gantry and count an answer to a sent line.
 
-        line: last line that was sent, for error messages.
+        A line that is neither an answer nor an alarm is ignored. line: last line that was sent, for error messages.
+        Raises `ProbeError` for an error, an alarm, or no line in time.
         """
         answer = self._port.readline().decode("ascii", errors="replace").strip()
         if answer.split(" ")[0] == "ok":
@@ -221,8 +221,9 @@ def open_gcode_probe(request: ProbeRequest) -> GcodeProbe:
 
 
 def _parse_gantry(url: str, options: dict[str, str]) -> Gantry:
-    """Position and properties of the gantry from the options in its URL. Raises `ProbeError` with the URL and the
-    option.
+    """Parse position and properties of the gantry from the options of its URL.
+
+    Raises `ProbeError` with the URL and the option for an unknown, missing or invalid option.
     """
     is_required = {field.name: field.default is MISSING for field in fields(Gantry)}
     unknown = sorted(set(options) - set(is_required))
@@ -240,7 +241,7 @@ def _parse_gantry(url: str, options: dict[str, str]) -> Gantry:
 
 
 def _parse_number(url: str, name: str, text: str) -> float:
-    """The finite number in option `name` of the URL of a probe. Raises `ProbeError` for any other text."""
+    """Parse the finite number in option `name` of a probe's URL. Raises `ProbeError` for any other text."""
     try:
         value = float(text)
     except ValueError:

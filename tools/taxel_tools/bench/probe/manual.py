@@ -6,7 +6,7 @@ from taxel_tools.testing.operator import Operator
 
 
 class ManualProbe:
-    """Instructs the operator for each indentation. The raw counts show the taxel; the applied force is unknown.
+    """Probe that instructs an operator for each indentation; the applied force is unknown.
 
     `kind`: kind of the board, for the text of the instructions.
     """
@@ -23,7 +23,7 @@ class ManualProbe:
         self._last_request = (-1, 0.0)
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Instruct the operator to press, or to release for a force of 0."""
+        """Instruct the operator to indent a taxel, or to release it for a force of 0."""
         if force_n <= 0.0:
             self.release()
             return
@@ -46,5 +46,5 @@ class ManualProbe:
 
 
 def open_manual_probe(request: ProbeRequest) -> ManualProbe:
-    """The probe named `operator`, which is held by hand."""
+    """Open the probe named `operator`, which is held by hand."""
     return ManualProbe(request.kind, request.operator)

@@ -13,7 +13,7 @@ TEXT_BYTES_MAX = 2**16
 
 
 def render_attachments(attachments: Sequence[Attachment]) -> str:
-    """HTML of all attachments of a phase, pictures first."""
+    """Render the HTML of all attachments of a phase, pictures first."""
     pictures = "".join(
         _format_picture(attachment) for attachment in attachments if attachment.media_type in PICTURE_TYPES
     )
@@ -28,7 +28,7 @@ def render_attachments(attachments: Sequence[Attachment]) -> str:
 
 
 def _format_picture(attachment: Attachment) -> str:
-    """HTML figure with the embedded picture and its caption."""
+    """Format the HTML figure with the embedded picture and its caption."""
     caption = escape_text(attachment.caption or attachment.name)
     data = base64.b64encode(attachment.data).decode()
     return (
@@ -38,12 +38,12 @@ def _format_picture(attachment: Attachment) -> str:
 
 
 def _is_text(attachment: Attachment) -> bool:
-    """Whether an attachment is shown as text in the page: plain text that is not too long."""
+    """Return whether an attachment is shown as text in the page: plain text that is not too long."""
     return attachment.media_type == "text/plain" and len(attachment.data) <= TEXT_BYTES_MAX
 
 
 def _format_text(attachment: Attachment) -> str:
-    """HTML of a text attachment in a block that the reader can unfold."""
+    """Format the HTML of a text attachment in a block that the reader can unfold."""
     lines = attachment.data.decode("utf-8", "replace").splitlines()
     # Line by line, because `escape_text` returns one line; the indentation of each line is kept.
     body = "\n".join(" " * (len(line) - len(line.lstrip(" "))) + escape_text(line) for line in lines)
@@ -51,7 +51,7 @@ def _format_text(attachment: Attachment) -> str:
 
 
 def _format_link(attachment: Attachment) -> str:
-    """HTML link that saves an attachment, whose bytes are embedded in the page."""
+    """Format the HTML link that saves an attachment, whose bytes are embedded in the page."""
     # The media type is fixed, so that browsers save the file and never open it.
     data = base64.b64encode(attachment.data).decode()
     name = escape_text(attachment.name) or "attachment"
@@ -59,6 +59,6 @@ def _format_link(attachment: Attachment) -> str:
 
 
 def _format_caption(attachment: Attachment) -> str:
-    """HTML text with name, caption and size of an attachment."""
+    """Format the HTML text with name, caption and size of an attachment."""
     description = f": {escape_text(attachment.caption)}" if attachment.caption.strip() else ""
     return f"{escape_text(attachment.name)}{description} ({format_size(len(attachment.data))})"

@@ -20,7 +20,7 @@ _BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 
 
 def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
-    """Axis of a diagram that covers a limit and the measured values.
+    """Build the axis of a diagram that covers a limit and the measured values.
 
     Values far outside the limit are beyond the end of the axis.
     """
@@ -47,18 +47,20 @@ def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
 
 
 def _compute_least_width(width: float, *ends: float) -> float:
-    """Width of an axis, at least so large that a margin at its ends is representable in floating point."""
+    """Compute the width of an axis, at least so large that a margin at its ends is representable in floating point."""
     return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
 
 def render_value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
-    """SVG diagram of one measurement: permitted range as a band, value as a dot, or as an arrow beyond the axis."""
+    """Render the SVG diagram of one measurement: permitted range as a band, value as a dot, or as an arrow beyond the
+    axis.
+    """
     kind = "bad" if outcome is Outcome.FAIL else "good"
     return render_diagram(f"{_render_limit_band(axis, limit)}{_render_value_mark(axis, value, kind)}")
 
 
 def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
-    """SVG diagram of several measured values as ticks on one line, with the permitted range as a band."""
+    """Render the SVG diagram of several measured values as ticks on one line, with the permitted range as a band."""
     ticks = "".join(
         f'<line x1="{axis.at(value)}" x2="{axis.at(value)}" y1="{MIDDLE - 7}" y2="{MIDDLE + 7}"'
         f' class="tick {"good" if limit is None or limit.contains(value) else "bad"}"/>'
@@ -68,7 +70,7 @@ def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value])
 
 
 def _render_limit_band(axis: Axis, limit: Limit) -> str:
-    """SVG band that shows the permitted range of a measurement on an axis, with a line at each finite bound."""
+    """Render the SVG band of a measurement's permitted range on an axis, with a line at each finite bound."""
     low, high = limit.bounds
     left, width = axis.span(max(low, axis.low), min(high, axis.high))
     band = f'<rect x="{left}" width="{width}" y="{_BAND[0]}" height="{_BAND[1]}" class="band"/>'
@@ -81,8 +83,9 @@ def _render_limit_band(axis: Axis, limit: Limit) -> str:
 
 
 def _render_value_mark(axis: Axis, value: Value, kind: str) -> str:
-    """SVG mark of a value on an axis: a dot, or an arrow at the end of the axis if the value is beyond. kind: CSS
-    class.
+    """Render the SVG mark of a value on an axis: a dot, or an arrow at the end of the axis if the value is beyond.
+
+    kind: CSS class.
     """
     if not isinstance(value, int | float) or math.isnan(value):
         return ""

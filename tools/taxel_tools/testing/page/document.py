@@ -35,7 +35,7 @@ def write_page(
 
 
 def render_page(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
-    """HTML page of a test record, which is also well-formed XML; equal records give equal text."""
+    """Render the HTML page of a test record, which is also well-formed XML; equal records give equal text."""
     sections = [render_phases_section(record.phases)]
     sections += [render_phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
     history = render_earlier_section(record.phases, changes, earlier)
@@ -51,5 +51,5 @@ def render_page(record: TestRecord, changes: Sequence[Change] = (), earlier: Seq
 
 @cache
 def _read_style() -> str:
-    """CSS style sheet of the page."""
+    """Read the CSS style sheet of the page."""
     return resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")

@@ -36,7 +36,9 @@ _RUNS = (Column("tested"), Column("", "verdict"), Column("plan"), Column("operat
 def render_earlier_section(
     phases: Sequence[PhaseRecord], changes: Sequence[Change], earlier: Sequence[Summary]
 ) -> Section | None:
-    """Section of the page that compares a test with earlier tests of the same device; None without earlier tests."""
+    """Render the section of the page that compares a test with earlier tests of the same device; None without earlier
+    tests.
+    """
     if not changes and not earlier:
         return None
     titles = {phase.name: phase.title for phase in phases}
@@ -61,7 +63,7 @@ def render_earlier_section(
 
 
 def _render_changes(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
-    """HTML table of measurements compared with earlier tests."""
+    """Render the HTML table of measurements compared with earlier tests."""
     rows = (
         (
             f"{escape_name(change.measurement)} "
@@ -79,7 +81,7 @@ def _render_changes(changes: Sequence[Change], titles: dict[str, str], caption: 
 
 
 def _render_runs(earlier: Sequence[Summary]) -> str:
-    """HTML table of the earlier tests of the board."""
+    """Render the HTML table of the earlier tests of the board."""
     rows = (
         (
             format_time(run.started_utc),

@@ -12,8 +12,9 @@ _DIGITS_MAX = 17  # Distinguishes any two doubles.
 
 
 def format_figure(value: Value, limit: Limit | None = None) -> str:
-    """Text of a measured value with three digits, or as many more as distinguish it from its limit: 8.0004 for a
-    limit of 8.
+    """Format a measured value with three digits, or as many more as distinguish it from its limit.
+
+    A value just above the limit 8 becomes 8.0004. None becomes "no value".
     """
     if value is None:
         return "no value"
@@ -30,7 +31,7 @@ def format_figure(value: Value, limit: Limit | None = None) -> str:
 
 
 def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str:
-    """Text of a measured value with its unit."""
+    """Format a measured value with its unit; the unit is omitted for text and values that are not finite."""
     is_finite = isinstance(value, int | float) and math.isfinite(value)
     return (
         f"{format_figure(value, limit)}{SPACE}{escape_text(unit)}"
@@ -40,7 +41,7 @@ def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str
 
 
 def format_limit(limit: Limit | None) -> str:
-    """Text of a limit with mathematical signs."""
+    """Format a limit with mathematical signs: one bound with a sign, or "LOW to HIGH"."""
     if limit is None:
         return ABSENT
     low, high = (f"{bound:,.10g}".replace("-", MINUS) for bound in limit.bounds)
@@ -52,7 +53,7 @@ def format_limit(limit: Limit | None) -> str:
 
 
 def format_time(started_utc: str) -> str:
-    """The time of a record, such as 2026-01-31 09:30:00 UTC, as HTML. A text that is no time is only escaped."""
+    """Format the time of a record, such as 2026-01-31 09:30:00 UTC, as HTML. A text that is no time is only escaped."""
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S}{SPACE}UTC"
     except ValueError:
@@ -60,7 +61,7 @@ def format_time(started_utc: str) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """A duration, such as 4.2 s or 3 min 20 s."""
+    """Format a duration, such as 4.2 s or 3 min 20 s."""
     if not math.isfinite(seconds):
         return ABSENT
     if seconds < 100:
@@ -70,12 +71,12 @@ def format_duration(seconds: float) -> str:
 
 
 def format_size(size: int) -> str:
-    """A number of bytes, such as 512 bytes or 12 kB."""
+    """Format a number of bytes, such as 512 bytes or 12 kB."""
     return format_count(size, "byte") if size < 1000 else f"{size / 1000:,.0f}{SPACE}kB"
 
 
 def _format_digits(value: float, digits: int) -> str:
-    """Text of a number with `digits` significant digits. Whole numbers below ten million keep all digits."""
+    """Format a number with `digits` significant digits; whole numbers below ten million keep all digits."""
     size = abs(value)
     if value == 0 or (size < 1e7 and value.is_integer()):
         return f"{value:,.0f}"

@@ -44,8 +44,9 @@ _SUMMARY_COLUMNS = (
 
 
 def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
-    """HTML tables of the measurements of a phase; empty without measurements. title: of the phase, for screen
-    readers.
+    """Render the HTML tables of the measurements of a phase; empty without measurements.
+
+    title: of the phase, for screen readers.
     """
     if not measurements:
         return ""
@@ -68,12 +69,12 @@ def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
 
 
 def _compute_severity(limit: Limit | None, measurement: Measurement) -> float:
-    """Factor by which a measurement exceeds its limit; 0 without a limit."""
+    """Compute the factor by which a measurement exceeds its limit; 0 without a limit."""
     return 0.0 if limit is None else limit.severity(measurement.value)
 
 
 def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], Axis]:
-    """One axis for all values with the same name and limit, so that the bars of the table rows are comparable."""
+    """Build one axis for all values with the same name and limit, so that the bars of the table rows are comparable."""
     keys = dict.fromkeys(
         (measurement.name, measurement.limit) for measurement in measurements if measurement.limit is not None
     )
@@ -92,8 +93,9 @@ def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], 
 
 
 def _render_table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
-    """HTML table with one row per measurement. axes: axis of the bar for each (name, limit); empty: a table without
-    limits.
+    """Render the HTML table with one row per measurement.
+
+    axes: axis of the bar for each (name, limit); empty: a table without limits.
     """
     columns: tuple[Column, ...] = _COLUMNS_WITH_LIMITS if axes else _COLUMNS_WITHOUT_LIMITS
     has_places = any(measurement.place for measurement in measurements)
@@ -105,7 +107,10 @@ def _render_table(measurements: Sequence[Measurement], axes: dict[tuple[str, Lim
 
 
 def _render_row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
-    """HTML cells of the table row of one measurement. axes: axis of the bar for each (name of a measurement, limit)."""
+    """Render the HTML cells of the table row of one measurement.
+
+    axes: axis of the bar for each (name of a measurement, limit).
+    """
     bar, verdict = "", ""
     if measurement.limit is not None:
         bar = render_value_bar(
@@ -123,7 +128,7 @@ def _render_row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -
 
 
 def _render_summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
-    """HTML table with one row per measured quantity; measurements of several places are combined.
+    """Render the HTML table with one row per measured quantity; measurements of several places are combined.
 
     axes: axis of the bar for each (name of a measurement, limit).
     """
@@ -137,7 +142,10 @@ def _render_summary(measurements: Sequence[Measurement], axes: dict[tuple[str, L
 def _render_summary_row(
     name: str, unit: str, limit: Limit | None, group: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis]
 ) -> tuple[str, ...]:
-    """HTML cells of all measurements with one name: number of places, failures, range of values, and a bar."""
+    """Render the HTML cells of all measurements with one name.
+
+    The cells state the number of places, the failures and the range of the values, and show a bar.
+    """
     failed = sum(measurement.outcome is Outcome.FAIL for measurement in group)
     values = [
         measurement.value

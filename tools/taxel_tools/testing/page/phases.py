@@ -28,7 +28,7 @@ _COLUMNS = (
 
 
 def render_phases_section(phases: Sequence[PhaseRecord]) -> Section:
-    """Section of the page with the overview table of all phases of a test."""
+    """Render the section of the page with the overview table of all phases of a test."""
     rows = [_render_row(number, phase) for number, phase in enumerate(phases, start=1)]
     if not rows:
         return Section("phases", "Phases", render_paragraph("The plan has no phase for this kind of device."))
@@ -37,7 +37,7 @@ def render_phases_section(phases: Sequence[PhaseRecord]) -> Section:
 
 
 def render_phase_section(number: int, phase: PhaseRecord) -> Section:
-    """Section of the page for one phase: findings, measurements, attachments and notes."""
+    """Render the section of the page for one phase: findings, measurements, attachments and notes."""
     chip = f'<span class="chip status {phase.outcome}">{phase.outcome}</span>'
     manual = "" if phase.automatic else ", with an operator"
     is_skipped = phase.outcome is Outcome.SKIP
@@ -55,12 +55,15 @@ def render_phase_section(number: int, phase: PhaseRecord) -> Section:
 
 
 def _format_finding(finding: Finding) -> str:
-    """HTML text of a fault that was found, with its place."""
+    """Format the HTML text of a fault that was found, with its place."""
     return f"<b>{escape_text(finding.fault)}</b>{format_inline_place(finding.place)} {escape_text(finding.text)}"
 
 
 def _render_row(number: int, phase: PhaseRecord) -> tuple[str, ...]:
-    """HTML cells of the overview of one phase: outcome, numbers of limits, failures and findings, duration."""
+    """Render the HTML cells of one phase in the overview.
+
+    They are the outcome, the numbers of limits, failures and findings, and the duration.
+    """
     limited = [measurement for measurement in phase.measurements if measurement.limit is not None]
     failed = sum(measurement.outcome is Outcome.FAIL for measurement in limited)
     is_skipped = phase.outcome is Outcome.SKIP
@@ -75,5 +78,5 @@ def _render_row(number: int, phase: PhaseRecord) -> tuple[str, ...]:
 
 
 def _format_count(count: int) -> str:
-    """HTML text of a number of failures, bold unless it is 0."""
+    """Format the HTML text of a number of failures, bold unless it is 0."""
     return f'<b class="fail">{count:,}</b>' if count else "0"

@@ -28,7 +28,7 @@ _PHASE_SUMMARIES = {
 
 
 def format_title(record: TestRecord) -> str:
-    """Title of the page in one line of HTML: the device and the outcome of the test."""
+    """Format the title of the page in one line of HTML: the device and the outcome of the test."""
     device = escape_text(record.serial_number) or "A device without serial number"
     findings = record.findings()
     fault_text = ""
@@ -41,7 +41,7 @@ def format_title(record: TestRecord) -> str:
 
 
 def render_header(record: TestRecord) -> str:
-    """Header of the page as an HTML element: verdict, device, and what to do."""
+    """Render the header of the page as an HTML element: verdict, device, and what to do."""
     counts = Counter(phase.outcome for phase in record.phases)
     summaries = [
         f"{format_count(count, 'phase')} {text}"
@@ -59,7 +59,7 @@ def render_header(record: TestRecord) -> str:
 
 
 def _render_to_do_list(record: TestRecord) -> str:
-    """HTML list of the problems of a test with their remedies; problems beyond `SHOWN_MAX` can be unfolded."""
+    """Render the HTML list of a test's problems with their remedies; those beyond `SHOWN_MAX` can be unfolded."""
     problems = list(_list_problems(record))
     if not problems:
         return ""
@@ -72,7 +72,7 @@ def _render_to_do_list(record: TestRecord) -> str:
 
 
 def _list_problems(record: TestRecord) -> Iterator[str]:
-    """HTML sentences on the problems of a test.
+    """Yield the HTML sentences on the problems of a test.
 
     Findings first, then violated limits of phases without findings, then errors of phases.
     """
@@ -89,7 +89,7 @@ def _list_problems(record: TestRecord) -> Iterator[str]:
 
 
 def _render_skipped_list(record: TestRecord) -> str:
-    """HTML list of the phases that were skipped, each with the reason; empty text if there are none."""
+    """Render the HTML list of the phases that were skipped, each with the reason; empty text if there are none."""
     skipped = [
         f"{_format_link(phase.title, number)}: {escape_text('; '.join(phase.notes)) or 'no reason given'}"
         for number, phase in enumerate(record.phases, start=1)
@@ -99,13 +99,13 @@ def _render_skipped_list(record: TestRecord) -> str:
 
 
 def _format_finding(finding: Finding, number: int) -> str:
-    """HTML text of a fault that was found, with a link to the phase `number` of the report."""
+    """Format the HTML text of a fault that was found, with a link to the phase `number` of the report."""
     fault = f'<a href="#phase-{number}"><b>{escape_text(finding.fault)}</b></a>'
     return f"{fault}{format_inline_place(finding.place)} {escape_text(finding.text)}"
 
 
 def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
-    """One HTML sentence for each measurement of a phase beyond its limit, with the worst value."""
+    """Yield one HTML sentence for each measurement of a phase beyond its limit, with the worst value."""
     groups: dict[str, list[Measurement]] = {}
     for measurement in phase.measurements:
         if measurement.outcome is Outcome.FAIL:
@@ -124,17 +124,17 @@ def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
 
 
 def _compute_severity(measurement: Measurement) -> float:
-    """Factor by which a measurement exceeds its limit; 0 without a limit."""
+    """Compute the factor by which a measurement exceeds its limit; 0 without a limit."""
     return measurement.limit.severity(measurement.value) if measurement.limit else 0.0
 
 
 def _format_link(title: str, number: int) -> str:
-    """HTML link to the section of phase `number` in the page."""
+    """Format the HTML link to the section of phase `number` in the page."""
     return f'<a href="#phase-{number}">{escape_text(title)}</a>'
 
 
 def _render_identity_list(record: TestRecord) -> str:
-    """HTML list with the labels of a test: board, operator, station, plan and software."""
+    """Render the HTML list with the labels of a test: board, operator, station, plan and software."""
     entries = {
         "serial number": escape_text(record.serial_number) or "none",
         **{escape_name(key): escape_text(value) for key, value in record.device.items()},

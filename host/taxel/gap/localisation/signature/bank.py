@@ -59,10 +59,11 @@ too."""
 class BankEntry:
     """A distortion of the bank with its result.
 
-    share: explained share of the remainder. counts2: explained part of the squared gap, counts^2. p_value: None below 3
-    sessions; corrected for the number of tests in the results of `compute_signature`. coefficient_count: complexity, by
-    which the simplest distortion is selected. Exactly one of these fields is set: fit: fitted columns; local:
-    conspicuous locations; change: a change of sensitivity.
+    name: name in the report. scope: kind of location whose taxels share coefficients, such as "hand" or "row" (a TX
+    line). share: explained share of the remainder. counts2: explained part of the squared gap, counts^2. p_value: None
+    below 3 sessions; corrected for the number of tests in the results of `compute_signature`. coefficient_count: number
+    of coefficients, by which the simplest distortion is selected. Exactly one of these fields is set: fit: fitted
+    columns; local: conspicuous locations; change: a change of sensitivity.
     """
 
     name: str
@@ -78,12 +79,13 @@ class BankEntry:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Result of the comparison with the bank.
+    """Result of the comparison of the remainder with the bank.
 
-    remainder: residuals that were compared. excess: of the remainder, counts^2. signal_energy: f64[n], weighted squared
-    signals, counts^2. bank: best entry of each distortion, largest share first. best: most similar distortion; None if
-    no distortion meets the limits. is_certain: False if `best` only meets the limits of a sentence with "possibly".
-    significant_changes: changes of sensitivity, which are not a part of the excess.
+    remainder: residuals that were compared. excess: excess of the remainder, counts^2. signal_energy: f64[n] (n
+    taxels), weighted squared signals of each taxel, counts^2. bank: best entry of each distortion, and the changes of
+    sensitivity, largest share first. best: most similar distortion; None if no distortion meets the limits. is_certain:
+    False if `best` only meets the limits of a sentence with "possibly". significant_changes: significant changes of
+    sensitivity, which are not a part of the excess.
     """
 
     remainder: Remainder
@@ -100,8 +102,10 @@ def describe_unexplained(
 ) -> dict[str, Any]:
     """Return the field `unexplained` of the report: p-value, sentence, locations and bank of the remainder.
 
-    model: f64[C, F, n], features that the best set of effects predicts, counts; NaN where unknown. fold: [C], fold of
-    each condition; the conditions of a fold are predicted without them. seed: of the p-values.
+    The sentence and the locations are empty if the remainder is not significant on any board and no change of
+    sensitivity is significant. model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of
+    effects predicts, counts; NaN where unknown. fold: [C], fold of each condition; the conditions of a fold are
+    predicted without them. seed: seed of the random numbers of the p-values.
     """
     real = replace(real, value=np.where(np.isfinite(model)[:, None], real.value, np.nan))
     model = np.nan_to_num(model)
@@ -165,12 +169,14 @@ def compute_signature(
 
 
 def _make_fit_entry(fit: DistortionFit, excess: float) -> BankEntry:
+    """Return the bank entry of a fitted distortion. excess: excess of the remainder, counts^2."""
     share = _compute_share(compute_off_diagonal_mean(fit.explained), excess)
     p_value = compute_p_value(fit.explained)
     return BankEntry(fit.name, fit.scope, share, share * excess, p_value, fit.coefficient_count, fit=fit)
 
 
 def _make_local_entry(local: LocalDeviation, excess: float) -> BankEntry:
+    """Return the bank entry of a local deviation. excess: excess of the remainder, counts^2."""
     share = _compute_share(compute_off_diagonal_mean(local.gram), excess)
     # A factor and an offset for each location; one more for taxels, so that an equal number of lines or boards is
     # simpler.
@@ -183,6 +189,10 @@ def _compute_share(explained: FloatArray, excess: float) -> float:
 
 
 def _make_change_entry(change: SensitivityChange, excess: float) -> BankEntry:
+    """Return the bank entry of a change of sensitivity. excess: excess of the remainder, counts^2.
+
+    Its share refers to the sum of the excess and of the change's own contribution to the squared gap.
+    """
     whole = change.added_gap2 + max(excess, 0.0)  # a change is not a part of the excess
     scope = HAND if not change.boards else BOARD
     share = change.added_gap2 / whole if whole > 0 else 0.0
@@ -190,7 +200,9 @@ def _make_change_entry(change: SensitivityChange, excess: float) -> BankEntry:
 
 
 def _correct_p_values(entries: list[BankEntry]) -> list[BankEntry]:
-    """Correct the p-values for the number of tests by the step-down method of Holm (1979)."""
+    """Return the entries, in the same order, with p-values corrected for the number of tests (step-down method, Holm
+    1979). Entries without p-value are returned unchanged and not counted as tests.
+    """
     tested = sorted((one.p_value, k) for k, one in enumerate(entries) if one.p_value is not None)
     result, least = list(entries), 0.0
     for rank, (p, k) in enumerate(tested):
@@ -200,7 +212,8 @@ def _correct_p_values(entries: list[BankEntry]) -> list[BankEntry]:
 
 
 def _select_simplest(entries: list[BankEntry]) -> BankEntry:
-    """Return the entry with the fewest coefficients among those that explain nearly as much as the best one.
+    """Return the entry with the fewest coefficients among those that explain at least `NEARLY_BEST` of the largest
+    share.
 
     Only significant entries are considered, or all entries if none is significant.
     """
@@ -210,9 +223,11 @@ def _select_simplest(entries: list[BankEntry]) -> BankEntry:
 
 
 def _select_best(entries: list[BankEntry]) -> tuple[BankEntry | None, bool]:
-    """Return the most similar distortion, and False if it only meets the limits of a sentence with "possibly".
+    """Return the most similar distortion, and whether it meets the limits of a certain sentence.
 
-    A local deviation is returned only if no fitted distortion explains half of the largest share.
+    The second value is False if the distortion only meets the limits of a sentence with "possibly". Without a
+    distortion that meets any limit, (None, True) is returned. A local deviation is returned only if no fitted
+    distortion explains half of the largest share.
     """
     for is_certain, least in ((True, MIN_SHARE), (False, MIN_TENTATIVE_SHARE)):
         meets_limit = _is_significant if is_certain else _is_possible
@@ -237,7 +252,10 @@ def _is_possible(entry: BankEntry) -> bool:
 def _describe_best(
     pair: Pair, layout: FeatureLayout, signature: Signature, model: FloatArray
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return the clause on the most similar distortion, and its locations as entries of the report."""
+    """Return the clause that describes the most similar distortion, and its locations as entries of the report.
+
+    Without a similar distortion the clause states the largest explained share, and the list is empty.
+    """
     best = signature.best
     if best is None:
         largest = max((one.share for one in signature.bank if one.change is None), default=0.0)
@@ -262,7 +280,7 @@ def _describe_best(
 
 
 def _name_main_phase(products: ResidualProducts, layout: FeatureLayout) -> str:
-    """Return the name of the phase that contains the largest part of the excess."""
+    """Return the name of the phase of a grasp, such as "hold", that contains the largest part of the excess."""
     excess = compute_off_diagonal_mean(products.conditions).sum(axis=0)
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
     return PHASES[max(phases, key=lambda phase: float(excess[layout.phase == phase].sum()))]

@@ -22,6 +22,7 @@ from taxel.types import FloatArray
 
 HAND, BOARD, ROW, COLUMN, TAXEL = "hand", "board", "row", "column", "taxel"
 EVERY_SCOPE: Final = (HAND, BOARD, ROW, COLUMN, TAXEL)
+"""Scopes: kinds of groups of taxels. ROW: the taxels of a TX line. COLUMN: the taxels of an RX line."""
 
 SIGNAL_KNOTS: Final = (0.125, 0.25, 0.5, 1.0)
 """Knots of the curve over the predicted signal, as shares of the largest predicted signal. Chosen: each knot is twice
@@ -43,9 +44,10 @@ to `taxel.gap.data.reading.MIN_ONSET_COUNTS`, the smallest sum at which a board 
 class Distortion:
     """A distortion as a linear combination of K columns.
 
-    name: as in the report. features: [P], indices of the features that the distortion changes. columns:
-    f64[C, n, P, K], change of these features in counts for a coefficient of 1. scopes: kinds of groups whose taxels can
-    share the K coefficients.
+    name: name in the report. features: [P], indices of the P features that the distortion changes. columns: f64[C, n,
+    P, K] (C conditions, n taxels), change of these features in counts for a coefficient of 1. scopes: kinds of groups
+    of taxels (whole hand, boards, lines, single taxels) for which the distortion is fitted; the taxels of a group share
+    K coefficients.
     """
 
     name: str
@@ -55,7 +57,11 @@ class Distortion:
 
 
 def get_groups(pair: Pair, scope: str) -> NDArray[np.intp]:
-    """Return the number of the group to which each taxel belongs in a scope, [n], from 0."""
+    """Return the number, from 0, of the group to which each taxel belongs, [n] (n taxels).
+
+    scope: kind of group: `HAND` (one group), `BOARD`, `ROW` (TX line), `COLUMN` (RX line), or `TAXEL` (one group for
+    each taxel).
+    """
     if scope == HAND:
         return np.zeros(pair.n, np.intp)
     if scope == TAXEL:
@@ -66,7 +72,8 @@ def get_groups(pair: Pair, scope: str) -> NDArray[np.intp]:
 def generate_distortions(pair: Pair, layout: FeatureLayout, model: FloatArray) -> Iterator[Distortion]:
     """Generate all distortions of the bank.
 
-    model: f64[C, F, n], features that the best set of effects predicts, counts; NaN where unknown.
+    model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts, counts;
+    NaN where unknown.
     """
     model = np.nan_to_num(model)
     bins = np.arange(layout.bins)
@@ -98,14 +105,18 @@ def generate_distortions(pair: Pair, layout: FeatureLayout, model: FloatArray) -
 
 
 def compute_signal_knots(signal_counts: FloatArray) -> FloatArray:
-    """Return the knots of the curve over the predicted signal, counts, f64[K]. signal_counts: of any shape, counts."""
+    """Return the knots of the curve over the predicted signal, counts, f64[K] (K knots).
+
+    signal_counts: predicted signals, any shape, counts.
+    """
     return np.array(SIGNAL_KNOTS) * max(float(signal_counts.max(initial=0.0)), 1.0)
 
 
 def _evaluate_hats(values: FloatArray, knots: FloatArray) -> FloatArray:
     """Return the hat functions of K knots (linear B-splines) at values of any shape, f64[..., K].
 
-    The last function is constant beyond the last knot. If the first knot is above 0, all functions are 0 at 0.
+    Function k is 1 at knot k and 0 at the other knots. The last function is constant beyond the last knot. If the first
+    knot is above 0, all functions are 0 at the value 0.
     """
     edges = np.concatenate([[0.0], knots]) if knots[0] > 0 else knots
     height = np.eye(len(edges))[:, len(edges) - len(knots) :]
@@ -113,7 +124,8 @@ def _evaluate_hats(values: FloatArray, knots: FloatArray) -> FloatArray:
 
 
 def _build_signal_curve(signal_counts: FloatArray) -> FloatArray:
-    """Return the columns of a curve over the predicted signal that is 0 at 0, f64[C, n, B, K].
+    """Return the columns of a curve over the predicted signal that is 0 at 0, f64[C, n, B, K] (C conditions, n taxels,
+    B time bins, K columns).
 
     A coefficient is the value of the curve at a knot, in counts. signal_counts: f64[C, n, B].
     """
@@ -121,9 +133,10 @@ def _build_signal_curve(signal_counts: FloatArray) -> FloatArray:
 
 
 def _build_lag(pair: Pair, layout: FeatureLayout, signal_counts: FloatArray, hold: FloatArray) -> Distortion:
-    """Return the change of signals and onset by a delay, to first order. The single coefficient is the delay in s.
+    """Return the first-order change of signals and onset that a delay causes. The single coefficient is the delay in s.
 
-    signal_counts: f64[C, n, B]; hold: f64[C, n]; predicted, counts.
+    signal_counts: predicted signals in B time bins, f64[C, n, B] (C conditions, n taxels), counts. hold: predicted
+    signals in hold, f64[C, n], counts.
     """
     bin_grid = pair.time_grid.bin_grid
     edges = np.empty((*signal_counts.shape[:2], layout.bins + 1))
@@ -141,35 +154,39 @@ def _build_lag(pair: Pair, layout: FeatureLayout, signal_counts: FloatArray, hol
 
 
 def _build_radial_curve(pair: Pair, grid: Grid, signal_counts: FloatArray, hold: FloatArray) -> FloatArray:
-    """Return the columns of a wider or narrower contact area, f64[C, n, B, K + 1].
+    """Return the columns of a wider or narrower contact area, f64[C, n, B, K + 1] (C conditions, n taxels).
 
     The first K columns are a curve over the distance from the centre of the contact area, times the largest signal of
-    the board. The last column is the difference between the neighbours of a taxel and the taxel.
+    the board. The last column is the mean signal of a taxel's neighbours minus its own signal. signal_counts: predicted
+    signals in B time bins, f64[C, n, B], counts. hold: predicted signals in hold, f64[C, n], counts.
     """
     level, radius = np.zeros_like(signal_counts), np.zeros_like(hold)
     for board in range(len(pair.sensors.address)):
-        own = np.flatnonzero(pair.groups.sensor == board)
-        if not len(own):
+        taxels = np.flatnonzero(pair.groups.sensor == board)
+        if not len(taxels):
             continue
-        position, weight = pair.taxels.position[own], np.maximum(hold[:, own], 0.0) ** 2
+        position, weight = pair.taxels.position[taxels], np.maximum(hold[:, taxels], 0.0) ** 2
         total = weight.sum(axis=1, keepdims=True)
         share = weight / np.where(total > 0, total, 1.0)
         distance = np.linalg.norm(position - (share @ position)[:, None], axis=2)
         width = np.sqrt((share * distance**2).sum(axis=1, keepdims=True))
-        radius[:, own] = distance / np.maximum(width, 0.5 * float(pair.taxels.size[own].mean()))
-        level[:, own] = signal_counts[:, own].max(axis=1, keepdims=True)
+        radius[:, taxels] = distance / np.maximum(width, 0.5 * float(pair.taxels.size[taxels].mean()))
+        level[:, taxels] = signal_counts[:, taxels].max(axis=1, keepdims=True)
     rings = _evaluate_hats(radius, np.array(RADIUS_KNOTS))[:, :, None] * level[..., None]
     return np.concatenate([rings, grid.compute_neighbour_difference(signal_counts)[..., None]], axis=-1)
 
 
 def _build_common(pair: Pair, signal_counts: FloatArray) -> FloatArray:
-    """Return the mean predicted signal of the hand and of the board of each taxel as two columns, f64[C, n, B, 2].
+    """Return two columns for each taxel: the mean predicted signal of the hand, and of its board, f64[C, n, B, 2] (C
+    conditions, n taxels).
 
-    With these columns all taxels, loaded or not, change with the total load. signal_counts: f64[C, n, B].
+    With these columns all taxels, loaded or not, change with the total load. signal_counts: predicted signals in B time
+    bins, f64[C, n, B], counts.
     """
     sensor = pair.groups.sensor
-    own = (sensor == np.arange(len(pair.sensors.address))[:, None]).astype(np.float64)
-    means = np.einsum("gn,cnb->cgb", own / np.maximum(own.sum(axis=1, keepdims=True), 1.0), signal_counts)
+    is_on_board = (sensor == np.arange(len(pair.sensors.address))[:, None]).astype(np.float64)
+    board_average = is_on_board / np.maximum(is_on_board.sum(axis=1, keepdims=True), 1.0)
+    means = np.einsum("gn,cnb->cgb", board_average, signal_counts)
     hand = np.broadcast_to(signal_counts.mean(axis=1, keepdims=True), signal_counts.shape)
     return np.stack([hand, means[:, sensor]], axis=-1)
 
@@ -177,8 +194,8 @@ def _build_common(pair: Pair, signal_counts: FloatArray) -> FloatArray:
 class Grid:
     """Neighbours of each taxel along TX and RX on the same board.
 
-    sensor: [n], board of each taxel. neighbours: for each axis the taxels before and after each taxel, [n] each; the
-    value n stands for no neighbour.
+    sensor: [n] (n taxels), column of each taxel's board. neighbours: for each axis (TX, RX) the taxels before and after
+    each taxel, [n] each; the index n stands for no neighbour.
     """
 
     def __init__(self, pair: Pair) -> None:
@@ -188,6 +205,9 @@ class Grid:
         index_of_key = {key: k for k, key in enumerate(keys)}
 
         def find_neighbours(tx: int, rx: int) -> NDArray[np.intp]:
+            """Return the taxel `tx` TX lines and `rx` RX lines away from each taxel, [n] (n taxels); n if there is
+            none.
+            """
             return np.array([index_of_key.get((s, t + tx, r + rx), len(keys)) for s, t, r in keys], np.intp)
 
         self.neighbours = (
@@ -196,7 +216,9 @@ class Grid:
         )
 
     def compute_neighbour_difference(self, signal_counts: FloatArray) -> FloatArray:
-        """Return the mean signal of the neighbours minus the signal of the taxel, counts, f64[C, n, B]."""
+        """Return the mean signal of the neighbours minus the signal of the taxel, counts, f64[C, n, B] (C conditions, n
+        taxels, B time bins).
+        """
         padded = _append_zero_taxel(signal_counts)
         exists = [side < signal_counts.shape[1] for axis in self.neighbours for side in axis]
         total = np.sum([padded[:, side] for axis in self.neighbours for side in axis], axis=0)
@@ -204,7 +226,8 @@ class Grid:
         return np.asarray(total / count - signal_counts)
 
     def compute_slopes(self, signal_counts: FloatArray) -> FloatArray:
-        """Return half the difference between the two neighbours on each axis, counts, f64[C, n, B, 2].
+        """Return half the difference between the two neighbours on each axis, counts, f64[C, n, B, 2] (C conditions, n
+        taxels, B time bins).
 
         At an edge the taxel itself replaces the missing neighbour.
         """
@@ -220,11 +243,12 @@ class Grid:
     def build_line_columns(
         self, signal_counts: FloatArray, along: NDArray[np.intp], across: NDArray[np.intp]
     ) -> FloatArray:
-        """Return the columns of lines that show a share of the signals of other lines of their board.
+        """Return the columns of a distortion in which each line shows a share of the signals of the lines of its board.
 
-        Column k is the signal of line k of the board at the crossing with the same line of the other axis; the last
-        column is an offset. Returns f64[C, n, B, K + 1] with the largest number K of lines of a board, or the own
-        signal and an offset, f64[C, n, B, 2], if K exceeds `MAX_LINES`.
+        For a taxel, column k is the signal of the taxel on line k of the same board that has the same line of the other
+        axis; the last column is an offset. The shape is f64[C, n, B, K + 1] (C conditions, n taxels, B time bins) with
+        the largest number K of lines of a board. If K exceeds `MAX_LINES`, the columns are the taxel's own signal and
+        an offset, f64[C, n, B, 2].
 
         along, across: [n], line of each taxel on the axis of the distortion and on the other axis, numbered over all
         boards.
@@ -244,5 +268,9 @@ class Grid:
 
 
 def _append_zero_taxel(signal_counts: FloatArray) -> FloatArray:
-    """Append a taxel without signal, which the index n of a missing neighbour selects, f64[C, n + 1, B]."""
+    """Return signals f64[C, n, B] (C conditions, n taxels, B time bins) with a taxel without signal appended, f64[C, n
+    + 1, B].
+
+    The index n, which stands for a missing neighbour, selects the appended taxel.
+    """
     return np.concatenate([signal_counts, np.zeros_like(signal_counts[:, :1])], axis=1)

@@ -22,8 +22,8 @@ from taxel.gap.localisation.signature.distortions import HAND, Distortion, get_g
 from taxel.types import FloatArray
 
 RIDGE: Final = 0.03
-"""Ridge penalty of the held-out fits, relative to the mean energy of a column in a group. Chosen: a column that a group
-hardly excites gets a coefficient near 0 in this group."""
+"""Ridge penalty of the held-out fits, relative to the mean over the groups of taxels of a column's sum of squares.
+Chosen: a column with hardly any signal in a group gets a coefficient near 0 in this group."""
 
 MIN_SHARED_ENERGY: Final = 0.05
 """Smallest `Remainder.shared_energy` of two sessions whose product is used. Chosen: below it the few common data are
@@ -36,11 +36,11 @@ would bias the reported values towards 0."""
 
 @dataclass(frozen=True, eq=False)
 class DistortionFit:
-    """A distortion that was fitted in one scope.
+    """A distortion that was fitted with one set of K coefficients for each of G groups of taxels.
 
-    name: of the distortion. explained_by_taxel: f64[n], explained excess of each taxel, counts^2. explained: f64[S, S],
-    explained product of each pair of sessions, counts^2. coefficients: f64[G, K], of each of the G groups of taxels,
-    fitted to all conditions and sessions.
+    name: name of the distortion. scope: kind of the groups, see `get_groups`. explained_by_taxel: f64[n] (n taxels),
+    explained excess of each taxel, counts^2. explained: f64[S, S], explained part of the product of the residuals of
+    each pair of sessions, counts^2. coefficients: f64[G, K], fitted to all conditions and sessions.
     """
 
     name: str
@@ -57,11 +57,13 @@ class DistortionFit:
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """Residuals of the real sessions from the prediction of the best set of effects.
+    """Residuals of the real sessions: measured features minus the features that the best set of effects predicts.
 
-    residual: f64[C, S, F, n], counts; 0 where unknown. known: bool[C, S, F, n]. root_weight: f64[F, 1], square roots of
-    the weights of squared residuals in the squared gap. fold: [C], fold of each condition. shared_energy: f64[S, S],
-    share of the squared predicted signal for which both sessions have data.
+    pair: both datasets. residual: f64[C, S, F, n] (C conditions, F features, n taxels), counts; 0 where unknown. known:
+    bool[C, S, F, n], which residuals are known. root_weight: f64[F, 1], square roots of the weights of squared
+    residuals in the squared gap. fold: [C], fold of the cross-validation to which each condition belongs.
+    shared_energy: f64[S, S], share of the sum of squared predicted signals that lies in taxels and conditions for which
+    both of two sessions have data.
     """
 
     pair: Pair
@@ -75,7 +77,11 @@ class Remainder:
     def compute(
         cls, pair: Pair, real: SessionMeans, model: FloatArray, layout: FeatureLayout, fold: NDArray[np.intp]
     ) -> Remainder:
-        """Compute the residuals. model: f64[C, F, n], predicted features, counts; NaN where unknown."""
+        """Compute the residuals of real sessions from predicted features.
+
+        model: f64[C, F, n] (C conditions, F features, n taxels), predicted features, counts; NaN where unknown. layout:
+        order and weights of the features. fold: [C], fold of each condition.
+        """
         residual = real.compute_residual(model)
         known = real.is_known & np.isfinite(residual)
         root_weight = np.sqrt(layout.compute_scale(model.shape[0], model.shape[2]))
@@ -85,9 +91,10 @@ class Remainder:
         return cls(pair, np.where(known, residual, 0.0), known, root_weight, fold, shared_energy)
 
     def complete_products(self, gram: FloatArray) -> FloatArray:
-        """Scale products of sessions f64[S, S] to the values that sessions without missing data would have.
+        """Scale products of pairs of sessions, f64[S, S], to the values that sessions without missing data would have.
 
-        Two sessions that share less than `MIN_SHARED_ENERGY` get the mean of the other products.
+        Two sessions with a shared energy of at most `MIN_SHARED_ENERGY` get the mean of the other products. If no two
+        sessions share more, all products are 0.
         """
         is_shared = self.shared_energy > MIN_SHARED_ENERGY
         if not is_shared.any():
@@ -106,8 +113,9 @@ class Remainder:
 class _NormalEquations:
     """Normal equations of a distortion for each condition and taxel.
 
-    normal: f64[C, n, K, K]. right: f64[C, S, n, K]. has_data: bool[C, S, n], whether a session has a feature of the
-    distortion. column_norm: f64[K], by which the columns were divided.
+    normal: f64[C, n, K, K] (C conditions, n taxels), products of the K columns. right: f64[C, S, n, K], products of the
+    columns and the residual of each session. has_data: bool[C, S, n], whether a session has a feature of the
+    distortion. column_norm: f64[K], norms by which the columns were divided.
     """
 
     normal: FloatArray
@@ -117,10 +125,10 @@ class _NormalEquations:
 
 
 def fit_distortion(remainder: Remainder, distortion: Distortion) -> list[DistortionFit]:
-    """Fit a distortion in each of its scopes.
+    """Fit a distortion once for each of its scopes (kinds of groups of taxels that share coefficients).
 
-    If all conditions are in one fold, only the scope of the whole hand is fitted, because the other scopes need a
-    further condition for their prediction.
+    If all conditions are in one fold, only one set of coefficients for the whole hand is fitted, because coefficients
+    of smaller groups need a further condition for their held-out prediction. The list can then be empty.
     """
     equations = _build_normal_equations(remainder, distortion)
     has_one_fold = len(np.unique(remainder.fold)) < 2
@@ -132,9 +140,10 @@ def fit_distortion(remainder: Remainder, distortion: Distortion) -> list[Distort
 
 
 def compute_p_value(gram: FloatArray) -> float | None:
-    """Return the one-sided p-value of a mean product f64[S, S] above 0, by a t test on the jackknife over sessions.
+    """Return the one-sided p-value of the mean product of two different sessions against 0; None below 3 sessions.
 
-    None below 3 sessions.
+    gram: f64[S, S], products of the residuals of each pair of sessions. The test is a t test with the standard error of
+    the jackknife over sessions.
     """
     whole = float(compute_off_diagonal_mean(gram))
     replicates = [
@@ -144,7 +153,10 @@ def compute_p_value(gram: FloatArray) -> float | None:
 
 
 def compute_t_p_value(value: float, error: float | None, sessions: int) -> float | None:
-    """Return the one-sided p-value of Student's t with sessions - 1 degrees of freedom. None without standard error."""
+    """Return the one-sided p-value of a value against 0 by Student's t with sessions - 1 degrees of freedom.
+
+    error: standard error of the value. None: the result is None. 0: the result is 0 for a positive value, otherwise 1.
+    """
     if error is None:
         return None
     if error <= 0:
@@ -153,6 +165,7 @@ def compute_t_p_value(value: float, error: float | None, sessions: int) -> float
 
 
 def _build_normal_equations(remainder: Remainder, distortion: Distortion) -> _NormalEquations:
+    """Return the normal equations of a distortion for each condition and taxel, with columns scaled to norm 1."""
     root_weight = remainder.root_weight[distortion.features, 0]
     known = remainder.known[:, :, distortion.features]
     is_known_once: NDArray[np.bool_] = np.asarray(known.any(axis=1))
@@ -172,7 +185,11 @@ def _build_normal_equations(remainder: Remainder, distortion: Distortion) -> _No
 def _fit_in_scope(
     remainder: Remainder, equations: _NormalEquations, distortion: Distortion, scope: str
 ) -> DistortionFit:
-    """Fit the coefficients of each group of a scope for each session and fold, and compute the explained products."""
+    """Fit the coefficients of each group of taxels, and return them with the part of the residuals that they explain.
+
+    scope: kind of the groups, see `get_groups`. The explained part uses coefficients that are fitted for each session
+    and fold without the conditions of the fold; with a single fold they are fitted to all conditions.
+    """
     group = get_groups(remainder.pair, scope)
     count = int(group.max()) + 1
     belongs = csr_array((np.ones(len(group)), (group, np.arange(len(group)))))
@@ -208,12 +225,15 @@ def _fit_in_scope(
 
 
 def _compute_explained_products(equations: _NormalEquations, fitted: FloatArray) -> FloatArray:
-    """Return the products of the sessions' residuals minus the products of what the fits leave, counts^2, f64[n, S, S].
+    """Return for each taxel the explained part of the products of the residuals of two sessions, counts^2, f64[n, S, S]
+    (n taxels).
 
-    fitted: f64[C, S, n, K], held-out coefficients of each taxel.
+    It is the product of the residuals before the fit minus the product of the residuals after the fit. fitted: f64[C,
+    S, n, K] (C conditions, K columns), held-out coefficients of each taxel.
     """
 
     def order_by_taxel(values: FloatArray) -> FloatArray:
+        """Reorder values f64[C, S, n, K] (C conditions, S sessions, n taxels, K columns) to f64[n, S, C K]."""
         conditions, sessions, taxels, columns = values.shape
         return np.transpose(values, (2, 1, 0, 3)).reshape(taxels, sessions, conditions * columns)
 
@@ -224,9 +244,10 @@ def _compute_explained_products(equations: _NormalEquations, fitted: FloatArray)
 
 
 def _sum_groups(belongs: csr_array, values: FloatArray, axis: int) -> FloatArray:
-    """Sum values over the taxels of each group.
+    """Return the sums of values over the taxels of each of G groups.
 
-    belongs: [G, n], 1 for the taxels of a group. axis: of `values` with length n; has length G in the result.
+    belongs: [G, n] (n taxels), 1 for the taxels of a group. axis: axis of `values` that has length n, and length G in
+    the result. If each taxel is a group of its own, `values` itself is returned.
     """
     count, taxels = belongs.shape
     if count == taxels and bool((belongs.indices == np.arange(taxels)).all()):

@@ -35,12 +35,12 @@ an explained excess that the named locations contain. Chosen: the greater part."
 
 @dataclass(frozen=True, eq=False)
 class LocalDeviation:
-    """Conspicuous locations of one kind.
+    """Conspicuous locations of one kind: boards, TX lines, RX lines or taxels with an excess out of proportion.
 
-    scope: kind of the locations. groups: their numbers, as in `get_groups`. excess_by_taxel: f64[n], excess of the
-    signal at these locations, counts^2; 0 elsewhere. gram: f64[S, S], products of the sessions' residuals there,
-    counts^2. p_value: corrected for the number of locations of this kind; None below 3 sessions.
-    has_one_condition: whether only one condition loads the locations.
+    scope: kind of the locations. groups: numbers of the locations, as in `get_groups`. excess_by_taxel: f64[n] (n
+    taxels), excess of the signal at these locations, counts^2; 0 elsewhere. gram: f64[S, S], products of the residuals
+    of each pair of sessions at these locations, counts^2. p_value: corrected for the number of locations of this kind;
+    None below 3 sessions. has_one_condition: whether only one condition loads the locations.
     """
 
     scope: str
@@ -52,9 +52,10 @@ class LocalDeviation:
 
 
 def compute_signal_energy(remainder: Remainder, model: FloatArray, bins: int) -> FloatArray:
-    """Return the weighted sum of squared predicted and squared real signals, counts^2, f64[C, n].
+    """Return the weighted sum of squared predicted and squared real signals, counts^2, f64[C, n] (C conditions, n
+    taxels).
 
-    model: f64[C, F, n], predicted features. bins: B, number of signal features.
+    model: f64[C, F, n] (F features), predicted features. bins: B, number of signal features.
     """
     known = remainder.known[:, :, :bins].any(axis=1)
     count = np.maximum(remainder.known[:, :, :bins].sum(axis=1), 1)
@@ -66,7 +67,7 @@ def compute_signal_energy(remainder: Remainder, model: FloatArray, bins: int) ->
 def find_local_deviations(remainder: Remainder, model: FloatArray, bins: int) -> list[LocalDeviation]:
     """Find conspicuous taxels, lines and boards: at most one result for each kind of location.
 
-    model: f64[C, F, n], predicted features. bins: B, number of signal features.
+    model: f64[C, F, n] (C conditions, F features, n taxels), predicted features. bins: B, number of signal features.
     """
     scaled = remainder.residual[:, :, :bins] * remainder.root_weight[:bins]
     excess = _compute_excess(scaled, remainder.known[:, :, :bins].sum(axis=1))
@@ -79,9 +80,10 @@ def find_local_deviations(remainder: Remainder, model: FloatArray, bins: int) ->
 
 
 def _compute_excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
-    """Return the excess of the signal of each condition and taxel, counts^2, f64[C, n].
+    """Return the excess of the signal of each condition and taxel, counts^2, f64[C, n] (C conditions, n taxels); the
+    square with one session.
 
-    scaled: f64[C, S, B, n], weighted residuals. count: [C, B, n], number of sessions with this feature.
+    scaled: f64[C, S, B, n] (B time bins), weighted residuals. count: [C, B, n], number of sessions with this feature.
     """
     squares = np.square(scaled).sum(axis=1)
     if scaled.shape[1] < 2:
@@ -92,7 +94,11 @@ def _compute_excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
 def _find_in_scope(
     remainder: Remainder, scope: str, scaled: FloatArray, excess: FloatArray, energy: FloatArray
 ) -> LocalDeviation | None:
-    """Find the conspicuous locations of one kind, or None. scaled: f64[C, S, B, n]; excess, energy: f64[C, n]."""
+    """Return the conspicuous locations of one kind (`scope`), or None if no location is conspicuous.
+
+    scaled: f64[C, S, B, n] (C conditions, S sessions, B time bins, n taxels), weighted residuals of the signal. excess:
+    f64[C, n], counts^2. energy: f64[C, n], weighted squared signals, counts^2.
+    """
     group = get_groups(remainder.pair, scope)
     count = int(group.max()) + 1
     share = np.bincount(group, excess.sum(axis=0), count) / excess.sum()
@@ -116,10 +122,12 @@ def _find_in_scope(
 
 
 def _is_consistent(excess: FloatArray, energy: FloatArray) -> bool:
-    """Return whether most taxels and conditions of a location have the deviation. excess, energy: f64[C, m].
+    """Return whether most taxels and conditions of a location have the deviation.
 
-    A taxel in a condition has the deviation if its ratio of excess to signal energy is at least a quarter of the ratio
-    of the location. At least two taxels must have more than 5 % of the energy of the location.
+    excess, energy: f64[C, m] (C conditions), excess and signal energy (weighted squared signals) of the m taxels of the
+    location, counts^2. A taxel in a condition has the deviation if its ratio of excess to signal energy is at least a
+    quarter of the ratio of the location. At least two taxels must have more than 5 % of the signal energy of the
+    location.
     """
     whole = float(energy.sum())
     if whole <= 0:
@@ -134,11 +142,12 @@ def locate_explained_part(
 ) -> tuple[str, list[tuple[int, float]]]:
     """Return the kind of location that contains most of an explained excess, and its locations, largest share first.
 
-    The locations are pairs of group number and share of the explained excess. If the coefficients belong to the whole
-    hand, lines and boards are searched; if none of them contains most of the excess, the kind is the hand, without
-    locations.
+    The locations are pairs of location number (as in `get_groups`) and share of the explained excess. If the fitted
+    coefficients apply to the whole hand, lines and boards are searched; if a few of them do not contain most of the
+    excess, the kind is the hand, without locations.
 
-    explained: f64[n], explained excess, counts^2. energy: f64[n], signal energy, counts^2. scope: of the coefficients.
+    explained: f64[n] (n taxels), explained excess, counts^2. energy: f64[n], signal energy (weighted squared signals),
+    counts^2. scope: kind of groups that share coefficients.
     """
     if scope != HAND:
         return scope, _list_largest(explained, get_groups(pair, scope), 0.1)
@@ -156,7 +165,11 @@ def locate_explained_part(
 
 
 def _list_largest(values: FloatArray, group: NDArray[np.intp], least: float) -> list[tuple[int, float]]:
-    """Return up to six groups with a share of at least `least`, largest share first. values: f64[n]; group: [n]."""
+    """Return up to six groups with a share of at least `least` in the sum of positive values, largest share first.
+
+    The result contains pairs of group number and share. values: f64[n] (n taxels). group: [n], number of the group of
+    each taxel.
+    """
     share = _compute_shares(np.bincount(group, values).astype(np.float64))
     order = np.argsort(-share, kind="stable")[:6]
     return [(int(k), float(share[k])) for k in order if share[k] >= least]
@@ -169,7 +182,10 @@ def _compute_shares(values: FloatArray) -> FloatArray:
 
 
 def make_location_entry(pair: Pair, scope: str, number: int, share: float) -> dict[str, Any]:
-    """Return a location as an entry of the report. number: of the group in the scope. share: of the remainder."""
+    """Return a location as an entry of the report: index of a taxel, address of a board, or board, axis and line.
+
+    scope: kind of location. number: number of the location as in `get_groups`. share: share of the remainder.
+    """
     if scope == TAXEL:
         return {"index": number, "share": share}
     first = int(np.flatnonzero(get_groups(pair, scope) == number)[0])
@@ -181,7 +197,10 @@ def make_location_entry(pair: Pair, scope: str, number: int, share: float) -> di
 
 
 def describe_location(pair: Pair, scope: str, number: int) -> str:
-    """Return a location as words of a sentence. number: of the group in the scope."""
+    """Return a location as words of a sentence, such as "TX line 3 of index tip".
+
+    scope: kind of location. number: number of the location as in `get_groups`.
+    """
     first = int(np.flatnonzero(get_groups(pair, scope) == number)[0])
     board = pair.sensors.name[int(pair.groups.sensor[first])].replace("_", " ")
     tx, rx = int(pair.taxels.tx[first]), int(pair.taxels.rx[first])

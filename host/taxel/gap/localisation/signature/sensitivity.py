@@ -16,7 +16,7 @@ from taxel.gap.features.distributions import compute_fisher_survival, compute_st
 from taxel.types import FloatArray
 
 MIN_RELATIVE_LOAD: Final = 0.1
-"""Smallest sum of squared predicted signals of a board in a grasp, relative to the largest one of this board, at which
+"""Sum of squared predicted signals of a board in a grasp, relative to the largest such sum of this board, above which
 the sensitivity of the board is estimated. Chosen."""
 
 SIGNIFICANCE_LEVEL: Final = 0.05
@@ -53,10 +53,10 @@ class SensitivityChange:
 
 
 def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) -> list[SensitivityChange]:
-    """Compute the changes between sessions and within sessions.
+    """Compute the changes of sensitivity between sessions and within sessions: one result for each, in this order.
 
-    hold: f64[C, n], predicted signals in hold, counts. counts2: weighted sum of squared predicted signals, as in the
-    squared gap, counts^2.
+    hold: f64[C, n] (C conditions, n taxels), predicted signals in hold, counts. counts2: weighted sum of squared
+    predicted signals, with the weights of the squared gap, counts^2.
     """
     factor, weight = _estimate_factors(pair, hold)
     whole = np.einsum("rb,rb->r", np.nan_to_num(factor), weight) / np.where(
@@ -81,6 +81,7 @@ def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) ->
 
 
 def _is_significant(p_value: float | None, tests: int) -> bool:
+    """Return whether a p-value is significant among several tests (Bonferroni correction)."""
     return p_value is not None and p_value * tests < SIGNIFICANCE_LEVEL
 
 
@@ -117,7 +118,9 @@ def _test_between_sessions(
     """Estimate the standard deviation between sessions, and test it by an F test (two-way analysis of variance).
 
     The model is additive in condition and session; the error is their interaction, which is subtracted from the
-    variance between sessions. factor, condition, session: [R], of each real grasp.
+    variance between sessions. factor: f64[R] (R grasps), ratio of real to predicted signal of each real grasp, NaN if
+    unknown. condition, session: [R], condition and session of each real grasp. With a negative sign the estimated size
+    is a decrease from session to session. `_NO_CHANGE` is returned if the data do not suffice for the test.
     """
     known = np.isfinite(factor)
     keys, number = np.unique(np.column_stack([condition, session])[known], axis=0, return_inverse=True)
@@ -147,14 +150,16 @@ def _test_within_sessions(
 ) -> SensitivityTest:
     """Estimate the change from the first to the last contact of a session, with effects of condition and session.
 
-    The p-value is the larger one of ordinary least squares and of errors that are correlated within a session (Liang
-    and Zeger 1986); None below 3 sessions. factor, condition, session: [R], of each real grasp.
+    The p-value is the larger of two: that of ordinary least squares, and that of errors that are correlated within a
+    session (Liang and Zeger 1986); None below 3 sessions. factor: f64[R] (R grasps), ratio of real to predicted signal
+    of each real grasp, NaN if unknown. condition, session: [R], condition and session of each real grasp. `_NO_CHANGE`
+    is returned if the data do not suffice for the test.
     """
     known = np.isfinite(factor)
     position = np.zeros(len(factor))
     for number in np.unique(session):
-        own = np.flatnonzero(session == number)  # grasps are in order of time
-        position[own] = np.linspace(-0.5, 0.5, len(own)) if len(own) > 1 else 0.0
+        grasps = np.flatnonzero(session == number)  # grasps are in order of time
+        position[grasps] = np.linspace(-0.5, 0.5, len(grasps)) if len(grasps) > 1 else 0.0
     columns = (
         np.hstack([_make_dummies(condition[known]), _make_dummies(session[known])]) if known.any() else np.zeros((0, 1))
     )
@@ -167,12 +172,12 @@ def _test_within_sessions(
     if square < 1e-9:
         return _NO_CHANGE
     slope = float(regressor @ value) / square
-    rest = value - slope * regressor
-    error = float(np.sqrt(rest @ rest / degrees_of_freedom / square))
+    residual = value - slope * regressor
+    error = float(np.sqrt(residual @ residual / degrees_of_freedom / square))
     p = 2.0 * compute_student_survival(abs(slope) / error, degrees_of_freedom) if error > 0 else 0.0
     if sessions < 3:
         return slope, None, False, error
-    scores = np.bincount(session[known], regressor * rest)
+    scores = np.bincount(session[known], regressor * residual)
     clustered_error = float(np.sqrt(sessions / (sessions - 1) * scores @ scores)) / square
     clustered_p = (
         2.0 * compute_student_survival(abs(slope) / clustered_error, sessions - 1) if clustered_error > 0 else 0.0

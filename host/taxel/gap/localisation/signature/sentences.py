@@ -20,7 +20,7 @@ MAX_NAMED: Final = 3
 
 NEGLIGIBLE_SHARE: Final = 0.15
 """Share of the largest value of a curve over the signal, below which another value, or the deviation from a straight
-line, counts as 0. Chosen."""
+line, is treated as 0. Chosen."""
 
 LINE_NAMES: Final = {ROW: "TX line", COLUMN: "RX line"}
 
@@ -36,8 +36,9 @@ def describe_distortion(
 ) -> str:
     """Return the description of a distortion and of its locations, as a clause of a sentence.
 
-    fit: of the distortion; None for a local deviation. local: a local deviation; None for a fit. model: f64[C, F, n],
-    predicted features. scope: kind of the locations. locations: their group numbers, largest share first.
+    fit: fit of the distortion; None for a local deviation. local: a local deviation; None for a fit. model: f64[C, F,
+    n] (C conditions, F features, n taxels), predicted features. scope: kind of the locations (hand, board, row, column
+    or taxel). locations: numbers of the locations as in `get_groups`, largest share first.
     """
     is_part_of_scope = fit is not None and fit.scope != scope
     where = _describe_locations(pair, scope, locations, ", mostly on " if is_part_of_scope else ", on ")
@@ -49,7 +50,7 @@ def describe_distortion(
         )
         return f"local deviation{where}: present {often}, absent elsewhere"
     assert fit is not None
-    coefficients = fit.coefficients[_select_group(fit, scope, locations)]
+    coefficients = fit.coefficients[_select_coefficient_set(fit, scope, locations)]
     match fit.name:
         case "amplitude":
             clause = _describe_curve(coefficients, compute_signal_knots(np.nan_to_num(model[:, : layout.bins])))
@@ -92,6 +93,11 @@ def join_clauses(clauses: list[str]) -> str:
 
 
 def _describe_locations(pair: Pair, scope: str, locations: list[int], on: str) -> str:
+    """Return the locations as the end of a clause, with at most `MAX_NAMED` names.
+
+    on: words before the names, such as ", on ". Without locations the words are ", on all boards", or "" for a hand
+    with one board.
+    """
     if scope == HAND or not locations:
         return ", on all boards" if len(pair.sensors.name) > 1 else ""
     names = [describe_location(pair, scope, k) for k in locations[:MAX_NAMED]]
@@ -100,15 +106,23 @@ def _describe_locations(pair: Pair, scope: str, locations: list[int], on: str) -
     return on + (f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0])
 
 
-def _select_group(fit: DistortionFit, scope: str, locations: list[int]) -> int:
-    """Return the group whose coefficients the sentence states: the first location."""
+def _select_coefficient_set(fit: DistortionFit, scope: str, locations: list[int]) -> int:
+    """Return the row of `fit.coefficients` whose values the sentence states.
+
+    It is the row of the first location, the one with the largest share. It is row 0 if the coefficients apply to the
+    whole hand, if there are no locations, or if the locations are of another kind than the groups that share
+    coefficients.
+    """
     if fit.scope == HAND or not locations or fit.scope != scope:
         return 0
     return locations[0]
 
 
 def _describe_other_feature(name: str, coefficients: FloatArray) -> str:
-    """Describe a change of noise, missing frames or drift residual."""
+    """Describe a change of noise, missing frames or drift residual by the coefficient with the largest magnitude.
+
+    name: name of the distortion. coefficients: counts; for missing frames, a share of the frames.
+    """
     value = _get_largest(coefficients)
     if name == "noise":
         return f"the noise of the hand is {'larger' if value > 0 else 'smaller'} by {abs(value):.3g} counts"
@@ -118,9 +132,10 @@ def _describe_other_feature(name: str, coefficients: FloatArray) -> str:
 
 
 def _describe_curve(values: FloatArray, knots: FloatArray) -> str:
-    """Describe a curve over the predicted signal: a line through 0, or a nonlinear curve.
+    """Describe a curve over the predicted signal: proportional to it, with a bend, or nonlinear.
 
-    values: f64[K], deviation of the real signal at each knot, counts. knots: f64[K], predicted signal, counts.
+    values: f64[K], real minus predicted signal at each of K knots, counts. knots: f64[K], predicted signals at the
+    knots, counts.
     """
     line = float(values @ knots / (knots @ knots))
     largest = float(np.abs(values).max())
@@ -141,13 +156,16 @@ def _describe_curve(values: FloatArray, knots: FloatArray) -> str:
 
 
 def _describe_level(counts: float, signal_counts: float) -> str:
-    """Describe a deviation in counts at a predicted signal in counts."""
+    """Describe a deviation `counts` of the real signal from a predicted signal of `signal_counts` counts."""
     relation = f"{abs(counts):.0f} counts {'above' if counts > 0 else 'below'}"
     return f"the signal of the hand is {relation} a predicted signal of {signal_counts:.0f} counts"
 
 
 def _describe_history(coefficients: FloatArray, layout: FeatureLayout) -> str:
-    """Describe a signal after the hold. coefficients: shares of the hold signal in each bin of release and recovery."""
+    """Describe a deviation of the signal after the hold.
+
+    coefficients: deviation in each time bin of release and recovery, as a share of the hold signal.
+    """
     bins = layout.phase[: layout.bins]
     later = bins[np.isin(bins, [Phase.RELEASE, Phase.RECOVERY])]
     clauses = [
@@ -169,6 +187,9 @@ def _get_largest(values: FloatArray) -> float:
 
 
 def _describe_common(coefficients: FloatArray) -> str:
+    """Describe a signal that all taxels have in common. coefficients: factors on the mean signal of the hand and of the
+    board.
+    """
     sign = "positive" if coefficients.sum() > 0 else "negative"
     part = "the hand" if abs(coefficients[0]) > abs(coefficients[1]) else "their board"
     return f"all taxels, loaded or not, have a {sign} signal that grows with the total load of {part}"
@@ -177,7 +198,8 @@ def _describe_common(coefficients: FloatArray) -> str:
 def _describe_fixed(fit: DistortionFit, coefficients: FloatArray, pair: Pair, scope: str, locations: list[int]) -> str:
     """Describe a deviation that is the same in every condition.
 
-    The deviation is a factor and an offset of each location, or a share of the signal of other lines on a line.
+    coefficients: factor and offset of a location; or for a line, factors on the signals of all lines of its board, and
+    an offset. The sentence states the largest of these factors, or that two lines are exchanged.
     """
     if fit.name in (BOARD, TAXEL) or coefficients.shape[-1] == 2:
         factor, offset = (float(value) for value in coefficients)
@@ -191,14 +213,14 @@ def _describe_fixed(fit: DistortionFit, coefficients: FloatArray, pair: Pair, sc
         return "the same in every condition, for each line"
     board = pair.groups.sensor[np.flatnonzero(group == locations[0])[0]]
     first = int(group[pair.groups.sensor == board].min())
-    own, others = float(coefficients[locations[0] - first]), coefficients[:-1].copy()
-    others[locations[0] - first] = 0.0
-    most = int(np.abs(others).argmax())
-    if own < -0.5 and others[most] > 0.5:
+    own_factor, other_factors = float(coefficients[locations[0] - first]), coefficients[:-1].copy()
+    other_factors[locations[0] - first] = 0.0
+    most = int(np.abs(other_factors).argmax())
+    if own_factor < -0.5 and other_factors[most] > 0.5:
         return f"a {LINE_NAMES[scope]} shows the signal of another line: {describe_location(pair, scope, first + most)}"
-    if np.abs(others).max() > abs(own):
-        if abs(others[most]) > 1.0:  # more than 100 % of a line with hardly any signal is no meaningful share
+    if np.abs(other_factors).max() > abs(own_factor):
+        if abs(other_factors[most]) > 1.0:  # more than 100 % of a line with hardly any signal is no meaningful share
             return f"{LINE_NAMES[scope]}s show the signal of other lines"
-        return f"{LINE_NAMES[scope]}s have {100 * others[most]:+.0f} % of the signal of other lines"
-    relation = "more" if own > 0 else "less"
-    return f"the same in every condition, by {LINE_NAMES[scope]}s: {100 * abs(own):.0f} % {relation} signal"
+        return f"{LINE_NAMES[scope]}s have {100 * other_factors[most]:+.0f} % of the signal of other lines"
+    relation = "more" if own_factor > 0 else "less"
+    return f"the same in every condition, by {LINE_NAMES[scope]}s: {100 * abs(own_factor):.0f} % {relation} signal"

@@ -12,7 +12,7 @@
 namespace taxel
 {
 
-/* A file that is no capture, or a capture that is damaged or truncated. */
+/* Error of a file that is no capture, or of a capture that is damaged or truncated. */
 class CaptureError : public std::runtime_error
 {
   public:
@@ -30,6 +30,7 @@ struct CaptureRecord {
 class CaptureReader
 {
   public:
+    /* Opens a capture file and reads its header. */
     explicit CaptureReader(const std::string &path) : path_(path), file_(path, std::ios::binary)
     {
         std::uint16_t version = 0;
@@ -40,7 +41,7 @@ class CaptureReader
         file_.seekg(0, std::ios::end);
         unread_ = static_cast<std::uint64_t>(file_.tellg());
         file_.seekg(0);
-        if (!require(START_SIZE) || std::memcmp(block_.data(), "TAXELCAP", 8) != 0) {
+        if (!fill_block(START_SIZE) || std::memcmp(block_.data(), "TAXELCAP", 8) != 0) {
             throw CaptureError(path_ + ": is not a taxel capture (it does not begin with TAXELCAP)");
         }
         detail::load(block_.data() + 8, version);
@@ -50,31 +51,31 @@ class CaptureReader
                                "; this program reads version " + std::to_string(VERSION));
         }
         first_ = START_SIZE;
-        if (!require(size)) {
+        if (!fill_block(size)) {
             throw CaptureError(path_ + ": has a damaged header (its length is impossible)");
         }
         header_.assign(reinterpret_cast<const char *>(block_.data() + first_), size);
         first_ += size;
     }
 
-    /* The header of the file, a JSON object. */
+    /* Returns the header of the file, a JSON object. */
     const std::string &header() const
     {
         return header_;
     }
 
-    /* Reads the next record; false at the end of the file. Throws CaptureError for an incomplete record, after all
-     * complete records. */
+    /* Reads the next record; returns false at the end of the file. Throws CaptureError for an incomplete record, after
+     * all complete records. */
     bool next(CaptureRecord &record)
     {
         std::uint32_t size = 0;
-        if (!require(1)) {
+        if (!fill_block(1)) {
             return false;
         }
-        if (require(HEAD_SIZE)) {
+        if (fill_block(HEAD_SIZE)) {
             detail::load(block_.data() + first_, record.time_ns);
             detail::load(block_.data() + first_ + 8, size);
-            if (require(HEAD_SIZE + std::size_t{size})) {
+            if (fill_block(HEAD_SIZE + std::size_t{size})) {
                 record.bytes = block_.data() + first_ + HEAD_SIZE;
                 record.size = size;
                 first_ += HEAD_SIZE + size;
@@ -90,9 +91,9 @@ class CaptureReader
     static constexpr std::size_t START_SIZE = 16, HEAD_SIZE = 12, BLOCK_SIZE = 1 << 16;
     static constexpr unsigned VERSION = 1;
 
-    /* Reads until the block holds `size` bytes from first_ on; false if the file has fewer. A damaged length never
-     * allocates more memory than the file has bytes. */
-    bool require(std::size_t size)
+    /* Reads until the block holds `size` bytes from first_ on; returns false if the file has fewer. A damaged length
+     * never allocates more memory than the file has bytes. */
+    bool fill_block(std::size_t size)
     {
         if (last_ - first_ >= size) {
             return true;

@@ -1,4 +1,5 @@
-/* Compact snapshots of one board: packed frames and delta frames to counts, key frames, and the answers to the board. */
+/* Compact snapshots of one board: packed frames and delta frames to counts, key frames, and the answers to the
+ * board. */
 #ifndef TAXEL_CLIENT_COMPACT_HPP
 #define TAXEL_CLIENT_COMPACT_HPP
 
@@ -8,6 +9,7 @@
 namespace taxel
 {
 
+/* Result of a compact snapshot; NO_KEY_FRAME: a delta frame whose key frame this host does not have. */
 enum class CompactResult { OK, DAMAGED, NO_KEY_FRAME };
 
 /* Answer that the host has to send to a board in an ACKNOWLEDGE frame. */
@@ -20,28 +22,31 @@ namespace detail
 class RangeDecoder
 {
   public:
+    /* Creates a decoder of the coded bytes of a delta frame. */
     RangeDecoder(const std::uint8_t *bytes, std::size_t size) : bytes_(bytes), size_(size)
     {
         for (int i = 0; i < 4; i++) {
-            shift();
+            shift_in_byte();
         }
     }
-    /* The next share out of 2^bits equal shares; only damaged bytes point behind the last share. */
+    /* Returns the next of 2^bits equal shares, without consuming it. Damaged bytes alone point behind the last one. */
     std::uint32_t peek(std::uint32_t bits) const
     {
         const std::uint32_t share = code_ / (range_ >> bits), last = (1u << bits) - 1u;
         return share < last ? share : last;
     }
+    /* Consumes the symbol with the interval [first, first + size) of 2^bits equal shares. */
     void take(std::uint32_t first, std::uint32_t size, std::uint32_t bits)
     {
         const std::uint32_t share = range_ >> bits;
         code_ -= first * share;
         range_ = size * share;
         while (range_ < 1u << 24) {
-            shift();
+            shift_in_byte();
             range_ <<= 8;
         }
     }
+    /* Decodes and consumes an uncoded number. */
     std::uint32_t take_bits(std::uint32_t bits)
     {
         const std::uint32_t value = peek(bits);
@@ -50,7 +55,8 @@ class RangeDecoder
     }
 
   private:
-    void shift()
+    /* Moves the next byte into the code. */
+    void shift_in_byte()
     {
         code_ = code_ << 8 | (position_ < size_ ? bytes_[position_] : 0u);
         position_++;
@@ -61,7 +67,8 @@ class RangeDecoder
     std::uint32_t code_ = 0, range_ = 0xFFFFFFFF;
 };
 
-/* Decodes a count too far from its prediction: sign, exponent and mantissa of the distance from the centre. */
+/* Decodes a count too far from its prediction: sign, exponent and mantissa of the distance from the centre. Returns
+ * false for bytes that no encoder produces. */
 inline bool take_escape(RangeDecoder &decoder, const Taxel &taxel, std::uint16_t &count)
 {
     decoder.take(0, COMPACT_ESCAPE, COMPACT_TOTAL_BITS);
@@ -74,7 +81,7 @@ inline bool take_escape(RangeDecoder &decoder, const Taxel &taxel, std::uint16_t
     return true;
 }
 
-/* Decodes the next count; false for bytes that no encoder produces. */
+/* Decodes the next count; returns false for bytes that no encoder produces. */
 inline bool take_count(RangeDecoder &decoder, const Taxel &taxel, std::uint16_t &count)
 {
     const std::uint32_t target = decoder.peek(COMPACT_TOTAL_BITS);
@@ -97,6 +104,7 @@ inline bool take_count(RangeDecoder &decoder, const Taxel &taxel, std::uint16_t 
     return true;
 }
 
+/* Unpacks the counts of a packed frame, each of `width` bits, lowest bits first. */
 inline void unpack_counts(const std::uint8_t *bytes, std::size_t taxels, std::uint32_t width, std::uint16_t *counts)
 {
     std::uint32_t buffer = 0, bits = 0;
@@ -110,6 +118,7 @@ inline void unpack_counts(const std::uint8_t *bytes, std::size_t taxels, std::ui
     }
 }
 
+/* Key frame of a board: the predictions against which delta frames are coded. */
 struct KeyFrame {
     bool is_valid = false;
     std::uint8_t taxel_count = 0;
@@ -155,12 +164,13 @@ class CompactReceiver
         return result;
     }
 
+    /* Returns the answer that has not been sent yet. */
     CompactAnswer answer() const
     {
         return answer_;
     }
 
-    /* The answer as an element of an ACKNOWLEDGE payload; it then counts as sent. */
+    /* Returns the answer as an element of an ACKNOWLEDGE payload; it then counts as sent. */
     Acknowledgement take_answer(std::uint8_t address)
     {
         Acknowledgement acknowledgement;
@@ -174,27 +184,31 @@ class CompactReceiver
   private:
     static constexpr int REPEAT_AFTER = 4; /* snapshots that may arrive before an answer takes effect on the board */
 
+    /* Returns whether the protocol defines this format byte. */
     static bool is_defined(std::uint8_t format)
     {
         const std::uint32_t width = format & COMPACT_WIDTH_MASK;
         return width <= 16 && (!(format & COMPACT_START_MASK) || (width && format & COMPACT_KEY_FRAME));
     }
 
+    /* Stores an answer to be sent. */
     void set_answer(CompactAnswer answer)
     {
         answer_ = answer;
-        until_repeat_ = REPEAT_AFTER;
+        snapshots_until_repeat_ = REPEAT_AFTER;
     }
 
+    /* Stores an answer again if several snapshots have arrived without its effect. */
     void repeat_answer(CompactAnswer answer)
     {
-        if (until_repeat_) {
-            until_repeat_--;
+        if (snapshots_until_repeat_) {
+            snapshots_until_repeat_--;
         } else {
             set_answer(answer);
         }
     }
 
+    /* Decodes a packed frame; if it is marked as a key frame, it becomes the pending one. */
     CompactResult receive_packed(std::uint8_t taxel_count, const std::uint8_t *bytes, std::size_t size,
                                  std::uint16_t *counts, std::uint32_t &timestamp_us)
     {
@@ -218,6 +232,7 @@ class CompactReceiver
         return CompactResult::OK;
     }
 
+    /* Decodes a delta frame against the key frame that it names. */
     CompactResult receive_delta(std::uint8_t taxel_count, const std::uint8_t *bytes, std::size_t size,
                                 std::uint16_t *counts, std::uint32_t &timestamp_us)
     {
@@ -229,7 +244,7 @@ class CompactReceiver
         }
         if (!key_frame_.is_valid || key_frame_.id != head.key_frame || key_frame_.taxel_count != taxel_count ||
             !decode_counts(bytes + CompactDelta::size, size - CompactDelta::size - 4, counts)) {
-            return reject();
+            return reject_delta();
         }
         const std::uint32_t low = head.timestamp_low[0] | static_cast<std::uint32_t>(head.timestamp_low[1]) << 8 |
                                   static_cast<std::uint32_t>(head.timestamp_low[2]) << 16;
@@ -242,6 +257,7 @@ class CompactReceiver
         return CompactResult::OK;
     }
 
+    /* Decodes the counts of a delta frame; returns false for bytes that no encoder produces. */
     bool decode_counts(const std::uint8_t *bytes, std::size_t size, std::uint16_t *counts) const
     {
         detail::RangeDecoder decoder(bytes, size);
@@ -253,6 +269,7 @@ class CompactReceiver
         return true;
     }
 
+    /* Computes the pending key frame from the key frame in use and the counts after it. */
     void update_pending(const std::uint16_t *counts)
     {
         const std::uint32_t gain = COMPACT_GAINS[key_frame_.updates - 1];
@@ -263,18 +280,19 @@ class CompactReceiver
         pending_.updates = key_frame_.updates + (key_frame_.updates < detail::UPDATES_MAX ? 1u : 0u);
     }
 
-    CompactResult reject()
+    /* Discards both key frames after a delta frame that cannot be decoded, and reports this to the board. */
+    CompactResult reject_delta()
     {
         if (key_frame_.is_valid || pending_.is_valid) {
             key_frame_.is_valid = pending_.is_valid = false;
-            until_repeat_ = 0;
+            snapshots_until_repeat_ = 0;
         }
         repeat_answer(CompactAnswer::FORGET);
         return CompactResult::NO_KEY_FRAME;
     }
 
     CompactAnswer answer_ = CompactAnswer::NONE;
-    int until_repeat_ = 0;
+    int snapshots_until_repeat_ = 0;
     detail::KeyFrame key_frame_, pending_;
 };
 

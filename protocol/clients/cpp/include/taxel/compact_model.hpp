@@ -1,5 +1,5 @@
-/* Prediction of the count of a taxel: the model of the compact coding (SPEC.md, "Coding of compact snapshots"). Integers
- * and rounding are part of the protocol. */
+/* Prediction of the count of a taxel: the model of the compact coding (SPEC.md, "Coding of compact snapshots").
+ * Integers and rounding are part of the protocol. */
 #ifndef TAXEL_CLIENT_COMPACT_MODEL_HPP
 #define TAXEL_CLIENT_COMPACT_MODEL_HPP
 
@@ -20,30 +20,34 @@ struct Taxel {
     std::uint32_t mean = 0;
     std::uint32_t level = 0;
 
+    /* Returns the predicted count. */
     std::uint32_t centre() const
     {
         const std::uint32_t rounded = (mean + 32) >> COMPACT_FRACTION_BITS;
         return rounded < COUNT_MAX ? rounded : COUNT_MAX;
     }
+    /* Returns the octave of the scale; eight steps follow in each octave. */
     std::uint32_t octave() const
     {
         return level >> 6;
     }
+    /* Returns the factor of the scale's step within its octave. */
     std::uint32_t multiplier() const
     {
         return COMPACT_MULTIPLIERS[level >> 3 & 7u];
     }
-    /* Low bits of a count that are sent uncoded. */
+    /* Returns the number of low bits of a count that are sent uncoded. */
     std::uint32_t raw_bits() const
     {
         return octave() > COMPACT_COARSE_OCTAVE ? octave() - COMPACT_COARSE_OCTAVE : 0;
     }
-    /* A magnitude in 64ths of a count, as 1024ths of the scale. */
+    /* Converts a magnitude in 64ths of a count to 1024ths of the scale. */
     std::uint32_t distance(std::uint32_t difference) const
     {
         return difference * multiplier() >> octave();
     }
-    /* Probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16. */
+    /* Returns the probability of all counts below `symbol` (a count without its raw bits) and of the escape, in 2^-16.
+     */
     std::uint32_t cumulative(std::uint32_t symbol) const
     {
         const std::uint32_t edge = symbol << (raw_bits() + COMPACT_FRACTION_BITS), from = mean + 32;
@@ -59,7 +63,7 @@ struct Taxel {
     }
 };
 
-/* The first corner of the cumulative table whose share reaches share >> 7 shares of 128: a start for the search. */
+/* Computes, for each share >> 7, a corner of the cumulative table at which the search for the share starts. */
 constexpr std::array<std::uint8_t, 257> make_corner_starts()
 {
     std::array<std::uint8_t, 257> starts{};
@@ -75,7 +79,7 @@ constexpr std::array<std::uint8_t, 257> make_corner_starts()
 
 inline constexpr auto corner_starts = make_corner_starts();
 
-/* The largest corner of the cumulative table with at most this share. */
+/* Returns the largest corner of the cumulative table with at most this share. */
 inline std::uint32_t find_corner(std::uint32_t share)
 {
     std::uint32_t corner = corner_starts[share >> 7];
@@ -85,8 +89,8 @@ inline std::uint32_t find_corner(std::uint32_t share)
     return corner;
 }
 
-/* A symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the table's
- * segment that contains the target. */
+/* Returns a symbol at or below the symbol of the probability `target`, at most a few symbols away: the end of the
+ * table's segment that contains the target. */
 inline std::uint32_t find_first_symbol(const Taxel &taxel, std::uint32_t target)
 {
     const std::uint32_t shift = taxel.raw_bits() + COMPACT_FRACTION_BITS, from = taxel.mean + 32;
@@ -103,8 +107,8 @@ inline std::uint32_t find_first_symbol(const Taxel &taxel, std::uint32_t target)
     return symbol < last ? symbol : last;
 }
 
-/* The difference between count and centre as a board stores it in one byte: exact below 64, else the middle of its
- * quarter of an octave. */
+/* Rounds the difference between count and centre as a board stores it in one byte: exact below 64, else the middle of
+ * its quarter of an octave. */
 inline std::uint32_t quantise(std::uint32_t size)
 {
     if (size < 64) {
@@ -117,7 +121,8 @@ inline std::uint32_t quantise(std::uint32_t size)
     return ((size >> shift) << shift) + (1u << shift >> 1);
 }
 
-inline std::uint32_t move(std::uint32_t value, bool is_down, std::uint32_t step, std::uint32_t largest)
+/* Returns a value moved down or up, limited to 0 to `largest`. */
+inline std::uint32_t move_limited(std::uint32_t value, bool is_down, std::uint32_t step, std::uint32_t largest)
 {
     if (is_down) {
         return value > step ? value - step : 0;
@@ -125,7 +130,7 @@ inline std::uint32_t move(std::uint32_t value, bool is_down, std::uint32_t step,
     return step < largest - value ? value + step : largest;
 }
 
-/* The state after one more key frame. gain: weight of the new count, in 256ths. */
+/* Returns the state after one more key frame. gain: weight of the new count, in 256ths. */
 inline Taxel update(const Taxel &taxel, std::uint32_t count, std::uint32_t gain)
 {
     const std::int64_t centre = taxel.centre();
@@ -137,7 +142,7 @@ inline Taxel update(const Taxel &taxel, std::uint32_t count, std::uint32_t gain)
     const std::uint32_t scales = taxel.distance(magnitude);
     Taxel next = taxel;
     if (scales >= COMPACT_JUMP) {
-        next.mean = move(taxel.mean, is_down, magnitude, COMPACT_MEAN_MAX);
+        next.mean = move_limited(taxel.mean, is_down, magnitude, COMPACT_MEAN_MAX);
         return next;
     }
     const std::uint32_t clipped = scales < COMPACT_CLIP ? scales : COMPACT_CLIP;
@@ -145,8 +150,8 @@ inline Taxel update(const Taxel &taxel, std::uint32_t count, std::uint32_t gain)
     const bool is_smaller = spread < COMPACT_UNIT;
     const std::uint32_t excess = is_smaller ? COMPACT_UNIT - spread : spread - COMPACT_UNIT;
     const std::uint32_t step = (excess * gain * COMPACT_LEVEL_STEP + (1u << 17)) >> 18;
-    next.level = move(taxel.level, is_smaller, step, COMPACT_LEVEL_MAX);
-    next.mean = move(taxel.mean, is_down, (magnitude * gain + 128) >> 8, COMPACT_MEAN_MAX);
+    next.level = move_limited(taxel.level, is_smaller, step, COMPACT_LEVEL_MAX);
+    next.mean = move_limited(taxel.mean, is_down, (magnitude * gain + 128) >> 8, COMPACT_MEAN_MAX);
     return next;
 }
 

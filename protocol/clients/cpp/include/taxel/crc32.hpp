@@ -21,7 +21,8 @@ namespace detail
 constexpr std::size_t CRC_SLICES = 16;
 using CrcTables = std::array<std::array<std::uint32_t, 256>, CRC_SLICES>;
 
-/* Tables of the slicing method (Kounavis and Berry, 2005): tables[k][b] is the remainder of byte b and k zero bytes. */
+/* Computes the tables of the slicing method (Kounavis and Berry, 2005): tables[k][b] is the remainder of byte b and k
+ * zero bytes. */
 constexpr CrcTables make_crc_tables()
 {
     CrcTables tables{};
@@ -43,7 +44,7 @@ constexpr CrcTables make_crc_tables()
 
 inline constexpr CrcTables crc_tables = make_crc_tables();
 
-/* The CRC register after `size` bytes, at most 16, in one step. The register affects the first four bytes. */
+/* Returns the CRC register after `size` bytes, at most 16, in one step. The register affects the first four bytes. */
 inline std::uint32_t advance_crc(std::uint32_t state, const std::uint8_t *bytes, std::size_t size)
 {
     if (size < 4) {
@@ -65,6 +66,7 @@ inline std::uint32_t advance_crc(std::uint32_t state, const std::uint8_t *bytes,
     return state;
 }
 
+/* Computes a CRC-32 with the tables. */
 inline std::uint32_t crc32_sliced(std::uint32_t crc, const std::uint8_t *bytes, std::size_t size)
 {
     crc = ~crc;
@@ -76,7 +78,7 @@ inline std::uint32_t crc32_sliced(std::uint32_t crc, const std::uint8_t *bytes, 
 
 } // namespace detail
 
-/* CRC-32 of the bytes. `crc`: CRC-32 of the bytes before them, 0 at the start. */
+/* Computes the CRC-32 of the bytes. `crc`: CRC-32 of the bytes before them, 0 at the start. */
 inline std::uint32_t crc32(const std::uint8_t *bytes, std::size_t size, std::uint32_t crc = 0)
 {
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -96,6 +98,7 @@ namespace detail
 class CrcZeros
 {
   public:
+    /* Builds the tables for `size` zero bytes. */
     explicit CrcZeros(std::size_t size) : size_(size)
     {
         for (std::size_t byte = 0; byte < 4; byte++) {
@@ -107,10 +110,12 @@ class CrcZeros
             }
         }
     }
+    /* Returns the number of zero bytes. */
     std::size_t size() const
     {
         return size_;
     }
+    /* Returns the register after the zero bytes, with the tables. */
     std::uint32_t operator()(std::uint32_t state) const
     {
         return tables_[0][state & 0xFFu] ^ tables_[1][state >> 8 & 0xFFu] ^ tables_[2][state >> 16 & 0xFFu] ^
@@ -118,6 +123,7 @@ class CrcZeros
     }
 
   private:
+    /* Returns the register after the zero bytes, without the tables. */
     std::uint32_t advance(std::uint32_t state) const
     {
         const std::uint8_t zeros[64] = {};

@@ -25,16 +25,19 @@ struct ClmulPair {
 constexpr ClmulPair FOLD_FOUR = {0x1C6E41596, 0x154442BD4}, FOLD_ONE = {0x0CCAA009E, 0x1751997D0},
                     FOLD_HALF = {0, 0x163CD6124}, REDUCE = {0x1F7011641, 0x1DB710641};
 
+/* Returns whether the processor has the instructions. */
 inline bool has_clmul()
 {
     return __builtin_cpu_supports("pclmul") && __builtin_cpu_supports("sse4.1");
 }
 
+/* Loads a pair of constants. */
 TAXEL_CLMUL __m128i clmul_pair(const ClmulPair &pair)
 {
     return _mm_set_epi64x(pair.high, pair.low);
 }
 
+/* Loads a block. */
 TAXEL_CLMUL __m128i clmul_load(const std::uint8_t *bytes)
 {
     return _mm_loadu_si128(reinterpret_cast<const __m128i *>(bytes));
@@ -48,7 +51,7 @@ TAXEL_CLMUL __m128i clmul_fold(__m128i remainder, const ClmulPair &pair, __m128i
     return _mm_xor_si128(_mm_xor_si128(low, _mm_clmulepi64_si128(remainder, constants, 0x11)), block);
 }
 
-/* The CRC register from a remainder of 128 bits: a fold to 64 bits, then the reduction by Barrett. */
+/* Computes the CRC register from a remainder of 128 bits: a fold to 64 bits, then the reduction by Barrett. */
 TAXEL_CLMUL std::uint32_t clmul_reduce(__m128i remainder)
 {
     const __m128i lower = _mm_set_epi32(0, -1, 0, -1);
@@ -61,7 +64,7 @@ TAXEL_CLMUL std::uint32_t clmul_reduce(__m128i remainder)
         _mm_extract_epi32(_mm_xor_si128(x, _mm_clmulepi64_si128(quotient, last, 0x00)), 1));
 }
 
-/* Bytes of a vector moved up by n positions (down for a negative n); zeros take the free positions. */
+/* Moves the bytes of a vector up by n positions (down for a negative n); zeros take the free positions. */
 TAXEL_CLMUL __m128i clmul_shift(__m128i vector, int n)
 {
     const __m128i indices = _mm_set_epi8(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
@@ -69,8 +72,9 @@ TAXEL_CLMUL __m128i clmul_shift(__m128i vector, int n)
     return _mm_shuffle_epi8(vector, _mm_or_si128(from, _mm_cmpgt_epi8(from, _mm_set1_epi8(15))));
 }
 
-/* CRC-32 of at least CLMUL_MIN bytes. The first block holds the bytes beyond whole blocks at its upper end: zeros before
- * the message have no effect. The register is added to the first four bytes, which may extend into the next block. */
+/* Computes the CRC-32 of at least CLMUL_MIN bytes. The first block holds the bytes beyond whole blocks at its upper
+ * end: zeros before the message have no effect. The register is added to the first four bytes, which may extend into
+ * the next block. */
 __attribute__((target("pclmul,sse4.1"))) inline std::uint32_t crc32_clmul(std::uint32_t crc, const std::uint8_t *bytes,
                                                                           std::size_t size)
 {

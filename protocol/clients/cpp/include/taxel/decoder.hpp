@@ -1,7 +1,9 @@
 /* Stream decoder: bytes of the hub in, frames with counts and losses out.
  *
  *     taxel::Decoder decoder;
- *     decoder.push(bytes, size, [](const taxel::Frame &frame) { use(frame.address, frame.counts, frame.taxel_count); });
+ *     decoder.push(bytes, size, [](const taxel::Frame &frame) {
+ *         use(frame.address, frame.counts, frame.taxel_count);
+ *     });
  */
 #ifndef TAXEL_CLIENT_DECODER_HPP
 #define TAXEL_CLIENT_DECODER_HPP
@@ -16,8 +18,9 @@ namespace taxel
 
 constexpr std::size_t ADDRESSES = 128;
 
+/* Properties of a frame, as bits. */
 enum FrameFlag : std::uint8_t {
-    BOARD_CRC_BAD = 1, /* the frame's CRC is right, the board's own CRC-32 is wrong */
+    BOARD_CRC_BAD = 1, /* the frame's CRC is correct, the board's own CRC-32 is wrong */
     HUB_RESTARTED = 2, /* the hub has restarted: its sequence begins at 0 */
     NO_KEY_FRAME = 4,  /* a delta frame whose key frame this host does not have: no counts */
 };
@@ -41,11 +44,13 @@ struct Frame {
     const std::uint16_t *counts;
     std::size_t taxel_count; /* 0 if the counts are not available */
 
+    /* Returns whether this is a taxel frame with counts. */
     bool has_counts() const
     {
         return taxel_count != 0;
     }
-    /* The payload of a message as its struct, such as frame.as<taxel::HubStatus>(). The caller has compared `type`. */
+    /* Returns the payload of a message as its struct, such as frame.as<taxel::HubStatus>(). The caller has compared
+     * `type`. */
     template <class Message> Message as() const
     {
         return Message::unpack(payload);
@@ -57,7 +62,7 @@ struct Losses {
     std::uint64_t frames = 0;
     std::uint64_t lost = 0; /* on the wire: gaps of the frames' sequence */
     std::uint64_t restarts = 0;
-    std::uint64_t unknown = 0; /* whole frames that this version does not define */
+    std::uint64_t unknown = 0; /* complete frames that this version does not define */
     struct Board {
         std::uint64_t received = 0;
         std::uint64_t missing = 0;   /* between two received frames, by the poll cycle */
@@ -66,9 +71,11 @@ struct Losses {
     } boards[ADDRESSES];
 };
 
+/* Decoder of one stream. */
 class Decoder
 {
   public:
+    /* Creates a decoder without received bytes. directions: accepted frames, bits of Direction. */
     explicit Decoder(unsigned directions = TO_HOST) : directions_(directions), deframer_(directions)
     {
     }
@@ -85,16 +92,19 @@ class Decoder
         deframer_.finish([&](const RawFrame &raw) { deliver(raw, handler); });
     }
 
+    /* Returns the counters of the stream. */
     const Losses &losses() const
     {
         return losses_;
     }
+    /* Returns the number of bytes that were part of no frame; delimiters are not counted. */
     std::uint64_t discarded_bytes() const
     {
         return deframer_.discarded_bytes();
     }
 
-    /* To be called when the host sends START: frames of the interrupted poll cycle then do not count as missing. */
+    /* Forgets the poll cycles of all boards. To be called when the host sends START: frames of the interrupted poll
+     * cycle then do not count as missing. */
     void forget_cycles()
     {
         for (Board &board : boards_) {
@@ -102,8 +112,8 @@ class Decoder
         }
     }
 
-    /* Pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send; empty if there are
-     * none. */
+    /* Returns the pending acknowledgements as the payload of an ACKNOWLEDGE frame, which the caller has to send; empty
+     * if there are none. */
     std::vector<std::uint8_t> take_acknowledgements()
     {
         std::vector<std::uint8_t> payload;
@@ -126,6 +136,7 @@ class Decoder
         std::unique_ptr<CompactReceiver> receiver;
     };
 
+    /* Decodes a frame of the deframer and calls the handler. */
     template <class Handler> void deliver(const RawFrame &raw, Handler &handler)
     {
         if (!raw.is_known) {
@@ -147,6 +158,7 @@ class Decoder
         handler(static_cast<const Frame &>(frame));
     }
 
+    /* Counts a frame and the frames that were lost before it. */
     void count_sequence(Frame &frame)
     {
         const bool is_start_of_hub = frame.type == FrameType::HUB_HANDSHAKE && frame.sequence == 0 &&
@@ -159,7 +171,7 @@ class Decoder
             losses_.restarts += has_sequence_;
             count_frame(frame.sequence, 0);
         } else {
-            const std::uint16_t lost = lost_before(frame.sequence);
+            const std::uint16_t lost = compute_lost_before(frame.sequence);
             frame.lost_before = static_cast<std::uint16_t>(lost + lost_before_unknown_);
             count_frame(frame.sequence, lost);
         }
@@ -172,17 +184,19 @@ class Decoder
     {
         losses_.unknown++;
         if (is_accepted(raw.type, directions_)) {
-            const std::uint16_t lost = lost_before(raw.sequence);
+            const std::uint16_t lost = compute_lost_before(raw.sequence);
             lost_before_unknown_ = static_cast<std::uint16_t>(lost_before_unknown_ + lost);
             count_frame(raw.sequence, lost);
         }
     }
 
-    std::uint16_t lost_before(std::uint16_t sequence) const
+    /* Returns the number of frames that are missing in the sequence before this frame. */
+    std::uint16_t compute_lost_before(std::uint16_t sequence) const
     {
         return has_sequence_ ? static_cast<std::uint16_t>(sequence - next_sequence_) : std::uint16_t{0};
     }
 
+    /* Counts a frame with the number of frames that were lost before it. */
     void count_frame(std::uint16_t sequence, std::uint16_t lost)
     {
         losses_.frames++;
@@ -191,6 +205,7 @@ class Decoder
         next_sequence_ = static_cast<std::uint16_t>(sequence + 1);
     }
 
+    /* Decodes a TAXELS frame and checks the CRC of its board. */
     void decode_taxels(Frame &frame)
     {
         const TaxelHeader header = read_header(frame);
@@ -201,7 +216,7 @@ class Decoder
         frame.taxel_count = header.taxel_count;
         load_counts(bytes + SnapshotHeader::size, header.taxel_count);
         Losses::Board &board = losses_.boards[header.address];
-        if (has_right_board_crc(frame)) {
+        if (is_board_crc_correct(frame)) {
             board.received++;
         } else {
             frame.flags |= BOARD_CRC_BAD;
@@ -210,6 +225,7 @@ class Decoder
         count_cycles(frame, 0);
     }
 
+    /* Copies `size` counts from a snapshot to counts_. */
     void load_counts(const std::uint8_t *bytes, std::size_t size)
     {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
@@ -225,6 +241,7 @@ class Decoder
 #endif
     }
 
+    /* Decodes a COMPACT_TAXELS frame. */
     void decode_compact(Frame &frame)
     {
         const TaxelHeader header = read_header(frame);
@@ -254,6 +271,7 @@ class Decoder
         count_cycles(frame, 1);
     }
 
+    /* Copies the header of a taxel frame to `frame`. */
     TaxelHeader read_header(Frame &frame)
     {
         const TaxelHeader header = TaxelHeader::unpack(frame.payload);
@@ -264,8 +282,8 @@ class Decoder
         return header;
     }
 
-    /* Frames that are missing since the previous frame of the board. No more can be missing than scans were skipped; a
-     * board that is polled while it codes a compact snapshot skips one scan without loss (`coding`). */
+    /* Counts the frames that are missing since the previous frame of the board. No more can be missing than scans were
+     * skipped; a board that is polled while it codes a compact snapshot skips one scan without loss (`coding`). */
     void count_cycles(Frame &frame, std::uint16_t coding)
     {
         Board &board = boards_[frame.address];
@@ -282,11 +300,12 @@ class Decoder
         board.scan = frame.board_sequence;
     }
 
-    /* Whether the board's CRC b is right, without a second pass over the snapshot. After n bytes of the snapshot, the
-     * registers of the frame's CRC (after header h) and of the board's CRC (after address a) differ by the effect of n
-     * zero bytes on h ^ a. If b is right, b is the inverted register of the board, so that the frame's register, xored
-     * with b, is all ones and this effect; four zero bytes later it is the register of the frame's CRC. */
-    bool has_right_board_crc(const Frame &frame)
+    /* Returns whether the board's CRC b is correct, without a second pass over the snapshot. After n bytes of the
+     * snapshot, the registers of the frame's CRC (after header h) and of the board's CRC (after address a) differ by
+     * the effect of n zero bytes on h ^ a. If b is correct, b is the inverted register of the board, so that the
+     * frame's register, xored with b, is all ones and this effect; four zero bytes later it is the register of the
+     * frame's CRC. */
+    bool is_board_crc_correct(const Frame &frame)
     {
         constexpr std::uint32_t ONES_AND_FOUR_ZEROS = 0xDEBB20E3;
         const std::uint8_t *body = frame.payload - FRAME_HEADER_SIZE, *snapshot = frame.payload + TaxelHeader::size;
@@ -295,7 +314,7 @@ class Decoder
         std::uint32_t frame_crc = 0, board_crc = 0;
         detail::load(snapshot + size, frame_crc);
         detail::load(snapshot + size - 4, board_crc);
-        const detail::CrcZeros *zeros = find_zeros(size);
+        const detail::CrcZeros *zeros = get_zeros_table(size);
         if (!zeros) {
             return crc32(snapshot, size - 4, address_crc) == board_crc;
         }
@@ -303,8 +322,8 @@ class Decoder
         return (~frame_crc ^ ONES_AND_FOUR_ZEROS) == (*zeros)(difference);
     }
 
-    /* The table for this size of a snapshot, built at its first use; NULL after the first SIZES_MAX sizes. */
-    const detail::CrcZeros *find_zeros(std::size_t size)
+    /* Returns the table for this size of a snapshot, built at its first use; NULL after the first SIZES_MAX sizes. */
+    const detail::CrcZeros *get_zeros_table(std::size_t size)
     {
         constexpr std::size_t SIZES_MAX = 8;
         for (const detail::CrcZeros &zeros : zeros_) {

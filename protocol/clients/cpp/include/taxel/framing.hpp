@@ -14,7 +14,7 @@ namespace taxel
 /* Frames that a receiver accepts, as bits. */
 enum Direction : unsigned { TO_HOST = 1, TO_HUB = 2 };
 
-/* A whole frame. `payload` stays valid during the call of the handler. */
+/* A complete frame with a correct CRC. `payload` stays valid during the call of the handler. */
 struct RawFrame {
     FrameType type;
     bool is_known; /* false: this version does not define the type, or not with this payload */
@@ -29,6 +29,7 @@ namespace detail
 /* Bytes behind a buffer that a copy in pieces of this size may read or write. */
 constexpr std::size_t PADDING = 64;
 
+/* Computes the whitening sequence. */
 constexpr std::array<std::uint8_t, BODY_MAX + 1> make_whitening()
 {
     std::array<std::uint8_t, BODY_MAX + 1> sequence{};
@@ -61,7 +62,7 @@ inline void whiten(std::uint8_t *out, const std::uint8_t *bytes, std::size_t fir
     }
 }
 
-/* The rule of each code of a frame type, or NULL. */
+/* Returns the rule of each code of a frame type, NULL for an undefined one. */
 constexpr std::array<const FrameRule *, 256> make_rules_by_code()
 {
     std::array<const FrameRule *, 256> rules{};
@@ -75,7 +76,7 @@ inline constexpr auto rules_by_code = make_rules_by_code();
 
 } // namespace detail
 
-/* The rule of a frame type, or NULL for an undefined type. */
+/* Returns the rule of a frame type, or NULL for an undefined type. */
 inline const FrameRule *find_rule(std::uint8_t type)
 {
     return detail::rules_by_code[type];
@@ -119,7 +120,7 @@ inline std::vector<std::uint8_t> encode_frame(FrameType type, std::uint16_t sequ
     return wire;
 }
 
-/* Whether frames of this type are accepted. Bit 7 of a type: from host to hub. */
+/* Returns whether frames of this type are accepted. Bit 7 of a type: from host to hub. */
 inline bool is_accepted(FrameType type, unsigned directions)
 {
     return directions & (static_cast<std::uint8_t>(type) & 0x80u ? TO_HUB : TO_HOST);
@@ -131,11 +132,12 @@ inline bool is_accepted(FrameType type, unsigned directions)
 class Deframer
 {
   public:
+    /* Creates a deframer without received bytes. directions: accepted frames, bits of Direction. */
     explicit Deframer(unsigned directions = TO_HOST) : directions_(directions)
     {
     }
 
-    /* Takes any number of bytes and calls handler(const RawFrame &) for each whole frame that they complete. */
+    /* Takes any number of bytes and calls handler(const RawFrame &) for each frame that they complete. */
     template <class Handler> void push(const std::uint8_t *bytes, std::size_t size, Handler &&handler)
     {
         while (size) {
@@ -163,13 +165,13 @@ class Deframer
         fill_ = 0;
     }
 
-    /* Bytes that were part of no frame; delimiters are not counted. */
+    /* Returns the number of bytes that were part of no frame; delimiters are not counted. */
     std::uint64_t discarded_bytes() const
     {
         return discarded_;
     }
 
-    /* Bytes of the stream up to the delimiter behind the current frame. */
+    /* Returns the number of bytes of the stream up to the delimiter behind the current frame. */
     std::uint64_t position() const
     {
         return position_;
@@ -178,6 +180,7 @@ class Deframer
   private:
     static constexpr std::size_t CAPACITY = 2 * (ENCODED_MAX + 2);
 
+    /* Appends bytes without a zero to the chunk; searches its front when the buffer is full. */
     template <class Handler> void append(const std::uint8_t *bytes, std::size_t size, Handler &handler)
     {
         while (size) {
@@ -220,7 +223,7 @@ class Deframer
             detail::whiten(body_ + length, bytes + position + 1, length, block);
             length += block;
             if (!expected && length >= FRAME_HEADER_SIZE) {
-                expected = expect_size();
+                expected = compute_expected_size();
                 if (!expected) {
                     return 0;
                 }
@@ -240,15 +243,15 @@ class Deframer
         return 0;
     }
 
-    /* Bytes of the body that begins with this header, or 0 if no frame has this length. A newer sender may use types and
-     * lengths that this version does not define. */
-    std::size_t expect_size() const
+    /* Returns the size of the body that begins with this header, or 0 if no frame has this length. A newer sender may
+     * use types and lengths that this version does not define. */
+    std::size_t compute_expected_size() const
     {
         const std::size_t length = body_[3] | static_cast<std::size_t>(body_[4]) << 8;
         return length > PAYLOAD_MAX ? 0 : FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE;
     }
 
-    /* Whether this version defines the frame in the buffer: its type, length, address and number of taxels. */
+    /* Returns whether this version defines the frame in the buffer: its type, length, address and number of taxels. */
     bool is_known(std::size_t length) const
     {
         const std::uint8_t *payload = body_ + FRAME_HEADER_SIZE;
@@ -262,6 +265,7 @@ class Deframer
         return rule->type != FrameType::TAXELS || length == TaxelHeader::size + SNAPSHOT_OVERHEAD + 2u * payload[1];
     }
 
+    /* Delivers the frame in body_ if its CRC is correct; else returns false. */
     template <class Handler> bool deliver(std::size_t size, Handler &handler)
     {
         const std::uint8_t *payload = body_ + FRAME_HEADER_SIZE;

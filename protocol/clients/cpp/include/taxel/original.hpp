@@ -29,10 +29,11 @@ struct OriginalMessage {
 class OriginalDecoder
 {
   public:
+    /* Creates a decoder without received bytes. format: variant of the messages, one of original_formats. */
     explicit OriginalDecoder(const OriginalFormat &format = original_formats[0]) : format_(format)
     {
         for (std::size_t address = 0; address < sizeof format.taxels; address++) {
-            is_length_[length_of(address)] = true;
+            is_length_[get_length(address)] = true;
         }
     }
 
@@ -49,30 +50,31 @@ class OriginalDecoder
         process(true, handler);
     }
 
-    /* Bytes in no accepted message. */
+    /* Returns the number of bytes in no accepted message. */
     std::uint64_t discarded_bytes() const
     {
         return discarded_;
     }
-    /* Headers without an end byte at their length. */
+    /* Returns the number of headers without an end byte at their length. */
     std::uint64_t rejected_candidates() const
     {
         return rejected_;
     }
-    /* Complete candidates that overlap a better one. */
+    /* Returns the number of complete candidates that overlap a better one. */
     std::uint64_t ambiguous_candidates() const
     {
         return ambiguous_;
     }
 
   private:
+    /* A complete candidate in the buffer. has_evidence: no value: not yet needed. */
     struct Candidate {
         std::size_t start, end;
         std::optional<bool> has_evidence;
     };
 
-    /* Bytes of a message of this board; 0 for an unknown board. */
-    std::size_t length_of(std::size_t address) const
+    /* Returns the length of a message of this board; 0 for an unknown board. */
+    std::size_t get_length(std::size_t address) const
     {
         if (address >= sizeof format_.taxels || !format_.taxels[address]) {
             return 0;
@@ -81,11 +83,13 @@ class OriginalDecoder
         return counts_offset() + 2 * words + 1;
     }
 
+    /* Returns the offset of the first count in a message. */
     std::size_t counts_offset() const
     {
         return ORIGINAL_HEADER_SIZE + (format_.has_timestamp ? ORIGINAL_TIMESTAMP_SIZE : 0);
     }
 
+    /* Delivers the messages that can be decided with the bytes in the buffer. */
     template <class Handler> void process(bool is_end, Handler &handler)
     {
         if (format_.record_size) {
@@ -97,10 +101,11 @@ class OriginalDecoder
             while (step(is_end, handler)) {
             }
         }
-        forget();
+        remove_settled_bytes();
     }
 
-    /* Searches up to the next start byte, or to the end of the current candidate; false if bytes are missing. */
+    /* Searches up to the next start byte, or to the end of the current candidate; returns false if bytes are
+     * missing. */
     template <class Handler> bool step(bool is_end, Handler &handler)
     {
         const std::size_t until = current_ ? current_->end : buffer_.size();
@@ -133,7 +138,7 @@ class OriginalDecoder
         return true;
     }
 
-    /* Length of the message whose header begins at `start`; 0: no header; no value: bytes are missing. */
+    /* Returns the length of the message whose header begins at `start`; 0: no header; no value: bytes are missing. */
     std::optional<std::size_t> match_header(std::size_t start) const
     {
         const std::size_t available = buffer_.size() - start;
@@ -141,7 +146,7 @@ class OriginalDecoder
             return 0;
         }
         if (available >= ORIGINAL_HEADER_SIZE) {
-            const std::size_t length = length_of(buffer_[start + 2]);
+            const std::size_t length = get_length(buffer_[start + 2]);
             return length == buffer_[start + 1] ? length : 0;
         }
         if (available < 2 || is_length_[buffer_[start + 1]]) {
@@ -150,13 +155,14 @@ class OriginalDecoder
         return 0;
     }
 
-    /* Compares a complete candidate with those that overlap it; false if bytes are missing. */
+    /* Compares a complete candidate with those that overlap it, and keeps the better one; returns false if bytes are
+     * missing. */
     bool resolve(Candidate candidate, bool is_end)
     {
         if (format_.has_timestamp) {
-            candidate.has_evidence = is_plausible(time_of(candidate.start));
+            candidate.has_evidence = is_plausible(read_time(candidate.start));
         } else if (current_ || strong_end_ > candidate.start) {
-            if (!find_follower(candidate, is_end) || (current_ && !find_follower(*current_, is_end))) {
+            if (!find_evidence(candidate, is_end) || (current_ && !find_evidence(*current_, is_end))) {
                 return false;
             }
         }
@@ -180,8 +186,9 @@ class OriginalDecoder
         return true;
     }
 
-    /* Without timestamps, a header or the end of the stream directly behind a candidate is its evidence. */
-    bool find_follower(Candidate &candidate, bool is_end) const
+    /* Finds the evidence of a candidate without timestamps: a header or the end of the stream directly behind it.
+     * Returns false if bytes are missing. */
+    bool find_evidence(Candidate &candidate, bool is_end) const
     {
         if (!candidate.has_evidence) {
             const std::optional<std::size_t> length = match_header(candidate.end);
@@ -193,7 +200,8 @@ class OriginalDecoder
         return true;
     }
 
-    std::uint32_t time_of(std::size_t start) const
+    /* Returns the timestamp of the message that begins at `start`. */
+    std::uint32_t read_time(std::size_t start) const
     {
         std::uint32_t time = 0;
         for (std::size_t i = 0; i < ORIGINAL_TIMESTAMP_SIZE; i++) {
@@ -202,7 +210,8 @@ class OriginalDecoder
         return time;
     }
 
-    /* Whether a time follows one of the last messages' times. Time 0, the start of the hub, is always a reference. */
+    /* Returns whether a time follows one of the last messages' times closely. Time 0, the start of the hub, is always a
+     * reference. */
     bool is_plausible(std::uint32_t time_ms) const
     {
         return time_ms <= ORIGINAL_TIME_STEP_MAX_MS ||
@@ -210,12 +219,14 @@ class OriginalDecoder
                            [&](std::uint32_t time) { return time_ms - time <= ORIGINAL_TIME_STEP_MAX_MS; });
     }
 
-    std::uint16_t word_at(std::size_t position) const
+    /* Returns the number of 16 bits at a position of the buffer. */
+    std::uint16_t read_word(std::size_t position) const
     {
         const unsigned first = buffer_[position], second = buffer_[position + 1];
         return static_cast<std::uint16_t>(format_.is_big_endian ? first << 8 | second : second << 8 | first);
     }
 
+    /* Decodes an accepted candidate, calls the handler, and updates counters and reference times. */
     template <class Handler> void accept(const Candidate &candidate, Handler &handler)
     {
         OriginalMessage message{};
@@ -224,7 +235,7 @@ class OriginalDecoder
         message.position = base_ + candidate.start;
         std::size_t offset = candidate.start + (is_record ? 0 : counts_offset());
         if (format_.has_timestamp) {
-            message.timestamp_ms = time_of(candidate.start);
+            message.timestamp_ms = read_time(candidate.start);
             message.is_time_plausible = candidate.has_evidence.value_or(false);
             times_.push_back(message.timestamp_ms);
             if (times_.size() > ORIGINAL_REFERENCE_TIMES) {
@@ -234,10 +245,10 @@ class OriginalDecoder
         message.taxel_count = format_.taxels[message.address];
         message.acceleration_count = format_.accelerations[message.address];
         for (std::size_t i = 0; i < message.taxel_count; i++, offset += 2) {
-            counts_[i] = word_at(offset);
+            counts_[i] = read_word(offset);
         }
         for (std::size_t i = 0; i < message.acceleration_count; i++, offset += 2) {
-            accelerations_[i] = static_cast<std::int16_t>(word_at(offset));
+            accelerations_[i] = static_cast<std::int16_t>(read_word(offset));
         }
         message.counts = counts_;
         message.accelerations = accelerations_;
@@ -247,7 +258,7 @@ class OriginalDecoder
     }
 
     /* Counts the bytes before the search position as discarded and removes them from the buffer. */
-    void forget()
+    void remove_settled_bytes()
     {
         const std::size_t settled = current_ ? current_->start : scan_;
         if (base_ + settled > covered_) {
