@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "host" / "tests" / "slow_tests.txt"
 HEADER = "# Tests that make test-slow runs, not make test. Written by make test-times; longest test first.\n"
 
-SHORTEST_S = 0.2
+SHORTEST_S = 0.05
 """Time below which a test is never chosen: its removal would hardly change the sum."""
 
 
