@@ -229,8 +229,8 @@ static double pillar_pressure_slope(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (-2.0 / (stretch * stretch * stretch) - 1.0);
     const double air = (stretch - PILLAR_FRACTION) / (1.0 - PILLAR_FRACTION);
-    const double open = 1.0 - air;
-    const double bulk = -open * open / (air * air) - 2.0 * open * (1.0 / air - 1.0);
+    const double closed = 1.0 - air; /* share of the air between the pillars that the compression has displaced */
+    const double bulk = -closed * closed / (air * air) - 2.0 * closed * (1.0 / air - 1.0);
     return pillars + BULK_STIFFNESS_PA * bulk / (1.0 - PILLAR_FRACTION);
 }
 
@@ -262,8 +262,8 @@ static double pillar_work(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (1.0 / stretch - 1.0 - 0.5 * (1.0 - stretch * stretch));
     const double air = (stretch - PILLAR_FRACTION) / (1.0 - PILLAR_FRACTION);
-    const double open = -log(air) - 3.0 * (1.0 - air) + 1.5 * (1.0 - air * air) - (1.0 - air * air * air) / 3.0;
-    return pillars + BULK_STIFFNESS_PA * (1.0 - PILLAR_FRACTION) * open;
+    const double bulk = -log(air) - 3.0 * (1.0 - air) + 1.5 * (1.0 - air * air) - (1.0 - air * air * air) / 3.0;
+    return pillars + BULK_STIFFNESS_PA * (1.0 - PILLAR_FRACTION) * bulk;
 }
 
 /* Return the work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure(), by
@@ -341,17 +341,18 @@ double layer_contact_stiffness(double compression_m)
     return rate;
 }
 
-/* Return the compression of the layer in metres at a contact pressure in pascal: the inverse of the interpolation in
- * the table; 0 at a pressure of 0 or less. */
+/* Return the compression of the layer in metres at a contact pressure in pascal; 0 at a pressure of 0 or less. The
+ * compressions of the table are interpolated linearly in the logarithm of the pressure. Below the first entry and above
+ * the last entry, the compression is linear in the pressure. */
 double layer_contact_compression(double pressure_pa)
 {
-    const double last = contact_pressures[TABLE_SIZE - 1], before = contact_depths[TABLE_SIZE - 2];
+    const double last_pressure = contact_pressures[TABLE_SIZE - 1];
     if (pressure_pa <= contact_pressures[0]) {
         return fmax(pressure_pa, 0.0) / contact_pressures[0] * contact_depths[0];
     }
-    if (pressure_pa >= last) {
-        const double depth = contact_depths[TABLE_SIZE - 1];
-        return depth + (pressure_pa / last - 1.0) * (depth - before) / log_step;
+    if (pressure_pa >= last_pressure) {
+        const double depth = contact_depths[TABLE_SIZE - 1], depth_before = contact_depths[TABLE_SIZE - 2];
+        return depth + (pressure_pa / last_pressure - 1.0) * (depth - depth_before) / log_step;
     }
     const double position = log(pressure_pa / contact_pressures[0]) / log_step;
     const int low = (int)fmin(position, TABLE_SIZE - 2);

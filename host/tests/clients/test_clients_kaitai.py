@@ -84,7 +84,7 @@ def test_compact_snapshots_are_divided_into_their_fields(parse):
 
 
 @pytest.mark.parametrize("kind", ["plain", "compact"])
-def test_frames_and_losses_of_a_damaged_capture_are_equal(open_description, parse, tmp_path, kind):
+def test_frames_and_losses_of_a_damaged_capture_equal_those_of_the_reference(open_description, parse, tmp_path, kind):
     captures.record_capture(tmp_path / "intact.bin", SECONDS, kind)
     captures.write_capture(
         tmp_path / "damaged.bin", captures.damage(reference.read_stream(tmp_path / "intact.bin"), SEED)

@@ -20,7 +20,7 @@ def test_longest_tests_are_chosen_until_the_others_fit():
 
 
 def test_each_file_keeps_its_quickest_test_and_quick_tests_are_never_chosen():
-    times = {"a.py::one": 9.0, "b.py::one": 0.19, "b.py::two": 0.1}
+    times = {"a.py::one": 9.0, "b.py::one": 0.9 * choose_slow_tests.SHORTEST_S, "b.py::two": 0.01}
     assert choose_slow_tests.choose(times, 0.0) == []
 
 

@@ -130,15 +130,19 @@ def fit(
 ) -> Fit:
     """Fit the parameters of all effects of a composite model except those named in `fixed`.
 
-    composite: model with the initial values. iterations: largest number of iterations. linearisation: linear
-    approximation of this model, whose derivatives are used in all iterations. fixed_columns: derivatives of single
-    effects, used in all iterations. Without effects to fit, the model is only evaluated.
+    Damped Gauss-Newton steps minimise the objective: the weighted squared difference between the model's features and
+    the target, plus the cost of the parameters' priors. composite: model with the initial values. iterations: largest
+    number of iterations. linearisation: linear approximation of this model, whose derivatives are used in all
+    iterations. fixed_columns: derivatives of single effects, used in all iterations. Without effects to fit, the model
+    is only evaluated.
     """
     problem = FitProblem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
     free = find_free_indices(composite, fixed)
     point = _Evaluation.evaluate(problem, composite, free, linearisation.features if linearisation else None)
     damping = LINEARISED_DAMPING if linearisation else INITIAL_DAMPING
-    converged, gain = False, np.inf
+    # last_step_helped: whether the last tried step lowered the objective. A failed step with outdated derivatives is
+    # ignored.
+    last_step_helped, gain = False, np.inf
     for iteration in range(iterations if free else 0):
         # A step with a small gain ends the iteration only if the derivatives cannot be improved.
         update_derivatives = iteration == 0 or (gain > DERIVATIVE_UPDATE_GAIN and not linearisation)
@@ -163,13 +167,13 @@ def fit(
                     gain, point = 1.0 - candidate.objective / point.objective, candidate
                     break
                 damping *= LINEARISED_DAMPING_FACTOR if linearisation else DAMPING_FACTOR
-            converged = point is not previous or (not has_best_derivatives and converged)
+            last_step_helped = point is not previous or (not has_best_derivatives and last_step_helped)
             damping = damping if linearisation or point is previous else max(damping / 10.0, 1e-6)
         if gain < RELATIVE_TOLERANCE:
             if has_best_derivatives:
                 break
             gain = np.inf
-    if converged and point.prior > 0.0:
+    if last_step_helped and point.prior > 0.0:
         # The return of a parameter that the data do not determine to its prior mean reduces the objective by less than
         # `RELATIVE_TOLERANCE`, so that the iteration above may end before it.
         gradient = _compute_full_gradient(problem, columns, point, free)

@@ -144,8 +144,11 @@ def _format_amount(report: CheckedReport, parameter: ReportValue, unit: str) -> 
 
 
 def _format_item(report: CheckedReport, item: ReportValue, unit: str) -> str:
-    """Return an item of a list as text: a taxel index, a board by its address, or a line [address, axis, index]. unit:
-    unit of the parameter, which states what a number is.
+    """Return an item of a list as text: a line [address, axis, index], a text, a taxel index, a board by its address,
+    or another number.
+
+    unit: unit of the parameter. A number is a taxel index if the unit is "index", the address of a board if the unit is
+    "address", and a plain number otherwise.
     """
     if isinstance(item.content, list):
         fields = item.items()
