@@ -17,7 +17,8 @@ def cut_before_last_delimiter(path):
     """Cut a capture before the delimiter of its last taxel frame, whose end is then not yet received."""
     data = reference.read_stream(path)
     lines = reference.format_stream(reference.Stream("cut", reference.TO_HOST, data), has_wire=True)
-    wire = bytes.fromhex([line for line in lines if "TAXELS" in line][-1].rpartition("wire=")[2])
+    wires = [bytes.fromhex(line.rpartition("wire=")[2]) for line in lines if "TAXELS" in line]
+    wire = next(wire for wire in reversed(wires) if wire in data)  # the capture contains it in this form
     assert wire[-1] == 0
     with CaptureWriter(path, {}, overwrite=True) as writer:
         writer.write(data[: data.rindex(wire) + len(wire) - 1], 0)
