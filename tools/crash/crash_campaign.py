@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from crash_cases import Acknowledge, Case
+from crash_case import Acknowledge, Case
 from crash_injection import FAULTS, Injector, Mode, RunResult
 
 _REMOVALS = frozenset({"unlink", "unlinkat", "rmdir"})

@@ -47,15 +47,24 @@ def main() -> int:
     parser.add_argument("command", nargs="+", help="command and its arguments, after --")
     options = parser.parse_args()
     rng = random.Random(options.seed)
-    program = subprocess.Popen(options.command, start_new_session=True)
+    try:
+        program = subprocess.Popen(options.command, start_new_session=True)
+    except OSError as error:
+        parser.error(f"{options.command[0]}: {error.strerror}; state a program and its arguments after --")
     pauses = 0
-    while program.poll() is None:
-        time.sleep(rng.uniform(0.5, 1.5) * options.period_s)
-        processes = [process for process in list_processes(program.pid) if rng.random() < 0.5]
-        send(signal.SIGSTOP, processes)
-        time.sleep(rng.uniform(0.2, 1.0) * options.pause_s)
-        send(signal.SIGCONT, processes)
-        pauses += 1
+    try:
+        while program.poll() is None:
+            time.sleep(rng.uniform(0.5, 1.5) * options.period_s)
+            processes = [process for process in list_processes(program.pid) if rng.random() < 0.5]
+            send(signal.SIGSTOP, processes)
+            try:
+                time.sleep(rng.uniform(0.2, 1.0) * options.pause_s)
+            finally:  # no process may remain stopped after Ctrl-C
+                send(signal.SIGCONT, processes)
+            pauses += 1
+    except KeyboardInterrupt:
+        send(signal.SIGTERM, [*list_processes(program.pid), program.pid])
+        return 130
     print(f"{pauses} pauses, seed {options.seed}", file=sys.stderr)
     return program.returncode
 

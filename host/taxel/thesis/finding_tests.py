@@ -1,7 +1,7 @@
 """Tests of the thesis's qualitative statements on the results of a reproduction.
 
 A test of one object returns a number, which is shown with the finding, and whether the statement holds. CAD: CAD model
-of the object. SOR: statistical outlier filter. real-to-sim: from the real cloud to the simulated cloud.
+of the object. SOR: statistical outlier filter.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,11 +12,9 @@ import numpy as np
 
 from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
 from taxel.thesis.object_result import ObjectResult
-from taxel.thesis.printed import FORCE_FILTER, STAGES
-from taxel.thesis.printed_result import build_printed_results
+from taxel.thesis.printed import FORCE_FILTER
 from taxel.thesis.sor_settings import Setting, find_best_setting, find_common_setting, get_setting_rows
 from taxel.thesis.statement import Evidence, Outcome, Test
-from taxel.thesis.tables import compute_contributions
 
 SIGNIFICANT: Final = 2.0
 """Factor from which a number is treated as "significantly" or "much" larger. Convention of this project, not
@@ -36,6 +34,7 @@ SINGLE_APPROACH_PERCENT: Final = 95.0
 clouds only."""
 
 KEYS: Final = ("mean_m", "rms_m")
+"""Statistics of a distance that the statements compare."""
 
 
 def each(compute: Callable[[ObjectResult], Outcome]) -> Test:
@@ -43,26 +42,14 @@ def each(compute: Callable[[ObjectResult], Outcome]) -> Test:
     return lambda evidence: {result.printed_name: compute(result) for result in evidence.results}
 
 
-def _decrease(before: float, after: float) -> float:
+def compute_decrease(before: float, after: float) -> float:
     """Compute the relative decrease from `before` to `after`, percent."""
     return 100.0 * (before - after) / before if before > 0.0 else 0.0
 
 
 def compute_removed_share(result: ObjectResult, threshold: int) -> float:
     """Compute the share of the real points that the force filter removes at a threshold in counts, percent."""
-    return _decrease(result.cad[REAL].points, result.force[threshold].points)
-
-
-def decline(result: ObjectResult, step: int, key: str = "mean_m") -> float:
-    """Compute how much a treatment step decreases the real-to-sim distance, millimetres; negative for an increase.
-
-    step: `FORCE_STEP`, `SOR_STEP` or `PROPAGATION_STEP`. key: statistic of the distance.
-    """
-    return 1e3 * float(getattr(result.to_sim[STAGES[step]], key) - getattr(result.to_sim[STAGES[step + 1]], key))
-
-
-FORCE_STEP, SOR_STEP, PROPAGATION_STEP = 0, 1, 2
-"""Steps of the treatment, for `decline`."""
+    return compute_decrease(result.cad[REAL].points, result.force[threshold].points)
 
 
 def is_denser(result: ObjectResult) -> Outcome:
@@ -111,7 +98,7 @@ def falls_at_first(result: ObjectResult) -> Outcome:
     first, last = result.force[min(result.force)], result.force[FORCE_FILTER]
     steps = [step for key in KEYS for threshold, step in _list_steps(result, key).items() if threshold <= FORCE_FILTER]
     falls = all(getattr(last, key) < getattr(first, key) for key in KEYS)
-    return _decrease(first.mean_m, last.mean_m), falls and max(steps) <= RESOLUTION_M
+    return compute_decrease(first.mean_m, last.mean_m), falls and max(steps) <= RESOLUTION_M
 
 
 def surges(result: ObjectResult) -> Outcome:
@@ -121,7 +108,7 @@ def surges(result: ObjectResult) -> Outcome:
     """
     steps = {key: _list_steps(result, key) for key in KEYS}
     is_largest = all(step[AFTER_SURGE] > 0.0 and step[AFTER_SURGE] == max(step.values()) for step in steps.values())
-    return -_decrease(result.force[FORCE_FILTER].mean_m, result.force[AFTER_SURGE].mean_m), is_largest
+    return -compute_decrease(result.force[FORCE_FILTER].mean_m, result.force[AFTER_SURGE].mean_m), is_largest
 
 
 def loses_most_at_surge(result: ObjectResult) -> Outcome:
@@ -160,7 +147,9 @@ def does_sor_improve(result: ObjectResult) -> Outcome:
     percent.
     """
     before, after = result.cad[FILTERED], result.cad[CLEANED]
-    return _decrease(before.mean_m, after.mean_m), all(getattr(after, key) < getattr(before, key) for key in KEYS)
+    return compute_decrease(before.mean_m, after.mean_m), all(
+        getattr(after, key) < getattr(before, key) for key in KEYS
+    )
 
 
 def _get_best_settings(evidence: Evidence) -> dict[str, Setting] | None:
@@ -215,7 +204,7 @@ def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
         return None
     outcomes = {}
     for result in evidence.results:
-        decrease = _decrease(result.cad[FILTERED].rms_m, get_setting_rows(result)[common].rms_m)
+        decrease = compute_decrease(result.cad[FILTERED].rms_m, get_setting_rows(result)[common].rms_m)
         outcomes[result.printed_name] = decrease, decrease > 0.0
     return outcomes
 
@@ -255,68 +244,8 @@ def propagation_nears_reality(result: ObjectResult) -> Outcome:
 
 def loses_outliers(result: ObjectResult) -> Outcome:
     """Test whether both filters together lower the largest distance to CAD. Number: decrease, percent."""
-    decrease = _decrease(result.cad[REAL].max_m, result.cad[CLEANED].max_m)
+    decrease = compute_decrease(result.cad[REAL].max_m, result.cad[CLEANED].max_m)
     return decrease, decrease > 0.0
-
-
-def sor_removes_farther_points(result: ObjectResult) -> Outcome:
-    """Test whether SOR lowers the largest real-to-sim distance more than the force filter does.
-
-    Number: decrease by SOR, percent.
-    """
-    largest = [result.to_sim[stage].max_m for stage in STAGES]
-    by_force, by_sor = _decrease(largest[0], largest[1]), _decrease(largest[1], largest[2])
-    return by_sor, by_sor > by_force
-
-
-def decreases_continuously(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS real-to-sim decrease at every treatment step. Number: total decrease of the mean,
-    percent.
-    """
-    holds = all(decline(result, step, key) > 0.0 for step in range(3) for key in KEYS)
-    return _decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m), holds
-
-
-def _get_shares(result: ObjectResult, key: str) -> list[float]:
-    """Return the share of each treatment step in the decrease of a real-to-sim distance, percent. key: statistic."""
-    return compute_contributions({stage: getattr(result.to_sim[stage], key) for stage in STAGES})
-
-
-def has_same_trend(result: ObjectResult) -> Outcome:
-    """Test whether the three treatment steps have the same order by decrease of the mean and by decrease of the RMS.
-
-    Number: largest difference between the shares by mean and by RMS, percent.
-    """
-    declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
-    mean, rms = (_get_shares(result, key) for key in KEYS)
-    difference = max(abs(first - second) for first, second in zip(mean, rms, strict=True))
-    return difference, bool(np.array_equal(np.argsort(declines[0]), np.argsort(declines[1])))
-
-
-def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
-    """Test whether the same of the two filters, SOR or force filter, contributes more as in Tables I-10 to I-12.
-
-    Number: decrease of the mean real-to-sim distance by SOR minus that by the force filter, millimetres.
-    """
-
-    def compare(result: ObjectResult) -> float:
-        """Return the number of one object."""
-        return decline(result, SOR_STEP) - decline(result, FORCE_STEP)
-
-    printed = {result.printed_name: compare(result) for result in build_printed_results()}
-    return {
-        result.printed_name: (compare(result), (compare(result) > 0.0) == (printed[result.printed_name] > 0.0))
-        for result in evidence.results
-    }
-
-
-def is_propagation_largest(result: ObjectResult) -> Outcome:
-    """Test whether contact propagation decreases mean and RMS real-to-sim more than each filter.
-
-    Number: share of propagation in the decrease of the mean, percent.
-    """
-    declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
-    return _get_shares(result, KEYS[0])[-1], all(steps[-1] > max(0.0, *steps[:-1]) for steps in declines)
 
 
 def is_propagation_prevalent(evidence: Evidence) -> Mapping[str, Outcome] | None:
@@ -344,18 +273,6 @@ def are_outliers_on_lines(evidence: Evidence) -> Mapping[str, Outcome] | None:
         return None
     ratios = {result.printed_name: result.line_shares.ratio for result in evidence.results if result.line_shares}
     return {name: (ratio or 0.0, (ratio or 0.0) > 1.0) for name, ratio in ratios.items()}
-
-
-def is_prism_force_step_small(evidence: Evidence) -> Mapping[str, Outcome]:
-    """Test whether the force filter decreases the mean real-to-sim distance much less for the triangular prism.
-
-    Number: decrease, millimetres. For another object, the statement holds if its decrease is much larger.
-    """
-    declines = {result.printed_name: decline(result, FORCE_STEP) for result in evidence.results}
-    prism = declines["triangular"]
-    holds = {name: SIGNIFICANT * prism <= value for name, value in declines.items() if name != "triangular"}
-    holds["triangular"] = all(holds.values())
-    return {name: (value, holds[name]) for name, value in declines.items()}
 
 
 def is_smallest_for_prism(compute: Callable[[ObjectResult], float]) -> Test:

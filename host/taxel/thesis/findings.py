@@ -2,7 +2,7 @@
 
 A test is the statement itself, as an inequality between entries of the tables; no threshold is fitted. Two words need
 a convention: "significantly", "much" is a factor of at least `SIGNIFICANT`, and "the majority" is more than half.
-`statements` contains the statements, `finding_tests` the tests.
+`statements` contains the statements, `finding_tests` and `real_to_sim_tests` the tests.
 
 The same test is applied to the printed tables. An object for which the printed tables contradict the statement is
 shown, but not counted; a finding that they contradict for every object is not counted at all. Without printed numbers,

@@ -4,28 +4,21 @@ from typing import Final
 
 from taxel.thesis.cloud_names import REAL
 from taxel.thesis.finding_tests import (
-    PROPAGATION_STEP,
     SINGLE_APPROACH_PERCENT,
     are_outliers_on_lines,
     are_shapes_identified,
-    compare_sor_and_force,
     compute_removed_share,
-    decline,
-    decreases_continuously,
     do_best_settings_vary,
     does_sor_improve,
     each,
     falls_at_first,
     has_outliers,
     has_own_model_nearest,
-    has_same_trend,
     is_box_sigma_lower,
     is_denser,
     is_noisier,
     is_one_setting_possible,
-    is_prism_force_step_small,
     is_prism_n_larger,
-    is_propagation_largest,
     is_propagation_prevalent,
     is_sim_nearer,
     is_smallest_above,
@@ -37,10 +30,19 @@ from taxel.thesis.finding_tests import (
     propagation_adds_points,
     propagation_nears_reality,
     propagation_worsens,
-    sor_removes_farther_points,
     surges,
 )
 from taxel.thesis.printed import FORCE_FILTER
+from taxel.thesis.real_to_sim_tests import (
+    PROPAGATION_STEP,
+    compare_sor_and_force,
+    decline,
+    decreases_continuously,
+    has_same_trend,
+    is_prism_force_step_small,
+    is_propagation_largest,
+    sor_removes_farther_points,
+)
 from taxel.thesis.shape_counts import SINGLE_APPROACHES, WHOLE_CLOUDS
 from taxel.thesis.statement import Statement
 

@@ -67,13 +67,13 @@ def test_dataset_writer_on_a_full_disk_keeps_the_complete_grasps_and_does_not_cr
     program = """
 import sys
 sys.path.insert(0, sys.argv[2])
-from crash_cases import _make_grasp, _make_header
+from crash_cases import make_grasp, make_header
 from taxel.errors import TaxelError
 from taxel.recording import GraspDatasetWriter
 try:
-    with GraspDatasetWriter.create(sys.argv[1], _make_header()) as out:
+    with GraspDatasetWriter.create(sys.argv[1], make_header()) as out:
         for number in range(20):
-            out.add(_make_grasp(number))
+            out.add(make_grasp(number))
             print(number + 1, flush=True)
 except TaxelError as error:
     sys.exit(str(error))

@@ -25,9 +25,9 @@ class EmulatedBus(PairedBus):
         """Create the channel and its virtual hand; the virtual time of the hand starts now."""
         super().__init__()
         self.channel_info = "emulated hand"
-        hand_end = PairedBus()
-        self._peer, hand_end._peer = hand_end, self
-        self.hand = VirtualAllegro(hand_end, FreeJoints())
+        self._hand_end = PairedBus()
+        self.connect(self._hand_end)
+        self.hand = VirtualAllegro(self._hand_end, FreeJoints())
         self._clock, self._start_s = clock, clock()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -38,7 +38,5 @@ class EmulatedBus(PairedBus):
     def shutdown(self) -> None:
         """Deliver the last commands of the driver to the virtual hand, and close both ends."""
         self.hand.step(0.0)
-        hand_end = self._peer
         super().shutdown()
-        if hand_end is not None:
-            hand_end.shutdown()
+        self._hand_end.shutdown()

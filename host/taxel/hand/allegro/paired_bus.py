@@ -29,8 +29,12 @@ class PairedBus(can.BusABC):
     def open_pair(cls) -> tuple[Self, Self]:
         """Create the two ends of a channel; the caller shuts both down."""
         first, second = cls(), cls()
-        first._peer, second._peer = second, first
+        first.connect(second)
         return first, second
+
+    def connect(self, peer: "PairedBus") -> None:
+        """Make `peer` the other end of the channel."""
+        self._peer, peer._peer = peer, self
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Deliver a message to the other end at once; it is lost if that end is shut down."""
