@@ -88,8 +88,8 @@ static void update_pending(struct taxel_compact_receiver *receiver, const uint16
 
 /* Decode a delta frame with the key frame whose id the frame contains, into `snapshot`. The first delta frame that
  * refers to the pending key frame proves that the board received the acknowledgement: the pending key frame becomes the
- * current one. Returns TAXEL_COMPACT_OK, or TAXEL_COMPACT_NO_KEY_FRAME if the key frame is missing or does not fit the
- * bytes. */
+ * current one. A delta frame marked as a key frame proposes the next one, which is derived from its counts. Returns
+ * TAXEL_COMPACT_OK, or TAXEL_COMPACT_NO_KEY_FRAME if the key frame is missing or does not fit the bytes. */
 static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *receiver, uint8_t taxels,
                                                const uint8_t *bytes, size_t size,
                                                struct taxel_compact_snapshot *snapshot)

@@ -115,13 +115,15 @@ def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
 def _compute_hidden_shift() -> FloatArray:
     """Compute the distribution of the distance of a target's nearest part for each distance of its template, f64[G, G].
 
-    Rows: bin of the template's distance; columns: bin of the nearest part's distance; each row adds up to 1.
+    A template describes a target by one distance. A part that it does not describe can be nearer, by an excess with the
+    mixture of exponential distributions `HIDDEN_PARTS_M` (probability and mean of each). Rows: bin of the template's
+    distance; columns: bin of the nearest part's distance; each row adds up to 1.
     """
     shift = np.zeros((len(CENTRES_M), len(CENTRES_M)))
     excess = CENTRES_M[:, None] - EDGES_M  # template at the centre of a bin, nearest part at the edge of a bin
     for probability, mean in HIDDEN_PARTS_M:
         survival = np.where(excess > 0.0, np.exp(-np.maximum(excess, 0.0) / mean), 1.0)
-        survival[:, 0] = 0.0  # an excess larger than the distance would be a contact
+        survival[:, 0] = 0.0  # a larger excess would be a contact: the nearest bin has its probability
         shift += probability * np.diff(survival, axis=1)
     return np.asarray(shift / shift.sum(axis=1, keepdims=True))
 

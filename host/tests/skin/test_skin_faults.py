@@ -97,7 +97,8 @@ def run_scene(hand, faults, stimulus, first_counts, duration_s=DURATION_S):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_every_frame_has_correct_counts_and_is_received_or_counted_as_lost(allegro, known_counts, stimulus, scene):
+def test_every_scene_delivers_correct_counts_and_loses_no_frame_on_the_uart(allegro, known_counts, stimulus, scene):
+    """`run_scene` compares the counts of every frame with the known counts."""
     skin, frames, statistics = run_scene(allegro, SCENES[scene], stimulus, known_counts(allegro))
     losses = skin.losses
     assert losses.lost_on_wire == 0
@@ -109,6 +110,7 @@ def test_every_frame_has_correct_counts_and_is_received_or_counted_as_lost(alleg
     assert all(count.damaged == 0 for count in losses.boards.values())
     assert skin.hub.status is not None
     assert skin.hub.status["frames_dropped"] <= statistics["frames_dropped"]
+    # All scenes act on boards with addresses from 0x20 to 0x2A only.
     undisturbed_boards = {board.address for board in allegro.boards} - set(range(0x20, 0x2B))
     assert {frame.address for frame in frames if frame.hub_time_us > (DURATION_S - 1) * 1e6} >= undisturbed_boards
     if scene != "unplugged":  # in all other scenes, every board streams again at the end

@@ -61,10 +61,11 @@ def compute_sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) -> FloatArray:
-    """Return the kernel of `compute_sheet_kernel`, f64[9, m, m] (m taxels of the board), averaged over the target
-    pieces of each taxel.
+    """Return the kernel of `compute_sheet_kernel`, f64[9, m, m]: source piece in its taxel, source taxel, target taxel
+    (m taxels of the board).
 
-    side_m: side of a piece, metres. Cached: boards with equal distances share one array, which is read-only.
+    A weight is the mean over the pieces of the target taxel; the weights of a source piece add up to 1. spread_m: decay
+    length of the spread, metres. side_m: side of a piece, metres. Cached: boards with equal distances share one array, which is read-only.
     """
     kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m)[distances.index].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
