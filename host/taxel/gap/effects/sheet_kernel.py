@@ -65,7 +65,8 @@ def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) 
     (m taxels of the board).
 
     A weight is the mean over the pieces of the target taxel; the weights of a source piece add up to 1. spread_m: decay
-    length of the spread, metres. side_m: side of a piece, metres. Cached: boards with equal distances share one array, which is read-only.
+    length of the spread, metres. side_m: side of a piece, metres. Cached: boards with equal distances share one array,
+    which is read-only.
     """
     kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m)[distances.index].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
