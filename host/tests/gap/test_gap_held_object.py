@@ -72,7 +72,7 @@ def test_taxel_forces_of_coupled_boards_follow_their_changed_net_forces(monkeypa
     up, points = np.repeat([[0.0, 0.0, 1.0]], 49, axis=0), np.zeros((49, 9, 3))
     poses = [from_rotation_vector(np.array([0.0, turn, 0.0])) for turn in (np.pi / 4, -np.pi / 4)]
     contacts = tuple(
-        BoardContact(0, board, np.arange(49), pressure.mean(axis=1), points, up, pose)
+        BoardContact(0, 0, board, np.arange(49), pressure.mean(axis=1), points, up, pose)
         for board, pose in enumerate(poses)
     )
     geometry = ContactGeometry(contacts, {}, HARDENING, HARDENING, (depth, depth), (pressure, pressure))

@@ -76,6 +76,7 @@ class CandidateSearch:
         features.
         """
         self._fit_data, self._forms, self._density, self._settings = fit_data, forms, density, settings
+        self._coarse_data = fit_data.keep_first_repeats()
 
     def run(self, progress: Callable[[int, int], None]) -> CandidateSets:
         """Fit and evaluate candidate sets, and return them.
@@ -155,10 +156,11 @@ class CandidateSearch:
 
         Return composite models with their log density plus log prior, largest first; for each effect and scope only the
         best form. Forms whose fitted values have no consequence of their own (`Effect.is_idle`) are omitted.
+        The effects act on the first simulated contact of each condition.
         """
-        state = self._fit_data.state
+        state = self._coarse_data.state
         fixed_columns = (
-            compute_columns_by_effect(state, base.composite, base.features, INSPECTED_EFFECTS)
+            compute_columns_by_effect(state, base.composite, base.composite.predict_features(state), INSPECTED_EFFECTS)
             if base.composite.fitted_effects
             else NO_COLUMNS
         )
@@ -174,7 +176,7 @@ class CandidateSearch:
             None if the fitted values have no consequence of their own.
             """
             composite = base.composite.with_effect(fitted_effect)
-            fit = self._fit_data.fit_in_sample(
+            fit = self._coarse_data.fit_in_sample(
                 composite, INSPECTED_EFFECTS, self._settings.coarse_iterations, fixed_columns
             )
             fitted = fit.composite.get(fitted_effect.effect.name)
@@ -184,7 +186,9 @@ class CandidateSearch:
             return fit.composite, density + self.compute_log_prior(fit.composite)
 
         best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
-        for fitted_effect, fitted in zip(start_forms, map_in_processes(state, fit_one, start_forms), strict=True):
+        for fitted_effect, fitted in zip(
+            start_forms, map_in_processes(self._fit_data.state, fit_one, start_forms), strict=True
+        ):
             key = fitted_effect.effect.name, fitted_effect.effect.scope
             if fitted is not None and (key not in best or fitted[1] > best[key][1]):
                 best[key] = fitted

@@ -67,8 +67,7 @@ class ContactPropagation(Effect):
         if self.variant.endswith(EVEN_SUFFIX):
             return np.asarray(result + strength * (force @ compute_taxel_kernel(kernel, None)))
         piece_shares, result = compute_geometry(state).piece_shares, result.copy()
-        for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
-            contacts = state.condition == condition
-            share = piece_shares.get((condition, number))
-            result[contacts] += strength * (force[contacts] @ compute_taxel_kernel(kernel, share))
+        for row in np.flatnonzero(force.any(axis=(1, 2))).tolist():
+            share = piece_shares.get((row, number))
+            result[row] += strength * (force[row] @ compute_taxel_kernel(kernel, share))
         return np.asarray(result)

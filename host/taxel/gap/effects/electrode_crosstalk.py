@@ -66,12 +66,17 @@ class ElectrodeCrosstalk(Effect):
             return signal
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy()
+        nodes = np.arange(signal_counts.shape[1])
         for number, board in enumerate(find_board_lines(state.pair)):
+            board_counts = signal_counts[:, :, board.columns]
+            rows = np.flatnonzero(board_counts.any(axis=(1, 2)))  # many boards of a hand have no signal
+            if not len(rows):
+                continue
             block_values = values[:, number if self.scope == BOARD else 0]
             mixing = np.tensordot(block_values[: len(board.coupling)], board.coupling[: len(block_values)], axes=1)
             if self._has_own_loss:
                 mixing[np.diag_indices_from(mixing)] += block_values[4] * np.abs(block_values[:4]).sum()
-            result[:, :, board.columns] += signal_counts[:, :, board.columns] @ mixing
+            result[np.ix_(rows, nodes, board.taxels)] += board_counts[rows] @ mixing
         return signal.with_signal_counts(result)
 
 

@@ -16,13 +16,9 @@ from taxel.gap.effects.sheet_kernel import MAX_PIECE_PAIRS
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-FORCE_LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
-"""Net force of a board, as shares of its largest value, at which the gained forces are computed. Between the levels the
-gained force is interpolated linearly; it is 0 at the first level."""
-
-MIN_PRESSURE_SHARE: Final = 1e-4
-"""Smallest pressure of a piece that compresses its surroundings, as a share of the largest pressure. Chosen: it saves
-time."""
+FORCE_LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0])
+"""Net force of a board, as shares of the sum of the largest forces of its taxels, at which the gained forces are
+computed. Between the levels the gained force is interpolated linearly; it is 0 at the first level."""
 
 MAX_DEPTH_SHARE: Final = 0.97
 """Largest depth, as a share of the greatest depth, which no finite force reaches. It limits the gained force."""
@@ -76,19 +72,18 @@ def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...
     for number, (board, spread) in enumerate(zip(state.pair.boards, spread_mm, strict=True)):
         even = np.full((len(board.taxels), PIECES_PER_SIDE**2), 1.0 / PIECES_PER_SIDE**2)
         force = signal.force[:, :, board.columns]
-        for condition in np.unique(state.condition[force.any(axis=(1, 2))]).tolist():
-            contacts = state.condition == condition
-            board_force = force[contacts]
-            max_force = np.maximum(board_force.max(axis=1).mean(axis=0), 0.0)
+        for row in np.flatnonzero(force.any(axis=(1, 2))).tolist():
+            board_force = force[row]
+            max_force = np.maximum(board_force.max(axis=0), 0.0)
             max_net = float(max_force.sum())
             if max_net <= 0.0:
                 continue
-            pressure = PIECES_PER_SIDE**2 * max_force[:, None] * shares.get((condition, number), even)
+            pressure = PIECES_PER_SIDE**2 * max_force[:, None] * shares.get((row, number), even)
             gained = compute_gained_force(board, pressure, 1e-3 * spread / DECREASE_AT_SPREAD, half_depth_n)
-            level = np.clip(board_force.sum(axis=2) / max_net, 0.0, FORCE_LEVELS[-1])
+            level = np.clip(board_force.sum(axis=1) / max_net, 0.0, FORCE_LEVELS[-1])
             right = np.clip(np.searchsorted(FORCE_LEVELS, level), 1, len(FORCE_LEVELS) - 1)
             share = ((level - FORCE_LEVELS[right - 1]) / (FORCE_LEVELS[right] - FORCE_LEVELS[right - 1]))[..., None]
-            result[contacts, :, board.columns] = (1.0 - share) * gained[right - 1] + share * gained[right]
+            result[row][:, board.columns] = (1.0 - share) * gained[right - 1] + share * gained[right]
     return result
 
 
@@ -102,27 +97,31 @@ def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: floa
     """
     uses_pieces = pressure.size**2 <= MAX_PIECE_PAIRS
     source_pressure = (pressure if uses_pieces else pressure.mean(axis=1, keepdims=True)).ravel()
-    sources = np.flatnonzero(source_pressure > MIN_PRESSURE_SHARE * source_pressure.max())
     gained = np.zeros((len(FORCE_LEVELS), len(source_pressure)))
-    # Single precision suffices for a depth, and the pairs of pieces are many.
-    decrease = _compute_distances(board, uses_pieces)[sources] * np.float32(1.0 / reach_m)
+    distance, nearest_m = _compute_distances(board, uses_pieces)
     for level, result in zip(FORCE_LEVELS[1:], gained[1:], strict=True):
         own_pressure = level * source_pressure
         own_depth = own_pressure / (own_pressure + half_depth_n)
-        propagated = (own_depth[sources, None].astype(np.float32) - decrease).max(axis=0, initial=0.0)
+        sources = np.flatnonzero(own_depth * reach_m > nearest_m)  # the others reach no other piece
+        if not len(sources):
+            continue
+        # Single precision suffices for a depth, and the pairs of pieces are many.
+        lead_m = (reach_m * own_depth[sources, None]).astype(np.float32) - distance[sources]
+        propagated = lead_m.max(axis=0, initial=0.0) / reach_m
         depth = np.clip(propagated, own_depth, MAX_DEPTH_SHARE)
         result[:] = np.maximum(half_depth_n * depth / (1.0 - depth) - own_pressure, 0.0)
     return np.asarray(gained.reshape(len(FORCE_LEVELS), len(pressure), -1).mean(axis=2))
 
 
 @lru_cache(maxsize=64)
-def _compute_distances(board: BoardLayout, uses_pieces: bool) -> NDArray[np.float32]:
-    """Return the distances between a board's pieces, or between its taxels, metres, f32[k, k]; infinite on the
-    diagonal.
+def _compute_distances(board: BoardLayout, uses_pieces: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the distances between a board's pieces, or between its taxels, metres, f32[k, k], infinite on the
+    diagonal, and the smallest distance of each of them, f32[k].
 
     uses_pieces: whether k is the number of pieces (9 per taxel) or the number of taxels.
     """
     points = board.piece_centres.reshape(-1, 3)
     distance = np.linalg.norm(points[:, None] - points, axis=2) if uses_pieces else board.distance_m.copy()
     np.fill_diagonal(distance, np.inf)
-    return np.asarray(distance, dtype=np.float32)
+    distances = distance.astype(np.float32)
+    return distances, distances.min(axis=1, initial=np.inf)

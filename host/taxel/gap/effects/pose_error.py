@@ -62,9 +62,9 @@ class PoseError(Effect):
         return apply_change(state, signal, self._compute_change(state, values))
 
     def _compute_change(self, state: State, values: FloatArray) -> FloatArray:
-        """Return the change of the taxel forces, f64[C, 2, L, n] (C conditions, n taxels): kept share and gained force
-        at L levels of the net force, see `geometry.apply_change`. values: f64[P, G] (P parameters; G blocks: the hand,
-        boards, objects or taxels).
+        """Return the change of the taxel forces, f64[Q, 2, L, n] (Q simulated contacts, n taxels): kept share and
+        gained force at L levels of the net force, see `geometry.apply_change`. values: f64[P, G] (P parameters; G
+        blocks: the hand, boards, objects or taxels).
         """
         geometry = compute_geometry(state)
         blocks, motions = self.find_blocks(state), self._compute_motions(values)

@@ -61,6 +61,11 @@ class FitData:
         """Return the same data with a simulation that is later by `seconds`."""
         return FitData(self.state.shift_time(seconds), self.sessions, self.layout)
 
+    def keep_first_repeats(self) -> FitData:
+        """Return the same data with the first simulated contact of each condition alone."""
+        state = self.state.keep_first_repeats()
+        return self if state is self.state else FitData(state, self.sessions, self.layout)
+
     def _compute_weights(self, real: SessionMeans) -> FloatArray:
         """Compute the weights of a fit, f64[C, F, n] (C conditions, F features, n taxels): weight of the feature
         divided by the variance, 1 / counts^2.

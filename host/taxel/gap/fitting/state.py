@@ -131,6 +131,15 @@ class State:
         shift = self.shift_s + seconds
         return replace(self, base=moved, mean=self.predict_features(moved), shift_s=shift)
 
+    def keep_first_repeats(self) -> State:
+        """Return a state with the first simulated contact of each condition alone; the state itself if it has no other
+        contacts. `mean` and `mean_variance` do not change.
+        """
+        rows = np.unique(self.condition, return_index=True)[1]
+        if len(rows) == len(self.condition):
+            return self
+        return replace(self, condition=self.condition[rows], base=self.base.map_arrays(lambda values: values[rows]))
+
     @property
     def sensor_model(self) -> SensorModel:
         """Sensor model of the simulator. Raises ValueError if the dataset has none."""
@@ -229,16 +238,16 @@ class State:
         linear interpolation between nodes. It is 0 for a board without signal in hold, and for a board that exceeds
         this level from the first node.
         """
-        time_grid = self.time_grid
-        contacts, nodes, taxels = signal_counts.shape
-        board = (np.maximum(signal_counts, 0.0).reshape(-1, taxels) @ self._board_matrix).reshape(contacts, nodes, -1)
-        hold = board[:, time_grid.phase == Phase.HOLD].mean(axis=1)
-        rise = np.flatnonzero((time_grid.phase == Phase.CLOSING) | (time_grid.phase == Phase.HOLD))
-        above = board[:, rise] >= 0.5 * hold[:, None]
+        phase = self.time_grid.phase
+        rise = np.flatnonzero((phase == Phase.CLOSING) | (phase == Phase.HOLD))
+        positive = np.maximum(signal_counts[:, rise], 0.0)
+        board = positive @ self._board_matrix
+        hold = board[:, phase[rise] == Phase.HOLD].mean(axis=1)
+        above = board >= 0.5 * hold[:, None]
         first = above.argmax(axis=1)
         before = np.maximum(first - 1, 0)
         q, s = np.indices(hold.shape)
-        low, high = board[q, rise[before], s], board[q, rise[first], s]
+        low, high = board[q, before, s], board[q, first, s]
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.clip((0.5 * hold - low) / (high - low), 0.0, 1.0)
         share = np.where(np.isnan(share), 0.0, share)
