@@ -25,7 +25,7 @@ a plane face."""
 SEPARATION_STD_M: Final = 1e-4
 """Standard deviation of a stated separation, metres. Chosen: the mean over hold of a position that moves slightly."""
 
-TAIL: Final = 4.0
+DEGREES_OF_FREEDOM: Final = 4.0
 """Degrees of freedom of the Student-t distribution of the deviations. Chosen, as in robust regression (Lange et al.
 1989): a ray beside an edge may hit another face than in the simulation."""
 
@@ -72,7 +72,7 @@ def estimate_poses(
 
     nominal: f64[N, 4, 4], stated poses. grasp: [N], sorted, index of the simulated grasp of each board. A common motion
     of all boards of a grasp is estimated first, then a motion of each board. The estimate maximises the posterior
-    density with normal priors (`PRIOR_STD`) and Student-t deviations (`TAIL`) between stated and computed depths.
+    density with normal priors (`PRIOR_STD`) and Student-t deviations (`DEGREES_OF_FREEDOM`) between stated and computed depths.
     """
     if not len(samples.board):
         return nominal
@@ -111,7 +111,7 @@ def _fit_motions(
     def compute_cost(deviation: FloatArray, unknowns: FloatArray) -> FloatArray:
         """Return the negative log posterior density of each group, f64[count], up to a constant."""
         known = np.nan_to_num(deviation, nan=MISSED_DEVIATION_M)
-        loss = 0.5 * (TAIL + 1.0) * np.log1p((known / SEPARATION_STD_M) ** 2 / TAIL)
+        loss = 0.5 * (DEGREES_OF_FREEDOM + 1.0) * np.log1p((known / SEPARATION_STD_M) ** 2 / DEGREES_OF_FREEDOM)
         prior = 0.5 * ((unknowns / PRIOR_STD) ** 2).sum(axis=1)
         return np.asarray(sum_groups(base_weight * loss) + prior)
 
@@ -128,7 +128,7 @@ def _fit_motions(
             slope = (compute_depths(move(changed)) - depth) / step
             slopes[:, column] = np.where(np.abs(slope) < MAX_SLOPE[column], slope, 0.0)
         known = np.nan_to_num(deviation)
-        weight = base_weight * (TAIL + 1.0) / (TAIL * SEPARATION_STD_M**2 + known**2)
+        weight = base_weight * (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM * SEPARATION_STD_M**2 + known**2)
         weight = np.where(np.isnan(deviation), 0.0, weight)
         matrix = sum_groups(weight[:, None, None] * slopes[:, :, None] * slopes[:, None, :])
         matrix += np.diag(PRIOR_STD**-2.0)
