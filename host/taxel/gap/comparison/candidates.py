@@ -108,8 +108,8 @@ class CandidateSearch:
                 if previous is None or candidate.value > previous.value:
                     sets[candidate.names] = candidate
             best = max(extended, key=lambda candidate: candidate.value, default=base)
-            if best.value <= base.value:
-                break  # no further effect predicts better
+            if best.value + math.log(self._settings.prior_odds) <= base.value:
+                break  # no further effect predicts so much better that the larger set has the larger weight
             base = best
         return CandidateSets(sets, single_fits)
 

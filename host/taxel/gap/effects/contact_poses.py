@@ -72,7 +72,8 @@ def estimate_poses(
 
     nominal: f64[N, 4, 4], stated poses. grasp: [N], sorted, index of the simulated grasp of each board. A common motion
     of all boards of a grasp is estimated first, then a motion of each board. The estimate maximises the posterior
-    density with normal priors (`PRIOR_STD`) and Student-t deviations (`DEGREES_OF_FREEDOM`) between stated and computed depths.
+    density with normal priors (`PRIOR_STD`) and Student-t deviations (`DEGREES_OF_FREEDOM`) of the computed depths from
+    the stated ones.
     """
     if not len(samples.board):
         return nominal
