@@ -136,9 +136,9 @@ static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const
 /* Write one frame into the ring. Returns false if the ring has no space: the frame is dropped and counted. */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
                     size_t data_size);
-/* Send a frame whose data was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends
- * another buffer, through the ring if the ring has space. Returns false, and sends nothing, if the UART has no
- * reader. */
+/* Queue a frame whose payload is `prefix` followed by the `size` bytes in the pool buffer at `pool_offset`: copied into
+ * the ring if another buffer is queued and the ring has space, otherwise encoded in place. Returns false, and queues
+ * nothing, if neither is possible: the ring has no space, and the UART is stalled or no large frame can be added. */
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                            uint16_t pool_offset, size_t size);
 /* stall.c */

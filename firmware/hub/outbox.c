@@ -134,9 +134,13 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     return true;
 }
 
-/* Queue a frame whose data was read by a transfer into the buffer at `pool_offset`. The data is framed in place, or
- * copied into the ring while another large frame is being sent. Returns false if the UART is stalled or no entry is
- * free. */
+/* Queue a frame whose payload is `prefix` (header of the payload; may be empty) followed by the `size` bytes that a
+ * transfer read into the pool buffer at `pool_offset`. A large frame is a frame in the transfer pool.
+ * - No large frame is queued: the new frame is encoded in place. The buffer is in use until the frame has been sent.
+ * - A large frame is queued and the ring has space: the payload is copied into the ring. The buffer is free at once.
+ * - A large frame is queued and the ring has no space: the new frame is encoded in place and queued as a large frame.
+ * Returns false in the third case if no entry for a large frame is free, or if the UART is stalled. No frame is then
+ * queued, and the buffer is free. */
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                            uint16_t pool_offset, size_t size)
 {

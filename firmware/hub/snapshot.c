@@ -73,7 +73,8 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
 }
 
 /* Queue the unframed bytes (read correctly, but not yet a frame) as a frame. Snapshots get a header with I2C address,
- * poll cycle and the hub's time at the start of their poll. Returns false if the UART has no reader. */
+ * poll cycle and the hub's time at the start of their poll. Returns false if no frame could be queued, see
+ * taxel_hub_send_buffer(). */
 static bool send_unframed(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;

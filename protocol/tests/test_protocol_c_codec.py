@@ -95,8 +95,13 @@ def test_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> 
         codec.decode_batch([stream], rows=rows)
 
 
-def test_taxel_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
+def test_all_taxel_frames_without_delimiters_are_decoded_at_any_row_capacity(codec: Any) -> None:
+    """The stream contains more frames than rows fit into the arrays, so it is decoded in several steps.
+
+    `decode_batch` checks the capacity after each step.
+    """
+    frame_count = 400
     frame = (int(FrameType.TAXELS), 0x0101, b"\x20\1" + b"\1" * 18)
-    stream = codec.encode(*frame)[1:-1] * 400 + b"\0"
-    for rows in range(300, 128, -4):
-        assert len(codec.decode_batch([stream], rows=rows).taxels) == 400
+    stream = codec.encode(*frame)[1:-1] * frame_count + b"\0"
+    for rows in range(300, 128, -4):  # 128: the smallest capacity with which a step begins
+        assert len(codec.decode_batch([stream], rows=rows).taxels) == frame_count

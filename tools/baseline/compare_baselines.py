@@ -24,9 +24,9 @@ from taxel.types import FloatArray
 
 HAND = "rig4"
 AFTER_RELEASE_S = (5.0, 60.0)
+"""Times after the release at which a baseline is compared, seconds."""
 TRUE_S = 4.0
-"""Times after the release at which a baseline is compared; the true count is the mean of the run without contact over
-this time."""
+"""Time over which the run without contact is averaged to the true count, seconds; centred on the compared time."""
 
 POLICIES = ("fixed mean of 100 samples", "exponential", "exponential, frozen in contact", "tracked")
 
@@ -34,8 +34,8 @@ POLICIES = ("fixed mean of 100 samples", "exponential", "exponential, frozen in 
 def measure(world: LastingContact) -> tuple[dict[float, dict[str, FloatArray]], float]:
     """Measure the errors of all baselines in one world.
 
-    Returns the absolute errors f64[n] of the baselines in counts, by time after the release (s) and policy; and the
-    processor time of the tracked baseline in seconds per hour of frames.
+    Returns the absolute errors f64[n] of the baselines in counts, by time after the release (s) and name of the policy;
+    and the processor time of the tracked baseline in seconds per hour of frames.
     """
     cycles = world.with_contact
     raw, times = cycles.raw_counts, cycles.time_s
@@ -90,7 +90,11 @@ def main() -> int:
 
 
 def _summarise(errors: dict[float, dict[str, FloatArray]]) -> dict[str, dict[str, list[float]]]:
-    """Return [median error, largest error] over the taxels in counts, by time after the release and policy."""
+    """Return [median, maximum] over the n taxels of the absolute errors, counts, by time after the release and policy.
+
+    errors: f64[n], absolute errors in counts, by time after the release in seconds and by name of the policy (one of
+    `POLICIES`). The times of the result are text for JSON, such as "60", in seconds.
+    """
     return {
         f"{after:g}": {name: [float(np.median(value)), float(value.max())] for name, value in policies.items()}
         for after, policies in errors.items()
@@ -98,8 +102,10 @@ def _summarise(errors: dict[float, dict[str, FloatArray]]) -> dict[str, dict[str
 
 
 def _format(rows: list[dict[str, object]]) -> str:
-    """Format the table of the errors: for each time and policy, the median of the worlds' medians and the largest
-    error.
+    """Format the table of the absolute errors, counts, with a row for each policy and two columns for each time.
+
+    The columns are the median of the worlds' median errors and the largest error. rows: results of the worlds, as in
+    score.json; the value of `errors` is the result of `_summarise`.
     """
     lines = [
         f"{'error of the baseline, counts':34s} "

@@ -30,7 +30,7 @@ def _select_faults(results: Sequence[Result]) -> list[Result]:
     return [result for result in results if result.case.family != "healthy" and result.case.severity >= SEVERITY_MIN]
 
 
-def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
+def _compute_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
     """Compute the rows of the detection table, one per family of faults.
 
     Columns: family; number of faulty boards; refused boards; faults with correct name and place; boards without any
@@ -78,7 +78,7 @@ def format_summary(results: Sequence[Result], seed: int, seconds: float) -> str:
     lines.append(f"{'fault':<28} {'boards':>6} {'caught':>6} {'named':>6} {'only':>6}")
     lines += [
         f"{name:<28} {count:>6} {caught:>6} {named:>6} {only:>6}"
-        for name, count, caught, named, only in _format_rows(results)
+        for name, count, caught, named, only in _compute_rows(results)
     ]
     for result in results:
         case = result.case
@@ -97,7 +97,7 @@ def write_page(docs: Path, results: Sequence[Result], seed: int) -> None:
     save_figure(_draw_curves(results), docs / "images" / "bench-faults.png", dpi=110, facecolor="white")
     table = "\n".join(
         f"| {name} | {count} | {caught} | {named} | {only} |"
-        for name, count, caught, named, only in _format_rows(results)
+        for name, count, caught, named, only in _compute_rows(results)
     )
     totals = "\n".join(f"- {line}" for line in _format_totals(results))
     template = Path(__file__).with_name("bench-faults.template.md").read_text()

@@ -19,7 +19,7 @@ from typing import Any, Final
 from firmware_cycles import FirmwareCycles
 from firmware_cycles import measure as measure_cycles
 from firmware_elf import LinkedImage, read_linked_image
-from firmware_stack import CallGraph, StackUse, disassemble, read_call_table, read_noted_frames
+from firmware_stack import CallGraph, StackUse, disassemble, read_call_table, read_frame_sizes
 
 from taxel.errors import TaxelError
 from taxel.output import write_whole
@@ -130,7 +130,7 @@ def measure(linked: LinkedImage, use: StackUse) -> Size:
     )
 
 
-def find_noted_frames(build: Path, sources: tuple[str, ...]) -> list[Path]:
+def find_frame_size_files(build: Path, sources: tuple[str, ...]) -> list[Path]:
     """Return the compiler's .su files (stack sizes) of the named sources in a build folder.
 
     A subfolder that another build removes meanwhile is omitted.
@@ -149,13 +149,13 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     objdump: path of the tool. calls: path of calls.toml. Raises FirmwareFileError, OSError.
     """
     table = read_call_table(calls)
-    shared = find_noted_frames(build, ("memory.c", "standalone.c"))
+    shared = find_frame_size_files(build, ("memory.c", "standalone.c"))
     sizes = {}
     for name in IMAGES:
         path = build / f"{name}.elf"
         linked = read_linked_image(path)
-        noted = read_noted_frames([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
-        graph = CallGraph(linked, disassemble(str(path), objdump), noted, table)
+        frame_sizes = read_frame_sizes([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
+        graph = CallGraph(linked, disassemble(str(path), objdump), frame_sizes, table)
         sizes[name] = measure(linked, graph.compute_stack_use(name))
     return sizes
 

@@ -145,7 +145,7 @@ def _count_registers(operands: str) -> int:
     return count
 
 
-def read_noted_frames(paths: list[Path]) -> dict[str, int]:
+def read_frame_sizes(paths: list[Path]) -> dict[str, int]:
     """Return the frame size of each function in bytes, from the compiler's .su files.
 
     Raises FirmwareFileError for an unbounded frame.
@@ -165,19 +165,19 @@ class CallGraph:
     """Call graph of one image, from which its largest stack depth is computed."""
 
     def __init__(
-        self, image: LinkedImage, routines: dict[int, Routine], noted: dict[str, int], table: CallTable
+        self, image: LinkedImage, routines: dict[int, Routine], frame_sizes: dict[str, int], table: CallTable
     ) -> None:
         """Complete the frame sizes of the functions and find the functions that can be called through pointers.
 
-        routines: disassembled functions by address. noted: frame sizes in bytes by function name, from the compiler.
-        Raises FirmwareFileError for a frame of unknown size, or for a function that calls.toml must list.
+        routines: disassembled functions by address. frame_sizes: frame sizes in bytes by function name, from the
+        compiler. Raises FirmwareFileError for a frame of unknown size, or for a function that calls.toml must list.
         """
         self._path = image.path
         self._routines = routines
         self._table = table
         self._depths: dict[int, tuple[int, tuple[str, ...]]] = {}
         for routine in routines.values():
-            routine.frame = max(routine.frame, noted.get(routine.name, routine.frame))
+            routine.frame = max(routine.frame, frame_sizes.get(routine.name, routine.frame))
             if routine.frame < 0:
                 _fail(image.path, routine.name, "a frame of a known size", "none", "build with -fstack-usage")
         self._pointer_targets = self._find_pointer_targets(image)

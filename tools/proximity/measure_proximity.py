@@ -73,7 +73,12 @@ def is_met(figures: dict[str, Any]) -> bool:
 
 
 def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
-    """Compute the figures of all skins: errors, coverage, predictions and recognition of the target, by name."""
+    """Compute the figures of all skins, by name: errors, coverage, predictions and recognition of the target.
+
+    Numbers are in the unit at the end of their name (mm, ms, hours). Coverage, `predicted_in_time` and names with
+    `share` are shares from 0 to 1; all other numbers are counts. `recognition` contains `_compute_name_shares` by
+    target.
+    """
     everything = _select(results)
     distance = summarise(everything)
     fast = [each for each in everything if each.speed_m_s == PREDICTED_SPEED_M_S]
@@ -94,7 +99,7 @@ def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
         "passing_with_warning": sum(each.warnings > 0 for each in passing),
         "idle_warnings": sum(result.idle_warnings for result in results),
         "idle_hours": sum(result.idle_s for result in results) / 3600.0,
-        "recognition": {target: _count_names(results, target) for target in ("grounded", "acrylic")},
+        "recognition": {target: _compute_name_shares(results, target) for target in ("grounded", "acrylic")},
     }
 
 
@@ -107,7 +112,11 @@ def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approa
 
 
 def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
-    """Return the errors and the coverage of some approaches, by name; errors are NaN without any frame."""
+    """Return the errors and the coverage of some approaches, by name.
+
+    Errors are in millimetres, and NaN without any frame in range. `coverage` is the share of frames whose interval
+    contains the true distance, `missing_share` the share of frames in range without an estimate, both from 0 to 1.
+    """
     errors = np.array([error for each in approaches for error in each.errors_m])
     covered = np.array([is_covered for each in approaches for is_covered in each.covered])
     missing = sum(each.missing for each in approaches)
@@ -125,10 +134,12 @@ def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
     }
 
 
-def _count_names(results: Sequence[SkinResult], target: str) -> dict[str, float]:
-    """Return how often each name was given to the target, and the coverage of its distance.
+def _compute_name_shares(results: Sequence[SkinResult], target: str) -> dict[str, float]:
+    """Compute the share of frames in which the estimator gave each name to a target, and the coverage of its distance.
 
-    The numbers are shares of the frames in range with an estimate.
+    target: the true target, "grounded" or "acrylic". Returns values from 0 to 1, all relative to the frames in range
+    with an estimate: the share of each name, by name, and under "coverage" the share of frames whose interval contains
+    the true distance.
     """
     names = [name for result in results for each in result.approaches if each.target == target for name in each.named]
     known = ("grounded", "acrylic", "not identifiable", "unknown")

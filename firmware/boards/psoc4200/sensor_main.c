@@ -170,8 +170,11 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
     };
 }
 
-/* Start I2C slave, converter and scanning with the stored configuration (NULL: none) and the kind of board. The
- * converter is initialised after the bus, because it has a pin on the bus's port. */
+/* Start I2C slave, converter and scanning, with interrupts masked; configure() must have been called. Without a stored
+ * configuration (NULL), no current codes are calibrated: the code of the scan settings applies to all RX lines. The
+ * kind code 0 is that of `unknown_kind`, whose TX and RX lines are unknown: the converter is initialised with 0 lines.
+ * The I2C slave is initialised before the converter, because it writes whole registers of its port, and this port also
+ * has a pin of the converter (bus_pins.h). */
 static void start(const uint8_t *configuration, const struct kind *kind)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -205,9 +208,10 @@ static bool try_confirm(void)
 }
 #endif
 
-/* Encode the newest scan as a compact snapshot, if a reader needs one. Not inlined: its stack frame would add to the
- * deepest call chain, the write to flash. */
-static __attribute__((noinline)) void code_compact(void)
+/* Do the pending work of the compact snapshots: process acknowledgements, encode the newest scan, and exchange the
+ * buffers; without such work, do nothing. Not inlined: its stack frame would add to the deepest call chain, the write
+ * to flash. */
+static __attribute__((noinline)) void process_compact_snapshots(void)
 {
     taxel_sensor_run(&sensor);
 }
@@ -262,7 +266,7 @@ int main(void)
             on_trial = !try_confirm();
         }
 #endif
-        code_compact();
+        process_compact_snapshots();
         wait_for_interrupt(); /* ends with the SysTick interrupt at the latest, within 4 ms */
     }
 }

@@ -10,8 +10,11 @@
 
 #define GRID_MAX (TAXEL_LINES_MAX * CELLS_PER_SIDE)
 
-/* Read a world-file line `effect spread`: decay length of pressure in the cover film (`film`, metres), or slope of the
- * cover around a pressed cell (`pillars`, metres per metre). Returns 0, or -1 after an error line on stderr. */
+/* Read the parameters of a world-file line `effect spread` into effects->spread. Form `film`: the key `length_m` is the
+ * decay length of pressure in the cover film, metres. Form `pillars`: the key `slope` is the decrease of the
+ * compression with the distance from a compressed cell (one of the 4 x 4 parts of a taxel), metres per metre. Both
+ * forms: the optional key `strength` interpolates between no effect (0) and the full effect (1, the default). Returns
+ * 0, or -1 after an error line on stderr. */
 int spread_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[SPREAD_FILM] = "film", [SPREAD_PILLARS] = "pillars", NULL};

@@ -2,9 +2,9 @@
  *
  * Form `film`: the tape and the cover over the pillars distribute pressure laterally. The pressure on the pillars is
  * the contact pressure smoothed with a kernel that falls to 1/e at length_m along the sheet's lines; the total force is
- * preserved. Form `pillars`: a pressed pillar pulls the cover down around it. The compression falls by slope (metres
- * per metre) with the distance from every pressed cell, so that the contact patch grows. `strength` interpolates
- * between no effect (0) and the full effect (1). */
+ * preserved. Form `pillars`: a compressed pillar pulls the cover down around it. The compression falls by slope
+ * (metres per metre) with the distance from every compressed cell (one of the 4 x 4 parts of a taxel), so that the
+ * contact patch grows. `strength` interpolates between no effect (0) and the full effect (1). */
 #ifndef EMULATOR_EFFECTS_SPREAD_H
 #define EMULATOR_EFFECTS_SPREAD_H
 
@@ -45,7 +45,7 @@ struct spread_state {
 int spread_init(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch);
 void spread_free(struct spread_state *state);
 
-/* Form `pillars`: extend the compression [cells], metres, to the surroundings of pressed cells. Does nothing for the
+/* Form `pillars`: extend the compression [cells], metres, to the surroundings of compressed cells. Does nothing for the
  * form `film` or at strength 0. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression);

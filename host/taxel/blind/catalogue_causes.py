@@ -33,7 +33,7 @@ SILENT: Final = "silent from"
 """Emulator effect of a board that stops responding at a given time; here at time 0."""
 
 
-def _film(size: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _make_film_arguments(size: float, rng: Rng) -> tuple[str, dict[str, float]]:
     """Make the arguments of an effect line for a cover film that spreads pressure laterally.
 
     size: decay length along a line, mm. Returns the arguments and the true value of the parameter that the score
@@ -42,28 +42,31 @@ def _film(size: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"length_m={1e-3 * size:.6f}", {"spread_mm": DIRECTION_MEAN * size}
 
 
-def _resistive(ohm: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for crosstalk through the resistances of lines; `ohm`: their mean.
+def _make_resistive_arguments(ohm: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for crosstalk through the resistances of lines.
 
-    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    ohm: typical resistance of a line. The resistances of the TX lines and of the RX lines are sampled between 0.6 and
+    1.6 times this value. Returns the arguments and an empty dictionary, because the score compares no parameter of this
+    effect.
     """
     tx, rx = (ohm * log_uniform(rng, 0.6, 1.6) for _ in range(2))
     return f"tx_ohm={tx:.0f} rx_ohm={rx:.0f}", {}
 
 
-def _pillars(slope: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for pillars that pull down their neighbours. slope: metres per metre.
+def _make_pillars_arguments(slope: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for compressed pillars that pull down their neighbours.
 
-    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    slope: decrease of the compression with the distance, metres per metre. Returns the arguments and an empty
+    dictionary, because the score compares no parameter of this effect.
     """
     return f"slope={slope}", {}
 
 
-def _trace_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for an additional capacitance between neighbouring lines, picofarads.
+def _make_traces_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for an additional capacitance between neighbouring lines.
 
-    The resistances of the lines are random. Returns the arguments and an empty dictionary, because the score compares
-    no parameter of this effect.
+    picofarad: this capacitance. The resistances of the lines are sampled, 600 to 1500 ohm. Returns the arguments and an
+    empty dictionary, because the score compares no parameter of this effect.
     """
     return (
         f"picofarad={picofarad} tx_ohm={log_uniform(rng, 600, 1500):.0f} rx_ohm={log_uniform(rng, 600, 1500):.0f}",
@@ -75,7 +78,11 @@ MAX_CURRENT_FACTOR: Final = 1.35
 """Largest factor on the current of a board's current source: above this factor, the counter saturates and reads 0."""
 
 
-def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
+MAX_LOST_SHARE: Final = 0.9
+"""Largest share of frames that a board loses (chosen): the remaining frames still show the signal."""
+
+
+def _make_board_factor_type(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
     """Make a cause type: a quantity of some boards, such as sensitivity or stiffness, has a wrong factor.
 
     name, emulator_effect: of the cause. The factor is up to 1.8, or down to 1 / 1.8, at strength 1, and at most
@@ -96,7 +103,7 @@ def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -
     return CauseType(name, emulator_effect, sample)
 
 
-def _dead_taxels(variant: str) -> CauseType:
+def _make_dead_taxels_type(variant: str) -> CauseType:
     """Make a cause type: a patch of dead taxels on one board.
 
     variant: "rest" (no signal) or "stuck" (constant count).
@@ -124,7 +131,7 @@ def _dead_taxels(variant: str) -> CauseType:
     return CauseType("dropout", f"dead {variant}", sample)
 
 
-def _broken_line(variant: str) -> CauseType:
+def _make_broken_line_type(variant: str) -> CauseType:
     """Make a cause type: one TX or RX line of a board is broken. variant: "open", or "short" to the next line."""
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
@@ -151,9 +158,12 @@ def _sample_silent_board(rng: Rng, hand: Hand, strength: float) -> Cause:
 
 
 def _sample_flaky_board(rng: Rng, hand: Hand, strength: float) -> Cause:
-    """Sample a cause: one random board loses frames at random, 8 % of them at strength 0 and 70 % at strength 1."""
+    """Sample a cause: one random board loses frames at random, 8 % of them at strength 0 and 70 % at strength 1, and at
+    most `MAX_LOST_SHARE`.
+    """
     (board,) = sample_boards(rng, hand)
-    line = f"silent flaky p={log_interpolate(0.08, 0.7, strength)} {format_board_argument(board)}"
+    lost = min(log_interpolate(0.08, 0.7, strength), MAX_LOST_SHARE)
+    line = f"silent flaky p={lost} {format_board_argument(board)}"
     return Cause("dropout", "silent flaky", (line,), (FaultLocation(board.address),))
 
 
@@ -163,7 +173,7 @@ def _sample_unit_vector(rng: Rng) -> np.ndarray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
+def _make_offset_type(keyword: str, low_mm: float, high_mm: float) -> CauseType:
     """Make a cause type: the bracket of a board, or the grasped object, is displaced from its nominal pose.
 
     keyword: "bracket_offset" or "object_offset". low_mm, high_mm: displacements at strength 0 and at strength 1; the
@@ -189,7 +199,7 @@ def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
     return CauseType("pose_error", keyword, sample)
 
 
-def _late_board(variant: str) -> CauseType:
+def _make_late_board_type(variant: str) -> CauseType:
     """Make a cause type: the signals of some boards are late.
 
     variant: "delay" (shifted in time) or "lag" (a first-order low-pass filter).
@@ -210,15 +220,15 @@ def _late_board(variant: str) -> CauseType:
     return CauseType("latency", f"late {variant}", sample)
 
 
-def _noise_line(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments and true parameters of noise that is common to one line or one scan.
+def _make_line_noise_arguments(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and the true parameter of noise that is common to one line or one scan.
 
-    counts: standard deviation. A random axis selects the TX lines, the RX lines or the whole scan.
+    counts: standard deviation. The axis is sampled: noise common to a TX line, to an RX line or to a whole scan.
     """
     return f"counts={counts} axis={int(rng.integers(3))}", {"common_counts": counts}
 
 
-def _noise_pink(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _make_pink_noise_arguments(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
     """Make the arguments of 1/f noise, either independent for each taxel or common to a board.
 
     counts: standard deviation. Returns the arguments and an empty dictionary, because the score compares no parameter
@@ -227,16 +237,20 @@ def _noise_pink(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"counts={counts} shared={int(rng.integers(2))}", {}
 
 
-def _log_std(std: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments and true parameters of a log-normal gain of each taxel; `std`: of the logarithm."""
+def _make_log_std_arguments(std: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and the true parameter of a log-normal gain of each taxel.
+
+    std: standard deviation of the logarithm of the gain.
+    """
     return f"log_std={std}", {"log_std": std}
 
 
-def _play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for hysteresis by play operators, with random width and creep.
+def _make_play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for hysteresis by play operators.
 
-    fraction: share of the compression that the play operators hold back. Returns the arguments and an empty dictionary,
-    because the score compares no parameter of this effect.
+    fraction: share of the compression that the play operators hold back. The width of the play (0.1 to 0.4 mm), the
+    creep (share 0.05 to 0.25) and its time constant (0.4 to 3 s) are sampled. Returns the arguments and an empty
+    dictionary, because the score compares no parameter of this effect.
     """
     width, creep, seconds = (
         log_uniform(rng, 1e-4, 4e-4),
@@ -246,16 +260,16 @@ def _play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"fraction={fraction} width_m={width} creep={creep} seconds={seconds}", {}
 
 
-def _solid(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments and true parameters of a standard linear solid, a layer that creeps under load.
+def _make_solid_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and the true parameter of a standard linear solid, a layer that creeps under load.
 
-    fraction: share of the compliance that acts through a dashpot. The time constant in seconds is random.
+    fraction: share of the compliance that acts through a dashpot. The time constant is sampled, 0.3 to 2 s.
     """
     seconds = log_uniform(rng, 0.3, 2.0)
     return f"fraction={fraction} seconds={seconds}", {"seconds": seconds}
 
 
-def _counts(name: str) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
+def _make_counts_formatter(name: str) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
     """Make a function that formats a number of counts as the argument of an effect line.
 
     The function also returns the number as a true parameter. name: of this parameter in a report.
@@ -263,7 +277,7 @@ def _counts(name: str) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
     return lambda size, rng: (f"counts={size}", {name: size})
 
 
-def _drifting(low: float, high: float) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
+def _make_drift_formatter(low: float, high: float) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
     """Make a function that formats the arguments of a drift: its size in counts and a random time constant.
 
     low, high: limits of the time constant, seconds. The score compares no parameter of a drift.
@@ -271,45 +285,45 @@ def _drifting(low: float, high: float) -> Callable[[float, Rng], tuple[str, dict
     return lambda size, rng: (f"counts={size} seconds={log_uniform(rng, low, high)}", {})
 
 
-def _proximity(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for a response before contact, with a random reach.
+def _make_proximity_arguments(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a response before contact.
 
-    share: of the fringe capacitance, at gap 0. Returns the arguments and an empty dictionary, because the score
-    compares no parameter of this effect.
+    share: response at gap 0, as a share of the fringe capacitance. The reach is sampled, 1 to 4 mm. Returns the
+    arguments and an empty dictionary, because the score compares no parameter of this effect.
     """
     return f"share={share} reach_m={log_uniform(rng, 0.001, 0.004)}", {}
 
 
 CATALOGUE_CAUSES: Final = (
-    make_whole_hand_cause("contact_propagation", "spread film", 0.35, 2.0, _film),
-    make_whole_hand_cause("contact_propagation", "spread pillars", 0.28, 0.12, _pillars),
-    make_whole_hand_cause("electrode_crosstalk", "coupling resistive", 450, 1700, _resistive),
-    make_whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _trace_arguments),
-    make_whole_hand_cause("noise", "noise white", 12, 200, _counts("white_counts")),
-    make_whole_hand_cause("noise", "noise line", 8, 180, _noise_line),
-    make_whole_hand_cause("noise", "noise pink", 40, 400, _noise_pink),
-    make_whole_hand_cause("gain_mismatch", "gain electrode", 0.02, 0.35, _log_std),
-    _board_factor("gain_mismatch", "gain idac", MAX_CURRENT_FACTOR),
-    _board_factor("stiffness", "modulus board"),
+    make_whole_hand_cause("contact_propagation", "spread film", 0.35, 2.0, _make_film_arguments),
+    make_whole_hand_cause("contact_propagation", "spread pillars", 0.28, 0.12, _make_pillars_arguments),
+    make_whole_hand_cause("electrode_crosstalk", "coupling resistive", 450, 1700, _make_resistive_arguments),
+    make_whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _make_traces_arguments),
+    make_whole_hand_cause("noise", "noise white", 12, 200, _make_counts_formatter("white_counts")),
+    make_whole_hand_cause("noise", "noise line", 8, 180, _make_line_noise_arguments),
+    make_whole_hand_cause("noise", "noise pink", 40, 400, _make_pink_noise_arguments),
+    make_whole_hand_cause("gain_mismatch", "gain electrode", 0.02, 0.35, _make_log_std_arguments),
+    _make_board_factor_type("gain_mismatch", "gain idac", MAX_CURRENT_FACTOR),
+    _make_board_factor_type("stiffness", "modulus board"),
     make_whole_hand_cause("stiffness", "modulus taxels", 0.04, 0.42, lambda std, rng: (f"log_std={std}", {})),
-    make_whole_hand_cause("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
-    make_whole_hand_cause("baseline_drift", "drift wander", 100, 1000, _drifting(20, 120)),
-    make_whole_hand_cause("hysteresis", "rheology solid", 0.05, 0.5, _solid),
-    make_whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _play_arguments),
-    make_whole_hand_cause("saturation", "saturation clip", 1300, 600, _counts("counts")),
-    make_whole_hand_cause("saturation", "saturation soft", 15000, 2500, _counts("counts")),
-    make_whole_hand_cause("proximity", "proximity image", 0.005, 0.065, _proximity),
-    make_whole_hand_cause("proximity", "proximity wedge", 0.005, 0.065, _proximity),
-    _dead_taxels("rest"),
-    _dead_taxels("stuck"),
-    _broken_line("open"),
-    _broken_line("short"),
+    make_whole_hand_cause("baseline_drift", "drift warm_up", 100, 2500, _make_drift_formatter(60, 400)),
+    make_whole_hand_cause("baseline_drift", "drift wander", 100, 1000, _make_drift_formatter(20, 120)),
+    make_whole_hand_cause("hysteresis", "rheology solid", 0.05, 0.5, _make_solid_arguments),
+    make_whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _make_play_arguments),
+    make_whole_hand_cause("saturation", "saturation clip", 1300, 600, _make_counts_formatter("counts")),
+    make_whole_hand_cause("saturation", "saturation soft", 15000, 2500, _make_counts_formatter("counts")),
+    make_whole_hand_cause("proximity", "proximity image", 0.005, 0.065, _make_proximity_arguments),
+    make_whole_hand_cause("proximity", "proximity wedge", 0.005, 0.065, _make_proximity_arguments),
+    _make_dead_taxels_type("rest"),
+    _make_dead_taxels_type("stuck"),
+    _make_broken_line_type("open"),
+    _make_broken_line_type("short"),
     CauseType("dropout", SILENT, _sample_silent_board),
     CauseType("dropout", "silent flaky", _sample_flaky_board),
-    _offset("bracket_offset", 0.3, 2.5),
-    _offset("object_offset", 0.25, 1.5),
-    _late_board("delay"),
-    _late_board("lag"),
+    _make_offset_type("bracket_offset", 0.3, 2.5),
+    _make_offset_type("object_offset", 0.25, 1.5),
+    _make_late_board_type("delay"),
+    _make_late_board_type("lag"),
 )  # fmt: skip
 """Cause types of the catalogue."""
 

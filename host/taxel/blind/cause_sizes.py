@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from taxel.gap.comparison.evidence import SMALLEST_FLOOR
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.features.metric import compute_gap_of_change, measure_gap
@@ -21,4 +22,22 @@ def measure_change(real: Path, without: Path, sim: Path) -> float:
         with_cause, without_cause = (prepare_pair(read_pair(path, sim)) for path in (real, without))
         change = with_cause.sessions.value[:, 0] - without_cause.sessions.value[:, 0]
         floor = measure_gap(with_cause.sessions, with_cause.state.mean, with_cause.layout).floor
+    return compute_gap_of_change(np.nan_to_num(change), with_cause.layout) / floor
+
+
+def estimate_change(first: Path, without: Path, sim: Path, sessions: int, repeats: int) -> float:
+    """Estimate the gap between the same grasps with and without a cause, in expected floors, from one session.
+
+    first: grasps of one session with the cause. without: the same grasps without the cause, with equal random numbers
+    otherwise. sim: simulated dataset with `repeats` grasps of each condition. The expected floor of a dataset with
+    `sessions` grasps of each condition follows from the variance between the simulated repeats. Raises DatasetError and
+    GapInputError.
+    """
+    with threadpool_limits(limits=1):
+        with_cause, without_cause = (prepare_pair(read_pair(path, sim)) for path in (first, without))
+        change = with_cause.sessions.value[:, 0] - without_cause.sessions.value[:, 0]
+        variance = with_cause.state.mean_variance
+        assert variance is not None
+        expected = np.sqrt(np.nan_to_num(variance) * repeats / sessions)
+        floor = max(compute_gap_of_change(expected, with_cause.layout), SMALLEST_FLOOR)
     return compute_gap_of_change(np.nan_to_num(change), with_cause.layout) / floor

@@ -11,7 +11,7 @@ import numpy as np
 
 from taxel.blind.catalogue_causes import EFFECT_NAMES, list_cause_types, sample_nuisance_lines
 from taxel.blind.cause_sizes import measure_change
-from taxel.blind.cause_types import CauseType, format_board_argument
+from taxel.blind.cause_types import format_board_argument
 from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.world_datasets import UndescribedSettings
@@ -79,15 +79,20 @@ class GraspWorldSampler:
         loads: largest signals of the simulated grasps of this world. A cause on some boards or lines is sampled again
         until the grasps load these boards or lines.
         """
-        causes = tuple(self._sample_loaded(cause_type, loads) for cause_type in self.types)
+        causes = tuple(
+            self.sample_cause(number, loads, float(self._rng.uniform(*STRENGTH))) for number in range(len(self.types))
+        )
         salt = secrets.token_hex(32) if self._is_secret else self._rng.bytes(32).hex()
         return GraspWorld(self.campaign_seed, HiddenCauses(self.kind, causes, sample_nuisance_lines(self._rng)), salt)
 
-    def _sample_loaded(self, cause_type: CauseType, loads: SimulatedLoads) -> Cause:
-        """Sample the parameters of a cause until its boards or locations are loaded, at most `MOST_SAMPLES` times."""
+    def sample_cause(self, number: int, loads: SimulatedLoads, strength: float) -> Cause:
+        """Sample the parameters of a cause until its boards or locations are loaded, at most `MOST_SAMPLES` times.
+
+        number: index of the cause type in `types`. strength: at 1 the excess of indentations is six floors.
+        """
         hand = load_hand("original")
         for _ in range(MOST_SAMPLES):
-            cause = cause_type.sample(self._rng, hand, float(self._rng.uniform(*STRENGTH)))
+            cause = self.types[number].sample(self._rng, hand, strength)
             boards = find_boards(cause, hand)
             if cause.locations:
                 has_load = bool(loads.select_loaded(cause.locations))
@@ -152,6 +157,27 @@ def emulate_grasps(world: GraspWorld, real: Path, progress: Progress = no_progre
     _emulate(world, world.hidden.causes, make_small_plans(world.seed)[0], real, progress, jobs)
 
 
+def emulate_first_session(
+    world: GraspWorld,
+    causes: Sequence[Cause],
+    path: Path,
+    progress: Progress = no_progress,
+    jobs: int | None = None,
+) -> None:
+    """Run the grasps of a world's first session on the emulated hand with the given causes alone.
+
+    path: file to write. Raises TaxelError.
+    """
+    _emulate(world, causes, list_first_session(world.seed), path, progress, jobs)
+
+
+def list_first_session(seed: int) -> tuple[PlannedGrasp, ...]:
+    """List the grasps of the emulated hand in the first session. seed: of the campaign."""
+    plan = make_small_plans(seed)[0]
+    session = min(planned.session for planned in plan)
+    return tuple(planned for planned in plan if planned.session == session)
+
+
 def measure_sizes(
     world: GraspWorld, real: Path, sim: Path, progress: Progress = no_progress, jobs: int | None = None
 ) -> tuple[float, ...]:
@@ -160,8 +186,7 @@ def measure_sizes(
     real, sim: datasets of the world. The grasps of the first session are repeated without the cause; all other random
     numbers are equal. Raises TaxelError with a one-line message.
     """
-    plan = make_small_plans(world.seed)[0]
-    first = tuple(planned for planned in plan if planned.session == min(one.session for one in plan))
+    first = list_first_session(world.seed)
     total, sizes = len(world.hidden.causes) * len(first), []
     for number, cause in enumerate(world.hidden.causes):
 

@@ -37,7 +37,7 @@ def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
     return Cause(UNKNOWN, "stuck_bit", (line,), (FaultLocation(board.address),))
 
 
-def _moisture(variant: str) -> CauseType:
+def _make_moisture_type(variant: str) -> CauseType:
     """Make a cause type: a wet spot on a board. variant: keyword of the world file; "drying" has a time constant."""
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
@@ -54,19 +54,21 @@ def _moisture(variant: str) -> CauseType:
     return CauseType(UNKNOWN, f"moisture {variant}", sample)
 
 
-def _reference(ohms: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for a reference voltage that falls under load. ohms: source resistance.
+def _make_reference_arguments(ohms: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a reference voltage that falls under load.
 
-    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    ohms: source resistance of the reference. The time constant of the fall is sampled, 0.05 to 2 s. Returns the
+    arguments and an empty dictionary, because the score compares no parameter of this effect.
     """
     return f"ohms={ohms:.0f} seconds={log_uniform(rng, 0.05, 2.0)}", {}
 
 
-def _indent_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _make_compression_set_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
     """Make the arguments of an effect line for compression set, an indentation that remains after a contact.
 
-    fraction: share of the compression that remains. Returns the arguments and an empty dictionary, because the score
-    compares no parameter of this effect.
+    fraction: share (0 to 1) of the compression above a threshold that remains. The threshold (0.1 to 0.3 mm) and the
+    time constant of the recovery (20 to 500 s) are sampled. Returns the arguments and an empty dictionary, because the
+    score compares no parameter of this effect.
     """
     return (
         f"fraction={fraction} threshold_m={log_uniform(rng, 1e-4, 3e-4)} recovery_s={log_uniform(rng, 20, 500)}",
@@ -74,18 +76,21 @@ def _indent_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]
     )
 
 
-def _bedding(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for pillar tips that flatten; `fraction`: largest loss of compression.
+def _make_bedding_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for bedding, a permanent flattening of the pillar tips.
 
-    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    fraction: share (0 to 1, no unit) of the compression that is lost when the tips are completely flat. The work per
+    area at which 63 % of this loss is reached, `work_j_m2`, is sampled, 0.1 to 10 J/m^2. Returns the arguments and an
+    empty dictionary, because the score compares no parameter of this effect.
     """
     return f"fraction={fraction} work_j_m2={log_uniform(rng, 0.1, 10)}", {}
 
 
-def _bow(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Make the arguments of an effect line for a bent characteristic curve of the converter, of random sign.
+def _make_bow_arguments(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a bent characteristic curve of the converter.
 
-    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    counts: deviation from the straight line at half of full scale, without its sign, which is sampled. Returns the
+    arguments and an empty dictionary, because the score compares no parameter of this effect.
     """
     return f"counts={counts * float(rng.choice([-1.0, 1.0]))}", {}
 
@@ -94,17 +99,17 @@ OUT_OF_CATALOGUE: Final = (
     CauseType(UNKNOWN, "exchange lines", _sample_exchanged_lines),
     CauseType(UNKNOWN, "stuck_bit", _sample_stuck_bit),
     make_whole_hand_cause(UNKNOWN, "droop supply", 600, 8000, lambda ohms, rng: (f"ohms={ohms:.0f}", {})),
-    make_whole_hand_cause(UNKNOWN, "droop reference", 600, 8000, _reference),
+    make_whole_hand_cause(UNKNOWN, "droop reference", 600, 8000, _make_reference_arguments),
     make_whole_hand_cause(UNKNOWN, "nonlinear dead_zone", 0.005, 0.05, lambda leak, rng: (f"leak={leak}", {})),
-    _moisture("film"),
-    _moisture("drying"),
+    _make_moisture_type("film"),
+    _make_moisture_type("drying"),
 )  # fmt: skip
 """Cause types that no effect of the catalogue describes."""
 
 LOOKALIKES: Final = (
-    make_whole_hand_cause(UNKNOWN, "nonlinear bow", 100, 800, _bow),
-    make_whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _indent_arguments),
-    make_whole_hand_cause(UNKNOWN, "indent bedding", 0.2, 0.85, _bedding),
+    make_whole_hand_cause(UNKNOWN, "nonlinear bow", 100, 800, _make_bow_arguments),
+    make_whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _make_compression_set_arguments),
+    make_whole_hand_cause(UNKNOWN, "indent bedding", 0.2, 0.85, _make_bedding_arguments),
 )  # fmt: skip
 """Cause types whose signature resembles that of an effect of the catalogue; naming this effect is accepted."""
 

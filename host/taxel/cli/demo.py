@@ -20,6 +20,7 @@ from taxel.blind.grasp_world import (
     measure_sizes,
     simulate_grasps,
 )
+from taxel.blind.large_causes import sample_large_world
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.seal import commitment, verify_commitment
@@ -53,7 +54,8 @@ def demo(
     """Diagnose a sealed cause on the emulated hand, and compare the diagnosis with the cause.
 
     The simulator and the emulated hand execute the same grasps. A cause, two, or none is chosen at random, sealed and
-    added to the emulated hand. A separate process diagnoses the gap from the two datasets. Then the seal is opened, and
+    added to the emulated hand. If possible, a cause alone produces a gap of two floors or more: trial grasps show this
+    before the cause is sealed. A separate process diagnoses the gap from the two datasets. Then the seal is opened, and
     the diagnosis is right or wrong. A cause that alone produces less than half the floor does not count. With --repeat,
     one line per demonstration is printed, and out/score.json is written.
 
@@ -86,13 +88,13 @@ def _run_demonstration(
     console.print(f"[bold]1. {counts[1]} grasps in the simulator, without a cause[/bold]")
     with stage_bars(console) as show:
         simulate_grasps(sampler.campaign_seed, sim, partial(show, "simulator"), jobs)
-    world = sampler.sample(SimulatedLoads.read(sim))
+    console.print("[bold]2. A cause is sampled and sealed[/bold]")
+    with stage_bars(console) as show:
+        world = sample_large_world(sampler, SimulatedLoads.read(sim), sim, partial(show, "trial grasps"), jobs)
     seal = commitment(world.to_json())
-    console.print(
-        "[bold]2. A sealed cause is added to the emulated hand[/bold]; SHA-256 of the cause with a salt of 256 bits:"
-    )
+    console.print("SHA-256 of the cause with a salt of 256 bits:")
     console.print(seal, highlight=False)
-    console.print(f"[bold]3. {counts[0]} grasps of the emulated hand[/bold]")
+    console.print(f"[bold]3. {counts[0]} grasps of the emulated hand with this cause[/bold]")
     with stage_bars(console) as show:
         emulate_grasps(world, real, partial(show, "emulated hand"), jobs)
     console.print("[bold]4. A separate process diagnoses the gap from the two datasets alone[/bold]")

@@ -142,9 +142,13 @@ class PoseEstimate:
         }
 
     def _studentise_residuals(self) -> tuple[FloatArray, FloatArray]:
-        """Compute the studentised residuals of the points, f64[n], and their degrees of freedom, f64[n, 2].
+        """Compute the studentised residuals of the n points, f64[n], and their degrees of freedom, f64[n, 2].
 
-        A studentised residual is divided by its standard deviation, estimated without the point. Empty without points.
+        A studentised residual is the residual of a point divided by its standard deviation (no unit). If `sigma_given`,
+        the standard deviation follows from `sigma_m`, otherwise from the residuals of the other points. The square of a
+        studentised residual has an F distribution. Columns of the degrees of freedom: numerator (number of directions
+        in which the residual of the point can vary, at most 3), denominator (infinite if `sigma_given`). A given pose
+        without points has n = 0.
         """
         if self.points is None:
             return np.zeros(0), np.zeros((0, 2))
@@ -213,7 +217,8 @@ def make_pose_estimate(position_m: npt.ArrayLike, quaternion_wxyz: npt.ArrayLike
 def _compute_survival(value: float, rank: float, remaining: float) -> float:
     """Compute the probability that a studentised residual is at least `value` if there are no outliers.
 
-    rank, remaining: its two numbers of degrees of freedom; remaining is infinite for a given measurement error.
+    rank, remaining: degrees of freedom of numerator and denominator of its square, which has an F distribution;
+    remaining is infinite for a given measurement error.
     """
     if np.isinf(remaining):
         return float(chdtrc(rank, rank * value**2))  # fdtrc does not accept infinity

@@ -80,9 +80,10 @@ def studentise(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the studentised residuals f64[n] of measured points and their degrees of freedom f64[n, 2].
 
-    A studentised residual is divided by its standard deviation, estimated without the point; outliers have large
-    values. residuals: f64[n, 3], metres. cofactors: f64[n, 3, 3], covariances of the residuals for unit variance.
-    weights: f64[n]. sigma_m: standard deviation of a coordinate of weight 1; None: estimated from the residuals.
+    A studentised residual is the residual of a point divided by its standard deviation; outliers have large values.
+    residuals: f64[n, 3], metres. cofactors: f64[n, 3, 3], covariances of the residuals for unit variance. weights:
+    f64[n]. sigma_m: standard deviation of a coordinate of weight 1, metres; None: estimated for each point from the
+    residuals of the other points. Columns of the degrees of freedom: k, then m - k, as defined below.
 
     The value of a point with the residual r and the cofactors C of rank k is the square root of F = (r^T C^+ r / k) /
     s^2, where C^+ is the pseudoinverse of C and s^2 the variance estimated without the point, or sigma_m^2. F has k and

@@ -168,9 +168,10 @@ class ArmReach:
         return np.asarray(np.clip(angles - step, self._lower, self._upper))
 
     def _compute_error(self, angles: FloatArray, palm_pose: FloatArray) -> FloatArray:
-        """Compute the pose errors of joint angles, f64[..., 6], metres: position, then weighted rotation vector.
+        """Compute the pose errors of joint angles, f64[..., 6], metres.
 
-        palm_pose: target f64[4, 4].
+        Elements 0 to 2: position of the origin of the placed link minus target position. Elements 3 to 5: rotation
+        vector from the target to the link, in the world, scaled by `ANGLE_WEIGHT_M`. palm_pose: target f64[4, 4].
         """
         pose = self._compute_poses(angles)[..., self._target, :, :]
         rotation = np.broadcast_to(np.eye(4), pose.shape).copy()
@@ -179,9 +180,12 @@ class ArmReach:
         return np.concatenate([position_error, ANGLE_WEIGHT_M * to_rotation_vector(rotation)], -1)
 
     def _compute_jacobian(self, angles: FloatArray) -> FloatArray:
-        """Compute the geometric Jacobian of the arm, f64[..., 6, a], metres per radian.
+        """Compute the Jacobian of the arm for the errors of `_compute_error`, f64[..., 6, a], metres per radian.
 
-        angles: f64[..., a], radians. The Jacobian is exact for a rotation error of 0.
+        angles: f64[..., a], radians. Rows 0 to 2: velocity of the origin of the placed link in the world. Rows 3 to 5:
+        angular velocity of the link in the world, scaled by `ANGLE_WEIGHT_M`. The rows of the position are the exact
+        derivatives of the position error. The rows of the rotation are the exact derivatives of the scaled rotation
+        vector only where the rotation error is 0.
         """
         poses = self._compute_poses(angles)
         tip = poses[..., self._target, :3, 3]

@@ -114,7 +114,9 @@ def _check_joint(joint: Any, item_field: Field) -> None:
         lower, upper = joint["range_rad"]
         if not -MAX_ANGLE_RAD < lower < upper < MAX_ANGLE_RAD:
             item_field.key("range_rad").fail(
-                "lower below upper, in radians", f"{lower:g} and {upper:g}", "correct them"
+                f"lower below upper, both between -{MAX_ANGLE_RAD:g} and {MAX_ANGLE_RAD:g} rad",
+                f"{lower:g} and {upper:g}",
+                "write both angles in radians, the smaller angle first",
             )
 
 
@@ -150,9 +152,10 @@ def _check_origin(table: Mapping[str, Any], field: Field) -> None:
 
 
 def _check_shape(shape: Any, document: Mapping[str, Any], item_field: Field) -> None:
-    """Check the keys, types and sizes of one collision shape; raise HandDescriptionError.
+    """Check the keys, types and sizes of one collision shape; raise HandDescriptionError for the first error.
 
-    document: the whole description, which contains the links.
+    shape: table of the file, with sizes in metres. document: the whole description, which contains the links.
+    item_field: position of the shape in the file, for the error.
     """
     check_type(shape, dict, item_field)
     kind = shape.get("type")
@@ -170,4 +173,8 @@ def _check_shape(shape: Any, document: Mapping[str, Any], item_field: Field) -> 
     sizes = shape["half_size_m"] if kind == "box" else [shape["radius_m"], shape["half_length_m"]]
     for size in sizes:
         if not 0 < size < MAX_REACH_M:  # also false for nan and inf
-            item_field.fail("sizes above 0 m", format_value(size), "correct it")
+            item_field.fail(
+                f"sizes above 0 m and below {MAX_REACH_M:g} m",
+                format_value(size),
+                "write the size in metres, as a positive number",
+            )

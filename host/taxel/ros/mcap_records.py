@@ -22,9 +22,11 @@ DAMAGE = (McapError, ValueError, TypeError, struct.error, zstandard.ZstdError, R
 
 
 def read_records(file: BinaryIO) -> Iterator[Any]:
-    """Yield the records of an MCAP file up to the end of its data section.
+    """Yield the records of an MCAP file before its footer: data section, then summary section.
 
-    For a chunk, the records that it contains are yielded. Raises one of the errors in `DAMAGE` at a damaged record.
+    The summary section repeats schemas and channels, and contains statistics and indices. For a chunk, the records that
+    it contains are yielded. Raises one of the errors in `DAMAGE` at a damaged record, or if the file ends without a
+    footer.
     """
     for record in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX).records:
         if isinstance(record, Footer):

@@ -16,7 +16,7 @@ from taxel.types import FloatArray
 class Steadying:
     """Springs and dampers that keep the object at the pose at which the experimenter took hold of it.
 
-    firmness: 0 (no hold) to 1; set it before each time step with `set_firmness`.
+    firmness: factor from 0 (no hold) to 1 on all springs and dampers; set it before each time step with `set_firmness`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -31,7 +31,7 @@ class Steadying:
         self.firmness = 1.0
 
     def set_firmness(self, firmness: float) -> None:
-        """Set how firmly the object is held, 0 to 1.
+        """Set the firmness of the hold, a factor from 0 to 1 on the stiffness of springs and dampers; 0 is no hold.
 
         When the firmness rises from 0, the next `compute_load` takes the object's pose as the rest pose of the hold.
         """
@@ -40,10 +40,16 @@ class Steadying:
         self.firmness = firmness
 
     def compute_load(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Compute the force on the object's six coordinates, f64[6], with its stiffness and damping, f64[6, 6].
+        """Compute the force of the springs on the object's six coordinates, and the stiffness and damping of the hold.
 
-        The coordinates are those of MuJoCo's free joint: position of the origin in the world, rotation in the object's
-        frame. The springs act at the centre of mass.
+        The springs act at the centre of mass; they pull its position and the rotation of the object towards the rest
+        pose, which is the pose in the first call after the hold began. The coordinates are those of MuJoCo's free
+        joint: position of the object's origin in the world (m), then rotation in the object's frame (rad).
+
+        Returns the force f64[6] (N, then Nm), the stiffness f64[6, 6] (negative derivative of the force with respect to
+        the coordinates: N/m, N/rad, Nm/m, Nm/rad) and the damping f64[6, 6] (the same units times s). The force does
+        not contain the force of the dampers, which is minus the damping times the velocities of the coordinates. All
+        three are proportional to the firmness.
         """
         pose = data.qpos[self._position]
         if self._rest is None:

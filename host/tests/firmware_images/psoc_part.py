@@ -73,6 +73,7 @@ class Part:
         self.on_read: dict[int, Callable[[], int]] = {SYST_VALUE: self._tick, ICSR: lambda: self._tick_pending << 26}
         self.levels: dict[int, Callable[[], bool]] = {}
         self.enabled = 0
+        """Enabled interrupts: bit n for interrupt n."""
         self.calls: list[tuple[int, int]] = []
         self.was_reset = False
         self.cycles = 0

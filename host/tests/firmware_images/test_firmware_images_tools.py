@@ -85,11 +85,11 @@ LISTING = """
 
 
 def build_graph(
-    tools, listing: str, noted_frames: dict[str, int] | None = None, pointer_targets: tuple[int, ...] = (0x400,)
+    tools, listing: str, frame_sizes: dict[str, int] | None = None, pointer_targets: tuple[int, ...] = (0x400,)
 ):
     """Build the call graph of a listing as by objdump, in which "on_*" may be called through pointers.
 
-    noted_frames: frame sizes from the compiler by function. pointer_targets: addresses that the image stores as words.
+    frame_sizes: frame sizes from the compiler by function. pointer_targets: addresses that the image stores as words.
     """
     stack, elf = tools.firmware_stack, tools.firmware_elf
     routines = stack.read_disassembly(listing)
@@ -97,7 +97,7 @@ def build_graph(
     content = b"".join(struct.pack("<I", address | 1) for address in pointer_targets)
     build_linked_image = elf.LinkedImage("some.elf", 0, content, (), {}, functions)
     table = stack.CallTable("calls.toml", ((["*"], ["on_*"]),), ((["some"], [["systick_handler"]]),))
-    return stack.CallGraph(build_linked_image, routines, noted_frames or {}, table)
+    return stack.CallGraph(build_linked_image, routines, frame_sizes or {}, table)
 
 
 def test_the_stack_is_the_deepest_chain_and_the_interrupts(tools):
@@ -134,7 +134,7 @@ def test_an_array_of_variable_length_is_an_error(tools, tmp_path):
     notes = tmp_path / "image.su"
     notes.write_text("a.c:1:1:fixed\t16\tstatic\nb.c:2:2:open\t24\tdynamic\n")
     with pytest.raises(ValueError, match=r"image.su: open: expected a frame of a known size"):
-        tools.firmware_stack.read_noted_frames([notes])
+        tools.firmware_stack.read_frame_sizes([notes])
 
 
 @pytest.mark.parametrize("text", ["", "pointer = 1", "[[pointer]]\ncallers = ['*']", "["])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import BoardKind, load_hand
-from taxel_protocol.bootloader import BootCommand, BootStatus
+from taxel_protocol.bootloader import BOOT_PACKET_OVERHEAD, BootCommand, BootDevice, BootStatus, Info
 from taxel_protocol.bootloader_packets import build_packet, parse_packet
 from taxel_protocol.framing import ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.layout import unpack
@@ -49,6 +49,8 @@ IDAC = bytes([0, 40, 0, 50]) + bytes(12)
 """Currents of the 16 RX lines; 0 selects IDAC_DEFAULT."""
 IDAC_DEFAULT, PERIOD = 16, 160 * 40
 CYCLES_PER_US = 48
+INFO_PACKET_SIZE = BOOT_PACKET_OVERHEAD + Info.sizeof()
+"""Bytes of the reply to GET_INFO."""
 SNAPSHOT_OVERHEAD = 10
 """Bytes of a snapshot besides the counts: a header of 6 bytes and a CRC of 4 bytes."""
 STATUS, COMMAND, SNAPSHOT = 0x40, 0x70, 0x80
@@ -84,12 +86,17 @@ def send_request(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = 
     return reply
 
 
+def run_until_enabled(part: Part, wires: SlaveBus | Uart) -> None:
+    """Run until the firmware has enabled the serial block of the wires and at least one interrupt, and can receive."""
+    part.run_until(lambda: wires.is_enabled and part.enabled != 0)
+
+
 @pytest.fixture
 def listening_board(flash_with) -> tuple[Part, SlaveBus]:
     """A board without an image, running its bootloader."""
     part = Part(POWER_ON, flash_with("board", ""))
     bus = SlaveBus(part)
-    part.run_until(lambda: bus.is_enabled and part.enabled != 0)
+    run_until_enabled(part, bus)
     return part, bus
 
 
@@ -371,14 +378,15 @@ def test_a_hub_releases_a_bus_whose_sda_is_held_low(flash_with):
 def test_a_hub_without_an_image_responds_on_its_uart(flash_with):
     part = Part(POWER_ON, flash_with("hub", ""))
     uart = Uart(part)
-    part.run_until(lambda: uart.is_enabled and part.enabled != 0)
+    run_until_enabled(part, uart)
     uart.send(build_packet(BootCommand.GET_INFO))
     received = b""
-    while len(received) < 25:
+    while len(received) < INFO_PACKET_SIZE:
         part.run()
         received += uart.take()
-    status, info = parse_packet(received)
-    assert (status, info[1]) == (BootStatus.OK, 2)
+    status, data = parse_packet(received)
+    info, _ = unpack(Info, data)
+    assert (status, info["device"]) == (BootStatus.OK, BootDevice.HUB)
 
 
 def test_a_hub_enters_its_bootloader_on_command(flash_with):

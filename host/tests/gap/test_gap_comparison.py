@@ -26,6 +26,9 @@ from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import fit, start_effect
 from taxel.gap.fitting.fit_data import FitData
 
+SIGNAL = 0
+"""Index of the family of the signal features on the last axis of densities and deviations."""
+
 
 def stiffen(force, signal):
     """Return the signal of a layer with 1.8 times the force at half the full scale."""
@@ -51,7 +54,9 @@ def fitted(fit_data):
 
 def test_the_correct_effect_increases_the_density_of_every_condition(fit_data, fitted):
     density = BlockDensity(fit_data, DEFAULT_SETTINGS)
-    without, with_effect = (density.compute_log_density(one)[..., 0] for one in (fit_data.state.mean, fitted.features))
+    without, with_effect = (
+        density.compute_log_density(features)[..., SIGNAL] for features in (fit_data.state.mean, fitted.features)
+    )
     assert (with_effect.sum(axis=1) > without.sum(axis=1)).all()
 
 
@@ -179,18 +184,18 @@ def test_the_model_error_is_estimated_and_limits_the_evidence(fit_data, fitted):
     assert gains[1] < 0.5 * gains[0]
 
 
-def add_repeat_variance(fit_data: FitData, counts: float) -> FitData:
-    """Return the pair with a standard error of the simulated mean signal of `counts`, estimated from its repeats."""
+def set_repeat_variance(fit_data: FitData, standard_error_counts: float) -> FitData:
+    """Return the pair as if the simulated repeats varied: their mean signal has this standard error, in counts."""
     variance = np.zeros_like(fit_data.state.mean)
-    variance[:, : fit_data.layout.bins] = counts**2
+    variance[:, : fit_data.layout.bins] = standard_error_counts**2
     return FitData(replace(fit_data.state, mean_variance=variance), fit_data.sessions, fit_data.layout)
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("share", [0.0, 1.0])
-def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(fit_data, share, seed):
+def test_the_share_of_the_variance_between_simulated_repeats_is_estimated(fit_data, share, seed):
     rng, bins, counts = np.random.default_rng(seed), slice(0, fit_data.layout.bins), 40.0
-    varied = add_repeat_variance(fit_data, counts)
+    varied = set_repeat_variance(fit_data, counts)
     error = np.sqrt(fit_data.sessions.mean_variance[:, bins] + share * counts**2)
     predicted = fit_data.target.copy()
     predicted[:, bins] += error * rng.normal(size=error.shape)
@@ -201,12 +206,15 @@ def test_the_share_of_the_variation_of_simulated_repeats_is_estimated(fit_data, 
     )
 
 
-def test_variation_of_simulated_repeats_reduces_deviations_and_weights(fit_data):
-    exact, varied = (BlockDensity(one, DEFAULT_SETTINGS) for one in (fit_data, add_repeat_variance(fit_data, 200.0)))
-    deviations = [one.compute_deviations(fit_data.state.mean)[..., 0].mean() for one in (exact, varied)]
-    assert deviations[1] < 0.1 * deviations[0]
-    bins = slice(0, fit_data.layout.bins)
-    assert add_repeat_variance(fit_data, 200.0).weight[:, bins].max() < fit_data.weight[:, bins].max()
+def test_variance_between_simulated_repeats_reduces_deviations_and_weights(fit_data):
+    varied = set_repeat_variance(fit_data, standard_error_counts=200.0)
+    mean_deviation, mean_deviation_of_varied = (
+        BlockDensity(data, DEFAULT_SETTINGS).compute_deviations(fit_data.state.mean)[..., SIGNAL].mean()
+        for data in (fit_data, varied)
+    )
+    assert mean_deviation_of_varied < 0.1 * mean_deviation
+    signal_bins = slice(0, fit_data.layout.bins)
+    assert varied.weight[:, signal_bins].max() < fit_data.weight[:, signal_bins].max()
 
 
 def test_two_real_datasets_have_no_variance_of_the_reference_beside_the_floor(fit_data):

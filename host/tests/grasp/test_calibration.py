@@ -3,6 +3,7 @@
 import json
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -267,12 +268,23 @@ def test_another_unit_is_detected_and_named(unit: str, per_metre: float) -> None
     assert f"body coordinates that fit in {unit}" in get_fit_error(MARKS * per_metre, measured)
 
 
-def test_arrays_of_another_shape_or_not_finite_are_rejected() -> None:
+def test_points_of_different_shapes_or_with_nan_are_rejected() -> None:
     assert "(6, 2) and (6, 3)" in get_fit_error(MARKS[:, :2], MARKS)
     assert "found NaN or infinity" in get_fit_error(MARKS, MARKS * np.nan)
-    for options in ({"weights": [1, 2]}, {"weights": [0] * 6}, {"sigma_m": -1.0}, {"names": ["a"]}):
-        with pytest.raises(CalibrationError, match="expected"):
-            fit_pose(MARKS, MARKS, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"weights": [1, 2]}, "6 finite weights above 0"),
+        ({"weights": [0] * 6}, "6 finite weights above 0"),
+        ({"sigma_m": -1.0}, "sigma_m in metres, above 0"),
+        ({"names": ["a"]}, "6 names"),
+    ],
+)
+def test_invalid_weights_sigma_or_names_are_rejected(options: dict[str, Any], expected: str) -> None:
+    with pytest.raises(CalibrationError, match=f"expected {expected}"):
+        fit_pose(MARKS, MARKS, **options)
 
 
 def test_poses_of_objects_and_brackets_are_loaded_from_a_file(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class FakePhase:
         self._measure = measure
         self._requirement = requirement
 
-    def unmet_requirement(self, context: Any) -> str:
+    def find_unmet_requirement(self, context: Any) -> str:
         return self._requirement
 
     def run(self, context: Any, options: Options, log: PhaseLog) -> None:

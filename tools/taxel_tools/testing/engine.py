@@ -49,7 +49,7 @@ class Phase(Protocol):
     def limit_names(self) -> frozenset[str]:
         """Names of the measurements of this phase for which a test plan may set a limit."""
 
-    def unmet_requirement(self, context: Any, /) -> str:
+    def find_unmet_requirement(self, context: Any, /) -> str:
         """Return why the phase cannot run, in one line; "" if it can run."""
 
     def run(self, context: Any, options: Options, log: PhaseLog, /) -> None:
@@ -199,7 +199,7 @@ def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> t
     """
     try:
         log.report_progress(0.0)
-        requirement = phase.unmet_requirement(context)
+        requirement = phase.find_unmet_requirement(context)
         if requirement:
             log.add_note(f"cannot run: {_join_lines(requirement)}")
             return True, "", ""

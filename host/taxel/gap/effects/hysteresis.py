@@ -42,7 +42,10 @@ class Hysteresis(Effect):
         return "" if acts_on_signal or state.has_force else "the simulation has no contact force"
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Return whether all time constants exceed `MAX_TIME_CONSTANT_RATIO` times the recorded time."""
+        """Return whether all time constants exceed `MAX_TIME_CONSTANT_RATIO` times the recorded time.
+
+        values: f64[2, G], late fraction and time constant in seconds of each of G blocks.
+        """
         return bool((values[1] > MAX_TIME_CONSTANT_RATIO * state.node_times_s[-1]).all())
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:

@@ -32,10 +32,12 @@ class Latency(Effect):
         return (Parameter("seconds", "s", low, 1.5, 0.0, 0.0, 0.5),)
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
-        """Return whether the delays of the loaded boards are within the resolution of the frames.
+        """Return whether the delays of the loaded boards are within the resolution of the frames; False without loaded
+        boards.
 
-        Differences below one frame period arise from different contact solvers. A delay of up to 1.5 frame periods of
-        all boards arises from the times at which the frames were recorded.
+        values: f64[1, G], delays in seconds of G boards. The differences between the delays must be below one frame
+        period: smaller differences arise from different contact solvers. Each delay must be below 1.5 frame periods:
+        such delays of all boards arise from the times at which the frames were recorded.
         """
         loaded = state.loaded_boards
         delays = values[0, loaded]

@@ -93,7 +93,8 @@ class CompositeInformation:
     Attributes:
         composite: the model with fitted values. The values of effects that are found by inspection are not free.
         features: f64[C, F, n] (C conditions, F features, n taxels), predicted features, counts.
-        columns: derivatives of the features, one column for each parameter; the precision includes prior and bounds.
+        columns: derivatives of the features, one column for each parameter. The precision of a column is the sum of the
+            precisions of the prior and of a uniform distribution between the bounds.
         covariance: f64[p, p], covariance of the values, over all blocks of all parameters in the order of `columns`.
     """
 
@@ -105,7 +106,13 @@ class CompositeInformation:
 
     @classmethod
     def compute(cls, fit_data: FitData, composite: CompositeModel) -> CompositeInformation:
-        """Linearise a composite model with fitted values, and invert its information matrix."""
+        """Compute the information of the recorded contacts on the free parameter values of a composite model.
+
+        The model is linearised at its fitted values. Free are the parameters of all effects except `INSPECTED_EFFECTS`.
+        The covariance is the inverse of the information matrix: J'WJ of the recorded contacts, plus the precisions of
+        the priors, plus for each value the precision of a uniform distribution between the bounds of its parameter. For
+        a model without free parameters, `columns` is empty and `covariance` has the shape f64[0, 0].
+        """
         start = linearise(fit_data.state, composite, INSPECTED_EFFECTS)
         columns = tuple(_add_bound_precision(start.columns, composite))
         if not columns:

@@ -154,8 +154,11 @@ class State:
 
     @cached_property
     def full_scale(self) -> FloatArray | float:
-        """Largest possible signal in counts, from the sensor model; without one, `FULL_SCALE_FACTOR` times the largest
-        mean signal.
+        """Largest possible signal of every taxel, counts: one number, f64[] or float.
+
+        With a sensor model, the full scale of this model. Without a sensor model, `FULL_SCALE_FACTOR` times the largest
+        absolute mean signal of the simulator over conditions, time bins and taxels. This signal is replaced by 1 count
+        if it is smaller, so that the full scale is above 0 and can be a divisor.
         """
         if self.pair.sensor_model is not None:
             return np.asarray(self.sensor_model.full_scale_drop_counts, np.float64)

@@ -36,6 +36,7 @@ def format_board_address(report: CheckedReport, address: int) -> str:
 
 
 def _format_address(report: CheckedReport, address: int) -> str:
+    """Return an address as text: "0x20" if the addresses of the report are I2C addresses, otherwise "32"."""
     return f"0x{address:02X}" if report.has_bus_addresses else str(address)
 
 
@@ -58,8 +59,9 @@ def format_taxel(report: CheckedReport, index: int) -> str:
 def format_location(report: CheckedReport, location: ReportValue) -> str:
     """Return any location of the report as text. Raises GapInputError for a location without a known field.
 
-    location: a string, which is returned in readable form, or a table with some of the fields of the lists under
-    `where`.
+    report: supplies the names of the boards and the lines of the taxels. location: a string, which is returned in
+    readable form, or a table with some of the fields `address` or `sensor` (board), `axis` (of a line), `index` (of a
+    line, or of a taxel in a table without `axis`), `phase`, `object`, `approach` and `name`.
     """
     if isinstance(location.content, str):
         return make_readable(location.content)
@@ -99,14 +101,22 @@ def format_effect_locations(report: CheckedReport, effect: ReportValue) -> str:
 
 
 def _format_sensor(report: CheckedReport, item: ReportValue) -> str:
-    """Return a board as text. item: its address, or a table."""
+    """Return a board as text.
+
+    report: supplies the name of a board by its address. item: the address of the board, or a location for
+    `format_location`, such as a table with the field `address`. Raises GapInputError for a malformed item.
+    """
     if isinstance(item.content, int):
         return format_board(report, item.as_integer(0, 255))
     return format_location(report, item)
 
 
 def _format_line_item(report: CheckedReport, item: ReportValue) -> str:
-    """Return a line as text. item: a table, or a list of address, axis and index."""
+    """Return a TX or RX line as text.
+
+    report: supplies the name of a board by its address. item: a list of address, axis and index, or a location for
+    `format_location`, such as a table with these fields. Raises GapInputError for a malformed item.
+    """
     content = item.content
     if isinstance(content, list) and len(content) == 3:
         keys = ("address", "axis", "index")
@@ -115,7 +125,11 @@ def _format_line_item(report: CheckedReport, item: ReportValue) -> str:
 
 
 def _format_taxel_item(report: CheckedReport, item: ReportValue) -> str:
-    """Return a taxel as text. item: its index, or a table."""
+    """Return a taxel as text: its board and its lines, which the taxel table of the report assigns to its index.
+
+    report: supplies this table and the names of the boards. item: the index of the taxel in this table, or a location
+    for `format_location`, such as a table with the field `index`. Raises GapInputError for a malformed item.
+    """
     if isinstance(item.content, int):
         return format_taxel(report, item.as_integer(0, 2**20))
     return format_location(report, item)

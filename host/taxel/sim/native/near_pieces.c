@@ -28,8 +28,9 @@ double sim_bound_motion(const double *from, const double *to, double size)
     return sqrt(shift) + sqrt(turn) * size;
 }
 
-/* Find the pieces of [begin, end) that may touch the solid before the next search. Stores them in `near`, in order;
-   returns their number. */
+/* Find the near pieces among the pieces [begin, end) of a board: those that may touch the solid before the board has
+   moved by near_m. Stores their indices in `near`, in ascending order; returns their number. pose: 4 x 4, by rows,
+   converts coordinates of the board's bracket to those of the solid. */
 static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                uint32_t *near)
 {
@@ -53,8 +54,8 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
     return stored;
 }
 
-/* Find the pieces of complete squares of the sheet that may touch the solid before the next search, as
-   find_near_pieces(); a square whose middle piece is too far away is skipped after one test. */
+/* Find the near pieces among the pieces [begin, end) of complete squares of the sheet. Parameters and result are those
+   of find_near_pieces(). A square whose middle piece is too far away is skipped after one test. */
 static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                    uint32_t *near)
 {
@@ -79,8 +80,15 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
     return stored;
 }
 
-/* Find and store the faces of a polytope that can indent a near piece of a board before the next search. All near
-   pieces lie so deep behind any other face that a nearer face determines their indentation. */
+/* Store in near_normals and near_offsets of a board the faces of a polytope that can indent a near piece of the board
+   before the next search, in the order of the solid, and their number in near_faces. A near piece, which is listed in
+   `near`, may touch the solid before the board has moved by near_m. pose: 4 x 4, by rows, converts coordinates of the
+   board's bracket to those of the solid.
+
+   A face is stored if the height of at least one near piece over its plane is min_height (negative) or more. All near
+   pieces lie so deep behind any other face that a nearer face determines their indentation. If no face meets the
+   condition, because all near pieces lie deep inside the solid or because there are none, all faces are stored. For a
+   cylinder, which has no faces, the number is 0. */
 static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
 {
     const uint32_t *near = layer->near + layer->first[board];

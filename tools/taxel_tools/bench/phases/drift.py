@@ -21,7 +21,7 @@ class Drift:
     is_automatic = True
     limit_names = frozenset({"board", "worst_taxel"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the drift phase needs only the board."""
         return ""
 

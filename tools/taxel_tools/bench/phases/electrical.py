@@ -25,7 +25,7 @@ class Electrical:
     is_automatic = True
     limit_names = frozenset({"capacitance", "signal"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the electrical phase needs only the board."""
         return ""
 

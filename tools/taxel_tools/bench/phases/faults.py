@@ -14,7 +14,7 @@ class Faults:
     is_automatic = True
     limit_names = frozenset[str]()
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return why faults cannot be reported: no other phase has measured the board; "" if one has.
 
         Without this requirement, a test without measurements would pass.

@@ -15,7 +15,7 @@ class Frames:
     is_automatic = True
     limit_names = frozenset({"rate", "rate_of_scans", "scan_time", "missed_scans", "clock", "bus_errors", "saturated"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the frames phase needs only the board."""
         return ""
 

@@ -22,7 +22,7 @@ class Identify:
     is_automatic = True
     limit_names = frozenset({"error_flags"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the identification phase needs only the board."""
         return ""
 

@@ -39,7 +39,7 @@ class EachTaxel:
     is_automatic = False
     limit_names = frozenset({"response", "weakest", "snr", "lowest_snr", "crosstalk"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return why the taxels cannot be indented (no probe), or "" with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 

@@ -22,7 +22,7 @@ class Loading:
     is_automatic = False
     limit_names = frozenset({"hysteresis", "fall", "saturation", "spread"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return why taxels cannot be loaded (no probe), or "" with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 

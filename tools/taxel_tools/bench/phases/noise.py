@@ -17,7 +17,7 @@ class Noise:
     is_automatic = True
     limit_names = frozenset(TITLES) | {"impulses"}
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the noise phase needs only the board."""
         return ""
 

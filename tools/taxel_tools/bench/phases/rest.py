@@ -27,7 +27,7 @@ class Rest:
     is_automatic = True
     limit_names = frozenset({"median", "lowest", "highest"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because this phase needs only the untouched board."""
         return ""
 

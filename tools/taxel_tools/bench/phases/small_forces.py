@@ -25,7 +25,7 @@ class SmallForces:
     is_automatic = False
     limit_names = frozenset({"visible", "seen"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return why small forces cannot be applied (no probe with a known force), or "" with such a probe."""
         if isinstance(board.probe, NoProbe):
             return "no probe; choose one with --probe"

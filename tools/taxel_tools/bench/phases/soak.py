@@ -74,7 +74,7 @@ class Soak:
     is_automatic = True
     limit_names = frozenset({"silences", "restarts", "missed_scans", "walk", "noise_growth"})
 
-    def unmet_requirement(self, board: BoardUnderTest) -> str:
+    def find_unmet_requirement(self, board: BoardUnderTest) -> str:
         """Return "", because the soak needs only the board."""
         return ""
 

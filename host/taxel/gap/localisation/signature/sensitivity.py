@@ -6,7 +6,7 @@ The excess contains only what all sessions have in common, and therefore none of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,30 @@ SIGNIFICANCE_LEVEL: Final = 0.05
 WITHIN_SESSION_VARIANCE: Final = 1.0 / 12.0
 """Variance of a sensitivity that changes linearly by 1 over a session: the variance of a uniform distribution."""
 
-SensitivityTest = tuple[float, float | None, bool, float]
-"""Size of a change; p-value; whether all sessions change in the same direction; standard error of the size, or 0 if the
-size is already corrected for it."""
+MIN_SESSIONS_OF_TREND: Final = 4
+"""Smallest number of sessions for which a change in the same direction from each session to the next is stated. Chosen:
+S sessions without a trend are in ascending or descending order with the probability 2 / S!, 1/12 for 4 sessions, but
+1/3 for 3 sessions."""
 
-_NO_CHANGE: Final[SensitivityTest] = (0.0, None, False, 0.0)
+
+class SensitivityTest(NamedTuple):
+    """Estimate and test of a change of the sensitivity of one board, or of the whole hand.
+
+    size: change of the ratio of real to predicted signal (dimensionless): between sessions the standard deviation,
+    within a session the change from the first to the last contact. p_value: of the hypothesis that there is no change;
+    None if untested. is_monotone: whether the ratio changes in the same direction from each session to the next.
+    size_error: standard error that the caller subtracts from `size` (in squares); 0 if `size` is already corrected for
+    the error of the estimate.
+    """
+
+    size: float
+    p_value: float | None
+    is_monotone: bool
+    size_error: float
+
+
+_NO_CHANGE: Final = SensitivityTest(size=0.0, p_value=None, is_monotone=False, size_error=0.0)
+"""Result of a test without sufficient data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +89,13 @@ def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) ->
         ("presses", _test_within_sessions, WITHIN_SESSION_VARIANCE),
     ):
         tests = [test(columns[:, k], pair.real.condition, session) for k in range(columns.shape[1])]
-        p_values = [result[1] for result in tests if result[1] is not None]
+        p_values = [result.p_value for result in tests if result.p_value is not None]
         p_value = min(1.0, min(p_values) * len(p_values)) if p_values else None
-        boards = [k for k in range(len(tests) - 1) if _is_significant(tests[k + 1][1], len(p_values))]
-        boards.sort(key=lambda k: -abs(tests[k + 1][0]))
-        size, _, is_monotone, error = tests[0]
-        added_gap2 = scale * max(size**2 - error**2, 0.0) * counts2
-        changes.append(SensitivityChange(name, size, added_gap2, p_value, tuple(boards), is_monotone))
+        hand, board_tests = tests[0], tests[1:]
+        boards = [k for k, result in enumerate(board_tests) if _is_significant(result.p_value, len(p_values))]
+        boards.sort(key=lambda k: -abs(board_tests[k].size))
+        added_gap2 = scale * max(hand.size**2 - hand.size_error**2, 0.0) * counts2
+        changes.append(SensitivityChange(name, hand.size, added_gap2, p_value, tuple(boards), hand.is_monotone))
     return changes
 
 
@@ -117,10 +136,14 @@ def _test_between_sessions(
 ) -> SensitivityTest:
     """Estimate the standard deviation between sessions, and test it by an F test (two-way analysis of variance).
 
-    The model is additive in condition and session; the error is their interaction, which is subtracted from the
-    variance between sessions. factor: f64[R] (R grasps), ratio of real to predicted signal of each real grasp, NaN if
-    unknown. condition, session: [R], condition and session of each real grasp. With a negative sign the estimated size
-    is a decrease from session to session. `_NO_CHANGE` is returned if the data do not suffice for the test.
+    factor: f64[R] (R grasps), ratio of real to predicted signal of each real grasp, NaN if unknown. condition, session:
+    [R], condition and session of each real grasp. The model is additive in condition and session; the error is their
+    interaction.
+
+    The size of the result is the standard deviation of the ratio between sessions. It is negative if the ratio
+    decreases from each session to the next, in `MIN_SESSIONS_OF_TREND` sessions or more. The variance of the
+    interaction is already subtracted from the squared size; the field `size_error` is therefore 0. `_NO_CHANGE` is
+    returned for a single session, or if no degrees of freedom remain for the error.
     """
     known = np.isfinite(factor)
     keys, number = np.unique(np.column_stack([condition, session])[known], axis=0, return_inverse=True)
@@ -137,23 +160,28 @@ def _test_between_sessions(
     between = (float(np.sum(_subtract_fit(mean, by_condition) ** 2)) - degrees_of_freedom * error) / (sessions - 1)
     size = float(np.sqrt(max(between - error, 0.0) * sessions / len(keys)))
     steps = np.diff(coefficients[conditions:])
-    is_monotone = sessions >= 4 and bool((steps > 0).all() or (steps < 0).all())
+    is_monotone = sessions >= MIN_SESSIONS_OF_TREND and bool((steps > 0).all() or (steps < 0).all())
     signed_size = size * (1.0 if steps.sum() > 0 else -1.0) if is_monotone else size
-    if error <= 0:
-        return signed_size, 0.0 if between > 0 else 1.0, is_monotone, 0.0
-    p_value = compute_fisher_survival(between / error, sessions - 1, degrees_of_freedom)
-    return signed_size, p_value, is_monotone, 0.0
+    if error > 0:
+        p_value = compute_fisher_survival(between / error, sessions - 1, degrees_of_freedom)
+    else:  # the additive model is exact, and any difference between sessions is significant
+        p_value = 0.0 if between > 0 else 1.0
+    return SensitivityTest(size=signed_size, p_value=p_value, is_monotone=is_monotone, size_error=0.0)
 
 
 def _test_within_sessions(
     factor: FloatArray, condition: NDArray[np.intp], session: NDArray[np.intp]
 ) -> SensitivityTest:
-    """Estimate the change from the first to the last contact of a session, with effects of condition and session.
+    """Estimate the change from the first to the last contact of a session, and test it by a t test.
 
-    The p-value is the larger of two: that of ordinary least squares, and that of errors that are correlated within a
-    session (Liang and Zeger 1986); None below 3 sessions. factor: f64[R] (R grasps), ratio of real to predicted signal
-    of each real grasp, NaN if unknown. condition, session: [R], condition and session of each real grasp. `_NO_CHANGE`
-    is returned if the data do not suffice for the test.
+    factor: f64[R] (R grasps), ratio of real to predicted signal of each real grasp, NaN if unknown. condition, session:
+    [R], condition and session of each real grasp. The model contains effects of condition and session, and a change
+    that is linear in the order of the contacts and equal in all sessions.
+
+    The size of the result is negative for a decrease. The p-value is the larger of two: that of ordinary least squares,
+    and that of errors that are correlated within a session (Liang and Zeger 1986); None below 3 sessions. `size_error`
+    is the larger of the two standard errors. `_NO_CHANGE` is returned if fewer than 2 degrees of freedom remain, or if
+    the effects of condition and session explain the order of the contacts completely.
     """
     known = np.isfinite(factor)
     position = np.zeros(len(factor))
@@ -176,10 +204,12 @@ def _test_within_sessions(
     error = float(np.sqrt(residual @ residual / degrees_of_freedom / square))
     p = 2.0 * compute_student_survival(abs(slope) / error, degrees_of_freedom) if error > 0 else 0.0
     if sessions < 3:
-        return slope, None, False, error
+        return SensitivityTest(size=slope, p_value=None, is_monotone=False, size_error=error)
     scores = np.bincount(session[known], regressor * residual)
     clustered_error = float(np.sqrt(sessions / (sessions - 1) * scores @ scores)) / square
     clustered_p = (
         2.0 * compute_student_survival(abs(slope) / clustered_error, sessions - 1) if clustered_error > 0 else 0.0
     )
-    return slope, max(p, clustered_p), False, max(error, clustered_error)
+    return SensitivityTest(
+        size=slope, p_value=max(p, clustered_p), is_monotone=False, size_error=max(error, clustered_error)
+    )

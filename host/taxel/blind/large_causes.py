@@ -1,0 +1,101 @@
+"""Causes of a demonstration that are large enough for the diagnosis to find them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from taxel.blind.cause_sizes import estimate_change
+from taxel.blind.grasp_world import (
+    SESSIONS,
+    SIM_REPEATS,
+    STRENGTH,
+    GraspWorld,
+    GraspWorldSampler,
+    emulate_first_session,
+)
+from taxel.blind.hidden import Cause
+from taxel.blind.loaded_locations import SimulatedLoads
+from taxel.blind.sampling import FLOORS
+from taxel.campaign.progress import Progress, no_progress
+
+LARGE_SIZE: Final = 2.0
+"""Gap of a cause in floors from which the diagnosis is specified to name the cause."""
+
+AIMED_SIZE: Final = 2.5
+"""Gap in floors for which the strength of a further sample is chosen: above `LARGE_SIZE`, because the size also depends
+on the sampled place."""
+
+MAX_STRENGTH: Final = 1.25
+"""Largest strength of a cause. Chosen: the parameters of all cause types are still possible on a real skin."""
+
+MOST_TRIALS: Final = 3
+"""Largest number of samples of a cause. Afterwards the largest one is used."""
+
+SizeEstimate = Callable[[Cause], float]
+"""Function that returns the estimated gap of a cause alone, in floors."""
+
+
+def sample_large_world(
+    sampler: GraspWorldSampler,
+    loads: SimulatedLoads,
+    sim: Path,
+    progress: Progress = no_progress,
+    jobs: int | None = None,
+) -> GraspWorld:
+    """Sample a world whose causes alone produce `LARGE_SIZE` floors or more, if their types permit it.
+
+    sampler, loads: see `GraspWorldSampler.sample`. sim: simulated dataset of the world. The first session is emulated
+    without a cause and with each sample of a cause. progress: called after each emulated grasp; the total grows with
+    every further sample. Raises TaxelError with a one-line message.
+    """
+    world = sampler.sample(loads)
+    if not world.hidden.causes:
+        return world
+    with TemporaryDirectory(prefix="taxel-demo-") as folder:
+        without, first = Path(folder) / "without.h5", Path(folder) / "first.h5"
+        finished = 0
+
+        def show(done: int, total: int) -> None:
+            """Report the progress over all emulated sessions."""
+            progress(finished + done, finished + total)
+
+        emulate_first_session(world, (), without, show, jobs)
+
+        def estimate_size(cause: Cause) -> float:
+            """Return the estimated gap of a cause alone, in floors."""
+            nonlocal finished
+            finished += 1
+            first.unlink(missing_ok=True)
+            emulate_first_session(world, (cause,), first, show, jobs)
+            return estimate_change(first, without, sim, SESSIONS, SIM_REPEATS)
+
+        causes = tuple(
+            enlarge(cause, estimate_size, partial(sampler.sample_cause, number, loads))
+            for number, cause in enumerate(world.hidden.causes)
+        )
+    return replace(world, hidden=replace(world.hidden, causes=causes))
+
+
+def enlarge(cause: Cause, estimate_size: SizeEstimate, sample: Callable[[float], Cause]) -> Cause:
+    """Return a cause with a size of at least `LARGE_SIZE`, or the largest of `MOST_TRIALS` samples.
+
+    cause: the first sample. sample: returns a further sample with a given strength. The parameters of causes are
+    logarithmic in the strength, and the size is assumed to be proportional to them.
+    """
+    best, best_size, strength = cause, estimate_size(cause), sum(STRENGTH) / 2.0
+    for _ in range(MOST_TRIALS - 1):
+        if best_size >= LARGE_SIZE:
+            break
+        missing = math.log(AIMED_SIZE / max(best_size, 0.1 * LARGE_SIZE)) / math.log(FLOORS[1] / FLOORS[0])
+        strength = min(strength + missing, MAX_STRENGTH)
+        other = sample(strength)
+        size = estimate_size(other)
+        if size > best_size:
+            best, best_size = other, size
+    return best

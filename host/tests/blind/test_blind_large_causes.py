@@ -1,0 +1,48 @@
+"""Samples of causes of a demonstration until one is large enough."""
+
+from taxel.blind.hidden import Cause
+from taxel.blind.large_causes import LARGE_SIZE, MAX_STRENGTH, MOST_TRIALS, enlarge
+
+
+def make_cause(size: float) -> Cause:
+    """Make a cause with a size in floors, which is its true parameter."""
+    return Cause("noise", "noise white", (), (), {"size": size})
+
+
+def get_size(cause: Cause) -> float:
+    """Return the size of a cause made by `make_cause`."""
+    return cause.parameters["size"]
+
+
+def refuse_sample(strength: float) -> Cause:
+    """Fail: no further sample is expected."""
+    raise AssertionError("a further sample of a cause that is large enough")
+
+
+def test_a_large_cause_is_kept():
+    cause = make_cause(LARGE_SIZE)
+    assert enlarge(cause, get_size, refuse_sample) is cause
+
+
+def test_a_small_cause_is_sampled_again_with_a_larger_strength():
+    strengths = []
+
+    def sample(strength: float) -> Cause:
+        strengths.append(strength)
+        return make_cause(2.4)
+
+    assert get_size(enlarge(make_cause(1.5), get_size, sample)) == 2.4
+    assert len(strengths) == 1
+    assert 1.0 < strengths[0] <= MAX_STRENGTH
+
+
+def test_the_largest_of_all_samples_is_used_if_none_is_large_enough():
+    sizes = iter([1.2, 0.4])
+    strengths = []
+
+    def sample(strength: float) -> Cause:
+        strengths.append(strength)
+        return make_cause(next(sizes))
+
+    assert get_size(enlarge(make_cause(0.3), get_size, sample)) == 1.2
+    assert strengths == [MAX_STRENGTH] * (MOST_TRIALS - 1)
