@@ -32,7 +32,7 @@ TIME = np.arange(len(PHASE)) / RATE
 STIFFNESS_N_PER_M = 1800.0
 MODEL = SensorModel(32_000.0, 2600.0, 1.4, 4.0, contact_stiffness_n_per_m=STIFFNESS_N_PER_M, layer="uncoupled")
 SPRINGS_PER_AXIS = 5
-"""Number of springs of a taxel along each axis."""
+"""Number of springs of a taxel along each axis; odd, so that one spring is in the centre of the taxel."""
 
 FORCE_LEVELS = np.linspace(0.0, 1.2, 9)
 """Net forces, relative to the net force of a contact, at which forces are solved; linear interpolation between them."""
@@ -215,17 +215,17 @@ def compute_heights(mesh: ObjectMesh, object_at: np.ndarray) -> np.ndarray:
 
 
 def solve_contact(above: np.ndarray, net: float, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the forces of the 42 taxels in N and the mean separation of their springs in metres, f64[42] each.
+    """Return the forces of the 42 taxels in N and the separation of their centres in metres, f64[42] each.
 
     above: heights of `compute_heights`, f64[42, 25] in metres. net: net force in N. stiffness: stiffness of a taxel in
     N/m.
     """
-    lowest = float(above.min())
+    lowest, centre = float(above.min()), above[:, SPRINGS_PER_AXIS**2 // 2]
     low, high = lowest, lowest + 0.02
     if net <= 0.0:
-        return np.zeros(CROSSINGS), np.minimum(above.mean(axis=1) - lowest + 0.003, 0.05)
+        return np.zeros(CROSSINGS), np.minimum(centre - lowest + 0.003, 0.05)
     for _ in range(50):
         middle = 0.5 * (low + high)
         force = stiffness * np.maximum(middle - above, 0.0).mean(axis=1).sum()
         low, high = (middle, high) if force < net else (low, middle)
-    return stiffness * np.maximum(high - above, 0.0).mean(axis=1), np.minimum(above.mean(axis=1) - high, 0.05)
+    return stiffness * np.maximum(high - above, 0.0).mean(axis=1), np.minimum(centre - high, 0.05)
