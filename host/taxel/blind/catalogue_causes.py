@@ -78,8 +78,11 @@ MAX_CURRENT_FACTOR: Final = 1.35
 """Largest factor on the current of a board's current source: above this factor, the counter saturates and reads 0."""
 
 
-MAX_LOST_SHARE: Final = 0.9
-"""Largest share of frames that a board loses (chosen): the remaining frames still show the signal."""
+MAX_FRACTION: Final = 0.9
+"""Largest `fraction` of the emulator effect `rheology`, which refuses larger values."""
+
+MAX_LOST_SHARE: Final = 0.75
+"""Largest share of frames that a board loses: the emulator refuses a larger share with its usual length of bursts."""
 
 
 def _make_board_factor_type(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
@@ -257,7 +260,8 @@ def _make_play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, floa
         log_uniform(rng, 0.05, 0.25),
         log_uniform(rng, 0.4, 3.0),
     )
-    return f"fraction={fraction} width_m={width} creep={creep} seconds={seconds}", {}
+    held = min(fraction, MAX_FRACTION)
+    return f"fraction={held} width_m={width} creep={creep} seconds={seconds}", {}
 
 
 def _make_solid_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
@@ -266,7 +270,7 @@ def _make_solid_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, flo
     fraction: share of the compliance that acts through a dashpot. The time constant is sampled, 0.3 to 2 s.
     """
     seconds = log_uniform(rng, 0.3, 2.0)
-    return f"fraction={fraction} seconds={seconds}", {"seconds": seconds}
+    return f"fraction={min(fraction, MAX_FRACTION)} seconds={seconds}", {"seconds": seconds}
 
 
 def _make_counts_formatter(name: str) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:

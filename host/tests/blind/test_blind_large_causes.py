@@ -1,7 +1,16 @@
 """Samples of causes of a demonstration until one is large enough."""
 
+import numpy as np
+import pytest
+
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES
+from taxel.blind.cause_types import CauseType
 from taxel.blind.hidden import Cause
 from taxel.blind.large_causes import LARGE_SIZE, MAX_STRENGTH, MOST_TRIALS, enlarge
+from taxel.blind.world_datasets import UndescribedSettings
+from taxel.campaign.session import check_world
+from taxel.campaign.setup import Setup
+from taxel.hand import load_hand
 
 
 def make_cause(size: float) -> Cause:
@@ -46,3 +55,12 @@ def test_the_largest_of_all_samples_is_used_if_none_is_large_enough():
 
     assert get_size(enlarge(make_cause(0.3), get_size, sample)) == 1.2
     assert strengths == [MAX_STRENGTH] * (MOST_TRIALS - 1)
+
+
+@pytest.mark.parametrize("cause_type", CATALOGUE_CAUSES, ids=lambda one: one.emulator_effect.replace(" ", "_"))
+def test_the_emulator_accepts_every_cause_of_the_largest_strength(cause_type: CauseType):
+    hand = load_hand("original")
+    causes = [cause_type.sample(np.random.default_rng(seed), hand, MAX_STRENGTH) for seed in range(3)]
+    for cause in causes:
+        lines = tuple(line.replace(" OBJECT ", " cylinder ") for line in cause.lines)
+        check_world(Setup(), UndescribedSettings(seed=1, effects=lines))
