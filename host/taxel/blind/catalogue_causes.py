@@ -260,8 +260,8 @@ def _make_play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, floa
         log_uniform(rng, 0.05, 0.25),
         log_uniform(rng, 0.4, 3.0),
     )
-    held = min(fraction, MAX_FRACTION)
-    return f"fraction={held} width_m={width} creep={creep} seconds={seconds}", {}
+    share = min(fraction, MAX_FRACTION)
+    return f"fraction={share} width_m={width} creep={creep} seconds={seconds}", {}
 
 
 def _make_solid_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
