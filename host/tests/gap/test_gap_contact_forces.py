@@ -9,8 +9,10 @@ import pytest
 
 from taxel.gap.data.pair import read_pair
 from taxel.gap.effects import geometry as geometry_module
+from taxel.gap.effects.board_contacts import BoardContact
 from taxel.gap.effects.effect import BOARD
-from taxel.gap.effects.geometry import LEVELS, BoardContact, ContactGeometry, apply_change, make_neutral_change
+from taxel.gap.effects.force_changes import LEVELS, apply_change, make_neutral_change
+from taxel.gap.effects.geometry import ContactGeometry
 from taxel.gap.effects.layer_law import BOARDS_PER_BATCH, ForceDepthLaw, fit_piece_law, solve_board_pressures
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.stiffness import Sinking, Stiffness

@@ -7,7 +7,9 @@ import pytest
 
 from host.tests.gap.test_gap_contact_forces import HARDENING, make_ball_depths, solve_pressure
 from taxel.gap.effects import geometry as geometry_module
-from taxel.gap.effects.geometry import LEVELS, BoardContact, ContactGeometry
+from taxel.gap.effects.board_contacts import BoardContact
+from taxel.gap.effects.force_changes import LEVELS
+from taxel.gap.effects.geometry import ContactGeometry
 from taxel.gap.effects.held_object import MIN_FORCE_SHARE, Push, compute_load_shifts, find_coupled_pushes
 from taxel.hand.transforms import from_rotation_vector
 

@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Effect, Parameter
-from taxel.gap.effects.geometry import apply_change, assemble_change, compute_geometry
+from taxel.gap.effects.force_changes import apply_change, assemble_change
+from taxel.gap.effects.geometry import compute_geometry
 from taxel.gap.fitting.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
 from taxel.types import FloatArray
@@ -63,7 +64,7 @@ class PoseError(Effect):
 
     def _compute_change(self, state: State, values: FloatArray) -> FloatArray:
         """Return the change of the taxel forces, f64[Q, 2, L, n] (Q simulated contacts, n taxels): kept share and
-        gained force at L levels of the net force, see `geometry.apply_change`. values: f64[P, G] (P parameters; G
+        gained force at L levels of the net force, see `force_changes.apply_change`. values: f64[P, G] (P parameters; G
         blocks: the hand, boards, objects or taxels).
         """
         geometry = compute_geometry(state)
@@ -78,7 +79,9 @@ class PoseError(Effect):
                 else:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
                 board_motions[number] = motion
-        return assemble_change(state, geometry.compute_displacement_changes(state, board_motions, mounts))
+        return assemble_change(
+            state, geometry.contacts, geometry.compute_displacement_changes(state, board_motions, mounts)
+        )
 
     def _compute_motions(self, values: FloatArray) -> FloatArray:
         """Return the motion of each of the G blocks, f64[G, 4, 4], metres. values: f64[P, G] (P parameters).

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import TAXEL, Effect, Parameter
-from taxel.gap.effects.geometry import apply_change, assemble_change, compute_geometry
+from taxel.gap.effects.force_changes import apply_change, assemble_change
+from taxel.gap.effects.geometry import compute_geometry
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -66,6 +67,7 @@ class Sinking(Stiffness):
         }
         change = assemble_change(
             state,
+            geometry.contacts,
             geometry.compute_stiffness_changes({number: scale for number, scale in scales.items() if scale != 1.0}),
         )
         return super().apply(state, apply_change(state, signal, change), values)
