@@ -179,13 +179,21 @@ def list_first_session(seed: int) -> tuple[PlannedGrasp, ...]:
 
 
 def measure_sizes(
-    world: GraspWorld, real: Path, sim: Path, progress: Progress = no_progress, jobs: int | None = None
+    world: GraspWorld,
+    real: Path,
+    sim: Path,
+    without_all: Path,
+    progress: Progress = no_progress,
+    jobs: int | None = None,
 ) -> tuple[float, ...]:
     """Measure the gap that each hidden cause alone produces, in floors.
 
-    real, sim: datasets of the world. The grasps of the first session are repeated without the cause; all other random
-    numbers are equal. Raises TaxelError with a one-line message.
+    real, sim: datasets of the world. without_all: first session without any cause; it is sufficient for a single cause.
+    For one of several causes, the grasps of the first session are repeated without this cause; all other random numbers
+    are equal. Raises TaxelError with a one-line message.
     """
+    if len(world.hidden.causes) == 1:
+        return (measure_change(real, without_all, sim),)
     first = list_first_session(world.seed)
     total, sizes = len(world.hidden.causes) * len(first), []
     for number, cause in enumerate(world.hidden.causes):

@@ -45,20 +45,22 @@ def sample_large_world(
     sampler: GraspWorldSampler,
     loads: SimulatedLoads,
     sim: Path,
+    without: Path,
     progress: Progress = no_progress,
     jobs: int | None = None,
 ) -> GraspWorld:
     """Sample a world whose causes alone produce `LARGE_SIZE` floors or more, if their types permit it.
 
-    sampler, loads: see `GraspWorldSampler.sample`. sim: simulated dataset of the world. The first session is emulated
-    without a cause and with each sample of a cause. progress: called after each emulated grasp; the total grows with
-    every further sample. Raises TaxelError with a one-line message.
+    sampler, loads: see `GraspWorldSampler.sample`. sim: simulated dataset of the world. without: file to write, the
+    first session without a cause; not written for a world without a cause. The first session is also emulated with each
+    sample of a cause. progress: called after each emulated grasp; the total grows with every further sample. Raises
+    TaxelError with a one-line message.
     """
     world = sampler.sample(loads)
     if not world.hidden.causes:
         return world
     with TemporaryDirectory(prefix="taxel-demo-") as folder:
-        without, first = Path(folder) / "without.h5", Path(folder) / "first.h5"
+        first = Path(folder) / "first.h5"
         finished = 0
 
         def show(done: int, total: int) -> None:

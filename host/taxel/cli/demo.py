@@ -34,6 +34,8 @@ from taxel.output import write_whole
 
 PICTURE, SCORE = "hand.png", "score.json"
 FILES = ("real.h5", "sim.h5", "report.json", "report.html", PICTURE)
+WITHOUT_CAUSE = "without_cause.h5"
+"""First session of the emulated hand without a cause. It is removed at the end."""
 
 MOST_LINES = 3
 """Largest number of printed effect lines (lines of the emulator's world file) of a cause."""
@@ -81,7 +83,8 @@ def _run_demonstration(
     one-line message if the diagnosis fails.
     """
     real, sim, report_file, page, picture = (out / name for name in FILES)
-    for path in (real, sim, report_file, page, picture):
+    without = out / WITHOUT_CAUSE
+    for path in (real, sim, report_file, page, picture, without):
         path.unlink(missing_ok=True)
     sampler = GraspWorldSampler(seed)
     counts = [len(plan) for plan in make_small_plans(sampler.campaign_seed)]
@@ -90,7 +93,7 @@ def _run_demonstration(
         simulate_grasps(sampler.campaign_seed, sim, partial(show, "simulator"), jobs)
     console.print("[bold]2. A cause is sampled and sealed[/bold]")
     with stage_bars(console) as show:
-        world = sample_large_world(sampler, SimulatedLoads.read(sim), sim, partial(show, "trial grasps"), jobs)
+        world = sample_large_world(sampler, SimulatedLoads.read(sim), sim, without, partial(show, "trial grasps"), jobs)
     seal = commitment(world.to_json())
     console.print("SHA-256 of the cause with a salt of 256 bits:")
     console.print(seal, highlight=False)
@@ -108,7 +111,8 @@ def _run_demonstration(
     verify_commitment(0, world.to_json(), seal)
     console.print("\n[bold]5. The seal is opened[/bold]; the causes have the SHA-256 printed above:")
     with stage_bars(console) as show:
-        sizes = measure_sizes(world, real, sim, partial(show, "size of the cause"), jobs)
+        sizes = measure_sizes(world, real, sim, without, partial(show, "size of the cause"), jobs)
+    without.unlink(missing_ok=True)
     return judge(world, sizes, report["verdict"]), world
 
 

@@ -94,7 +94,16 @@ def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path,
     assert not (tmp_path / "demo").exists()
 
 
-def test_size_of_each_cause_is_measured_by_repeating_the_first_session_without_the_cause(monkeypatch, tmp_path):
+def test_size_of_a_single_cause_is_measured_without_further_grasps(monkeypatch, tmp_path):
+    world = grasp_world.GraspWorld(3, HiddenCauses("single", (Cause("noise", "noise", ("noise x=1",)),), ()), "")
+    real, sim, without = (tmp_path / f"{name}.h5" for name in ("real", "sim", "without"))
+    sizes = {(real, without, sim): 2.5}
+    monkeypatch.setattr(grasp_world, "measure_change", lambda *paths: sizes[paths])
+    monkeypatch.delattr(grasp_world, "run_emulated")
+    assert grasp_world.measure_sizes(world, real, sim, without) == (2.5,)
+
+
+def test_size_of_each_of_several_causes_is_measured_by_repeating_the_first_session_without_it(monkeypatch, tmp_path):
     causes = tuple(Cause(name, name, (f"{name} x=1",)) for name in ("noise", "latency"))
     world = grasp_world.GraspWorld(3, HiddenCauses("several", causes, ("gain electrode log_std=0.01",)), "")
     runs, shown = [], []
@@ -106,7 +115,7 @@ def test_size_of_each_cause_is_measured_by_repeating_the_first_session_without_t
     monkeypatch.setattr(grasp_world, "run_emulated", emulate)
     monkeypatch.setattr(grasp_world, "measure_change", lambda real, without, sim: float(len(runs)))
     sizes = grasp_world.measure_sizes(
-        world, tmp_path / "real.h5", tmp_path / "sim.h5", lambda *done: shown.append(done)
+        world, tmp_path / "real.h5", tmp_path / "sim.h5", tmp_path / "without.h5", lambda *done: shown.append(done)
     )
     assert sizes == (1.0, 2.0)
     nuisance = "gain electrode log_std=0.01"
