@@ -218,7 +218,7 @@ firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images 
 	@$(CMAKE) -S $(PORT) -B $(IMAGES) -DCMAKE_TOOLCHAIN_FILE=$(abspath $(PORT))/toolchain.cmake \
 		-DTAXEL_PYTHON=$(abspath $(BIN)/python) > /dev/null
 	@$(BIN)/cmake --build $(IMAGES)
-	@echo "built: $(IMAGES)/images/{board,hub}-{a,b}.{bin,hex,cyacd}, {board,hub}.toml, {board,hub}-factory.hex; original boards: $(IMAGES)/images/original/*.hex"
+	@echo "built: $(IMAGES)/images/{board,hub}-{a,b}.{bin,hex,cyacd}, {board,hub}.toml, {board,hub}-factory.hex; original boards: $(IMAGES)/images/original/*.hex, $(IMAGES)/images/one-slot/"
 
 size: firmware  ## flash, RAM and stack of the images against their budgets: docs/firmware-size.md
 	@git show HEAD:$(PORT)/size.json > $(IMAGES)/size-before.json 2> /dev/null || rm -f $(IMAGES)/size-before.json

@@ -48,14 +48,18 @@ struct taxel_boot_layout {
     uint8_t first_rows[2];
 };
 
+#ifdef TAXEL_BOOT_ONE_SLOT
+extern const struct taxel_boot_layout taxel_boot_layout_board_16k;
+#else
 extern const struct taxel_boot_layout taxel_boot_layout_board, taxel_boot_layout_hub;
+#endif
 
 /* Flash of the device, used by the bootloader and by an application's taxel_boot_confirm(). */
 struct taxel_boot_flash {
     /* Functions of the port. A bootloader sets every pointer; an application needs flash and flash_write_row only. */
     const struct taxel_boot_hal *hal;
 
-    /* &taxel_boot_layout_board or &taxel_boot_layout_hub. */
+    /* &taxel_boot_layout_board or &taxel_boot_layout_hub; with TAXEL_BOOT_ONE_SLOT &taxel_boot_layout_board_16k. */
     const struct taxel_boot_layout *layout;
 };
 

@@ -8,7 +8,8 @@ uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct tax
     const uint8_t order[] = {metadata->pending, metadata->confirmed, 0, 1};
     for (size_t i = 0; i < sizeof order; i++) {
         const uint8_t slot = order[i];
-        if (slot <= 1u && (slot == metadata->confirmed || metadata->tries[slot]) && taxel_boot_image(flash, slot)) {
+        if (slot < TAXEL_BOOT_SLOTS && (slot == metadata->confirmed || metadata->tries[slot]) &&
+            taxel_boot_image(flash, slot)) {
             return slot;
         }
     }
@@ -16,9 +17,12 @@ uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct tax
 }
 
 /* Return the slot of the image that is started if the pending image fails, which new images must not overwrite;
- * TAXEL_BOOT_SLOT_NONE if there is none. */
+ * TAXEL_BOOT_SLOT_NONE if there is none. With one slot, none can be kept. */
 uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash)
 {
+    if (TAXEL_BOOT_SLOTS == 1u) {
+        return TAXEL_BOOT_SLOT_NONE;
+    }
     struct taxel_boot_metadata metadata;
     taxel_boot_metadata_read(flash, &metadata);
     metadata.pending = TAXEL_BOOT_SLOT_NONE;

@@ -17,7 +17,7 @@ int taxel_boot_confirm(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;
     taxel_boot_metadata_read(flash, &metadata);
-    if (slot > 1u || metadata.confirmed == slot) {
+    if (slot >= TAXEL_BOOT_SLOTS || metadata.confirmed == slot) {
         return 0;
     }
     metadata.confirmed = slot;

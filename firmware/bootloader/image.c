@@ -13,11 +13,11 @@ static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
     return kind == 0 || own == 0 || kind == own;
 }
 
-/* Return the first byte of the image in a slot (0 or 1), or NULL if the image is invalid or there is no such slot:
+/* Return the first byte of the image in a slot (0 is A, 1 is B), or NULL if the image is invalid or there is no such slot:
  * header for another device, slot or kind of board, a length or vector table outside the slot, or a wrong CRC-32. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot)
 {
-    if (slot > 1u) {
+    if (slot >= TAXEL_BOOT_SLOTS) {
         return NULL;
     }
     const uint32_t address = (uint32_t)flash->layout->first_rows[slot] * TAXEL_BOOT_ROW_SIZE;

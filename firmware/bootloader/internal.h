@@ -32,6 +32,10 @@ void taxel_boot_put_u32(uint8_t *bytes, uint32_t value);
 /* metadata.c */
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata);
 int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata);
+#ifdef TAXEL_BOOT_ONE_SLOT
+/* Record that no image may start until the next one is pending. */
+int taxel_boot_metadata_forget(const struct taxel_boot_flash *flash);
+#endif
 /* Make this slot's image pending; for the confirmed slot, clear the pending one. */
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot);
 

@@ -23,6 +23,16 @@ int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct
                                    sizeof *metadata);
 }
 
+#ifdef TAXEL_BOOT_ONE_SLOT
+/* Record that no image may start: none is confirmed or pending, and none has a try. Called before the only slot is
+ * overwritten, so that an image that is not completely written never starts. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
+int taxel_boot_metadata_forget(const struct taxel_boot_flash *flash)
+{
+    static const struct taxel_boot_metadata none = {TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_SLOT_NONE, {0, 0}};
+    return taxel_boot_metadata_write(flash, &none);
+}
+#endif
+
 /* Make the image in `slot` the pending one, which is started next, with its full number of tries; for the confirmed
  * slot, make none pending. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot)

@@ -19,7 +19,7 @@ uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct 
                                           uint8_t *reply)
 {
     const uint8_t slot = packet->data[0];
-    if (slot > 1u) {
+    if (slot >= TAXEL_BOOT_SLOTS) {
         return TAXEL_BOOT_STATUS_APPLICATION;
     }
     reply[0] = taxel_boot_image(&boot->config->flash, slot) == NULL;

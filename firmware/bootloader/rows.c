@@ -60,6 +60,11 @@ static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet
     if (!is_in_slot(boot, target, row)) {
         return is_in_slot(boot, target ^ 1u, row) ? TAXEL_BOOT_STATUS_ACTIVE : TAXEL_BOOT_STATUS_ROW_PROTECTED;
     }
+#ifdef TAXEL_BOOT_ONE_SLOT
+    if (!boot->programmed && taxel_boot_metadata_forget(&boot->config->flash)) {
+        return TAXEL_BOOT_STATUS_VERIFY;
+    }
+#endif
     boot->programmed = true;
     return taxel_boot_write_row(&boot->config->flash, row, boot->row) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
 }

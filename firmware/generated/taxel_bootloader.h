@@ -6,16 +6,12 @@
 
 #define TAXEL_BOOT_VERSION 1u
 #define TAXEL_BOOT_ROW_SIZE 128u
-#define TAXEL_BOOT_ROW_COUNT 256u
 #define TAXEL_BOOT_BOOTLOADER_ROWS 32u
-#define TAXEL_BOOT_CONFIGURATION_ROW 252u
-#define TAXEL_BOOT_METADATA_ROW 254u
 #define TAXEL_BOOT_SLOT_NONE 255u
 #define TAXEL_BOOT_TRIES 3u
 #define TAXEL_BOOT_DEFAULT_ADDRESS 119u
 #define TAXEL_BOOT_LISTEN_US 0x000186A0u
 #define TAXEL_BOOT_GAP_US 50000u
-#define TAXEL_BOOT_SILICON_ID 0x04C81193u
 #define TAXEL_BOOT_PACKET_START 1u
 #define TAXEL_BOOT_PACKET_END 23u
 #define TAXEL_BOOT_PACKET_OVERHEAD 7u
@@ -25,10 +21,27 @@
 #define TAXEL_BOOT_METADATA_MAGIC 0x4D4C5854u
 #define TAXEL_BOOT_CONFIGURATION_MAGIC 0x434C5854u
 
-/* X(device, first row of slot A, first row of slot B, rows of a slot) */
+/* Constants of the part. TAXEL_BOOT_ONE_SLOT: a part with 16 KiB of flash, which has slot A only.
+ *
+ * TAXEL_BOOT_LAYOUTS: X(device, first row of slot A, first row of slot B, rows of a slot) */
+#ifdef TAXEL_BOOT_ONE_SLOT
+#define TAXEL_BOOT_SLOTS 1u
+#define TAXEL_BOOT_ROW_COUNT 128u
+#define TAXEL_BOOT_CONFIGURATION_ROW 124u
+#define TAXEL_BOOT_METADATA_ROW 126u
+#define TAXEL_BOOT_SILICON_ID 0x04FA1193u
+#define TAXEL_BOOT_LAYOUTS(X) \
+    X(BOARD_16K, 32u, 32u, 92u)
+#else
+#define TAXEL_BOOT_SLOTS 2u
+#define TAXEL_BOOT_ROW_COUNT 256u
+#define TAXEL_BOOT_CONFIGURATION_ROW 252u
+#define TAXEL_BOOT_METADATA_ROW 254u
+#define TAXEL_BOOT_SILICON_ID 0x04C81193u
 #define TAXEL_BOOT_LAYOUTS(X) \
     X(BOARD, 32u, 128u, 96u) \
     X(HUB, 32u, 136u, 104u)
+#endif
 
 enum taxel_boot_command {
     TAXEL_BOOT_COMMAND_VERIFY_APPLICATION = 0x31,
@@ -71,6 +84,7 @@ enum taxel_boot_status {
 enum taxel_boot_device {
     TAXEL_BOOT_DEVICE_BOARD = 0x01,
     TAXEL_BOOT_DEVICE_HUB = 0x02,
+    TAXEL_BOOT_DEVICE_BOARD_16K = 0x03,
 };
 
 enum taxel_boot_checksum {

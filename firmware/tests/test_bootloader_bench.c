@@ -14,7 +14,7 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     const struct taxel_boot_layout *const layout = bench->config.flash.layout;
     const bool is_record = row >= TAXEL_BOOT_CONFIGURATION_ROW && row < TAXEL_BOOT_METADATA_ROW + 2u;
     bool is_in_free_slot = false;
-    for (unsigned slot = 0; slot < 2; slot++) {
+    for (unsigned slot = 0; slot < TAXEL_BOOT_SLOTS; slot++) {
         is_in_free_slot |= slot != bench->confirmed && row >= layout->first_rows[slot] &&
                            row < layout->first_rows[slot] + layout->slot_rows;
     }
@@ -50,7 +50,7 @@ static void on_start(void *context, uint32_t vectors)
 {
     struct bench *const bench = context;
     const struct taxel_boot_layout *const layout = bench->config.flash.layout;
-    for (uint8_t slot = 0; slot < 2; slot++) {
+    for (uint8_t slot = 0; slot < TAXEL_BOOT_SLOTS; slot++) {
         if (vectors == layout->first_rows[slot] * TAXEL_BOOT_ROW_SIZE + TAXEL_BOOT_IMAGE_HEADER_SIZE) {
             bench->running = slot;
         }

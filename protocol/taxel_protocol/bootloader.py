@@ -48,6 +48,10 @@ BOOT_GAP_US = 50_000
 BOOT_SILICON_ID = 0x04C81193
 """Silicon id of a CY8C4245AXI-483."""
 
+BOOT_SILICON_ID_16K = 0x04FA1193
+"""Silicon id that a bootloader for 16 KiB of flash reports: that of a CY8C4244AXI-443. The id of the CY8C4244AZI-443 in
+the 48-TQFP package is not published (confirm)."""
+
 BOOT_PACKET_START = 0x01
 BOOT_PACKET_END = 0x17
 BOOT_PACKET_OVERHEAD = 7
@@ -102,10 +106,14 @@ class BootStatus(IntEnum):
 
 
 class BootDevice(IntEnum):
-    """Device on which a firmware image runs."""
+    """Device on which a firmware image runs.
+
+    BOARD_16K: a sensor board whose part has 16 KiB of flash, with one slot.
+    """
 
     BOARD = 1
     HUB = 2
+    BOARD_16K = 3
 
 
 class BootChecksum(IntEnum):
@@ -244,19 +252,33 @@ WriteConfigurationArguments = Struct(
 
 @dataclass(frozen=True)
 class FlashLayout:
-    """Position of the slots A and B for firmware images in flash.
+    """Use of the flash rows of a device.
 
-    first_rows: first row of each slot. slot_rows: rows of each slot.
+    first_rows: first row of each slot for a firmware image, of A and of B; a part with 16 KiB has slot A only.
+    slot_rows: rows of each slot. row_count: rows of the flash; the last four contain configuration and metadata.
+    silicon_id: the id that the bootloader reports.
     """
 
     device: BootDevice
-    first_rows: tuple[int, int]
+    first_rows: tuple[int, ...]
     slot_rows: int
+    row_count: int = BOOT_ROW_COUNT
+    silicon_id: int = BOOT_SILICON_ID
 
     @property
     def slot_size(self) -> int:
         """Return the number of bytes of a slot."""
         return self.slot_rows * BOOT_ROW_SIZE
+
+    @property
+    def configuration_row(self) -> int:
+        """Return the first of the two rows of the configuration record."""
+        return self.row_count - 4
+
+    @property
+    def metadata_row(self) -> int:
+        """Return the first of the two rows of the metadata record."""
+        return self.row_count - 2
 
     def slot_address(self, slot: int) -> int:
         """Return the flash address of a slot's first byte."""
@@ -266,5 +288,7 @@ class FlashLayout:
 LAYOUTS = {
     BootDevice.BOARD: FlashLayout(BootDevice.BOARD, (32, 128), 96),
     BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 136), 104),
+    BootDevice.BOARD_16K: FlashLayout(BootDevice.BOARD_16K, (32,), 92, 128, BOOT_SILICON_ID_16K),
 }
-"""Flash layout of each device: 12 KiB slots on a board, 13 KiB on the hub."""
+"""Flash layout of each device: two slots of 12 KiB on a board, two of 13 KiB on the hub, one of 11.5 KiB on a board
+with 16 KiB of flash."""

@@ -12,9 +12,12 @@ def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, in
     """Build a firmware image with its header for a slot of a board or hub.
 
     content: program that begins with the vector table; padded with zeros to a multiple of 4 bytes. kind: type of the
-    image. Raises ValueError if the image does not fit the slot.
+    image. Raises ValueError if the device has no such slot or the image does not fit the slot.
     """
     layout = LAYOUTS[device]
+    if slot >= len(layout.first_rows):
+        letters = " and ".join("AB"[: len(layout.first_rows)])
+        raise ValueError(f"a device {device.name.lower()} has slots {letters}, not slot {slot}")
     header_size = 32
     padded = content + bytes(-len(content) % 4)
     if len(padded) < 8 or header_size + len(padded) > layout.slot_size:

@@ -52,18 +52,26 @@ def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in ENUMS[name]}
 
 
-@pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB)])
+@pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB), (3, BootDevice.BOARD_16K)])
 def test_flash_table_of_the_spec_equals_the_layouts(column: int, device: BootDevice) -> None:
     layout = boot.LAYOUTS[device]
     rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in read_table("layouts")}
     ends = [first + layout.slot_rows - 1 for first in layout.first_rows]
     assert rows["bootloader"] == [0, boot.BOOT_BOOTLOADER_ROWS - 1]
-    assert rows["slot A"] == [layout.first_rows[0], ends[0]]
-    assert rows["slot B"] == [layout.first_rows[1], ends[1]]
-    assert rows["reserved"] == [ends[1] + 1, boot.BOOT_CONFIGURATION_ROW - 1]
-    assert rows["configuration"] == [boot.BOOT_CONFIGURATION_ROW, boot.BOOT_CONFIGURATION_ROW + 1]
-    assert rows["metadata"] == [boot.BOOT_METADATA_ROW, boot.BOOT_ROW_COUNT - 1]
-    assert layout.slot_size == {BootDevice.BOARD: 12, BootDevice.HUB: 13}[device] * 1024
+    slots = [rows["slot A"], rows["slot B"]]
+    assert [slot for slot in slots if slot] == [list(slot) for slot in zip(layout.first_rows, ends, strict=True)]
+    reserved = [ends[-1] + 1, layout.configuration_row - 1]
+    assert rows["reserved"] == (reserved if reserved[0] <= reserved[1] else [])
+    assert rows["configuration"] == [layout.configuration_row, layout.configuration_row + 1]
+    assert rows["metadata"] == [layout.metadata_row, layout.row_count - 1]
+    sizes_kib = {BootDevice.BOARD: 12, BootDevice.HUB: 13, BootDevice.BOARD_16K: 11.5}
+    assert layout.slot_size == sizes_kib[device] * 1024
+
+
+@pytest.mark.parametrize("device", [BootDevice.BOARD, BootDevice.HUB])
+def test_records_of_a_part_with_32_kib_are_in_the_rows_of_the_constants(device: BootDevice) -> None:
+    layout = boot.LAYOUTS[device]
+    assert (layout.configuration_row, layout.metadata_row) == (boot.BOOT_CONFIGURATION_ROW, boot.BOOT_METADATA_ROW)
 
 
 def test_generated_files_are_not_stale() -> None:
@@ -122,8 +130,10 @@ def test_a_packet_holds_at_most_57_data_bytes() -> None:
         build_packet(BootCommand.SEND_DATA, bytes(58))
 
 
-@pytest.mark.parametrize("device", list(BootDevice))
-@pytest.mark.parametrize("slot", [0, 1])
+@pytest.mark.parametrize(
+    ("device", "slot"),
+    [(device, slot) for device in BootDevice for slot in range(len(boot.LAYOUTS[device].first_rows))],
+)
 def test_an_image_has_a_matching_header(device: BootDevice, slot: int) -> None:
     content = random.Random(SEED).randbytes(333)
     data = build_image(device, slot, 5, (1, 2, 3), content)
@@ -135,6 +145,11 @@ def test_an_image_has_a_matching_header(device: BootDevice, slot: int) -> None:
     assert (header["device"], header["slot"], header["kind"]) == (device, slot, 5)
     parsed = boot.ImageHeader.parse(data)
     assert (parsed.version_major, parsed.version_minor, parsed.version_patch) == (1, 2, 3)
+
+
+def test_an_image_for_slot_b_of_a_device_with_one_slot_is_rejected() -> None:
+    with pytest.raises(ValueError, match="a device board_16k has slots A, not slot 1"):
+        build_image(BootDevice.BOARD_16K, 1, 0, (1, 2, 3), bytes(64))
 
 
 def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:

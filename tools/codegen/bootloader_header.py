@@ -39,17 +39,56 @@ STRUCTS = {
 ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, boot.BootStay)
 
 
+PART_CONSTANTS = (
+    "BOOT_ROW_COUNT",
+    "BOOT_CONFIGURATION_ROW",
+    "BOOT_METADATA_ROW",
+    "BOOT_SILICON_ID",
+    "BOOT_SILICON_ID_16K",
+)
+
+
+def _format_number(value: int) -> str:
+    """Format a constant for C: large numbers in hexadecimal."""
+    return f"{value if value < 2**16 else f'0x{value:08X}'}u"
+
+
+def _format_part(layouts: list[boot.FlashLayout]) -> list[str]:
+    """Format the constants of a part, and the table of the flash layouts of the devices with this part."""
+    first = layouts[0]
+    slots = len(first.first_rows)
+    names = {
+        "SLOTS": slots,
+        "ROW_COUNT": first.row_count,
+        "CONFIGURATION_ROW": first.configuration_row,
+        "METADATA_ROW": first.metadata_row,
+        "SILICON_ID": first.silicon_id,
+    }
+    lines = [f"#define TAXEL_BOOT_{name} {_format_number(value)}" for name, value in names.items()]
+    rows = [
+        f"    X({layout.device.name}, {layout.first_rows[0]}u, {layout.first_rows[-1]}u, {layout.slot_rows}u)"
+        for layout in layouts
+    ]
+    return [*lines, "#define TAXEL_BOOT_LAYOUTS(X) \\", " \\\n".join(rows)]
+
+
 def format_header() -> str:
     """Format the C header of the bootloader: constants, names, the table of flash layouts, packed structs."""
     lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
     lines += ['#include "generated/taxel_protocol.h"', ""]
     for name, value in vars(boot).items():
-        if name.startswith("BOOT_"):
-            lines.append(f"#define TAXEL_{name} {value if value < 2**16 else f'0x{value:08X}'}u")
-    lines += ["", "/* X(device, first row of slot A, first row of slot B, rows of a slot) */"]
-    lines.append("#define TAXEL_BOOT_LAYOUTS(X) \\")
-    rows = [f"    X({d.name}, {s.first_rows[0]}u, {s.first_rows[1]}u, {s.slot_rows}u)" for d, s in boot.LAYOUTS.items()]
-    lines += [" \\\n".join(rows), ""]
+        if name.startswith("BOOT_") and name not in PART_CONSTANTS:
+            lines.append(f"#define TAXEL_{name} {_format_number(value)}")
+    one_slot = boot.LAYOUTS[boot.BootDevice.BOARD_16K]
+    two_slots = [layout for layout in boot.LAYOUTS.values() if layout is not one_slot]
+    lines += [
+        "",
+        "/* Constants of the part. TAXEL_BOOT_ONE_SLOT: a part with 16 KiB of flash, which has slot A only.",
+        " *",
+    ]
+    lines += [" * TAXEL_BOOT_LAYOUTS: X(device, first row of slot A, first row of slot B, rows of a slot) */"]
+    lines += ["#ifdef TAXEL_BOOT_ONE_SLOT", *_format_part([one_slot])]
+    lines += ["#else", *_format_part(two_slots), "#endif", ""]
     for enum in ENUMS:
         lines += format_enumeration(enum)
     for name, definition in STRUCTS.items():

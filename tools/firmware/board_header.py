@@ -217,6 +217,23 @@ def format_version_lines() -> list[str]:
     return [f"#define BOARD_VERSION_{name} {part}u" for name, part in zip(names, VERSION.split("."), strict=True)]
 
 
+def find_kind(path: str, sensor: dict[str, Any], kinds: list[BoardKind]) -> BoardKind:
+    """Return the board kind that the table [sensor] of a pins file names. Raises PinsError."""
+    matching = [kind for kind in kinds if kind.name == sensor.get("kind")]
+    if not matching:
+        raise PinsError(path, "sensor.kind", "a kind of the hands", repr(sensor.get("kind")))
+    return matching[0]
+
+
+def read_kind_code(pins: Path) -> int:
+    """Return the code of the board kind of a pins file for one kind.
+
+    Raises PinsError, HandDescriptionError, OSError.
+    """
+    document = read_document(pins)
+    return find_kind(pins.name, document.get("sensor", {}), list_kinds_of_hands(document.get("hands", []))).code
+
+
 def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], out: Path) -> None:
     """Write the C files of one device of the original hardware: board_pins.h, and for a sensor board kinds.c.
 
@@ -245,10 +262,8 @@ def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], 
         return
     sensor = document["sensor"]
     check_table(path, "sensor", sensor, TWO_CAPACITORS)
-    matching = [kind for kind in kinds if kind.name == sensor.get("kind")]
-    if not matching:
-        raise PinsError(path, "sensor.kind", "a kind of the hands", repr(sensor.get("kind")))
-    text, kind = format_original_sensor_lines(path, sensor, document.get("scan", {}), matching[0])
+    described = find_kind(path, sensor, kinds)
+    text, kind = format_original_sensor_lines(path, sensor, document.get("scan", {}), described)
     lines = [
         "#define BOARD_BUS_SCB 0",
         f"#define BOARD_TAXELS_MAX {kind.taxel_count}u",
@@ -270,16 +285,20 @@ def format_kinds_source(kinds: list[BoardKind]) -> str:
     return "\n".join([*body, f"const uint8_t kind_count = {len(kinds)};", ""])
 
 
+def read_document(pins: Path) -> dict[str, Any]:
+    """Read a pins file. Raises PinsError if the file is not valid TOML, OSError."""
+    try:
+        return tomllib.loads(pins.read_text())
+    except ValueError as error:
+        raise PinsError(pins.name, "file", "TOML", str(error).splitlines()[0]) from None
+
+
 def write_all(pins: Path, out: Path) -> None:
     """Write the C files with pins and board kinds to the folder `out`. pins: path of pins.toml.
 
     Raises PinsError, HandDescriptionError, OSError.
     """
-    path = pins.name
-    try:
-        document = tomllib.loads(pins.read_text())
-    except ValueError as error:
-        raise PinsError(path, "file", "TOML", str(error).splitlines()[0]) from None
+    path, document = pins.name, read_document(pins)
     if "part" in document:
         kinds = list_kinds_of_hands(document.get("hands", []))
         if not kinds:

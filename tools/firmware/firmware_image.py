@@ -5,6 +5,8 @@
 Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with complete headers, the manifest DIR/NAME.toml of both, and
 DIR/NAME-factory.hex for a programmer with the bootloader and the image of slot A; and a signature (.sig) of each image
 and of the factory file, with the private key --key or the development key. The same input gives the same bytes.
+A board with 16 KiB of flash has no slot B: without --slot-b. --pins: the image is for one kind of board, that of the
+pins file.
 """
 
 import argparse
@@ -15,6 +17,7 @@ import sys
 from pathlib import Path
 from typing import Final, NoReturn
 
+from board_header import read_kind_code
 from firmware_elf import LinkedImage, read_linked_image
 
 from taxel.errors import TaxelError
@@ -78,14 +81,19 @@ def _check_vectors(linked: LinkedImage, offset: int) -> None:
         _fail(linked.path, "reset vector", expected, f"0x{reset:08X}", "correct the vector table")
 
 
-def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
+def build_slot_image(
+    linked: LinkedImage, slot: int, version: tuple[int, int, int], kind: int = ANY_KIND
+) -> FirmwareImage:
     """Build a firmware image with a complete header from a linked image.
 
-    Raises FirmwareFileError if it is not linked for this slot.
+    kind: code of the only kind of board on which the image runs; 0: any. Raises FirmwareFileError if it is not linked
+    for this slot.
     """
     device = _read_device(linked)
     layout = LAYOUTS[device]
     linked_slot = linked.symbol("image_slot")
+    if slot >= len(layout.first_rows):
+        _fail(linked.path, "slot", f"slot A, the only one of a {device.name.lower()}", "slot B", "omit --slot-b")
     if linked_slot != slot or linked.address != layout.slot_address(slot):
         place = f"slot {format_slot(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
         _fail(linked.path, "address", place, f"0x{linked.address:X}", "pass the images in the order A, B")
@@ -93,17 +101,18 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
         _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it again")
     _check_vectors(linked, HEADER_SIZE)
     try:
-        data = build_image(device, slot, ANY_KIND, version, linked.content[HEADER_SIZE:])
+        data = build_image(device, slot, kind, version, linked.content[HEADER_SIZE:])
     except ValueError as error:
         _fail(linked.path, "size", f"at most {layout.slot_size} bytes", str(error), "reduce its size")
     return parse_image(data, linked.path)
 
 
 def _read_device(linked: LinkedImage) -> BootDevice:
-    """Return whether a linked image is for a board or for the hub, from its symbol `image_device`."""
+    """Return the device of a linked image, from its symbol `image_device`."""
     value = linked.symbol("image_device")
     if value not in LAYOUTS:
-        _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it again")
+        expected = ", ".join(f"{device:d} ({device.name.lower()})" for device in BootDevice)
+        _fail(linked.path, "image_device", expected, str(value), "link it again")
     return BootDevice(value)
 
 
@@ -138,24 +147,26 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
 
 def write_images(
     bootloader: Path,
-    slots: tuple[Path, Path],
+    slots: tuple[Path, ...],
     name: str,
     out: Path,
     version_file: Path = VERSION_FILE,
     key_file: Path | None = None,
+    kind: int = ANY_KIND,
 ) -> None:
     """Write all firmware files of one device: images, manifest, factory file, and their signatures.
 
-    slots: linked images of slots A and B. name: prefix of the file names. key_file: private key of the signatures;
-    None: the development key, which only emulated devices accept. Raises FirmwareFileError, OSError; no usable manifest
+    slots: linked images of slots A and B; of slot A for a device with one slot. name: prefix of the file names.
+    key_file: private key of the signatures; None: the development key, which only emulated devices accept. kind: code
+    of the only kind of board on which the images run; 0: any. Raises FirmwareFileError, OSError; no usable manifest
     remains after an error.
     """
     version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)
     boot = read_bootloader(boot_file)
     linked = [read_linked_image(path) for path in slots]
-    images = [build_slot_image(file, slot, version) for slot, file in enumerate(linked)]
-    for other in (boot_file, linked[1]):
+    images = [build_slot_image(file, slot, version, kind) for slot, file in enumerate(linked)]
+    for other in (boot_file, *linked[1:]):
         if _read_device(other) != images[0].device:
             device = images[0].device.name.lower()
             _fail(
@@ -206,14 +217,17 @@ def main() -> int:
     After a one-line error message the exit status is 1.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
+    for option in ("--bootloader", "--slot-a", "--out"):
         parser.add_argument(option, type=Path, required=True)
+    parser.add_argument("--slot-b", type=Path, help="omitted for a device with one slot")
+    parser.add_argument("--pins", type=Path, help="pins file of the only kind of board; default: any kind")
     parser.add_argument("--name", required=True, help="prefix of the file names")
     parser.add_argument("--key", type=Path, help="private key of the signatures; default: the development key")
     options = parser.parse_args()
     try:
-        slots = options.slot_a, options.slot_b
-        write_images(options.bootloader, slots, options.name, options.out, key_file=options.key)
+        slots = tuple(path for path in (options.slot_a, options.slot_b) if path)
+        kind = read_kind_code(options.pins) if options.pins else ANY_KIND
+        write_images(options.bootloader, slots, options.name, options.out, key_file=options.key, kind=kind)
     except (TaxelError, OSError) as error:
         print(f"firmware_image: {error}", file=sys.stderr)
         return 1

@@ -30,6 +30,8 @@ ORIGINAL_KINDS: Final = ("palm", "back_of_hand", "finger_tip", "finger_big", "fi
 IMAGES: Final = (
     *("bootloader-board", "bootloader-hub", "board-a", "board-b", "hub-a", "hub-b"),
     *(f"original-{kind}" for kind in ORIGINAL_KINDS),
+    "bootloader-one-slot",
+    *(f"one-slot-{kind}" for kind in ORIGINAL_KINDS[:-1]),
 )
 PORT: Final = Path(__file__).parents[2] / "firmware" / "boards" / "psoc4200"
 RAM_BEGIN: Final = 0x20000000
@@ -41,7 +43,8 @@ PAGE: Final = """# Size of the images
 
 This page lists the flash, RAM and cycles that each firmware image needs. It is written by `make size` from the linked
 images for the CY8C4245AXI-483, and for the CY8C4244AZI-443 (16 KiB of flash) of the original boards and hub
-(`original-...`, [migrate-original-boards.md](migrate-original-boards.md)). Sizes are in bytes.
+(`original-...` without this project's bootloader, `one-slot-...` with it,
+[migrate-original-boards.md](migrate-original-boards.md)). Sizes are in bytes.
 
 - *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables; and the
   fault record of an application, at its own address between variables and stack.

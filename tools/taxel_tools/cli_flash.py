@@ -13,7 +13,7 @@ from taxel_tools.cli_flash_checks import confirm_downgrades, require_signature
 from taxel_tools.cli_flash_hub import flash_hub, is_hub_update
 from taxel_tools.cli_flash_swd import flash_swd
 from taxel_tools.files import Firmware, format_slot, load_firmware
-from taxel_tools.firmware_update import Outcome, Progress, format_version, parse_version, update_board
+from taxel_tools.firmware_update import Outcome, Progress, format_version, has_one_slot, parse_version, update_board
 from taxel_tools.open_wire import open_wire, reject_original_hub
 from taxel_tools.scan import BusDevice, scan_bus
 from taxel_tools.scheduler import run_all
@@ -43,7 +43,8 @@ def flash_command(
     """Write firmware to boards or to the hub: several boards at once, read back, started and confirmed.
 
     Only the slot that is not in use is written. A board whose new image does not confirm itself returns to the previous
-    image by itself. An interrupted update is resumed by running the command again. A file for the hub is written to the
+    image by itself. A board with 16 KiB of flash has one slot: the update overwrites the image in use. An interrupted
+    update is resumed by running the command again. A file for the hub is written to the
     hub over its UART. Use --swd for a board without a bootloader. Each file needs a signature of a trusted key in a
     file with the suffix .sig beside it (taxel sign); emulated boards also accept the development key.
 
@@ -133,10 +134,15 @@ def _announce(
     rows = max(len(image.rows()) for image in firmware.images)
     version = format_version(firmware.version)
     verb = "would be written" if dry_run else "will be written"
+    target = "over the only image" if has_one_slot(firmware.device) else "to the free slot"
     console.print(
-        f"{count_boards(len(addresses))}: {rows} rows of version {version} (slot {slots}) {verb} to the free slot of "
+        f"{count_boards(len(addresses))}: {rows} rows of version {version} (slot {slots}) {verb} {target} of "
         "each board; each board restarts twice and does not measure meanwhile"
     )
+    if has_one_slot(firmware.device):
+        console.print(
+            "keep the power on: a board whose update is interrupted has no application until the command is repeated"
+        )
     for address in addresses:
         console.print(f"  0x{address:02X}  {devices[address].version or 'bootloader'} -> {version}")
 

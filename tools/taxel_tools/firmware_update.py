@@ -18,6 +18,11 @@ the bootloader waits for a host."""
 CONFIRM_TIMEOUT_S: Final = 10.0
 CONFIRM_WRITE_S: Final = 0.05
 VERSION_PARTS: Final = 3
+DEVICE_TEXTS: Final[dict[int, str]] = {
+    BootDevice.BOARD: "a sensor board with 32 KiB of flash",
+    BootDevice.HUB: "the hub",
+    BootDevice.BOARD_16K: "a sensor board with 16 KiB of flash",
+}
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,7 @@ class _Update:
             yield from self.session.exit()
             raise
         if image is None:
-            return (yield from self._leave_unchanged(before, 1 - info.target, start_s))
+            return (yield from self._leave_unchanged(before, find_used_slot(info), start_s))
         yield from self._program(image)
         yield from self._start_image(image, before)
         self.report(Progress(self.address, "done", self._count_rows(image), self._count_rows(image)))
@@ -137,11 +142,11 @@ class _Update:
         """
         firmware = self.firmware
         if info.device != firmware.device:
-            names = {BootDevice.BOARD: "a sensor board", BootDevice.HUB: "the hub"}
+            found = DEVICE_TEXTS.get(info.device, f"unknown ({info.device})")
             raise BoardError(
                 self.address,
-                f"the device is {names.get(BootDevice(info.device))}, but {firmware.source} is for "
-                f"{names[firmware.device]}; use the file for this device",
+                f"the device is {found}, but {firmware.source} is for {DEVICE_TEXTS[firmware.device]}; use the file "
+                "for this device",
             )
         if firmware.kind and info.kind and info.kind != firmware.kind:
             raise BoardError(
@@ -160,7 +165,7 @@ class _Update:
             return
         running: tuple[int, ...]
         if before is None:
-            metadata = yield from self.session.read_metadata(1 - info.target)
+            metadata = yield from self.session.read_metadata(find_used_slot(info))
             running = _decode_version(metadata["application_version"]) if metadata is not None else ()
         else:
             running = before
@@ -174,7 +179,7 @@ class _Update:
 
     def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
         """Return whether the slot in use is confirmed and already contains the image of this update."""
-        used_slot = 1 - info.target
+        used_slot = find_used_slot(info)
         metadata = yield from self.session.read_metadata(used_slot)
         image = self.firmware.select_image_for(used_slot)
         is_confirmed = info.confirmed == used_slot
@@ -251,7 +256,8 @@ class _Update:
         info = yield from self.session.read_info()
         yield from self.session.exit()
         if info.confirmed != image.slot:
-            problem = f"the new image has not confirmed itself; the {device_name} returns to the previous image"
+            end = "stays in its bootloader" if has_one_slot(image.device) else "returns to the previous image"
+            problem = f"the new image has not confirmed itself; the {device_name} {end}"
             raise BoardError(self.address, problem)
         if (yield from self.target.wait_for_application(START_TIMEOUT_S)) is None:
             raise BoardError(self.address, "the confirmed image does not answer after a restart; cycle the power")
@@ -274,6 +280,16 @@ class _Update:
                 f"{format_version(found)}; do not use this file"
             )
             raise BoardError(self.address, problem)
+
+
+def has_one_slot(device: int) -> bool:
+    """Return whether a device has one slot only, which an update overwrites while no other image is stored."""
+    return device in LAYOUTS and len(LAYOUTS[BootDevice(device)].first_rows) == 1
+
+
+def find_used_slot(info: BootInfo) -> int:
+    """Return the slot of the image that the device runs: the other one than the target, or the only one."""
+    return info.target if has_one_slot(info.device) else 1 - info.target
 
 
 def format_version(version: Sequence[int] | None) -> str:

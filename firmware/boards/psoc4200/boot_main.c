@@ -16,7 +16,11 @@ static struct taxel_boot_uart wire;
 #else
 #include "boards/psoc4200/i2c_slave.h"
 static struct taxel_boot_i2c wire;
+#ifdef TAXEL_BOOT_ONE_SLOT
+#define LAYOUT taxel_boot_layout_board_16k
+#else
 #define LAYOUT taxel_boot_layout_board
+#endif
 #define wire_off i2c_slave_end
 #endif
 

@@ -19,6 +19,8 @@ static const struct taxel_boot_hal hal = {
 
 #if IMAGE_DEVICE == 2
 const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_hub};
+#elif defined TAXEL_BOOT_ONE_SLOT
+const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board_16k};
 #else
 const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board};
 #endif

@@ -77,7 +77,8 @@ def test_slot_b_of_a_hub_begins_at_another_row(make_image):
     [
         (lambda lines: [], "line 1: expected a header of 12 digits, found 0"),
         (lambda lines: ["04C81193"], "line 1: expected a header of 12 digits, found 8"),
-        (lambda lines: ["04A61193" + "0000", *lines[1:]], "expected silicon id 04C81193 (CY8C4245AXI-483), found 04A6"),
+        (lambda lines: ["04A61193" + "0000", *lines[1:]], "expected silicon id 04C81193 or 04FA1193, found 04A6"),
+        (lambda lines: ["04FA1193" + "0000", *lines[1:]], "expected silicon id 04C81193, found 04FA1193"),
         (lambda lines: ["04C811930009", *lines[1:]], "line 1: expected checksum kind 0 or 1, found 9"),
         (lambda lines: lines[:1], "file: expected rows after the header, found none"),
         (lambda lines: [*lines[:3], lines[3][:-2] + "00", *lines[4:]], "line 4: expected checksum "),

@@ -134,7 +134,7 @@ def test_every_stage_and_every_row_is_reported_as_progress(worlds, adapter, make
         ),
         (
             {"device": BootDevice.HUB},
-            "board 0x50: the device is a sensor board, but slot-a.bin and slot-b.bin is for the hub",
+            "board 0x50: the device is a sensor board with 32 KiB of flash, but slot-a.bin and slot-b.bin is",
         ),
     ],
 )

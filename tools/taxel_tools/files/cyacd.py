@@ -2,7 +2,7 @@
 
 from typing import Final, NoReturn
 
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, BOOT_SILICON_ID, BootChecksum
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, LAYOUTS, BootChecksum
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage
 from taxel_tools.files.rows import build_image
@@ -21,15 +21,19 @@ def read_cyacd(text: str, source: str) -> FirmwareImage:
     """
     lines = text.splitlines()
     silicon_id = _read_header(lines[0] if lines else "", source)
-    if silicon_id != BOOT_SILICON_ID:
-        _fail(
-            source,
-            "line 1",
-            f"silicon id {BOOT_SILICON_ID:08X} (CY8C4245AXI-483)",
-            f"{silicon_id:08X}",
-            "the file is for another processor; use the file for CY8C4245AXI-483",
-        )
-    return build_image(_read_rows(lines, source), source)
+    known_ids = {layout.silicon_id for layout in LAYOUTS.values()}
+    if silicon_id not in known_ids:
+        _fail_processor(source, known_ids, silicon_id)
+    image = build_image(_read_rows(lines, source), source)
+    if silicon_id != LAYOUTS[image.device].silicon_id:
+        _fail_processor(source, {LAYOUTS[image.device].silicon_id}, silicon_id)
+    return image
+
+
+def _fail_processor(source: str, expected_ids: set[int], silicon_id: int) -> NoReturn:
+    """Raise `FirmwareFileError` for a .cyacd file whose silicon id is that of another processor."""
+    expected = " or ".join(f"{known_id:08X}" for known_id in sorted(expected_ids))
+    _fail(source, "line 1", f"silicon id {expected}", f"{silicon_id:08X}", "the file is for another processor")
 
 
 def read_cyacd_rows(text: str, source: str) -> tuple[int, dict[int, bytes]]:
@@ -62,7 +66,7 @@ def _read_rows(lines: list[str], source: str) -> dict[int, tuple[bytes, str]]:
 
 def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = BootChecksum.SUM) -> str:
     """Format the text of a `.cyacd` file for `image`, whose slot begins at the flash row `first_row`."""
-    lines = [f"{BOOT_SILICON_ID:08X}00{checksum:02X}"]
+    lines = [f"{LAYOUTS[image.device].silicon_id:08X}00{checksum:02X}"]
     for index, data in enumerate(image.rows()):
         body = bytes([0]) + (first_row + index).to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
         lines.append(":" + (body + bytes([-sum(body) & 0xFF])).hex().upper())

@@ -59,7 +59,7 @@ class Firmware:
 
     @property
     def device(self) -> BootDevice:
-        """Device on which the firmware runs: board or hub."""
+        """Device on which the firmware runs."""
         return self.images[0].device
 
     @property
@@ -97,10 +97,12 @@ def parse_image(data: bytes, source: str, first_row: int | None = None) -> Firmw
     if fields["header_version"] != BOOT_VERSION:
         fail("image header version", str(BOOT_VERSION), str(fields["header_version"]), "update this program")
     if fields["device"] not in BootDevice._value2member_map_:
-        fail("image header device", "1 (board) or 2 (hub)", str(fields["device"]))
+        devices = ", ".join(f"{device:d} ({device.name.lower()})" for device in BootDevice)
+        fail("image header device", devices, str(fields["device"]))
     layout = LAYOUTS[BootDevice(fields["device"])]
-    if fields["slot"] > 1:
-        fail("image header slot", "0 (A) or 1 (B)", str(fields["slot"]))
+    if fields["slot"] >= len(layout.first_rows):
+        slots = " or ".join(f"{slot} ({format_slot(slot)})" for slot in range(len(layout.first_rows)))
+        fail("image header slot", slots, str(fields["slot"]))
     begin = layout.slot_address(fields["slot"])
     if first_row is not None and first_row * BOOT_ROW_SIZE != begin:
         fail(

@@ -37,7 +37,7 @@ IMAGES_MAX: Final = 2
 NAME_LENGTH_MAX: Final = 255
 """Largest number of characters of a file name; Linux permits 255 bytes."""
 KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
-DEVICE_NAMES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
+DEVICE_NAMES: Final = {device.name.lower(): device for device in BootDevice}
 
 ReadOne = Callable[[Path, bytes], FirmwareImage]
 
@@ -153,7 +153,7 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
     claims: dict[str, Any] = {}
     if "device" in entry:
         if not isinstance(entry["device"], str) or entry["device"] not in DEVICE_NAMES:
-            _fail(path, f"{field}.device", "board or hub", format_value(entry["device"]), "correct it")
+            _fail(path, f"{field}.device", " or ".join(DEVICE_NAMES), format_value(entry["device"]), "correct it")
         claims["device"] = DEVICE_NAMES[entry["device"]]
     if "kind" in entry:
         kind = entry["kind"]

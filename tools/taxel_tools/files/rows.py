@@ -6,7 +6,6 @@ from typing import Final
 from taxel_protocol.bootloader import (
     BOOT_BOOTLOADER_ROWS,
     BOOT_IMAGE_MAGIC,
-    BOOT_ROW_COUNT,
     BOOT_ROW_SIZE,
     LAYOUTS,
     BootDevice,
@@ -37,12 +36,11 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
     slots = {row: _find_slot(row, layout) for row in rows}
     for row, slot in sorted(slots.items()):
         if slot is None:
-            a, b = layout.first_rows
             raise FirmwareFileError(
                 source,
                 rows[row][1],
-                f"rows {a} to {a + layout.slot_rows - 1} or {b} to {b + layout.slot_rows - 1}",
-                f"row {row}, outside the slots" if row < BOOT_ROW_COUNT else f"row {row}, beyond the flash",
+                "rows " + " or ".join(f"{first} to {first + layout.slot_rows - 1}" for first in layout.first_rows),
+                f"row {row}, outside the slots" if row < layout.row_count else f"row {row}, beyond the flash",
                 "only the bootloader writes configuration and metadata; use the file of an application",
             )
     first = min(rows)
@@ -61,7 +59,7 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
 
 
 def _find_slot(row: int, layout: FlashLayout) -> int | None:
-    """Return the flash slot (0 or 1) that contains a row; None for a row outside the slots."""
+    """Return the flash slot that contains a row; None for a row outside the slots."""
     return next((slot for slot, first in enumerate(layout.first_rows) if 0 <= row - first < layout.slot_rows), None)
 
 
