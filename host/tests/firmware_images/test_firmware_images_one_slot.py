@@ -36,6 +36,8 @@ from taxel_tools.files import Firmware, load_firmware
 from taxel_tools.files.firmware import HEADER_SIZE, parse_image
 from taxel_tools.files.intel_hex import write_intel_hex
 from taxel_tools.firmware_update import update_board
+from taxel_tools.provision import provision
+from taxel_tools.provisioning_plan import Entry
 from taxel_tools.scheduler import run
 from taxel_tools.wires import SmbusWire
 
@@ -169,12 +171,18 @@ def test_after_a_power_cut_the_board_waits_for_the_repeated_update(build_folder,
     assert outcomes[1:3] == [None, None], "an image of which a row is missing does not start"
 
 
-def test_a_board_without_configuration_answers_at_the_default_address(build_folder):
-    """Factory state: `taxel provision` then stores address and kind."""
+def test_a_blank_board_receives_address_and_kind_and_then_measures(build_folder):
+    """A board in the state of the factory file answers at the default address until it is provisioned."""
     files = {"board.hex": build_folder / "images" / "one-slot" / "finger_small-factory.hex"}
-    text = format_board_world("finger_small", "original-finger_small")
+    text = format_board_world("finger_small", "original-finger_small") + "boot_listens 1\n"
+    kind = make_hand(("finger_small",)).boards[0].kind
     with VirtualWorld(text, "none", files=files) as world:
-        world.inject("hub_unplug")
-        world.run(0.5)
-        code, identity = world.transfer(BOOT_DEFAULT_ADDRESS, b"\0", 1)
-    assert (code, len(identity)) == (0, 1)
+        board = OneSlotBoard(world, "finger_small")
+        assert board.read_version() is None
+        entry = Entry(None, address=board.address, kind=kind.code)
+        found, changes = provision(board.wire, [BOOT_DEFAULT_ADDRESS], [entry])
+        assert (len(found), [change.address for change in changes]) == (1, [board.address])
+        assert board.read_version() == tuple(map(int, VERSION.split(".")))
+        executed = read_counts(world, "finger_small")
+    with VirtualWorld(format_board_world("finger_small", None), "none") as world:
+        assert executed == read_counts(world, "finger_small")
