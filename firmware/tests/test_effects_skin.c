@@ -94,6 +94,54 @@ static void a_smaller_slope_gives_a_larger_contact_patch(void)
     CHECK(mid > steep && gentle > mid);
 }
 
+/* Initialise the sheet of three taxels with sides of 4 mm in one row, whose centres are 5 mm and then 20 mm apart, and
+ * its state of an effect. */
+static void make_uneven_sheet(struct patch *patch, struct spread_state *state, const struct spread_effect *spread)
+{
+    static const uint8_t map[TAXEL_CROSSING_MAP_SIZE] = {0x7};
+    static const double across[] = {0.0, 0.005, 0.025};
+    struct taxel_pose poses[3];
+    for (int i = 0; i < 3; i++) {
+        poses[i] = (struct taxel_pose){
+            .position = {0.0, -across[i], 0.0},
+            .normal = {0.0, 0.0, 1.0},
+            .distal = {1.0, 0.0, 0.0},
+            .size = {0.004, 0.004},
+            .has_place = true,
+            .column = i,
+        };
+    }
+    CHECK_EQUAL(patch_init(patch, 1, 3, map, 3, poses), 0);
+    CHECK_EQUAL(spread_init(state, spread, patch), 0);
+}
+
+static void contact_spreads_by_the_distances_between_cells(void)
+{
+    /* the last column of cells of the second taxel, and the first columns of both neighbours */
+    const int last = CELLS_PER_TAXEL + CELLS_PER_SIDE - 1, next = 2 * CELLS_PER_TAXEL;
+    struct patch patch;
+    struct spread_state state;
+    const struct spread_effect pillars = {.form = SPREAD_PILLARS, .slope = 0.05, .strength = 1.0};
+    double compression[3 * CELLS_PER_TAXEL] = {0.0}, pressure[3 * CELLS_PER_TAXEL] = {0.0};
+    make_uneven_sheet(&patch, &state, &pillars);
+    compression[last] = 0.0004;
+    spread_compression(&state, &pillars, &patch, compression);
+    CHECK(fabs(compression[last - 1] - (0.0004 - 0.05 * 0.001)) < 1e-12);
+    CHECK(fabs(compression[CELLS_PER_SIDE - 1] - (0.0004 - 0.05 * 0.005)) < 1e-12);
+    CHECK(compression[next] == 0.0); /* 17 mm away; the compression falls to 0 within 8 mm */
+    spread_free(&state);
+    patch_free(&patch);
+
+    const struct spread_effect film = {.form = SPREAD_FILM, .length_m = 0.004, .strength = 1.0};
+    make_uneven_sheet(&patch, &state, &film);
+    pressure[last] = 1000.0;
+    spread_pressure(&state, &film, &patch, pressure);
+    CHECK(fabs(pressure[next] / pressure[last] - exp(-17.0 / 4.0)) < 1e-9);
+    CHECK(fabs(pressure[last - 1] / pressure[last] - exp(-1.0 / 4.0)) < 1e-9);
+    spread_free(&state);
+    patch_free(&patch);
+}
+
 static void forces_of_a_stimulus_spread_by_pillars(void)
 {
     bench_open(&bench, "spread pillars slope=0.05", -1);
@@ -418,6 +466,7 @@ int main(void)
     RUN(the_kernel_of_a_film_falls_to_1_over_e_at_its_length);
     RUN(pressure_does_not_spread_across_a_hole);
     RUN(a_smaller_slope_gives_a_larger_contact_patch);
+    RUN(contact_spreads_by_the_distances_between_cells);
     RUN(forces_of_a_stimulus_spread_by_pillars);
     RUN(a_solid_creeps_to_the_elastic_curve_and_recovers);
     RUN(rheology_is_independent_of_the_record_interval);

@@ -34,8 +34,21 @@ bool spread_is_on(const struct spread_effect *spread)
     return spread->strength != 0.0;
 }
 
-/* Convolve a row of cells with the kernel attenuation^distance, in one pass per direction. attenuation and `in` are 0
- * where the sheet has no cell, so nothing propagates across a gap. */
+/* Return the distance (metres) between the cells at two positions of the grid; infinite if one of them has no cell. */
+static double distance_between(const struct patch *patch, int row, int column, int other_row, int other_column)
+{
+    const bool is_inside = other_row >= 0 && other_column >= 0 && other_column < patch->grid_columns;
+    const int index = patch->cell_at[row * patch->grid_columns + column];
+    const int other = is_inside ? patch->cell_at[other_row * patch->grid_columns + other_column] : -1;
+    if (index < 0 || other < 0) {
+        return INFINITY;
+    }
+    const double *from = patch->cells[index].position, *to = patch->cells[other].position;
+    return hypot(hypot(to[0] - from[0], to[1] - from[1]), to[2] - from[2]);
+}
+
+/* Convolve a row of cells with a kernel that is multiplied by attenuation[i] between positions i - 1 and i, in one pass
+ * per direction. attenuation is 0 beside a position without a cell, so nothing propagates across a gap. */
 static void sum_row(const double *in, double *out, const double *attenuation, int columns)
 {
     double from_before = 0.0, from_after = 0.0;
@@ -44,13 +57,13 @@ static void sum_row(const double *in, double *out, const double *attenuation, in
         out[i] = from_before;
     }
     for (int i = columns - 1; i >= 0; i--) {
-        out[i] += attenuation[i] * from_after;
-        from_after = attenuation[i] * from_after + in[i];
+        out[i] += from_after;
+        from_after = attenuation[i] * (from_after + in[i]);
     }
 }
 
-/* Convolve every column of the grid with the kernel attenuation^distance, all columns at once, in one pass per
- * direction. attenuation and `in` are 0 where the sheet has no cell. */
+/* Convolve every column of the grid as sum_row() a row, all columns at once, in one pass per direction. attenuation[i]
+ * applies between position i and the position above it. */
 static void sum_columns(const double *in, double *out, const double *attenuation, int rows, int columns)
 {
     double from_after[GRID_MAX] = {0.0};
@@ -61,30 +74,44 @@ static void sum_columns(const double *in, double *out, const double *attenuation
     for (int row = rows - 1; row >= 0; row--) {
         for (int column = 0; column < columns; column++) {
             const int i = row * columns + column;
-            out[i] += attenuation[i] * from_after[column];
-            from_after[column] = attenuation[i] * from_after[column] + in[i];
+            out[i] += from_after[column];
+            from_after[column] = attenuation[i] * (from_after[column] + in[i]);
         }
     }
 }
 
-/* Allocate the grid of cells for the effect `spread pillars`. It has a margin of one position on every side, so
- * that every position has eight neighbours. Returns 0, or -1 if out of memory. */
-static int init_pillars(struct spread_state *state, const struct patch *patch)
+/* Allocate the grid of cells for the effect `spread pillars`, and compute the decrease of the compression between
+ * neighbouring cells. The grid has a margin of one position on every side, so that every position has eight neighbours.
+ * Returns 0, or -1 if out of memory. */
+static int init_pillars(struct spread_state *state, double slope, const struct patch *patch)
 {
-    const int width = patch->grid_columns + 2, grid_size = width * (patch->grid_rows + 2);
-    state->barrier = malloc((size_t)(2 * grid_size) * sizeof *state->barrier);
+    const int columns = patch->grid_columns, width = columns + 2, grid_size = width * (patch->grid_rows + 2);
+    state->value = malloc((size_t)(5 * grid_size) * sizeof *state->value);
     state->grid_index_of = malloc(patch->cell_count * sizeof *state->grid_index_of);
-    if (!state->barrier || !state->grid_index_of) {
+    if (!state->value || !state->grid_index_of) {
         return -1;
     }
-    state->value = state->barrier + grid_size;
-    for (int i = 0; i < grid_size; i++) {
-        state->barrier[i] = -INFINITY;
+    for (int i = 0; i < SPREAD_NEIGHBOURS; i++) {
+        state->decrease[i] = state->value + (i + 1) * grid_size;
     }
+    for (int i = 0; i < 5 * grid_size; i++) {
+        state->value[i] = INFINITY;
+    }
+    state->smallest_decrease = INFINITY;
     for (size_t i = 0; i < patch->cell_count; i++) {
-        const int row = patch->grid_of[i] / patch->grid_columns, column = patch->grid_of[i] % patch->grid_columns;
-        state->grid_index_of[i] = (row + 1) * width + column + 1;
-        state->barrier[state->grid_index_of[i]] = 0.0;
+        const int row = patch->grid_of[i] / columns, column = patch->grid_of[i] % columns;
+        const int index = (row + 1) * width + column + 1;
+        state->grid_index_of[i] = index;
+        const double distance[SPREAD_NEIGHBOURS] = {
+            [SPREAD_BEFORE] = distance_between(patch, row, column, row, column - 1),
+            [SPREAD_ABOVE] = distance_between(patch, row, column, row - 1, column),
+            [SPREAD_ABOVE_BEFORE] = distance_between(patch, row, column, row - 1, column - 1),
+            [SPREAD_ABOVE_AFTER] = distance_between(patch, row, column, row - 1, column + 1),
+        };
+        for (int k = 0; k < SPREAD_NEIGHBOURS; k++) {
+            state->decrease[k][index] = slope * distance[k];
+            state->smallest_decrease = fmin(state->smallest_decrease, state->decrease[k][index]);
+        }
     }
     return 0;
 }
@@ -100,7 +127,7 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
         return 0;
     }
     if (spread->form == SPREAD_PILLARS) {
-        return init_pillars(state, patch);
+        return init_pillars(state, spread->slope, patch);
     }
     state->attenuation = calloc(5u * (size_t)grid_size, sizeof *state->attenuation);
     if (!state->attenuation) {
@@ -111,8 +138,9 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
     state->along_column = state->along_row + grid_size;
     state->value = state->along_column + grid_size;
     for (int i = 0; i < grid_size; i++) {
-        state->attenuation[i] = patch->cell_at[i] >= 0 ? exp(-patch->step[1] / spread->length_m) : 0.0;
-        state->attenuation_down[i] = patch->cell_at[i] >= 0 ? exp(-patch->step[0] / spread->length_m) : 0.0;
+        const int row = i / columns, column = i % columns;
+        state->attenuation[i] = exp(-distance_between(patch, row, column, row, column - 1) / spread->length_m);
+        state->attenuation_down[i] = exp(-distance_between(patch, row, column, row - 1, column) / spread->length_m);
         state->value[i] = patch->cell_at[i] >= 0 ? 1.0 : 0.0;
     }
     for (int row = 0; row < rows; row++) {
@@ -130,8 +158,7 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
 /* Free the memory of the effect `spread` and clear its state. */
 void spread_free(struct spread_state *state)
 {
-    free(state->attenuation);
-    free(state->barrier);
+    free(state->attenuation ? state->attenuation : state->value); /* `film` has one block of memory for all arrays */
     free(state->grid_index_of);
     memset(state, 0, sizeof *state);
 }
@@ -170,67 +197,74 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Extend compressions from one row of cells to the next, by a chamfer pass: each position of `row` takes the larger of
- * its own compression and those of its three neighbours in row `from`, minus the slope times their distance. decrement:
- * slope times the distance between neighbours along a column (0) and along a row (1), metres. The barrier (-INFINITY)
- * removes values at positions without a cell. */
-static void grow_across(double *row, const double *from, const double *barrier, const double decrement[2], int columns)
+/* Extend compressions from one row of cells to the next, by a chamfer pass: each position of `row` takes the largest of
+ * its own compression and those of its three neighbours in row `from`, each minus its decrease: straight[i] from
+ * from[i], before[i] from from[i - 1], after[i] from from[i + 1], metres, infinite where one of the positions has no
+ * cell. */
+static void grow_across(double *row, const double *from, const double *straight, const double *before,
+                        const double *after, int columns)
 {
-    const double diagonal_decrement = hypot(decrement[0], decrement[1]);
     for (int i = 0; i < columns; i++) {
-        const double neighbour = from[i - 1] > from[i + 1] ? from[i - 1] : from[i + 1];
-        const double corner = neighbour - diagonal_decrement, straight = from[i] - decrement[0];
-        const double largest = corner > straight ? corner : straight;
-        row[i] = (largest > row[i] ? largest : row[i]) + barrier[i];
+        const double left = from[i - 1] - before[i], right = from[i + 1] - after[i], middle = from[i] - straight[i];
+        const double corner = left > right ? left : right;
+        const double largest = corner > middle ? corner : middle;
+        row[i] = largest > row[i] ? largest : row[i];
     }
 }
 
 /* Extend compressions along one row of cells, by a chamfer pass in direction +1 or -1: each position takes the larger
- * of its own compression and that of the position before it minus `decrement`. Returns whether the row can raise the
- * next row: whether a compression exceeds `smallest`, the smaller decrement of rows and columns. */
-static bool grow_along(double *row, const double *barrier, double decrement, double smallest, int columns,
-                       int direction)
+ * of its own compression and that of the position before it minus the decrease, which is decrease[i] between positions
+ * i - 1 and i. Returns whether the row can raise the next row: whether a compression exceeds `smallest`, the smallest
+ * decrease between two cells. */
+static bool grow_along(double *row, const double *decrease, double smallest, int columns, int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;
+    const double *const hop = direction > 0 ? decrease : decrease + 1;
     bool can_grow = false;
     for (int n = 0, i = first; n < columns; n++, i += direction) {
         /* The condition is rarely true: branch prediction avoids waiting for the previous position. */
-        if (row[i - direction] - decrement > row[i]) {
-            row[i] = row[i - direction] - decrement + barrier[i];
+        if (row[i - direction] - hop[i] > row[i]) {
+            row[i] = row[i - direction] - hop[i];
         }
         can_grow |= row[i] > smallest;
     }
     return can_grow;
 }
 
-/* Form `pillars`: extend the compression (metres) of each cell to its surroundings, falling by `slope` with distance.
- * Two chamfer passes, forward and backward, over the grid of cells; rows without a compression that can raise a
- * neighbour are skipped. */
+/* Form `pillars`: extend the compression (metres) of each cell to its surroundings, falling by `slope` with the
+ * distance. Two chamfer passes, forward and backward, over the grid of cells; rows without a compression that can raise
+ * a neighbour are skipped. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, width = columns + 2;
-    const double decrement[2] = {spread->slope * patch->step[0], spread->slope * patch->step[1]};
-    const double smallest = fmin(decrement[0], decrement[1]);
+    const double smallest = state->smallest_decrease;
     bool can_grow[GRID_MAX + 2] = {false};
-    if (!state->barrier) {
+    if (!state->grid_index_of) {
         return;
     }
-    memcpy(state->value, state->barrier, (size_t)(width * (rows + 2)) * sizeof *state->value);
+    for (int i = 0; i < width * (rows + 2); i++) {
+        state->value[i] = -INFINITY;
+    }
     for (size_t i = 0; i < patch->cell_count; i++) {
         state->value[state->grid_index_of[i]] = compression[i];
         can_grow[state->grid_index_of[i] / width] |= compression[i] > smallest;
     }
+    double *const *const decrease = state->decrease;
     for (int direction = 1; direction >= -1; direction -= 2) {
         for (int n = 1; n <= rows; n++) {
             const int row_index = direction > 0 ? n : rows + 1 - n, first = row_index * width + 1;
             double *const row = state->value + first;
-            if (can_grow[row_index - direction]) {
-                grow_across(row, row - direction * width, state->barrier + first, decrement, columns);
+            if (can_grow[row_index - direction] && direction > 0) {
+                grow_across(row, row - width, decrease[SPREAD_ABOVE] + first, decrease[SPREAD_ABOVE_BEFORE] + first,
+                            decrease[SPREAD_ABOVE_AFTER] + first, columns);
+            } else if (can_grow[row_index - direction]) {
+                const int below = first + width;
+                grow_across(row, row + width, decrease[SPREAD_ABOVE] + below, decrease[SPREAD_ABOVE_AFTER] + below - 1,
+                            decrease[SPREAD_ABOVE_BEFORE] + below + 1, columns);
             }
             if (can_grow[row_index - direction] || can_grow[row_index]) {
-                can_grow[row_index] =
-                    grow_along(row, state->barrier + first, decrement[1], smallest, columns, direction);
+                can_grow[row_index] = grow_along(row, decrease[SPREAD_BEFORE] + first, smallest, columns, direction);
             }
         }
     }

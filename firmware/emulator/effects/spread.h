@@ -2,7 +2,7 @@
  *
  * Form `film`: the tape and the cover over the pillars distribute pressure laterally. The pressure on the pillars is
  * the contact pressure smoothed with a kernel that falls to 1/e at length_m along the sheet's lines; the total force is
- * preserved. Form `pillars`: a compressed pillar pulls the cover down around it. The compression falls by slope
+ * preserved. Distances are those between neighbouring cells of the sheet. Form `pillars`: a compressed pillar pulls the cover down around it. The compression falls by slope
  * (metres per metre) with the distance from every compressed cell (one of the 4 x 4 parts of a taxel), so that the
  * contact patch grows. `strength` interpolates between no effect (0) and the full effect (1). */
 #ifndef EMULATOR_EFFECTS_SPREAD_H
@@ -30,15 +30,25 @@ struct spread_effect {
 int spread_read(struct effect_line *line, struct effects *effects);
 bool spread_is_on(const struct spread_effect *spread);
 
+/* Neighbours of a cell that precede it on the grid. */
+enum spread_neighbour {
+    SPREAD_BEFORE, /* in the same row */
+    SPREAD_ABOVE,
+    SPREAD_ABOVE_BEFORE,
+    SPREAD_ABOVE_AFTER,
+    SPREAD_NEIGHBOURS,
+};
+
 /* State of one board. Film: arrays [grid size] of its patch. Pillars: arrays of a grid with a margin of one position.
  */
 struct spread_state {
-    double *attenuation;      /* weight of a neighbour in the row, 0 without a cell; NULL: form `film` inactive */
-    double *attenuation_down; /* weight of a neighbour in the column, 0 without a cell */
+    double *attenuation;      /* weight between a cell and its neighbour before it in the row; NULL: not form `film` */
+    double *attenuation_down; /* weight between a cell and its neighbour above it */
     double *along_row, *along_column; /* 1 / sum of the weights of a position */
     double *value;
-    double *barrier;        /* 0 at a cell, -INFINITY elsewhere; NULL: form `pillars` inactive */
-    int32_t *grid_index_of; /* [cells]: index in the grid with a margin */
+    double *decrease[SPREAD_NEIGHBOURS]; /* pillars: of the compression from a cell to each neighbour, metres */
+    double smallest_decrease;
+    int32_t *grid_index_of; /* [cells]: index in the grid with a margin; NULL: not form `pillars` */
 };
 
 /* Allocate the state of one board. Returns 0, or -1 if out of memory. */
