@@ -69,7 +69,8 @@ def write_cyacd_rows(image: OriginalImage, silicon_id: int) -> str:
 def write_files(linked: Path, name: str, out: Path, address: int | None, silicon_id: int | None) -> None:
     """Write NAME.hex, and NAME.cyacd if a silicon id is given, to the folder `out`.
 
-    Raises FirmwareFileError, OSError.
+    linked: linked image (ELF). address: I2C address of the board, which is stored in the image; None: the address of
+    the pins file. silicon_id: id of the part, in the first line of the .cyacd file. Raises FirmwareFileError, OSError.
     """
     image = read_original_image(read_linked_image(linked), address)
     if silicon_id is not None and not image.first_row:

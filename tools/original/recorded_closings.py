@@ -182,9 +182,11 @@ def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
 
 
 def count_kept(closing: Closing) -> tuple[int, int]:
-    """Return how many taxels the original filter kept, and how many this program finds within its distance.
+    """Return how many taxels the original filter kept, and how many taxels this program places within the distance of
+    the filter (`FILTER_M`) from a recorded contact point.
 
-    Both count palm and fingers without the thumb.
+    Both count the taxels of palm and fingers without the thumb, which lies on the ground (`GROUND_M`) in the recorded
+    closings.
     """
     palm = read_coded_centres("palm")
     assert palm is not None

@@ -42,9 +42,9 @@ def flash_command(
 ) -> None:
     """Write firmware to boards or to the hub: several boards at once, read back, started and confirmed.
 
-    Only the slot that is not in use is written. A board whose new image does not confirm itself returns to the previous
-    image by itself. A board with 16 KiB of flash has one slot: the update overwrites the image in use. An interrupted
-    update is resumed by running the command again. A file for the hub is written to the
+    On a device with two slots, only the slot that is not in use is written, and a device whose new image does not
+    confirm itself returns to the previous image. A board with 16 KiB of flash has one slot: the update overwrites the
+    image in use. An interrupted update is resumed by running the command again. A file for the hub is written to the
     hub over its UART. Use --swd for a board without a bootloader. Each file needs a signature of a trusted key in a
     file with the suffix .sig beside it (taxel sign); emulated boards also accept the development key.
 

@@ -132,9 +132,11 @@ class InvariantChecker:
         return np.asarray(touches & padded[:, self._neighbours].all(axis=2))
 
     def _has_object_nearby(self, separation: FloatArray) -> BoolArray:
-        """Whether the object is near a taxel of the same board within `OBJECT_RADIUS_M`, bool[T, n].
+        """Return whether the object is near any taxel in the surroundings of each taxel, bool[T, n].
 
-        separation: f64[T, n].
+        The surroundings of a taxel are the taxels of the same board within `OBJECT_RADIUS_M` of it. The object is near
+        a taxel if it may touch a corner of the taxel (`TAXEL_REACH_PITCHES`). separation: distance of the object from
+        the centre of each taxel, f64[T, n], metres.
         """
         is_near = (separation < TAXEL_REACH_PITCHES * self._pitch_m).astype(np.float32)
         result = np.zeros(separation.shape, dtype=np.bool_)

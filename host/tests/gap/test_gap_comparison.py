@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
-from taxel.gap.comparison.candidates import CandidateSearch
+from taxel.gap.comparison.candidates import CandidateSearch, find_uncertain_change
 from taxel.gap.comparison.compare import compare
-from taxel.gap.comparison.density import BlockDensity, fit_density
+from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
@@ -70,6 +71,40 @@ def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(fit_data):
     blocks, dimensions = 2, DEFAULT_SETTINGS.dimensions[0]
     bound = 0.5 * blocks * (fit_data.sessions.value.shape[1] - 1 + dimensions) * np.log(100.0)
     assert 0.0 < (small - large)[0].sum() < 1.01 * bound
+
+
+@pytest.mark.parametrize(("factor", "gains"), [(2.5, True), (1.0, False), (0.0, False)])
+def test_a_relative_error_of_the_change_increases_the_density_of_a_wrong_size_only(fit_data, fitted, factor, gains):
+    """factor: predicted change relative to the fitted change. An error of 0 is possible, so the density never falls."""
+    mean = fit_data.state.mean
+    density, change = BlockDensity(fit_data, DEFAULT_SETTINGS), factor * (fitted.features - mean)
+    certain, uncertain = (
+        float(density.compute_log_density(mean + change, one).sum())
+        for one in (CERTAIN, UncertainChange(change, (0.0, 0.5)))
+    )
+    assert uncertain > certain + 5.0 if gains else uncertain == certain
+
+
+def test_an_error_of_the_change_costs_density_where_the_prediction_is_correct(fit_data):
+    """A set must not gain density by a larger variance alone."""
+    density, change = BlockDensity(fit_data, DEFAULT_SETTINGS), 0.2 * fit_data.state.mean
+    certain, uncertain = (
+        float(density.compute_log_density(fit_data.target, UncertainChange(change, (error,))).sum())
+        for error in (0.0, 0.5)
+    )
+    assert uncertain < certain - 5.0
+
+
+def test_only_the_change_by_contact_propagation_is_uncertain(fit_data):
+    state = fit_data.state
+    propagation = FittedEffect(ContactPropagation("added"), np.array([[2.0], [0.4]]))
+    stiffness = FittedEffect(Stiffness(HAND), np.array([[0.3]]))
+    both = CompositeModel((stiffness, propagation))
+    features = both.predict_features(state)
+    found = find_uncertain_change(state, both, features)
+    assert found.errors == ContactPropagation.change_errors
+    assert np.allclose(found.change, features - CompositeModel((stiffness,)).predict_features(state))
+    assert find_uncertain_change(state, CompositeModel((stiffness,)), features) is CERTAIN
 
 
 def test_a_fold_contains_every_second_taxel_of_a_condition_as_on_a_chessboard(fit_data):

@@ -101,7 +101,9 @@ class FrameTimeGrid(TimeGrid):
     def from_frames(cls, time_s: FloatArray, phase: NDArray[np.uint8]) -> FrameTimeGrid:
         """Return the time grid of K frames. time_s: times of the frames, f64[K], seconds. phase: u8[K].
 
-        Each node lasts until the next frame; the last node has the median duration.
+        Each node is one frame and lasts until the next frame; the last node has the median duration. All frames form
+        one bin, because effects that act on frames use no bins; a time grid must have one, and its phase has no
+        meaning.
         """
         since = time_s - time_s[0]
         last_duration = float(np.median(np.diff(since))) if len(since) > 1 else 0.0

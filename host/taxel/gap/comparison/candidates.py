@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taxel.gap.comparison.density import BlockDensity, fit_density
+from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import ComparisonSettings
@@ -20,6 +20,7 @@ from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import NO_COLUMNS, compute_columns_by_effect, start_effect
 from taxel.gap.fitting.fit_data import FitData
 from taxel.gap.fitting.parallel import map_in_processes
+from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
 
@@ -30,7 +31,8 @@ class Candidate:
     composite: model with fitted values. features: f64[C, F, n] (C conditions, F features, n taxels), features that the
     fit to all data predicts, counts. prediction: held-out prediction of the features. in_sample, held_out: log density
     of each block for these two predictions, f64[C, s, 5]; a block consists of the features of one of 5 families on one
-    of s boards in one condition. log_prior: log prior of the forms of the effects and of their parameters.
+    of s boards in one condition. log_prior: log prior of the forms of the effects and of their parameters. uncertain:
+    part of the prediction that has a relative error.
     """
 
     composite: CompositeModel
@@ -39,6 +41,7 @@ class Candidate:
     in_sample: FloatArray
     held_out: FloatArray
     log_prior: float = 0.0
+    uncertain: UncertainChange = CERTAIN
 
     @property
     def value(self) -> float:
@@ -123,6 +126,7 @@ class CandidateSearch:
         for fitted_effect in composite.fitted_effects:
             if fitted_effect.effect.name in INSPECTED_EFFECTS:
                 continue
+            total -= math.log(len(fitted_effect.effect.change_errors))  # the density selects one of them
             if fitted_effect.effect.scope != HAND:
                 total += math.log(settings.local_odds)
             trend = compute_load_trend(self._fit_data.state, fitted_effect)
@@ -147,9 +151,13 @@ class CandidateSearch:
             if composite.fitted_effects
             else HeldOutPrediction(features)
         )
-        density = self._density.compute_log_density
-        prior = self.compute_log_prior(composite)
-        return Candidate(composite, features, prediction, density(features), density(prediction.features), prior)
+        uncertain = find_uncertain_change(self._fit_data.state, composite, features)
+        in_sample, held_out = (
+            self._density.compute_log_density(one, uncertain) for one in (features, prediction.features)
+        )
+        return Candidate(
+            composite, features, prediction, in_sample, held_out, self.compute_log_prior(composite), uncertain
+        )
 
     def _fit_coarsely(self, base: Candidate) -> list[tuple[CompositeModel, float]]:
         """Fit every further effect coarsely together with the effects of `base`.
@@ -182,7 +190,8 @@ class CandidateSearch:
             fitted = fit.composite.get(fitted_effect.effect.name)
             if fitted.effect.is_idle(state, fitted.values):
                 return None
-            density = float(self._density.compute_log_density(fit.features).sum())
+            uncertain = find_uncertain_change(state, fit.composite, fit.features)
+            density = float(self._density.compute_log_density(fit.features, uncertain).sum())
             return fit.composite, density + self.compute_log_prior(fit.composite)
 
         best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
@@ -208,6 +217,19 @@ class CandidateSearch:
         return [start_effect(state, form) for form in self._forms[name] if not form.find_unavailable_reason(state)]
 
 
+def find_uncertain_change(state: State, composite: CompositeModel, features: FloatArray) -> UncertainChange:
+    """Return the change by the effects of a composite model whose predictions have a relative error.
+
+    features: f64[C, F, n] (C conditions, F features, n taxels), the prediction of the whole model.
+    """
+    uncertain = [one for one in composite.fitted_effects if len(one.effect.change_errors) > 1]
+    if not uncertain:
+        return CERTAIN
+    others = CompositeModel(tuple(one for one in composite.fitted_effects if one not in uncertain))
+    change = features - others.predict_features(state)
+    return UncertainChange(change, tuple(sorted({error for one in uncertain for error in one.effect.change_errors})))
+
+
 def reevaluate(
     fit_data: FitData,
     candidate_sets: CandidateSets,
@@ -225,11 +247,15 @@ def reevaluate(
     density = fit_density(fit_data, settings, best.prediction.features)
     compute = density.compute_log_density
     sets = {
-        key: replace(candidate, in_sample=compute(candidate.features), held_out=compute(candidate.prediction.features))
+        key: replace(
+            candidate,
+            in_sample=compute(candidate.features, candidate.uncertain),
+            held_out=compute(candidate.prediction.features, candidate.uncertain),
+        )
         for key, candidate in candidate_sets.sets.items()
     }
     measured = {
-        key: compute(features + sets[key].prediction.features - sets[key].features)
+        key: compute(features + sets[key].prediction.features - sets[key].features, sets[key].uncertain)
         for key, features in simulated.items()
     }
     changes = [value - sets[key].held_out for key, value in measured.items()]

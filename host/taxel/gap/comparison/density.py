@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,21 @@ from taxel.types import FloatArray
 REPEAT_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Values that are compared for the share of the variance between simulated repeats that remains in their mean (chosen):
 1 for random repeats, less for repeats that were planned such that their variation cancels in the mean."""
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainChange:
+    """Part of a prediction with an error in proportion to it.
+
+    change: f64[C, F, n] (C conditions, F features, n taxels), counts; None: no such part. errors: standard deviations
+    relative to the change, of which the density selects one.
+    """
+
+    change: FloatArray | None = None
+    errors: tuple[float, ...] = (0.0,)
+
+
+CERTAIN: Final = UncertainChange()
 
 
 class BlockDensity:
@@ -52,7 +68,8 @@ class BlockDensity:
         variance[:, : layout.bins] += (model_error * self._signal) ** 2
         is_used = (fit_data.weight > 0) & real.is_known.any(axis=1)
         self._share = np.where(is_used, layout.weight[:, None], 0.0)
-        self._weight = self._share / variance
+        self._used_variance = np.where(is_used, variance, 1.0)
+        self._weight = self._share / self._used_variance
         sensor = fit_data.state.pair.groups.sensor
         self._boards = (sensor[:, None] == np.arange(int(sensor.max()) + 1)).astype(np.float64)
         self._total = self._sum_blocks(self._share)
@@ -91,15 +108,29 @@ class BlockDensity:
         """
         return self._average_blocks(self._weight * (self._fit_data.target - features) ** 2)
 
-    def compute_log_density(self, features: FloatArray) -> FloatArray:
+    def compute_log_density(self, features: FloatArray, uncertain: UncertainChange = CERTAIN) -> FloatArray:
         """Compute the log density of each block for predicted features f64[C, F, n] (C conditions, F features, n
         taxels), up to a constant, f64[C, s, 5] (s boards, 5 families).
+
+        uncertain: part of the predicted features with a relative error. The result is that of the error with the
+        largest sum over the blocks.
+        """
+        densities = [self._compute_one_density(features, uncertain.change, error) for error in uncertain.errors]
+        return max(densities, key=lambda density: float(density.sum()))
+
+    def _compute_one_density(self, features: FloatArray, change: FloatArray | None, error: float) -> FloatArray:
+        """Compute the log density of each block, as `compute_log_density`, for one relative error of `change`,
+        f64[C, F, n].
         """
         dimensions, degrees_of_freedom = np.array(self._settings.dimensions), self._degrees_of_freedom
-        deviations = self.compute_deviations(features)
-        return np.asarray(
-            -0.5 * (degrees_of_freedom + dimensions) * np.log1p(dimensions * deviations / degrees_of_freedom)
-        )
+        weight, log_ratio = self._weight, 0.0
+        if change is not None and error > 0.0:
+            variance = self._used_variance + (error * change) ** 2
+            weight = self._share / variance
+            log_ratio = self._average_blocks(self._share * np.log(variance / self._used_variance))
+        deviations = self._average_blocks(weight * (self._fit_data.target - features) ** 2)
+        density = -0.5 * (degrees_of_freedom + dimensions) * np.log1p(dimensions * deviations / degrees_of_freedom)
+        return np.asarray(density - 0.5 * dimensions * log_ratio)
 
     def compute_normalised_density(self, features: FloatArray) -> float:
         """Compute the sum of the log densities of all signal blocks for predicted features f64[C, F, n] (C conditions,

@@ -29,6 +29,7 @@ class ContactPropagation(Effect):
     name = "contact_propagation"
     order = 20
     needs_force: ClassVar[bool] = True
+    change_errors: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5)
 
     def __init__(self, variant: str = "kept", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope

@@ -72,7 +72,9 @@ class Effect(ABC):
     block for each `BOARD`, `OBJECT` or `TAXEL`. needs: inputs that the datasets must contain, as keys of
     `taxel.gap.data.missing_inputs.REASONS`. needs_force: whether the simulation must contain contact forces. memory:
     whether the result at one time depends on other times. is_load_independent: whether the values of the blocks are
-    properties of the skin, which do not depend on the load. priors: priors by parameter name.
+    properties of the skin, which do not depend on the load. change_errors: possible standard deviations of the error of
+    the predicted change, relative to this change. More than 0 is possible for an effect whose change depends on the
+    exact place of the contact, which differs between simulation and reality. priors: priors by parameter name.
     """
 
     name: ClassVar[str]
@@ -83,6 +85,7 @@ class Effect(ABC):
     needs_force: ClassVar[bool] = False
     memory: ClassVar[bool] = False
     is_load_independent: ClassVar[bool] = False
+    change_errors: ClassVar[tuple[float, ...]] = (0.0,)
     priors: Mapping[str, Prior] = MappingProxyType({})
 
     @abstractmethod

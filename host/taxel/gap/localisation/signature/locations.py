@@ -80,10 +80,11 @@ def find_local_deviations(remainder: Remainder, model: FloatArray, bins: int) ->
 
 
 def _compute_excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
-    """Return the excess of the signal of each condition and taxel, counts^2, f64[C, n] (C conditions, n taxels); the
-    square with one session.
+    """Return the squared signal of each condition and taxel without the contribution of noise, counts^2, f64[C, n] (C
+    conditions, n taxels), summed over the time bins.
 
-    scaled: f64[C, S, B, n] (B time bins), weighted residuals. count: [C, B, n], number of sessions with this feature.
+    The mean product of two different sessions contains no square of noise. With one session the noise cannot be
+    removed, and the result is the sum of the squares. scaled: f64[C, S, B, n] (B time bins), weighted residuals. count: [C, B, n], number of sessions with this feature.
     """
     squares = np.square(scaled).sum(axis=1)
     if scaled.shape[1] < 2:
