@@ -84,7 +84,8 @@ def _compute_excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
     conditions, n taxels), summed over the time bins.
 
     The mean product of two different sessions contains no square of noise. With one session the noise cannot be
-    removed, and the result is the sum of the squares. scaled: f64[C, S, B, n] (B time bins), weighted residuals. count: [C, B, n], number of sessions with this feature.
+    removed, and the result is the sum of the squares. scaled: f64[C, S, B, n] (S sessions, B time bins), weighted
+    residuals. count: [C, B, n], number of sessions with this feature.
     """
     squares = np.square(scaled).sum(axis=1)
     if scaled.shape[1] < 2:
