@@ -123,7 +123,7 @@ class BlockDensity:
         f64[C, F, n].
         """
         dimensions, degrees_of_freedom = np.array(self._settings.dimensions), self._degrees_of_freedom
-        weight, log_ratio = self._weight, 0.0
+        weight, log_ratio = self._weight, np.zeros(1)
         if change is not None and error > 0.0:
             variance = self._used_variance + (error * change) ** 2
             weight = self._share / variance
