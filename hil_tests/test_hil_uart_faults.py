@@ -37,7 +37,7 @@ def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)
-    rig.faults.inject(fault, 0, 33, size)
+    rig.faults.inject(fault, value=33, second_value=size)  # after the next 33 bytes, `size` bytes are lost or doubled
     frames = read_frames(rig, skin, 0.5)
     for frame in frames:
         counts.check_frame(frame)

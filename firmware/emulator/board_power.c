@@ -87,7 +87,9 @@ void board_lose_conversion(struct board_node *board, vtime now)
     }
 }
 
-/* Let the processor of a board take a HardFault: the board does not respond until the watchdog resets it. */
+/* Let the processor of a board take a HardFault: the board does not respond until the watchdog resets it. A native
+ * application stores a fault record with the given registers; an executed image has its own registers. Original boards
+ * and native bootloaders ignore the fault. */
 void board_take_hard_fault(struct board_node *board, vtime now, uint32_t program_counter, uint32_t link_register)
 {
     if (board->psoc) {

@@ -124,8 +124,9 @@ static void choose_outcome_and_run(struct fuzz_input *input, uint8_t selector)
 }
 
 /* Change a board or the bus as a fault or a user would, selected by the 4-bit number `selector`: unplug or restart a
- * board, let it reject settings or repeat its last scan, exchange it for another one, shift its clock, change its
- * settings, or hold SDA or SCL low. */
+ * board, let it reject settings or repeat its last scan, exchange it for a board with an unsupported register map,
+ * another kind of device or a board with another number of taxels, shift its clock, change its settings, or hold SDA or
+ * SCL low. */
 static void change_board_or_bus(struct fuzz_input *input, uint8_t selector)
 {
     struct bench_board *board = &bench.boards[fuzz_u8(input) % BENCH_BOARDS];

@@ -20,9 +20,10 @@ WARM_UP = 60
 
 
 def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
-    """Compute the entropy in bits of a rounded normal random number with known mean and standard deviation `sigma`.
+    """Compute the entropy in bits of a normal random number rounded to an integer, with a known mean.
 
-    The result is the mean over `phases` uniformly distributed fractions of the mean.
+    sigma: standard deviation, in rounding steps. phases: the entropy depends on the fractional part of the mean, so the
+    result is the average over `phases` equidistant fractional parts 0, 1 / phases, ...
     """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)[:, None]

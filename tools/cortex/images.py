@@ -162,6 +162,7 @@ class UnicornRun:
             return
         address = engine.reg_read(self._arm.UC_ARM_REG_R1)
         self._outputs.append(_decode_text(bytes(engine.mem_read(address, 64))))
+        # Continue after the breakpoint, an instruction of two bytes; bit 0 selects the Thumb state.
         engine.reg_write(self._arm.UC_ARM_REG_PC, (engine.reg_read(self._arm.UC_ARM_REG_PC) + 2) | 1)
 
     def run(self, instructions_per_call: int = 0) -> str:

@@ -77,6 +77,8 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
     pattern of `weight` - 2 bits fits into `bits`: two halves that share a bit would be taken for a pattern.
     """
     syndromes = compute_bit_syndromes(bits)
+    # The shortest pattern contains bit 0. The other bits are divided into two halves. A pattern is undetected if the
+    # XOR of the syndromes of bit 0 and of the first half equals the XOR of the syndromes of the second half.
     first_size = (weight - 1) // 2
     second_size = weight - 1 - first_size
     first_half = xor_subsets(syndromes[1:], first_size) ^ syndromes[0]
@@ -87,7 +89,7 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
         for i in np.flatnonzero(first_half == value):
             for j in np.flatnonzero(second_half == value):
                 last = max(find_largest_index(int(i), first_size, bits), find_largest_index(int(j), second_size, bits))
-                spans.append(last + 2)
+                spans.append(last + 2)  # the largest index refers to syndromes[1:], so the largest bit is last + 1
     return min(spans, default=None)
 
 

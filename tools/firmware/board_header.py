@@ -299,7 +299,7 @@ def write_all(pins: Path, out: Path) -> None:
     Raises PinsError, HandDescriptionError, OSError.
     """
     path, document = pins.name, read_document(pins)
-    if "part" in document:
+    if "part" in document:  # only pins files of the original hardware name the part of the processor
         kinds = list_kinds_of_hands(document.get("hands", []))
         if not kinds:
             raise PinsError(path, "hands", "a packaged hand or more", repr(document.get("hands")))

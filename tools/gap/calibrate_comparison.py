@@ -61,8 +61,9 @@ def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str
 def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) -> dict[str, Any]:
     """Make a world, compare its datasets and return the evidence, or the world with the text of an error.
 
-    A world with one cause also has the evidence without its effect, under the key "without". datasets: folder that
-    keeps the datasets of all worlds; None: they are deleted.
+    A world with one cause also has the evidence without its effect, under the key "without". bases: folder of the
+    datasets without a cause, filled as needed. datasets: folder that keeps the datasets of all worlds, and from which
+    the datasets of a world are reused; None: they are deleted.
     """
     with TemporaryDirectory(prefix="taxel-calibration-") as name:
         folder = Path(name) if datasets is None else datasets / f"{world.number:03d}"

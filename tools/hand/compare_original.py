@@ -134,7 +134,10 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
         def fit_residual(
             values: FloatArray, addresses: list[int] = addresses, joints: list[int] = joints
         ) -> FloatArray:
-            """Return the residual of the finger's boards as one vector, for the optimiser."""
+            """Return the residuals f64[3 n] (metres) of the finger's n recorded taxels, for the optimiser.
+
+            values: the four joint angles of the finger, radians.
+            """
             return compute_residual(place(values, joints), addresses).ravel()
 
         fit = least_squares(fit_residual, np.full(4, 0.1))

@@ -68,12 +68,13 @@ def assign_lines(name: str) -> tuple[IndexArray, IndexArray]:
     fewer lines than the heat map has columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for medial_back).
     """
     if name == "palm":
+        # 121 taxels: nine TX lines with 12 taxels each, then lines with 8 and 5 taxels
         index = np.arange(121)
         tx = np.where(index < 108, index // 12, np.where(index < 116, 9, 10))
         return tx, index - np.array([0, *range(12, 108, 12), 108, 116])[tx]
     layout = read_layout(name)
     index = np.arange(len(layout))
-    if name == "thumb_medial_front":  # its indices are not in the order of the rows
+    if name == "thumb_medial_front":  # its indices are not in the order of the rows: first index of each row
         tx = np.searchsorted([6, 13, 20, 23, 26], index, side="right")
         return tx, index - np.array([0, 6, 13, 20, 23, 26])[tx]
     shared = {"medial_front": {0: 2, 1: 3, 5: 5}, "medial_back": {2: 3}}.get(name, {})

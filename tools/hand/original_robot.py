@@ -59,7 +59,7 @@ def map_to_palm(pose: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def compute_link_frames() -> dict[str, FloatArray]:
-    """Return the pose f64[4, 4] of each link of the hand in the palm at joint angles 0, by link name.
+    """Return the pose f64[4, 4] of each link of the hand in the frame of the palm at joint angles 0, by link name.
 
     The orientation is that of the standard robot. The origin is the point of the original joint axis that is nearest to
     the origin of the standard link.

@@ -51,7 +51,10 @@ def bound_points_beyond(stats: DistanceStats, limit_m: float) -> float:
 
 
 def describe_removed(before: DistanceStats, after: DistanceStats) -> str:
-    """Return the number and the mean distance of the points that a filter removes, from the sums of both rows."""
+    """Return a text with the number and the mean distance of the points that a filter removes.
+
+    before, after: printed statistics of the distances before and after the filter.
+    """
     count = before.points - after.points
     mean = (before.points * before.mean_m - after.points * after.mean_m) / max(count, 1)
     return f"{count} points ({100 * count / before.points:.1f} %), mean {1e3 * mean:.1f} mm"

@@ -205,8 +205,8 @@ static void grow_across(double *row, const double *from, const double *straight,
                         const double *after, int columns)
 {
     for (int i = 0; i < columns; i++) {
-        const double left = from[i - 1] - before[i], right = from[i + 1] - after[i], middle = from[i] - straight[i];
-        const double corner = left > right ? left : right;
+        const double corners[] = {from[i - 1] - before[i], from[i + 1] - after[i]}, middle = from[i] - straight[i];
+        const double corner = corners[0] > corners[1] ? corners[0] : corners[1];
         const double largest = corner > middle ? corner : middle;
         row[i] = largest > row[i] ? largest : row[i];
     }

@@ -146,8 +146,8 @@ static void add_piece(struct cover_load *load, int direction, double from, doubl
 }
 
 /* Integrate the pressure along a strip across a cell, and add it to the loads. At each point, the face with the
- * smallest depth presses: the loop goes along the strip from edge to edge. direction, place, weight: as for
- * add_piece(). */
+ * smallest depth presses: the loop goes along the strip, which extends from -1 to 1 (half sides of the cell), from edge
+ * to edge. loads: one per face, `count` in total. direction, place, weight: as for add_piece(). */
 static void press_strip(struct cover_load *loads, size_t count, int direction, double place, double weight)
 {
     double depth[COVER_FACES_MAX], at = -1.0;
@@ -174,7 +174,8 @@ static void press_strip(struct cover_load *loads, size_t count, int direction, d
                 }
             }
         }
-        const double start = depth[least] + change; /* depth at the middle of the strip */
+        /* depth at the middle of the strip, position 0; the depth of the face is 0 at position -start / change */
+        const double start = depth[least] + change;
         const double from = change > 0.0 ? greater(at, -start / change) : at;
         const double to = change < 0.0 ? lesser(end, -start / change) : start > 0.0 || change > 0.0 ? end : at;
         if (to > from) {

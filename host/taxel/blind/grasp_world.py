@@ -218,7 +218,11 @@ def _emulate(
     progress: Progress,
     jobs: int | None,
 ) -> None:
-    """Run planned grasps on the emulated hand with some of the world's causes."""
+    """Run the planned grasps on the emulated hand with the given subset of the world's causes; write them to `path`.
+
+    The placeholder OBJECT in an effect line is replaced by the first object of the world's plan. jobs: number of
+    processes; None: one per core.
+    """
     hidden = replace(world.hidden, causes=tuple(causes))
     item = make_small_plans(world.seed)[0][0].object
     effects = tuple(line.replace(" OBJECT ", f" {item} ") for line in hidden.lines)

@@ -16,9 +16,10 @@ class LargestSignals:
     """Collects the lowest raw count of each taxel after the baseline of its board, the first 100 frames."""
 
     def __init__(self, hand: Hand) -> None:
-        """Create the collection of a hand without frames."""
+        """Create the collection for the boards of `hand`; it contains no frames yet."""
         self._hand = hand
         self._baselines = {board.address: Baseline(board.kind.taxel_count) for board in hand.boards}
+        # The largest raw count is the start value of each minimum.
         self._lowest = {board.address: np.full(board.kind.taxel_count, 65_535, np.uint16) for board in hand.boards}
 
     def add(self, frame: TaxelFrame) -> None:

@@ -197,6 +197,7 @@ class ShardGenerator:
             return record, values
         self.objects = {sample.kind.name: mesh}  # an effect on an object applies to all objects of its kind
         grasp = _NumberedGrasp(**{**vars(record), "object": sample.kind.name}, id=str(sample.number))
-        streams = RandomStreams(self.recipe.seed, sample.number, 0, 1)
+        # Each generated grasp is its own condition, with a single repeat.
+        streams = RandomStreams(seed=self.recipe.seed, condition=sample.number, repeat=0, repeats=1)
         raw, valid = add_effects_to_grasp(self._states.build_state(grasp), grasp, effects, streams)
         return replace(record, raw_counts=raw, valid=valid), values

@@ -53,7 +53,8 @@ class CaptureWriter:
     def write(self, data: bytes, time_ns: int) -> None:
         """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing) as one record.
 
-        More than `RECORD_MAX` bytes are divided into several records of the file. Raises `CaptureError`.
+        More than `RECORD_MAX` bytes are divided into several records of the file; `records` still counts them as one.
+        Raises `CaptureError`.
         """
         for start in range(0, max(len(data), 1), RECORD_MAX):
             piece = data[start : start + RECORD_MAX]

@@ -105,7 +105,7 @@ class BoardEstimator:
         """Process one frame and return the estimate at its time.
 
         time_s: start of the scan, seconds. raw_counts: [n] counts. age_s: time from the scan to the arrival of the
-        frame, by which the horizon of the contact prediction is extended.
+        frame, seconds, by which the horizon of the contact prediction is extended.
         """
         raw = np.asarray(raw_counts, dtype=np.float64)
         dt = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)

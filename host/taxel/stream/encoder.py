@@ -79,7 +79,8 @@ class FramesLink:
     def read(self, timeout_s: float = 0.0) -> Chunk | None:
         """Return the next taxel frame, encoded as bytes of a hub. Raises EOFError after the last frame.
 
-        None once after each `PAUSE_S` of recorded time. `timeout_s` has no effect.
+        Returns None once after each `PAUSE_S` of recorded time, so that the reader decodes the bytes received so far.
+        `timeout_s` has no effect.
         """
         frame, self._postponed = self._postponed or next(self._frames, None), None
         if frame is None:

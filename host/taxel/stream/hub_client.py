@@ -164,7 +164,9 @@ class HubClient:
         """Agree on a protocol version and return it. Raises `VersionError` if hub and host have none in common."""
         tag = self._next_tag()
         versions = {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
-        fields = self._request(FrameType.HOST_HANDSHAKE, pack(HostHandshake, {"tag": tag} | versions), -tag).fields
+        payload = pack(HostHandshake, {"tag": tag} | versions)
+        # Replies to handshakes are stored under the negative tag, separate from the replies to commands.
+        fields = self._request(FrameType.HOST_HANDSHAKE, payload, key=-tag).fields
         if fields["version_chosen"] == 0:
             raise VersionError(
                 f"{self._link.name}: the hub uses protocol {fields['version_min']} to {fields['version_max']}, "

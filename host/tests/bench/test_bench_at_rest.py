@@ -71,12 +71,13 @@ def test_an_open_line_is_reported_with_its_connector_pin(data, kind, axis, seed,
 @property_settings
 @given(st.data(), kinds, axes, seeds, st.floats(0.3, 0.7))
 def test_shorted_lines_cause_no_other_fault(data, kind, axis, seed, share):
+    # share: signal of each shorted line, as a share of the sum of both lines
     count = kind.crossings.shape[axis]
     index = data.draw(st.integers(0, count - 2))
     rng = np.random.default_rng(seed)
-    names = list_faults(kind, with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index, share), rng)
-    assert {name for name, _ in names} <= {"short"}
-    assert {place for _, place in names} <= {format_line_pair_name(axis, index, index + 1)}
+    hardware = with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index, share)
+    # A short of lines with few common crossings may stay undetected, so an empty list is permitted.
+    assert set(list_faults(kind, hardware, rng)) <= {("short", format_line_pair_name(axis, index, index + 1))}
 
 
 @pytest.mark.parametrize("axis", list(Axis))

@@ -75,8 +75,8 @@ def compute_rms(values) -> float:
 
 
 def test_an_ideal_skin_has_signal_only_at_the_contact_and_recovers(ideal, loaded, unloaded):
-    assert (loaded.sum(axis=1) >= 3).all()
-    assert unloaded.mean() > 0.8
+    assert (loaded.sum(axis=1) >= 3).all()  # every indentation loads at least three taxels
+    assert unloaded.mean() > 0.8  # an indentation touches one board of the rig, so most taxels have no signal
     assert compute_rms(ideal.recovery) < 1.0
     assert np.ptp(ideal.baseline, axis=0).max() < 1.0
 

@@ -68,7 +68,7 @@ def test_each_case_runs_one_instruction_and_reports_its_end_fault_and_cycles(cor
         cpu.write_memory(0x100, encode_halfwords(0x3001, NOP, 0xDE00, NOP))  # ADDS r0, #1; NOP; undefined; NOP
         states = np.zeros(2, cortex.bare_cpu.STATE)
         states["r"][:, PROGRAM_COUNTER] = 0x100, 0x104
-        states["xpsr"] = 0x01000000
+        states["xpsr"] = 0x01000000  # Thumb bit, without which every instruction is a fault
         cpu.run_cases(states)
     assert states["r"][0, 0] == 1
     assert states["reason"].tolist() == [cortex.bare_cpu.Reason.DEADLINE, cortex.bare_cpu.Reason.FAULTED]

@@ -135,10 +135,10 @@ def test_linear_predictions_agree_with_refits_without_the_fold(fit_data, fitted)
 
 
 def test_weights_sum_to_1_and_prefer_the_better_and_the_smaller_set():
-    density = np.array([[0.0] * 8, [2.0] * 8, [2.0] * 8])
-    weights = compute_set_weights(density, [0, 1, 2], DEFAULT_SETTINGS)
+    density = np.array([[0.0] * 8, [2.0] * 8, [2.0] * 8])  # log density of three sets in eight conditions
+    weights = compute_set_weights(density, sizes=[0, 1, 2], settings=DEFAULT_SETTINGS)
     assert weights.sum() == pytest.approx(1.0)
-    assert weights[1] == pytest.approx(10.0 * weights[2])
+    assert weights[1] == pytest.approx(10.0 * weights[2])  # prior odds of 0.1 for the second effect
     assert weights[1] > 0.9
 
 

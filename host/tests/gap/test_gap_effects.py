@@ -126,10 +126,12 @@ def test_counts_decay_faster_with_creep_of_the_gap_than_with_creep_of_the_counts
 
 def test_with_a_very_slow_creep_of_the_gap_the_late_share_of_the_closed_gap_is_missing(state):
     form = next(form for form in OWN_EFFECTS["hysteresis"] if form.variant == "gap")
-    slow = form.apply(state, state.base, np.array([[0.3], [1e3]])).signal_counts
-    closed = state.signal_counts / (state.signal_counts + 0.25 * state.full_scale)
-    kept = 0.7 * closed
-    np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
+    late_share, time_constant_s = 0.3, 1e3  # much longer than the contacts, so the late share never arrives
+    slow = form.apply(state, state.base, np.array([[late_share], [time_constant_s]])).signal_counts
+    plate_counts = 0.25 * state.full_scale  # signal of a plate capacitor: plate_counts x / (1 - x), closed share x
+    closed = state.signal_counts / (state.signal_counts + plate_counts)
+    kept = (1.0 - late_share) * closed
+    np.testing.assert_allclose(slow, plate_counts * kept / (1.0 - kept), rtol=0.02, atol=0.5)
 
 
 def test_hysteresis_with_a_time_constant_beyond_the_record_is_idle(state):

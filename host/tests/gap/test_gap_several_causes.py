@@ -73,6 +73,7 @@ def test_a_hysteresis_at_neutral_values_does_not_change_the_features_of_another_
 
 
 def test_onset_features_without_a_simulated_onset_have_zero_weight(get_world_paths):
+    # Forces so small that only the real signal, which is tripled, reaches the threshold of an onset.
     pair = read_pair(*get_world_paths(effect=triple_signal, largest_force_n=0.03))
     fit_data = prepare_pair(pair)
     onset = fit_data.layout.onset

@@ -33,6 +33,7 @@ def test_features_after_the_end_of_a_phase_are_unknown():
     is_after_end = time_grid.find_nodes_beyond({Phase.CLOSING: np.array([1.2, 0.7]), Phase.HOLD: np.array([1.0, 1.0])})
     assert not is_after_end[0].any()
     closing = time_grid.phase == Phase.CLOSING
+    # The bins of the closing phase end at 0.3, 0.6, 0.9 and 1.2 s. A closing of 0.7 s completes only the first two.
     assert (is_after_end[1, closing] == (time_grid.begin[closing] > 0.55)).all()
     assert not is_after_end[1, ~closing].any()
 

@@ -119,7 +119,7 @@ def test_uskin_columns_of_one_set_are_ordered_by_taxel_and_axis(tmp_path, import
     values = make_values(16, 3)
     path = write_csv(tmp_path / "log.csv", make_uskin_columns())
     header, (contact,) = import_preset("uskin", path, "--prefix", "d_")
-    np.testing.assert_array_equal(contact.values, values - 1)
+    np.testing.assert_array_equal(contact.values, values - 1)  # the columns d_; the columns raw_ contain `values`
     assert header.properties.to_attributes() == {"unit": "counts", "contact": "signed", "modality": "magnetic"}
 
 

@@ -117,7 +117,7 @@ def test_boards_and_their_labels_do_not_overlap(name):
         occupied = np.zeros((layout.height, layout.width + 1), dtype=int)
         for placed in layout.boards:
             kind = placed.board.kind
-            rows = -(-kind.tx_count * layout.scale // 2)
+            rows = -(-kind.tx_count * layout.scale // 2)  # a taxel is half as high as a character; rounded up
             occupied[placed.y : placed.y + rows, placed.x : placed.x + kind.rx_count * layout.scale] += 1
             occupied[placed.y - 1, placed.label_x : placed.label_x + len(placed.label) + 1] += 1
         for heading in layout.headings:

@@ -80,7 +80,7 @@ def test_an_unreachable_object_raises_a_one_line_error_with_object_approach_and_
 
 def test_a_start_posture_in_collision_raises_a_one_line_error_with_the_pair(planner, setup, planned, upright):
     start = upright.copy()
-    start[:6] = 0.0
+    start[:6] = 0.0  # with all joint angles 0, the arm is horizontal and the hand reaches into the table
     with pytest.raises(StartPostureError) as caught:
         plan_with(planner, setup, planned, start)
     assert str(caught.value).startswith(f"{WHAT}: start posture in collision: ")

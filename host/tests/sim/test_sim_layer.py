@@ -80,10 +80,11 @@ def compute_net_wrench(hand, force):
 
 
 def test_a_centred_force_on_a_plane_is_shared_equally():
-    result = press_on(make_flat_hand(), PLANE, place_above_box(0.0003), make_wrench(5.0))
-    np.testing.assert_allclose(result.contact_force, 0.2, rtol=1e-12)
-    np.testing.assert_allclose(result.separation, -0.2 / K_N_PER_M, rtol=1e-12)
-    np.testing.assert_allclose(result.approach_m, 0.0003 + 0.2 / K_N_PER_M, rtol=1e-9)
+    gap_m, taxel_force_n = 0.0003, 5.0 / 25  # a force of 5 N on 25 taxels
+    result = press_on(make_flat_hand(), PLANE, place_above_box(gap_m), make_wrench(5.0))
+    np.testing.assert_allclose(result.contact_force, taxel_force_n, rtol=1e-12)
+    np.testing.assert_allclose(result.separation, -taxel_force_n / K_N_PER_M, rtol=1e-12)
+    np.testing.assert_allclose(result.approach_m, gap_m + taxel_force_n / K_N_PER_M, rtol=1e-9)
     np.testing.assert_allclose(result.tilt_rad, 0.0, atol=1e-12)
 
 

@@ -243,7 +243,8 @@ def test_additive_effects_have_the_same_share_alone_and_when_removed():
         return {"a": distance, "b": distance, "not in contact": float("nan") if effects.mask else 1.0}
 
     none, full, shares = compute_shares(tuple(GROUPS), measure)
-    assert (none[ALL_OBJECTS], full[ALL_OBJECTS]) == (12.0, 40.0)
+    assert (none[ALL_OBJECTS], full[ALL_OBJECTS]) == (12.0, 40.0)  # 40 = 12 + 28, the sum of all seven sizes
+    # CODED_BOTH combines the first two effects (sizes 1 and 2), TOGETHER all effects.
     for name, size in (*sizes.items(), (CODED_BOTH, 3.0), (TOGETHER, 28.0)):
         assert shares[name].alone[ALL_OBJECTS] == pytest.approx(size / 40.0)
         assert shares[name].removed[ALL_OBJECTS] == pytest.approx(size / 40.0)

@@ -59,7 +59,7 @@ def test_every_write_of_an_update_is_cut_at_every_point():
     assert first_cuts == {
         (rows, operation, after)
         for rows in cut_plan.ROWS
-        for operation in range(1, rows + 4)
+        for operation in range(1, rows + 4)  # the rows, the record of the pending image, the attempt, the confirmation
         for after in cut_plan.POINTS_S
     }
     assert sum(len(sequence.cuts) for plan in plans for sequence in plan.sequences) >= 10_000

@@ -56,7 +56,7 @@ class AddedInformation:
 
     @cached_property
     def matrix(self) -> FloatArray:
-        """Information matrix N = J'WJ of the further contact, f64[q, q]."""
+        """Information matrix N = J'WJ of the further contact on the q parameter values that it excites, f64[q, q]."""
         if not self.columns:
             return np.zeros((0, 0))
         return build_normal_matrix(self._build_problem(np.zeros_like(self.weight)), self.columns)

@@ -43,7 +43,8 @@ def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: i
 
     model: features of the simulator, f64[C, F, n] (C conditions, F features, n taxels), counts. seed: seed of the
     random taxels of the placebo. The floor is the mean distance between each session and the other sessions; it is 0 if
-    no condition has two sessions.
+    no condition has two sessions. The placebo is the mean distance after random taxels were added to the simulated
+    cloud until it has as many points as the real cloud.
     """
     hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
     sessions = real.value.shape[1]
