@@ -159,7 +159,7 @@ def test_all_boards_stream_after_a_brown_out_of_the_hub_which_reports_its_cause(
     rig: Rig, skin: Skin, delay_ms: int
 ) -> None:
     read_frames(rig, skin, 0.5)
-    skin.hub.set_rate(8.0)
+    skin.hub.set_rate(8.0)  # a poll cycle takes 125 ms; the delays interrupt the cycle at different phases
     read_frames(rig, skin, 0.5 + 1e-3 * delay_ms)
     rig.faults.inject("hub_restart")
     read_frames(rig, skin, 1.0)

@@ -53,7 +53,8 @@ static double compute_rise_at_force(const struct board_fields *fields, size_t ta
 }
 
 /* Return the relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains
- * forces, which are converted; other histories contain rises. */
+ * forces, which are converted; other histories contain rises. from: start of the present interval; the field after the
+ * past time is the field at `from` if the history does not contain it (`span->after` is NULL). */
 static double compute_past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel,
                                 vtime from)
 {

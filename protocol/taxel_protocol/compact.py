@@ -239,7 +239,10 @@ def decode_counts(taxels: Sequence[Taxel], data: bytes) -> list[int]:
 
 
 def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
-    """Decode the next count of a delta frame with the prediction of its taxel. Raises `CompactError`."""
+    """Decode the next count of a delta frame with the prediction of its taxel. Raises `CompactError`.
+
+    An escape contains the distance of the count from the centre (SPEC.md, "Probability of a count" and following text).
+    """
     target = coder.peek(t.COMPACT_TOTAL_BITS)
     if target < t.COMPACT_ESCAPE:
         coder.take(0, t.COMPACT_ESCAPE, t.COMPACT_TOTAL_BITS)
@@ -249,6 +252,7 @@ def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
         if not 0 <= count <= _COUNT_MAX:
             raise CompactError(f"a raw count is 0 to {_COUNT_MAX}, found {count}")
         return count
+    # Search for the last symbol whose interval begins at or below `target`.
     low, high = 0, _COUNT_MAX >> taxel.raw_bits
     while low < high:
         middle = (low + high + 1) // 2

@@ -149,7 +149,10 @@ def test_a_stream_without_frames_is_divided_into_records_of_50_bytes() -> None:
 
 
 def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
-    """The remainder of the damaged message ends in 0x0A inside the next one, whose address is 0x0A."""
+    """A decoder that trusts the length of the damaged message, 250 bytes of which 3 are lost, would accept a message.
+
+    Its last byte would be the address of the next message, 0x0A, which is also the end byte of a message.
+    """
     rng = random.Random(3)
     damaged, undamaged = build_round(ORIGINAL, rng, 7000, [0x15, 0x0A])
     wire = encode(ORIGINAL, damaged)

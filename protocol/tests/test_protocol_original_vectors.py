@@ -101,7 +101,7 @@ def test_both_decoders_and_construct_agree_on_fuzzed_streams(campaign: ModuleTyp
 
 def test_a_decoder_that_counts_differently_is_detected(campaign: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign.NativeOriginalDecoder, "discarded_bytes", 0)
-    _, difference = campaign.check_range(1, 0, 50)
+    _, difference = campaign.check_range(seed=1, first=0, count=50)
     assert difference is not None
     assert "C decoder" in difference
 

@@ -144,22 +144,22 @@ def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerC
 
 
 def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
-    """Measure a scan's processor cycles beyond those of its conversions.
+    """Return the processor cycles of a scan beyond those of its conversions, and the board time of the first scan.
 
-    Also returns the board time in microseconds at the start of the first scan.
+    The board time is that of scan number 0, microseconds. The delay of the conversion interrupt by other interrupts is
+    not part of the cycles.
     """
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
-    begin = read_snapshot(world, board)
+    first_scan, first_time_us, before = read_snapshot(world, board)
     world.run(RUN_S)
-    end = read_snapshot(world, board)
-    scans = end[0] - begin[0]
-    period_us = (end[1] - begin[1]) / scans
-    account, before = end[2], begin[2]
+    last_scan, last_time_us, account = read_snapshot(world, board)
+    scans = last_scan - first_scan
+    period_us = (last_time_us - first_time_us) / scans
     interrupt_delay = (account.inclusive - account.own - before.inclusive + before.own) * SHARE_BEFORE_START
     interrupt_delay += account.latency - before.latency
     overhead = period_us * CYCLES_PER_US - PERIOD * board.kind.taxel_count - interrupt_delay / scans
-    return overhead, begin[1] - begin[0] * period_us
+    return overhead, first_time_us - first_scan * period_us
 
 
 def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:

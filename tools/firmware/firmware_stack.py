@@ -192,6 +192,7 @@ class CallGraph:
         functions = {function.address for function in image.functions}
         names = {}
         for address, routine in self._routines.items():
+            # A function pointer is the address with bit 0 set, which selects Thumb code.
             if address not in functions or address | 1 not in words or routine.name in known:
                 continue
             if not any(_matches_patterns(routine.name, targets) for _, targets in self._table.pointers):

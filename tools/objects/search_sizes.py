@@ -70,7 +70,11 @@ class SearchSpace:
     narrowest: float = NARROWEST_MM
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and the upper bounds of the vector of sizes, f64[7] or f64[8] each, mm."""
+        """Return the lower and the upper bounds of the vector of sizes, f64[7] or f64[8] each, mm.
+
+        The sizes are in the order of `Sizes`: width, depth and height of the box, radius and height of the cylinder,
+        side and height of the triangular prism, and its leg if `isosceles`.
+        """
         low, high = self.narrowest, WIDEST_MM
         rows = [(low, high), (low, high), self.heights, (low / 2, high / 2), self.heights, (low, high), self.heights]
         table = np.array([*rows, (low, high)] if self.isosceles else rows)

@@ -37,8 +37,9 @@ struct support {
 };
 
 /* Return force and stiffness of the stand at vertex number `vertex`, which lies at `point`, `depth` metres below the
- * plane of the stand. Updates the point where the vertex sticks: at the first contact it sticks at `point`; beyond the
- * friction limit it slides. */
+ * plane of the stand. Updates the point where the vertex sticks: at the first contact (old point NaN) it sticks at
+ * `point`; beyond the friction limit it slides. `share` is the part of the slip that friction holds, 1 while the vertex
+ * sticks. */
 static struct support press_vertex(struct free_object *object, size_t vertex, const double point[3], double depth)
 {
     const double *up = object->up;

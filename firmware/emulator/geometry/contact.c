@@ -136,7 +136,8 @@ static void place_square(struct cover_square *square, const struct cell *cells, 
 }
 
 /* Return the mean pressure (Pa) on a cell in the direction of its normal: the sum over the `count` faces of the object
- * that load the cell. */
+ * that load the cell. The factor slope / steep is 1 up to the largest inclination of COVER_STEEPEST, and smaller for a
+ * steeper face. */
 static double compute_normal_pressure(const struct cover_load *faces, size_t count)
 {
     double pressure = 0.0;

@@ -61,6 +61,7 @@ static void compute_springs(struct square_springs *springs, const struct load_sq
         const double area = whole->is_whole[i] ? square->cells[i].area : 0.0, steep = whole->steep[i];
         const double pressing = whole->pressure[i] * area / steep, rate = whole->rate[i] * area / (steep * steep);
         const double spring = layer_shear_stiffness() * area;
+        /* square of the length of the shear, m2 */
         const double length = shear[0][i] * shear[0][i] + shear[1][i] * shear[1][i] + shear[2][i] * shear[2][i];
         const double limit = grip->coefficient * pressing, reached = spring * sqrt(length);
         const bool is_sliding = contact_load_slides(reached, limit);

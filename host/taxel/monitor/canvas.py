@@ -24,13 +24,15 @@ _UPPER, _LOWER, _FULL, _DOT = "▀", "▄", "█", "·"
 class Canvas:
     """Text canvas of `height` rows of `width` characters, which the package rich can print; text outside is clipped.
 
-    has_colour: False: an active taxel is a filled half block, and other characters with a taxel are dots.
+    has_colour: whether taxels are half blocks in the colour of their step. Otherwise an active taxel is a filled half
+    block, and other characters with a taxel are dots.
     """
 
     def __init__(self, width: int, height: int, has_colour: bool = True) -> None:
         """Create an empty text canvas of `height` rows and `width` columns of characters.
 
-        has_colour: False: an active taxel is a filled half block, and any other character with a taxel is a dot.
+        has_colour: whether taxels are half blocks in the colour of their step. Otherwise an active taxel is a filled
+        half block, and any other character with a taxel is a dot.
         """
         self.width, self.height = width, height
         self._has_colour = has_colour

@@ -231,10 +231,10 @@ class OriginalLink:
         self._append(encode_taxels(frame, self._sequence, tick.time_us))
 
     def _compute_tick(self, message: OriginalMessage, discarded: int) -> Tick:
-        """Compute the time of a message.
+        """Compute the time of a message: the hub's time, if the format has timestamps.
 
-        It is the hub's time. For a format without timestamps it is the arrival time since the first bytes, or, for a
-        source without arrival times, the position in the stream times the duration of a byte.
+        Otherwise the time is the arrival time since the first bytes, or, for a source without arrival times, the
+        position in the stream times the duration of a byte. discarded: number of bytes discarded before the message.
         """
         if message.timestamp_ms is None and self.has_arrivals and self._first_arrival_ns is not None:
             return Tick((self._arrival_ns - self._first_arrival_ns) // 1000)

@@ -130,6 +130,7 @@ def _compute_curve_error(
         reduced = ResponseCurve(curve.distance_m[kept], curve.signal_counts[kept], curve.decay)
         predicted = look_up(reduced.make_table(), curve.distance_m[index : index + 1])[0]
         noise = noise_counts / np.sqrt(sum(signal.frames for signal in signals if signal.distance_m == knots[index]))
+        # A signal near 0 would make the relative error of its noise arbitrarily large.
         scale = max(abs(curve.signal_counts[index]), 3.0 * noise)
         errors.append((predicted - curve.signal_counts[index]) / scale / 4.0)
     return float(np.sqrt(np.mean(np.square(errors))))

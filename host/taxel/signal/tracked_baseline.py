@@ -139,10 +139,10 @@ class TrackedBaseline:
     def state(self) -> TrackedState:
         """The state after the last complete interval."""
         return TrackedState(
-            self._rest.level.copy(),
-            np.sqrt(self._rest.variance),
-            self._contact.is_contact,
-            self._contact_s.copy(),
+            mean=self._rest.level.copy(),
+            sigma=np.sqrt(self._rest.variance),
+            is_contact=self._contact.is_contact,
+            contact_s=self._contact_s.copy(),
         )
 
     def _clear(self) -> None:

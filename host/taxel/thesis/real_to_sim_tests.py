@@ -79,7 +79,7 @@ def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
 
 
 def is_propagation_largest(result: ObjectResult) -> Outcome:
-    """Test whether contact propagation decreases mean and RMS real-to-sim more than each filter.
+    """Test whether contact propagation decreases mean and RMS of the real-to-sim distance more than each filter does.
 
     Number: share of propagation in the decrease of the mean, percent.
     """

@@ -191,7 +191,10 @@ _MATCH: Final = (*_DISTANCES, POINTS)
 
 
 def list_entries(results: Sequence[ObjectResult]) -> list[Entry]:
-    """List all entries of the thesis's tables with their reproduced values, in the order of `GROUPS`."""
+    """List all entries of the thesis's tables with their reproduced values, in the order of `GROUPS`.
+
+    A row whose printed values and target equal those of an earlier row of its table is marked as a copy.
+    """
     printed_by_name = {printed.printed_name: printed for printed in build_printed_results()}
     entries: list[Entry] = []
     for group in GROUPS:
@@ -222,7 +225,10 @@ def _make_entries(
 
 
 def _list_rows(result: ObjectResult) -> Iterator[tuple[_Place, DistanceStats]]:
-    """Yield the rows of all tables for one object, with the statistics of `result`."""
+    """Yield the rows of all tables for one object, with the statistics of `result`.
+
+    Tables I-1 to I-12 are four kinds of tables for the three objects; Tables I-13 to I-18 are two tables for each object.
+    """
     index = [printed.printed_name for printed in build_printed_results()].index(result.printed_name)
     own_model = result.printed_name
     raw_real: Hashable = (REAL, int(ACTIVE_SIGNAL_COUNTS))

@@ -205,13 +205,14 @@ def test_parameter_errors_are_medians_by_emulator_effect_and_parameter_with_a_li
             "noise",
             parameters=(make_parameter(2.0, unit="1", name="slope@32"), make_parameter(1.5, unit="1", name="slope@48")),
         ),
+        # The gap does not exceed the floor clearly, so the errors of this world are not counted.
         make_single_result("noise", "noise", ratio=1.0, parameters=(make_parameter(100.0),)),
     )["parameters"]
     assert figures["each"]["noise white: white_counts"]["of"] == 2
     assert figures["each"]["noise white: white_counts"]["median_relative_error"] == pytest.approx(0.2)
     assert figures["each"]["noise white: slope"]["of"] == 2
-    assert figures["asked"] == pytest.approx(0.2)
-    assert figures["others"] == pytest.approx(0.75)
+    assert figures["asked"] == pytest.approx(0.2)  # units with a limit, here counts: median of 0.1 and 0.3
+    assert figures["others"] == pytest.approx(0.75)  # units without a limit: median of 1.0 and 0.5
 
 
 def test_coverage_is_the_share_of_true_parameters_within_their_interval_without_parameters_lacking_one():

@@ -82,9 +82,12 @@ def test_active_and_inactive_points_are_rotated_shifted_and_counted_separately()
     points = np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], np.float32)
     rotation = from_rotation_vector(np.array([0.0, np.pi / 2.0, 0.0]))[:3, :3]
     counted = grid.count_points(
-        points, 1, np.stack([np.eye(3), rotation]), np.array([[0.0, 0.0, 0.03], [0.0, 0.0, 0.065]])
+        points,
+        active_count=1,
+        rotations=np.stack([np.eye(3), rotation]),
+        shifts=np.array([[0.0, 0.0, 0.03], [0.0, 0.0, 0.065]]),
     )
-    assert counted.shape == (2, 2 * BIN_COUNT)
+    assert counted.shape == (2, 2 * BIN_COUNT)  # one row per pose: first the active point, then the inactive points
     assert (counted.sum(axis=1) == 3).all()
     on_surface, above = round((0.0 - MIN_DISTANCE_M) / BIN_WIDTH_M), round((0.005 - MIN_DISTANCE_M) / BIN_WIDTH_M)
     assert abs(counted[0, :BIN_COUNT].argmax() - on_surface) <= 2  # on the equator

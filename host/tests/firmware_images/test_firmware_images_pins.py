@@ -58,7 +58,7 @@ def test_the_pins_of_a_sensor_board_are_imported(run, format_nets):
 
 
 @pytest.mark.parametrize("kind", ["palm", "finger_tip"])
-def test_the_pins_of_an_original_board_return_from_its_nets(run, tmp_path, kind):
+def test_the_pins_of_an_original_board_are_imported_from_a_netlist_of_these_pins(run, tmp_path, kind):
     sensor = tomllib.loads((PORT / "original" / f"{kind}.toml").read_text())["sensor"]
     single = {name.upper(): sensor[name] for name in ("scl", "sda", "cint_a", "cint_b")}
     lines = {f"{use.upper()}{number}": pin for use in ("tx", "rx") for number, pin in enumerate(sensor[use])}
@@ -66,7 +66,7 @@ def test_the_pins_of_an_original_board_return_from_its_nets(run, tmp_path, kind)
     assert completed.returncode == 0, completed.stderr
     imported = tomllib.loads((tmp_path / "pins.toml").read_text())["sensor"]
     assert all(imported[name] == sensor[name] for name in ("scl", "sda", "cint_a", "cint_b", "tx", "rx"))
-    assert run(format_kicad(single | lines), "--out", "pins.toml").returncode == 1  # not replaced
+    assert run(format_kicad(single | lines), "--out", "pins.toml").returncode == 1  # the existing file is not replaced
 
 
 def test_the_pins_of_a_hub_are_imported(run):

@@ -455,9 +455,10 @@ def test_mjcf_compiles_with_the_delay_of_each_board(simulation, tmp_path):
     assert done.files == (tmp_path / "skin.xml", tmp_path / "skin.py")
     model = compile_mjcf((tmp_path / "skin.xml").read_text())
     np.testing.assert_allclose(model.sensor_delay, np.repeat([0.1, 0.0], N // 2))
+    # 0.1 s in steps of 0.01 s are the ends of ten intervals, 11 samples.
     np.testing.assert_array_equal(model.sensor_history[:, 0], np.repeat([11, 0], N // 2))
     effects = load_module(tmp_path / "skin.py").SkinEffects()
-    assert effects.parameters["delay_s"] == []
+    assert effects.parameters["delay_s"] == []  # the module must not repeat the delay of the MuJoCo sensors
 
 
 def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulation, tmp_path):

@@ -118,8 +118,8 @@ def test_recorded_grasp_keeps_the_palms_distance_from_a_wider_object_and_is_shif
         return shifted.palm_pose[:3, 3] - approach.palm_pose[:3, 3]
 
     assert np.abs(compute_shift(nominal)).max() < 1e-12
-    assert compute_shift(wider) @ x == pytest.approx(-0.002, abs=1e-4)
-    assert compute_shift(nominal, press_mm=2.0) == pytest.approx(0.0005 * x)
+    assert compute_shift(wider) @ x == pytest.approx(-0.002, abs=1e-4)  # radius 22 mm instead of 20 mm
+    assert compute_shift(nominal, press_mm=2.0) == pytest.approx(0.0005 * x)  # 1.5 mm is the recorded grasp
     assert compute_shift(nominal, reach_mm=3.0) == pytest.approx(-0.003 * z)
     assert compute_shift(nominal, along_mm=4.0) == pytest.approx(-0.004 * y)
     turned = shift_recorded_approach(approach, nominal, nominal, zero | {"turn_deg": 6.0})

@@ -148,6 +148,7 @@ def test_the_distance_bound_is_a_lower_bound_and_exact_inside(shape):
 
 
 def test_the_separation_of_an_inner_point_is_negative():
+    # The point is the centre of both solids, so the separation is minus half the size in the given direction.
     assert BOX.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.045)
     assert CYLINDER.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.03)
     assert CYLINDER.ray_separation([0, 0, 0.07], UP) == pytest.approx(-0.07)

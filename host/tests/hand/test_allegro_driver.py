@@ -212,7 +212,7 @@ def test_a_hand_that_stops_responding_is_detected_after_the_limit(bench: Bench) 
     with bench.make_hand() as hand:
         bench.run(hand, 0.3)
         bench.virtual.faults.is_silent = True
-        bench.run(hand, 0.09)
+        bench.run(hand, 0.09)  # SILENCE_LIMIT_S is 0.1 s
         with pytest.raises(AllegroSilentError, match="index, middle, pinkie, thumb") as caught:
             bench.run(hand, 0.03)
     assert_one_line(caught.value)

@@ -158,7 +158,8 @@ def test_the_decoded_frames_do_not_depend_on_the_piece_sizes(data, seed):
     expected = decode([data])
     assert decode(divide_randomly(data, random.Random(seed))) == expected
     assert decode([data[i : i + 1] for i in range(len(data))]) == expected
-    assert expected[2] == len(data) - data.count(0)  # random bytes contain no valid frame
+    _, _, discarded_bytes = expected
+    assert discarded_bytes == len(data) - data.count(0)  # random bytes contain no valid frame; 0 is the delimiter
 
 
 def test_discarded_bytes_are_the_bytes_outside_frames(hub):

@@ -133,7 +133,7 @@ def test_threefold_noise_raises_an_alarm_for_the_noise():
     def disturb(skin: SyntheticSkin) -> None:
         skin.noise_counts *= 3.0
 
-    events, _, _ = run_with_fault(14, disturb)
+    events, _, _ = run_with_fault(seed=14, change=disturb)
     assert next(event for event in events if isinstance(event, Alarm)).quantity == "noise"
 
 

@@ -290,11 +290,11 @@ bool ed25519_verify(const uint8_t signature[64], const uint8_t key[32], const ui
     multiply(a.t, a.x, a.y);
     multiply_point(&sum, &a, signature + 32, 256);
     add_points(&sum, &sum, &p);
-    power(sum.z, sum.z, 255, 0xEB);
+    power(sum.z, sum.z, 255, 0xEB); /* 1 / z = z^(p - 2), because p - 2 = 2^255 - 21 has the low byte 0xEB */
     multiply(sum.x, sum.x, sum.z);
     multiply(sum.y, sum.y, sum.z);
     freeze(sum.x);
     freeze(sum.y);
-    sum.y[LIMBS - 1] |= (uint8_t)(sum.x[0] << 7);
+    sum.y[LIMBS - 1] |= (uint8_t)(sum.x[0] << 7); /* the encoding of a point is y, with the lowest bit of x on top */
     return memcmp(sum.y, signature, LIMBS) == 0;
 }

@@ -42,7 +42,7 @@ class VirtualSMBus:
         """
         self._world = world
         self._recovers = recovers
-        self.fd: int | None = -1
+        self.fd: int | None = -1  # no file is open; None: closed, as in smbus2
         self.pec = 0
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:

@@ -55,6 +55,8 @@ static void press_corner(struct sim_stand *stand, size_t corner, const double po
     stand->has_anchor[corner] = 1;
 }
 
+/* Add force and stiffness of the stand at all corners below its plane to the equations of the object's motion; see
+   stand.h. */
 void sim_add_stand(struct sim_stand *stand, const double *rotation, const double *position, size_t first,
                    struct sim_equations *equations)
 {
