@@ -205,15 +205,16 @@ def _limit_duration(updates: Iterator["Update"], seconds: float | None) -> Itera
 
 def _print_events(updates: Iterator["Update"], as_json: bool) -> None:
     """Print each event on a line, and at the end the numbers of compared steps and alarms unless `as_json`."""
-    steps = alarms = 0
+    steps = alarms = skipped = 0
     for update in updates:
         steps += len(update.results)
+        skipped += update.skipped
         for event in update.events:
             text = event.to_json()
             alarms += text["event"] == "alarm"
             print(json.dumps(text, allow_nan=False) if as_json else str(event), flush=True)
     if not as_json:
-        print(f"{steps} steps compared, {alarms} alarms")
+        print(f"{steps} steps compared, {alarms} alarms" + (f", {skipped} frames not shown" if skipped else ""))
 
 
 def _show_in_browser(updates: Iterator["Update"], session: "TwinSession", port: int, as_json: bool) -> None:

@@ -25,6 +25,7 @@ class Update:
 
     results: steps that ended in the block. frame: the newest frame beside its prediction; None at the end of the
     stream. frames: number of poll cycles in the block. repair: corrections of the signals; None if corrections are off.
+    skipped: number of poll cycles of a live skin that are in no view, because processing was behind.
     """
 
     results: tuple[StepResult, ...]
@@ -32,13 +33,14 @@ class Update:
     frame: TwinFrame | None
     frames: int
     repair: SelfRepair | None = None
+    skipped: int = 0
 
 
 class TwinSession:
     """Runs a twin on a source of poll cycles.
 
     naming: names the causes of alarms; None: causes are not named. repairs: whether corrections of the signals are
-    derived from the active alarms.
+    derived from the active alarms. skipped: number of poll cycles so far that are in no view (`Update.skipped`).
     """
 
     def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None, repairs: bool = False) -> None:
@@ -50,6 +52,7 @@ class TwinSession:
         poses = naming.reference.poses if naming is not None else {}
         self._recorder = ContactRecorder(twin.schedule, poses)
         self._last_s = -np.inf
+        self.skipped = 0
 
     def updates(self) -> Iterator[Update]:
         """Yield the results of each block of the source, and of the end of the stream."""
@@ -72,10 +75,13 @@ class TwinSession:
         if self._naming is not None:
             self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
             events += self._naming.add(self._recorder.take(*block))
+        # All poll cycles are compared; only the newest one of the block is predicted and shown.
+        skipped = len(block.time_s) - 1 if self._source.is_live else 0
+        self.skipped += skipped
         frame = predict_frame(self.twin, float(block.time_s[-1]), block.raw_counts[-1], block.valid[-1])
         if results:
             events += self._plan_repair(results[-1].step.end_s)
-        return Update(tuple(results), tuple(events), frame, len(block.time_s), self._repair)
+        return Update(tuple(results), tuple(events), frame, len(block.time_s), self._repair, skipped)
 
     def _plan_repair(self, time_s: float) -> Iterator[Repaired]:
         """Derive the corrections from the active alarms; yield an event if they have changed."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -20,6 +21,10 @@ from taxel.types import BoolArray, CountArray, FloatArray
 
 RECORDED_BLOCK: Final = 256
 """Number of poll cycles in a block of a recording: large enough that the constant effort per block is negligible."""
+
+LIVE_BLOCK: Final = 64
+"""Largest number of poll cycles in a block of a live skin, 3 s at the usual rate: views show a frame at least once per
+block, however far the processing is behind."""
 
 DATASET_BLOCK: Final = 16
 """Number of poll cycles in a block of a dataset: less than a second, so that views show the course of a contact."""
@@ -67,17 +72,33 @@ class SkinSource:
         return self.skin.link.is_real_time
 
     def blocks(self) -> Iterator[Block]:
-        """Yield blocks of one poll cycle from a live skin, and of `RECORDED_BLOCK` poll cycles from a recording."""
+        """Yield blocks of poll cycles.
+
+        A block of a live skin contains the poll cycles that have arrived since the block before, usually one; more if
+        the processing is behind, because the effort per block hardly depends on its length. A block of a recording has
+        `RECORDED_BLOCK` poll cycles.
+        """
         hand = self.skin.hand
         columns = np.array([hand.get_slice(board.address).start for board in hand.boards])
-        waiting: list[SkinFrame] = []
-        for scan in self.skin.scans():
-            waiting.append(scan)
-            if self.is_live or len(waiting) >= RECORDED_BLOCK:
-                yield _to_block(waiting, columns)
-                waiting = []
-        if waiting:
-            yield _to_block(waiting, columns)
+        for batch in self._read_live_batches() if self.is_live else self._read_recorded_batches():
+            yield _to_block(batch, columns)
+
+    def _read_live_batches(self) -> Iterator[list[SkinFrame]]:
+        """Yield the poll cycles that have arrived, at most `LIVE_BLOCK` at a time, without end."""
+        while True:
+            batch: list[SkinFrame] = []
+            timeout_s = 0.1
+            while len(batch) < LIVE_BLOCK and (frames := self.skin.poll(timeout_s)):
+                batch += self.skin.collect_scans(frames)
+                timeout_s = 0.0
+            for start in range(0, len(batch), LIVE_BLOCK):
+                yield batch[start : start + LIVE_BLOCK]
+
+    def _read_recorded_batches(self) -> Iterator[list[SkinFrame]]:
+        """Yield all poll cycles of a recording, `RECORDED_BLOCK` at a time."""
+        scans = self.skin.scans()
+        while batch := list(islice(scans, RECORDED_BLOCK)):
+            yield batch
 
     def check(self, taxels: TaxelTable, sensors: SensorTable, name: str) -> None:
         """Raise TwinInputError unless the skin has the boards and taxels of a reference. name: path of the
@@ -138,7 +159,7 @@ class DatasetSource:
                     yield Block(times[part], grasp.raw_counts[part], grasp.valid[part])
 
 
-def _to_block(scans: list[SkinFrame], columns: np.ndarray) -> Block:
+def _to_block(scans: Sequence[SkinFrame], columns: np.ndarray) -> Block:
     """Combine frames of the whole skin to a block. columns: i64[s], index of the first taxel of each board."""
     return Block(
         np.array([scan.time_s for scan in scans]),

@@ -60,6 +60,8 @@ class TwinScreen:
             (" taxel twin ", "reverse"), f" {self._title} · {format_time(frame.time_s)} · {contact} · ", state
         )
         steps = f"{self._steps} steps, evidence of a change {self._evidence:.1e} (alarm at 1)"
+        if self._session.skipped:
+            steps += f", {self._session.skipped} frames not shown"
         lines = [head, Text(steps, style="dim"), self._draw_header()]
         lines += [self._draw_board(number, frame) for number in range(self._session.twin.reference.sensors.s)]
         lines.append(Text.assemble(("residual, floors ", "dim"), self._draw_history(width - 18)))

@@ -34,6 +34,7 @@ class TwinTopics:
         self._offset_ns = epoch_offset_ns
         self._cause: CauseEvent | None = None
         self._diagnostics_s = float("-inf")
+        self._skipped = 0
 
     def make(self, update: Update, active: Iterable[ClearedTest]) -> Iterator[TopicMessage]:
         """Yield the messages of an update: its events, its frame, the corrected frame, and diagnostics.
@@ -42,6 +43,7 @@ class TwinTopics:
         `DIAGNOSTICS_S`.
         """
         time_s = self._diagnostics_s
+        self._skipped += update.skipped
         for event in update.events:
             time_s = event.time_s
             if isinstance(event, CauseEvent):
@@ -96,7 +98,7 @@ class TwinTopics:
         time_ns = self._to_unix_ns(time_s)
         cause = self._cause if alarms else None
         text = cause.action if cause is not None else f"{len(alarms)} alarms" if alarms else "no change"
-        values: dict[str, float] = {"alarms": len(alarms)}
+        values: dict[str, float] = {"alarms": len(alarms), "skipped frames": self._skipped}
         if cause is not None:
             values |= {name: round(value, 4) for name, value in cause.probabilities.items()}
         statuses: list[dict[str, Any]] = [make_status(WARN if alarms else OK, "taxel twin", text, "skin", values)]

@@ -102,6 +102,7 @@ class TwinPage:
             "predicted": _to_list(frame.predicted),
             "residual": _to_list(frame.residual, 2),
             "history": list(self._history),
+            "skipped": self._session.skipped,
             "active": [test.alarm.number for test in self._session.twin.active.values()],
             "events": list(self._events)[-20:],
         }

@@ -1,0 +1,105 @@
+"""Blocks of poll cycles from a live skin: all cycles arrive once and in order, however far the reader is behind."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from host.tests.twin.synthetic_skin import SyntheticSkin, learn
+from taxel.hand import load_hand
+from taxel.skin.frame import SkinFrame
+from taxel.twin import ContactSchedule, Twin
+from taxel.twin.session import TwinSession
+from taxel.twin.sources import LIVE_BLOCK, Block, SkinSource
+
+
+class BacklogLink:
+    """A link of a live skin."""
+
+    is_real_time = True
+
+
+class BacklogSkin:
+    """A live skin that delivers a given number of poll cycles with each `poll`, and then ends with EOFError."""
+
+    def __init__(self, arrivals: list[int]) -> None:
+        self.hand, self.link = load_hand("rig4"), BacklogLink()
+        self._arrivals, self._cycle = list(arrivals), 0
+
+    def poll(self, timeout_s: float) -> list[SkinFrame]:
+        """Return the next poll cycles, here as complete frames of the skin."""
+        if not self._arrivals:
+            raise EOFError
+        return [self._make_frame() for _ in range(self._arrivals.pop(0))]
+
+    def collect_scans(self, frames: list[SkinFrame]) -> Iterator[SkinFrame]:
+        """Yield the frames, which are complete already."""
+        yield from frames
+
+    def _make_frame(self) -> SkinFrame:
+        self._cycle += 1
+        n = self.hand.n_taxels
+        return SkinFrame(self._cycle, 0.05 * self._cycle, np.full(n, self._cycle, np.uint16), np.ones(n, bool))
+
+
+def read_blocks(arrivals: list[int]) -> list[np.ndarray]:
+    """Return the times of the blocks that a twin receives from a skin with these arrivals."""
+    times = []
+    with pytest.raises(EOFError):
+        for block in SkinSource(BacklogSkin(arrivals)).blocks():
+            times.append(block.time_s)  # noqa: PERF401  the loop ends with EOFError
+    return times
+
+
+@pytest.mark.parametrize(
+    "arrivals", [[1, 0, 1, 0, 1, 0], [5, 0, 1, 0], [30, 30, 30, 30, 30, 0], [500, 0], [0, 0, 2, 0]]
+)
+def test_every_poll_cycle_arrives_once_in_order(arrivals):
+    times = np.concatenate(read_blocks(arrivals))
+    assert np.allclose(times, 0.05 * np.arange(1, sum(arrivals) + 1))
+
+
+def test_a_reader_in_time_receives_single_cycles_and_a_late_reader_longer_blocks():
+    assert [len(block) for block in read_blocks([1, 0, 1, 0, 1, 0])] == [1, 1, 1]
+    assert [len(block) for block in read_blocks([1, 0, 9, 4, 0, 1, 0])] == [1, 13, 1]
+    assert max(len(block) for block in read_blocks([500, 0])) == LIVE_BLOCK
+
+
+def test_a_block_has_the_counts_and_boards_of_its_cycles():
+    source = SkinSource(BacklogSkin([3, 0]))
+    block = next(iter(source.blocks()))
+    assert block.raw_counts[:, 0].tolist() == [1, 2, 3]
+    assert block.valid.shape == (3, len(source.skin.hand.boards))
+    assert all(later > earlier for earlier, later in pairwise(block.time_s))
+
+
+@pytest.fixture
+def make_live_session():
+    """Function that makes a session of a live skin and blocks of given lengths."""
+
+    class LiveSource:
+        """A live source without blocks of its own."""
+
+        is_live, is_continuous = True, False
+
+    def make(lengths: list[int]) -> tuple[TwinSession, list[Block]]:
+        """Return the session, and blocks that follow each other."""
+        skin = SyntheticSkin(seed=5)
+        reference = learn(skin)
+        _, cycles = skin.run_routine(1)
+        ends = np.cumsum(lengths)
+        blocks = [
+            Block(*(column[end - length : end] for column in cycles)) for end, length in zip(ends, lengths, strict=True)
+        ]
+        return TwinSession(Twin(reference, ContactSchedule()), LiveSource(), None), blocks
+
+    return make
+
+
+def test_frames_of_a_live_skin_that_are_in_no_view_are_counted(make_live_session):
+    session, blocks = make_live_session([1, 4, 1])
+    updates = [session.take(block) for block in blocks]
+    assert [update.skipped for update in updates] == [0, 3, 0]
+    assert [update.frame is not None for update in updates] == [True] * 3
+    assert session.skipped == 3
