@@ -95,7 +95,8 @@ class Twin:
         self._newest_s = -np.inf
         self._last_step_s: float | None = None
         self._last_alarm_s = -np.inf
-        self._excluded = np.zeros(n, dtype=bool)
+        self._exchanged = np.zeros(n, dtype=bool)
+        """Taxels of boards that were exchanged during the current step, which are not compared in this step."""
 
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[StepResult]:
         """Add poll cycles; return the results of the steps that ended.
@@ -116,6 +117,20 @@ class Twin:
                 results.append(self._restart(float(time_s[row])))
             start = row
         return results
+
+    def exchange_board(self, board: int) -> None:
+        """Expect the signals, noise and rest level of another board from now on: its next steps define them.
+
+        The board is not compared in the current step. board: index of the board, from 0.
+        """
+        self._exchanged |= self.reference.places.board == board
+        self._relearn(self._exchanged)
+
+    def _relearn(self, taxels: BoolArray) -> None:
+        """Discard what the session has learnt about the taxels bool[n]."""
+        self.noise.forget(taxels)
+        self.live.relearn(taxels)
+        self.level.forget(taxels)
 
     @property
     def contact(self) -> Contact | None:
@@ -145,12 +160,12 @@ class Twin:
     def _process(self, step: Step) -> StepResult:
         """Test one complete step: update the tracked state, the detector and the alarms; return the results."""
         pressed, on_pressed_board = self.unannounced.find_pressed(step)
-        scores, touched = compute_rest_scores(step, self.level, self.noise, self._excluded, on_pressed_board)
+        scores, touched = compute_rest_scores(step, self.level, self.noise, self._exchanged, on_pressed_board)
         touched = touched | pressed
         signals = None
         novelty = self._compute_novelty(step)
         if step.contact is not None:
-            found = compute_contact_scores(step, self.reference, self.live, self._excluded | touched)
+            found = compute_contact_scores(step, self.reference, self.live, self._exchanged | touched)
             if found is not None:
                 scores.update(found[0])
                 known = self.reference.conditions[step.contact.condition]
@@ -165,6 +180,9 @@ class Twin:
         elapsed = step.end_s - (self._last_step_s if self._last_step_s is not None else step.start_s)
         self._last_step_s = step.end_s
         evidence = self.detector.update(elapsed, ratios)
+        if self._exchanged.any():  # the step contains frames of both boards, which must not define the new board
+            self._relearn(self._exchanged)
+            self._exchanged[:] = False
         events: list[Event] = list(self._find_cleared(step, touched, elapsed))
         if evidence >= 1.0 and (alarm := self._raise_alarm(step)) is not None:
             events.append(alarm)

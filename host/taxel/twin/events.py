@@ -84,8 +84,9 @@ class Cleared:
 
 @dataclass(frozen=True)
 class InputFault:
-    """A fault of the input that interrupts the comparison but is no change of the skin. kind: "gap", "clock",
-    "cause".
+    """A fault of the input that interrupts the comparison but is no change of the skin.
+
+    kind: "gap", "clock", "board" (a board was exchanged) or "cause".
     """
 
     time_s: float

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taxel.hand.errors import format_address
 from taxel.twin.comparison import StepResult, Twin
 from taxel.twin.contact_records import ContactRecorder
 from taxel.twin.events import Event, InputFault, Repaired
@@ -52,6 +53,7 @@ class TwinSession:
         poses = naming.reference.poses if naming is not None else {}
         self._recorder = ContactRecorder(twin.schedule, poses)
         self._last_s = -np.inf
+        self._unique_ids: dict[int, bytes] = {}
         self.skipped = 0
 
     def updates(self) -> Iterator[Update]:
@@ -69,7 +71,7 @@ class TwinSession:
 
     def take(self, block: Block) -> Update:
         """Process one block of poll cycles; return its results."""
-        events: list[Event] = list(self._find_gaps(block))
+        events: list[Event] = [*self._find_gaps(block), *self._find_exchanged_boards(float(block.time_s[0]))]
         results = self.twin.take(*block)
         events += [event for result in results for event in result.events]
         if self._naming is not None:
@@ -91,6 +93,24 @@ class TwinSession:
         if planned.corrections != self._repair.corrections:
             self._repair = planned
             yield Repaired(time_s, planned.corrections)
+
+    def _find_exchanged_boards(self, time_s: float) -> Iterator[InputFault]:
+        """Yield a fault for each board whose processor has another unique id than before; the twin learns it again."""
+        sensors = self.twin.reference.sensors
+        for address, unique_id in self._source.get_unique_ids().items():
+            known_id = self._unique_ids.setdefault(address, unique_id)
+            if unique_id == known_id or address not in sensors.address:
+                continue
+            self._unique_ids[address] = unique_id
+            board = int(np.flatnonzero(sensors.address == address)[0])
+            self.twin.exchange_board(board)
+            yield InputFault(
+                time_s,
+                "board",
+                f"board {format_address(address)} ({sensors.name[board].replace('_', ' ')}) was exchanged: unique id "
+                f"{unique_id.hex()}, before {known_id.hex()}; its changes are compared with its own contacts from now "
+                "on; record a new reference",
+            )
 
     def _find_gaps(self, block: Block) -> Iterator[InputFault]:
         """Yield a fault for each interval of more than `SILENCE_S` without frames; nothing for a source that may

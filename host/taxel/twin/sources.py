@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -58,6 +57,10 @@ class Source(Protocol):
         """Yield the poll cycles in order of time."""
         ...
 
+    def get_unique_ids(self) -> Mapping[int, bytes]:
+        """Return the latest unique id of the processor of each board by its I2C address; empty if unknown."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class SkinSource:
@@ -83,6 +86,10 @@ class SkinSource:
         for batch in self._read_live_batches() if self.is_live else self._read_recorded_batches():
             yield _to_block(batch, columns)
 
+    def get_unique_ids(self) -> Mapping[int, bytes]:
+        """Return the unique ids from the latest identities that the hub has sent; it sends one for each new board."""
+        return {address: bytes(fields["identity_unique_id"]) for address, fields in self.skin.hub.boards.items()}
+
     def _read_live_batches(self) -> Iterator[list[SkinFrame]]:
         """Yield the poll cycles that have arrived, at most `LIVE_BLOCK` at a time, without end."""
         while True:
@@ -95,9 +102,21 @@ class SkinSource:
                 yield batch[start : start + LIVE_BLOCK]
 
     def _read_recorded_batches(self) -> Iterator[list[SkinFrame]]:
-        """Yield all poll cycles of a recording, `RECORDED_BLOCK` at a time."""
-        scans = self.skin.scans()
-        while batch := list(islice(scans, RECORDED_BLOCK)):
+        """Yield all poll cycles of a recording, `RECORDED_BLOCK` at a time.
+
+        A batch ends before the first poll cycle after the exchange of a board, so that the twin learns of the exchange
+        at the same poll cycle as with the live skin.
+        """
+        batch: list[SkinFrame] = []
+        known_ids = self.get_unique_ids()
+        for scan in self.skin.scans():
+            unique_ids = self.get_unique_ids()
+            if batch and (len(batch) == RECORDED_BLOCK or unique_ids != known_ids):
+                yield batch
+                batch = []
+            known_ids = unique_ids
+            batch.append(scan)
+        if batch:
             yield batch
 
     def check(self, taxels: TaxelTable, sensors: SensorTable, name: str) -> None:
@@ -148,6 +167,10 @@ class DatasetSource:
                 schedule.announce(Contact((one, two, three, four, last), contact.condition))
                 end = last
         return cls(Path(path), schedule, offsets)
+
+    def get_unique_ids(self) -> Mapping[int, bytes]:
+        """Return nothing: a dataset contains no unique ids."""
+        return {}
 
     def blocks(self) -> Iterator[Block]:
         """Yield the frames of each grasp in blocks of at most `DATASET_BLOCK` poll cycles."""

@@ -123,7 +123,9 @@ def test_session_reports_its_corrections_only_on_request(reference, repairs):
     skin.gain[:] = 0.5
     second, after = skin.run_routine(12)
     block = Block(*(np.concatenate(pair) for pair in zip(before, after, strict=True)))
-    source = type("Source", (), {"is_live": False, "is_continuous": False, "blocks": lambda self: iter([block])})()
+    members = {"is_live": False, "is_continuous": False}
+    methods = {"blocks": lambda self: iter([block]), "get_unique_ids": lambda self: {}}
+    source = type("Source", (), members | methods)()
     session = TwinSession(Twin(reference, ContactSchedule([*first, *second])), source, None, repairs)
     updates = list(session.updates())
     found = [event for update in updates for event in update.events if isinstance(event, Repaired)]

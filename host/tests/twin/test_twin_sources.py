@@ -1,12 +1,13 @@
 """Blocks of poll cycles from a live skin: all cycles arrive once and in order, however far the reader is behind."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from host.tests.twin.synthetic_skin import SyntheticSkin, learn
+from host.tests.twin.synthetic_skin import ADDRESSES, SyntheticSkin, learn
 from taxel.hand import load_hand
 from taxel.skin.frame import SkinFrame
 from taxel.twin import ContactSchedule, Twin
@@ -20,11 +21,18 @@ class BacklogLink:
     is_real_time = True
 
 
+class BacklogHub:
+    """A hub that has identified one board."""
+
+    def __init__(self) -> None:
+        self.boards = {0x50: {"identity_unique_id": bytes(8)}}
+
+
 class BacklogSkin:
     """A live skin that delivers a given number of poll cycles with each `poll`, and then ends with EOFError."""
 
     def __init__(self, arrivals: list[int]) -> None:
-        self.hand, self.link = load_hand("rig4"), BacklogLink()
+        self.hand, self.link, self.hub = load_hand("rig4"), BacklogLink(), BacklogHub()
         self._arrivals, self._cycle = list(arrivals), 0
 
     def poll(self, timeout_s: float) -> list[SkinFrame]:
@@ -46,9 +54,10 @@ class BacklogSkin:
 def read_blocks(arrivals: list[int]) -> list[np.ndarray]:
     """Return the times of the blocks that a twin receives from a skin with these arrivals."""
     times = []
-    with pytest.raises(EOFError):
-        for block in SkinSource(BacklogSkin(arrivals)).blocks():
-            times.append(block.time_s)  # noqa: PERF401  the loop ends with EOFError
+    blocks = SkinSource(BacklogSkin(arrivals)).blocks()
+    with suppress(EOFError):
+        while True:
+            times.append(next(blocks).time_s)
     return times
 
 
@@ -74,14 +83,21 @@ def test_a_block_has_the_counts_and_boards_of_its_cycles():
     assert all(later > earlier for earlier, later in pairwise(block.time_s))
 
 
+class LiveSource:
+    """A live source without blocks of its own. unique_ids: of the processors of both boards, by I2C address."""
+
+    is_live, is_continuous = True, False
+
+    def __init__(self) -> None:
+        self.unique_ids = {address: bytes([address] * 8) for address in ADDRESSES}
+
+    def get_unique_ids(self) -> dict[int, bytes]:
+        return dict(self.unique_ids)
+
+
 @pytest.fixture
 def make_live_session():
     """Function that makes a session of a live skin and blocks of given lengths."""
-
-    class LiveSource:
-        """A live source without blocks of its own."""
-
-        is_live, is_continuous = True, False
 
     def make(lengths: list[int]) -> tuple[TwinSession, list[Block]]:
         """Return the session, and blocks that follow each other."""
@@ -103,3 +119,36 @@ def test_frames_of_a_live_skin_that_are_in_no_view_are_counted(make_live_session
     assert [update.skipped for update in updates] == [0, 3, 0]
     assert [update.frame is not None for update in updates] == [True] * 3
     assert session.skipped == 3
+
+
+def test_a_batch_of_a_recording_ends_before_the_first_cycle_of_an_exchanged_board():
+    skin = BacklogSkin([])
+
+    def iterate_scans() -> Iterator[SkinFrame]:
+        """Yield 20 cycles; the hub identifies another board before cycle 8."""
+        for cycle in range(1, 21):
+            if cycle == 8:
+                skin.hub.boards = {0x50: {"identity_unique_id": bytes([1] * 8)}}
+            yield skin._make_frame()
+
+    skin.scans, skin.link.is_real_time = iterate_scans, False
+    assert [len(block.time_s) for block in SkinSource(skin).blocks()] == [7, 13]
+
+
+def test_an_exchanged_board_is_reported_once_and_raises_no_alarm():
+    """The new board has other gains, another noise and another rest level than the board of the reference."""
+    skin, seen = SyntheticSkin(seed=5), []
+    reference = learn(skin)
+    contacts, before = skin.run_routine(12)
+    on_board = reference.places.board == 1
+    skin.gain[on_board] *= np.random.default_rng(3).uniform(0.6, 1.5, int(on_board.sum()))
+    more, after = skin.run_routine(12)
+    source = LiveSource()
+    session = TwinSession(Twin(reference, ContactSchedule([*contacts, *more])), source, None)
+    for cycles in (before, after):
+        if cycles is after:
+            source.unique_ids[ADDRESSES[1]] = bytes([9] * 8)
+        for start in range(0, len(cycles[0]), 50):
+            seen += session.take(Block(*(column[start : start + 50] for column in cycles))).events
+    assert [(event.kind, f"0x{ADDRESSES[1]:02X}" in event.message) for event in seen] == [("board", True)]
+    assert "0909090909090909" in seen[0].message

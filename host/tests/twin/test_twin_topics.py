@@ -32,6 +32,9 @@ class Source:
         self.contacts = [*first, *second]
         self.cycles = tuple(np.concatenate(pair) for pair in zip(before, after, strict=True))
 
+    def get_unique_ids(self):
+        return {}
+
     def blocks(self):
         for start in range(0, len(self.cycles[0]), 200):
             yield Block(*(column[start : start + 200] for column in self.cycles))
