@@ -193,7 +193,6 @@ static void a_loose_contact_loses_addressings_in_bursts(void)
 static double contact_time(const char *const *effects, unsigned address, size_t taxel, int fd)
 {
     start_world(effects, fd);
-    fake.description.noise_counts = 0.0;
     const int rest_count = fake.counts_of[address][taxel];
     double time = 0.0;
     for (int n = 0; n < 500 && time == 0.0; n++) {

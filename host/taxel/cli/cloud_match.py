@@ -104,7 +104,7 @@ def match(
                 matches.append(CloudMatch(path, true_object, approach, result))
         show("matching", total, total)
     if as_json:
-        content = {"matches": [cloud_match.to_json() for cloud_match in matches], "told_right": _count_correct(matches)}
+        content = {"matches": [cloud_match.to_json() for cloud_match in matches], "correct": _count_correct(matches)}
         print(json.dumps(content))
     else:
         _print_matches(matches)

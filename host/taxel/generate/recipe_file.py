@@ -92,7 +92,7 @@ class Key:
     def text(self, choices: Sequence[str] = ()) -> str:
         """Return the value, a non-empty string, and one of `choices` if there are any. Raises RecipeError otherwise."""
         if not isinstance(self.value, str) or not self.value or (choices and self.value not in choices):
-            self.fail(f"one of {', '.join(choices)}" if choices else "a text")
+            self.fail(f"one of {', '.join(choices)}" if choices else "a string")
         return self.value
 
     def integer(self, low: int, high: int) -> int:

@@ -26,7 +26,7 @@ def check_recording_header(header: Any) -> dict[str, Any]:
         raise TextError("header", "a JSON object", _describe(header))
     for name in _TEXTS:
         if name in header and not isinstance(header[name], str):
-            raise TextError(name, "a text", _describe(header[name]))
+            raise TextError(name, "a string", _describe(header[name]))
     if "clock" in header and header["clock"] not in _CLOCKS:
         raise TextError("clock", " or ".join(map(repr, _CLOCKS)), _describe(header["clock"]))
     if "baud" in header and not _is_number(header["baud"]):

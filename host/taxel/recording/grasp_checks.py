@@ -197,7 +197,7 @@ def check_text(value: Any, location: Location) -> str:
         except UnicodeDecodeError:
             location.fail("UTF-8 text", format_value(value), "store it as UTF-8")
     if not isinstance(value, str):
-        location.fail("a text", format_value(value), "store a string")
+        location.fail("a string", format_value(value), "write the attribute again")
     if not value or len(value) > LONGEST_TEXT or not value.isprintable():
         expected = f"1 to {LONGEST_TEXT} printable characters"
         location.fail(expected, format_value(value) if value else "an empty text", "correct the text")

@@ -138,8 +138,8 @@ def test_dataset_is_matched_as_a_whole_and_by_approach(run, dataset_file):
     result = json.loads(run("match", dataset_file, "--each-approach", "--resamples", 20, "--json"))
     assert [match_result["approach"] for match_result in result["matches"]] == [None, "side_1", "top"]
     assert all(match_result["object"] == "cylinder" for match_result in result["matches"])
-    assert result["told_right"]["clouds"]["total"] == 1
-    assert result["told_right"]["single_approaches"]["total"] == 2
+    assert result["correct"]["clouds"]["total"] == 1
+    assert result["correct"]["single_approaches"]["total"] == 2
     assert "single approaches identified: " in run("match", dataset_file, "--each-approach", "--resamples", 0)
 
 

@@ -174,7 +174,7 @@ def test_an_implausible_baud_rate_in_a_header_is_replaced_by_the_default(tmp_pat
         ('{"epoch_offset_ns": 1e30}', r"epoch_offset_ns: expected an integer of 64 bits, found 1e\+30"),
         ('{"epoch_offset_ns": "0"}', "epoch_offset_ns: expected an integer of 64 bits, found '0'"),
         ('{"clock": ["hub"]}', "clock: expected 'host' or 'hub', found a list"),
-        ('{"hand": 3}', "hand: expected a text, found 3"),
+        ('{"hand": 3}', "hand: expected a string, found 3"),
         ('{"joint_position": {"a": 1}}', "joint_position: expected a list of at most 1000 numbers, found a dict"),
         ('{"joint_position": [0, NaN]}', "file: expected JSON, found NaN, which JSON does not have"),
         ('{"hand": "a", "hand": "b"}', "file: expected each key of an object once, found 'hand' twice"),

@@ -118,7 +118,7 @@ def test_existing_file_is_kept_without_overwrite_or_after_an_error(tmp_path):
         ("grasps/raw_counts", np.zeros((T, N)), "an unknown one"),
         ("pressure", 1.0, "use one of source"),
         ("created", "noon", "ISO 8601"),
-        ("hand", np.array(["a", "b"]), "expected a text"),
+        ("hand", np.array(["a", "b"]), "expected a string"),
         ("taxels/size", np.zeros(N), "metres above 0"),
         ("sensors/name", np.array(["a"]), "expected 2 texts"),
         ("objects/cube/faces", np.array([[0, 1, 3]]), "vertex numbers from 0 to 2"),

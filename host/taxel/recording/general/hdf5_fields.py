@@ -58,7 +58,7 @@ def decode_text(value: object, location: Location) -> str:
     """
     text = value.decode(errors="replace") if isinstance(value, bytes) else value
     if not isinstance(text, str) or len(text) > LONGEST_TEXT:
-        expected = f"a text of at most {LONGEST_TEXT} characters"
+        expected = f"a string of at most {LONGEST_TEXT} characters"
         location.fail(expected, format_value(_simplify(text)), "store one string")
     return str(text)
 

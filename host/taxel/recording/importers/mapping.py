@@ -129,7 +129,10 @@ class Mapping:
     files: tuple[tuple[str, Labels], ...] = ()
 
     def find_labels(self, path: Path) -> Labels:
-        """Return the constant labels of a file: those of the last matching patterns, else those of the mapping."""
+        """Return the constant labels of a file.
+
+        Each label is that of the last matching pattern in `files` that states it, else that of the mapping.
+        """
         labels = self.labels
         for pattern, labels_of_pattern in self.files:
             if fnmatch(path.name, pattern) or fnmatch(str(path), pattern):
@@ -320,7 +323,7 @@ def _check_label(value: Any, kind: type, location: Location) -> Any:
     """Return a constant label. Raises DatasetError for another type or a negative session."""
     is_wrong = type(value) is not kind or value == "" or (isinstance(value, int) and value < 0)
     if is_wrong:
-        expected = "a number of 0 or more" if kind is int else "a text"
+        expected = "a number of 0 or more" if kind is int else "a string"
         location.fail(f"{expected}, or a table with the key field", format_value(value), "correct the value")
     return value
 

@@ -14,7 +14,7 @@ from taxel.recording.importers.fields import suggest_names
 T = TypeVar("T")
 
 _TYPE_NAMES = {
-    str: "a text",
+    str: "a string",
     int: "an integer",
     float: "a number",
     bool: "true or false",

@@ -169,7 +169,7 @@ class _PartFinder:
             return {}
         if prefix is not None and not isinstance(prefix, str):
             self.source.key("prefix").fail(
-                "a text", format_value(prefix), "write the common beginning of the names of the links"
+                "a string", format_value(prefix), "write the common beginning of the names of the links"
             )
         links = {board.name: str(board.link_name) for board in self.hand.boards if board.name in boards}
         entries = self._find_with_prefix("geom", {name: name for name in boards}, prefix)
