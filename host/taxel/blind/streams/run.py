@@ -36,6 +36,10 @@ class CyclesSource:
     is_live: bool = False
     is_continuous: bool = True
 
+    def get_unique_ids(self) -> dict[int, bytes]:
+        """Return nothing: no board is exchanged."""
+        return {}
+
     def blocks(self) -> Iterator[Block]:
         """Yield blocks of poll cycles."""
         for start in range(0, len(self.cycles.time_s), RECORDED_BLOCK):
