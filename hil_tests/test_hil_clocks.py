@@ -25,6 +25,7 @@ def check_no_losses(skin: Skin) -> None:
 @pytest.mark.needs("counts", "clocks")
 @pytest.mark.world(lines=[f"clock_start {{{index}}} {WRAP_S - 1.0 - 0.05 * index!r}" for index in range(17)])
 def test_wrap_of_the_board_clocks_loses_no_frame(rig: Rig, skin: Skin) -> None:
+    """The boards' clocks wrap 1.0 to 1.8 s after power-up, each at another time, while frames are read."""
     read_frames(rig, skin, 0.2)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)

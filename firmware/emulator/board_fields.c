@@ -21,7 +21,7 @@ static struct interval get_present_interval(const struct board_fields *fields)
     const struct skin *skin = fields->skin;
     const struct stimulus *stimulus = fields->stimulus;
     struct interval interval = {.from = stimulus->from, .until = stimulus->until, .is_constant = stimulus->is_step};
-    if (skin->boards) {
+    if (skin->boards) { /* the skin computes the fields; otherwise the stimulus states them directly */
         interval = (struct interval){.from = skin->from, .until = skin->until, .is_constant = skin->is_step};
     }
     interval.is_constant = interval.is_constant || interval.until == VTIME_NEVER;

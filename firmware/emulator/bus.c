@@ -111,7 +111,7 @@ static void finish_command(struct bus *bus, enum bus_event event, vtime released
 }
 
 /* Return the virtual time at which the master continues after a byte whose clock line the slaves have released at
- * `released`. */
+ * `released`. A native hub also holds the clock line low for `byte_hold`, in its interrupt. */
 static vtime resume_time(const struct bus *bus, vtime released)
 {
     const vtime hold = bus->master == BUS_HUB && !bus->is_bytewise ? bus->byte_hold : 0;

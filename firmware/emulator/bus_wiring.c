@@ -33,7 +33,8 @@ static bool line_connects(const struct star *star, size_t number)
     return !number || (levels->is_high && levels->hub_lows_arrive && levels->board_lows_arrive);
 }
 
-/* Recompute levels, rise times and probabilities after a change of the faults. */
+/* Recompute levels, rise times and probabilities of misread bits after a change of the faults. Index 0 of the results is
+ * for the boards at the hub, index i for the boards of branch i. */
 static void solve(struct bus_wiring *wiring)
 {
     for (size_t line = 0; line < WIRING_LINES; line++) {

@@ -55,8 +55,8 @@ static int finish_fields(struct world *world, vtime now)
     return 0;
 }
 
-/* Count changes of its fields and, for voltage droop, compute its TX load at both ends of the interval (farad); task of
- * one board at the start of a field interval. */
+/* Count the changes of the fields of one board. For voltage droop, also compute the board's TX load (farad) at both
+ * ends of the interval. Task of one board at the start of a field interval. */
 static void start_board_field(void *context, size_t index)
 {
     const struct board_task *task = context;

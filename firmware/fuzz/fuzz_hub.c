@@ -253,8 +253,9 @@ static void check_end(void)
                hub->inbox.commands_rejected <= bench.replies_bad + lost);
 }
 
-/* Run one fuzz input: a hub with simulated boards, started in one of several states, with faults and commands. After
- * the faults are removed, a command in progress must end. */
+/* Run one fuzz input: a hub with simulated boards, started in one of several states, with faults and commands. The
+ * first byte selects the bus (bits 0 to 2) and the state of the hub (bits 3 and 4); with the value 1 in bits 5 to 7,
+ * transfers end at once. After the faults are removed, a command in progress must end. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

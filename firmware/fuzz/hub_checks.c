@@ -43,6 +43,7 @@ void bench_check_frame(void *context, const struct taxel_frame *frame)
     FUZZ_CHECK(frame->sequence == (uint16_t)bench.frames_pulled);
     bench.frames_pulled++;
     if (frame->type == TAXEL_FRAME_TYPE_TAXELS || frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
+        /* The CRC of the board covers its address (first byte of the payload) and the bytes after the hub's header. */
         const size_t size = frame->length - TAXEL_TAXEL_HEADER_SIZE;
         const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + TAXEL_TAXEL_HEADER_SIZE, size - 4u);
         FUZZ_CHECK(crc == taxel_get_u32(payload + frame->length - 4));

@@ -298,7 +298,8 @@ void taxel_hub_start_bus_scan(struct taxel_hub *hub, bool for_command)
     }
 }
 
-/* End a bus scan and schedule the next one. For SCAN_BUS, queue the reply: one byte for each address that responded. */
+/* End a bus scan and schedule the next one. For SCAN_BUS, queue the reply: one byte for each address that responded.
+ * During the scan, the payload of the executed command is replaced by a bitmap of these addresses. */
 static void end_bus_scan(struct taxel_hub *hub)
 {
     struct taxel_bus_scan *bus_scan = &hub->bus_scan;
@@ -355,8 +356,8 @@ static bool pass_through_is_requested(const struct taxel_hub *hub)
     return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
 }
 
-/* Start the transfer of the command I2C_TRANSFER. It may move the board's register pointer, so the next poll writes the
- * pointer again. */
+/* Start the transfer of the command I2C_TRANSFER. The transfer may move the board's register pointer, so the next poll
+ * writes the pointer again. */
 static void launch_pass_through(struct taxel_hub *hub)
 {
     const uint8_t slot = taxel_hub_slot_of(hub, hub->command.address);

@@ -190,7 +190,7 @@ static bool needs_key_frame(struct taxel_compact *compact)
  * difference. */
 static void update_usual_size(struct taxel_compact *compact, size_t size)
 {
-    const uint16_t now = (uint16_t)(16u * size);
+    const uint16_t now = (uint16_t)(16u * size); /* in sixteenths of a byte, as usual_size */
     compact->is_size_raised = 8u * now > 9u * (uint32_t)compact->usual_size + 256u;
     if (now < compact->usual_size) {
         compact->usual_size = now;

@@ -241,7 +241,7 @@ def decode_counts(taxels: Sequence[Taxel], data: bytes) -> list[int]:
 def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
     """Decode the next count of a delta frame with the prediction of its taxel. Raises `CompactError`.
 
-    An escape contains the distance of the count from the centre (SPEC.md, "Probability of a count" and following text).
+    A count far from the prediction is an escape, which contains its distance from the centre (SPEC.md).
     """
     target = coder.peek(t.COMPACT_TOTAL_BITS)
     if target < t.COMPACT_ESCAPE:

@@ -204,6 +204,7 @@ class ReferenceDecoder:
         for piece in later:
             frames += self._take_chunk(bytes(self._chunk))
             self._chunk = bytearray(piece)
+        # A chunk without a delimiter is searched in parts, so that the buffered bytes stay limited.
         while len(self._chunk) > 2 * ENCODED_MAX:
             frames += self._scan(bytes(self._chunk[:ENCODED_MAX]), bytes(self._chunk))
         return frames

@@ -223,7 +223,11 @@ class OriginalDecoder:
             self._times.append(time_ms)
 
     def _remove_settled_bytes(self) -> None:
-        """Count the bytes before the search position as discarded and remove them from the buffer."""
+        """Remove the bytes from the buffer that no later step of the search needs.
+
+        These are the bytes before the current candidate message, or before the search position without a candidate.
+        Removed bytes that belong to no accepted message are counted as discarded.
+        """
         settled = self._current.start if self._current else self._scan
         if self._base + settled > self._covered:
             self.discarded_bytes += self._base + settled - self._covered

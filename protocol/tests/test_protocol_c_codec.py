@@ -85,23 +85,26 @@ def test_encoding_into_a_buffer_that_is_too_small_returns_0(codec: Any) -> None:
 
 
 def test_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
-    """`decode_batch` checks the capacity after each step.
+    """A step is one call of `taxel_batch_decode` with empty arrays; `decode_batch` asserts the capacity after it.
 
-    The arrays are larger than the stated capacity, so that a write past the capacity is detected and harmless.
+    The frames have no delimiters between them, so all 115 become rows in the same step: the codec searches the bytes
+    when the only delimiter arrives. A step begins only if the capacity is at least 128 rows, more than the 127 shortest
+    frames that the codec can search at once. The arrays are larger than the stated capacity, so that a write past the
+    capacity is detected and harmless.
     """
     frame = (int(FrameType.REPLY), 0x0101, b"\1\2\3")
     stream = codec.encode(*frame)[1:-1] * 115 + b"\0"
-    for rows in range(300, 128, -4):  # 128: the smallest capacity with which a step begins
-        codec.decode_batch([stream], rows=rows)
+    for rows in range(300, 127, -4):  # down to 128, the smallest capacity
+        assert len(codec.decode_batch([stream], rows=rows).messages) == 115
 
 
 def test_all_taxel_frames_without_delimiters_are_decoded_at_any_row_capacity(codec: Any) -> None:
     """The stream contains more frames than rows fit into the arrays, so it is decoded in several steps.
 
-    `decode_batch` checks the capacity after each step.
+    A step is one call of `taxel_batch_decode` with empty arrays; `decode_batch` asserts the capacity after it.
     """
     frame_count = 400
     frame = (int(FrameType.TAXELS), 0x0101, b"\x20\1" + b"\1" * 18)
     stream = codec.encode(*frame)[1:-1] * frame_count + b"\0"
-    for rows in range(300, 128, -4):  # 128: the smallest capacity with which a step begins
+    for rows in range(300, 127, -4):  # down to 128, the smallest capacity with which a step begins
         assert len(codec.decode_batch([stream], rows=rows).taxels) == frame_count

@@ -149,9 +149,9 @@ def test_a_stream_without_frames_is_divided_into_records_of_50_bytes() -> None:
 
 
 def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
-    """A decoder that trusts the length of the damaged message, 250 bytes of which 3 are lost, would accept a message.
+    """The damaged message of 250 bytes has lost 3 bytes, so its length reaches to the third byte of the next message.
 
-    Its last byte would be the address of the next message, 0x0A, which is also the end byte of a message.
+    This third byte is the address 0x0A, which equals the end byte: both messages look complete, but they overlap.
     """
     rng = random.Random(3)
     damaged, undamaged = build_round(ORIGINAL, rng, 7000, [0x15, 0x0A])

@@ -139,12 +139,12 @@ def count_missed_frames(row: dict[str, Any]) -> int:
 
 
 def measure() -> list[Figure]:
-    """Run the benchmark of the monitor: one core divided by the load of the terminal view.
+    """Run the benchmark of the monitor: one core divided by the load of the terminal view, for each bus.
 
-    No ratio if a frame was missed.
+    The ratio is None if a frame was missed.
     """
     figures = []
-    for row in measure_rows(list(BUSES), ["terminal"], 6.0):
+    for row in measure_rows(list(BUSES), ["terminal"], seconds=6.0):
         lost = count_missed_frames(row)
         detail = f"{100 * row['cpu_share']:.0f} % of a core at {row['scans_hz']:.1f} scans/s, {lost} frames missed"
         ratio = None if lost else 1.0 / row["cpu_share"]

@@ -116,11 +116,13 @@ def format_frames(parse: Parser, data: bytes, directions: int = 1) -> list[str]:
         code = int(getattr(body.type, "value", body.type))
         if not directions & (2 if code & 0x80 else 1):
             continue
+        # Frames that are lost before an unknown frame are counted in the line of the next known frame.
         lost = (lost + (0 if previous is None else body.sequence - previous - 1)) % 65536
         previous = body.sequence
         if not entry.is_known:
             continue
         kind = FrameType(code)
+        # This handshake is the first frame after a start of the hub, whose numbers do not continue the earlier ones.
         if kind == FrameType.HUB_HANDSHAKE and body.sequence == 0 and body.payload.fields.tag == 0:
             lost = 0
         line = f"frame type={kind.name} sequence={body.sequence} lost={lost}"

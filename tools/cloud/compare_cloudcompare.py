@@ -121,9 +121,11 @@ def build_variants(
 
 
 def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: ContactCloud, mesh: TriangleMesh) -> Row:
-    """Compare the results of taxel.cloud and CloudCompare on one cloud.
+    """Compare taxel.cloud with CloudCompare on one cloud, by three results of both programs.
 
-    tool: CloudCompare. label: name of the row. other: cloud of the other dataset. mesh: mesh of the object.
+    The results are mean and RMS of the distances to the mesh and to the other cloud, the points that the outlier filter
+    keeps, and the RMS after alignment (ICP) to the mesh and to the other cloud. label: name of the row. other: cloud of
+    the other dataset (real or simulated). mesh: mesh of the object.
     """
     mesh_file = "mesh.ply"
     write_mesh(mesh, tool.folder / mesh_file, overwrite=True)
@@ -142,22 +144,22 @@ def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: Co
     aligned_mesh_cc = DistanceStats.from_distances(compute_distances_to_mesh(on_mesh_cc, mesh))
     aligned_cloud_cc = DistanceStats.from_distances(compute_distances_to_cloud(on_cloud_cc, other.points))
     return Row(
-        label,
-        len(cloud),
-        compute_excess_percent(mesh_stats.mean_m, mesh_stats_cc.mean_m),
-        compute_excess_percent(mesh_stats.rms_m, mesh_stats_cc.rms_m),
-        compute_excess_percent(cloud_stats.mean_m, cloud_stats_cc.mean_m),
-        compute_excess_percent(cloud_stats.rms_m, cloud_stats_cc.rms_m),
-        min(
-            measure_agreement(tool, cloud_file, cloud.points, k, sigma)
+        cloud=label,
+        points=len(cloud),
+        mesh_mean=compute_excess_percent(mesh_stats.mean_m, mesh_stats_cc.mean_m),
+        mesh_rms=compute_excess_percent(mesh_stats.rms_m, mesh_stats_cc.rms_m),
+        cloud_mean=compute_excess_percent(cloud_stats.mean_m, cloud_stats_cc.mean_m),
+        cloud_rms=compute_excess_percent(cloud_stats.rms_m, cloud_stats_cc.rms_m),
+        agreement=min(
+            measure_filter_agreement(tool, cloud_file, cloud.points, k, sigma)
             for k, sigma in ((20, 1.0), (len(cloud) // 4, 2.0))
         ),
-        compute_excess_percent(at_mesh.rms_m, aligned_mesh_cc.rms_m),
-        compute_excess_percent(at_cloud.rms_m, aligned_cloud_cc.rms_m),
+        icp_mesh=compute_excess_percent(at_mesh.rms_m, aligned_mesh_cc.rms_m),
+        icp_cloud=compute_excess_percent(at_cloud.rms_m, aligned_cloud_cc.rms_m),
     )
 
 
-def measure_agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
+def measure_filter_agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
     """Measure the percentage of points for which both outlier filters decide equally.
 
     file, points: the same cloud, as file of CloudCompare and f64[n, 3]. k: number of neighbours. n_sigma: limit in

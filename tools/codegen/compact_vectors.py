@@ -16,7 +16,7 @@ from typing import Any
 from generated_files import write_or_check
 
 from taxel_protocol import compact
-from taxel_protocol.limits import COMPACT_TAXELS_MAX, PROTOCOL_VERSION
+from taxel_protocol.limits import COMPACT_TAXELS_MAX, COMPACT_WIDTH_MASK, PROTOCOL_VERSION
 
 VECTORS = Path(__file__).resolve().parents[2] / "protocol" / "vectors"
 SEED = 22
@@ -28,9 +28,11 @@ def simulate_history(
 ) -> dict[str, Any]:
     """Simulate the history of one board: its compact snapshots in order, as a test vector.
 
-    sigma: standard deviation of the noise in counts. start: parameter of the coder for the first packed snapshot.
-    jumps: share of the taxels whose mean count jumps at each scan. The seed repeats the history; an odd seed has means
-    anywhere in the 16-bit range.
+    sigma: standard deviation of the noise in counts. seed: the same seed gives the same history; with an odd seed the
+    first means lie anywhere in the 16-bit range. start: initial scale of the prediction (bits 5 and 6 of the format
+    byte) in snapshots without an earlier key frame. jumps: share of the taxels whose mean count jumps at each scan. A
+    snapshot without an earlier key frame is a key frame itself, any other one with a probability of 0.6. A pending key
+    frame is acknowledged before the next snapshot with a probability of 0.8.
     """
     draw = random.Random(f"{SEED} {seed}")
     address = draw.randint(0x08, 0x77)
@@ -53,7 +55,7 @@ def simulate_history(
         decoded = compact.decode(address, taxels, data, [key_frame] if key_frame else [])
         assert (decoded.sequence, decoded.timestamp_us, decoded.counts) == (scan, time, counts)
         pending = decoded.key_frame or pending
-        if is_key_frame and data[2] & 0x1F:
+        if is_key_frame and data[2] & COMPACT_WIDTH_MASK:  # a packed key frame discards the earlier one
             key_frame = None
         steps.append({"acknowledged": acknowledged, "timestamp_us": time, "counts": counts, "bytes": data.hex()})
         time = (time + draw.randint(1000, 400_000)) % 2**32

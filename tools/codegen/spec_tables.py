@@ -18,6 +18,8 @@ from taxel_protocol.names import Command, FrameType
 SPEC = Path(__file__).resolve().parents[2] / "protocol" / "SPEC.md"
 _BEGIN, _END = "<!-- generated: {} -->", "<!-- end -->"
 _PER_ROW = 10
+_START = bytes([1, Command.START])
+"""Payload of the example frame: tag 1, command START."""
 
 
 def _format_numbers(name: str) -> str:
@@ -42,20 +44,28 @@ def _format_addresses() -> str:
     return "\n".join(lines)
 
 
-def _find_last_zero() -> int:
-    """Return the first sequence number for which the whitened body of a START command ends in a zero byte."""
+def _build_start_body(sequence: int) -> bytes:
+    """Build the body of a frame with the command START, before whitening: header, payload and CRC."""
+    head = bytes([FrameType.COMMAND]) + sequence.to_bytes(2, "little") + len(_START).to_bytes(2, "little")
+    return head + _START + crc32(head + _START).to_bytes(4, "little")
+
+
+def _find_sequence_with_final_zero() -> int:
+    """Return the smallest sequence number with which the whitened body of the command START ends in a zero byte.
+
+    COBS ends such a frame with an empty block, the code 0x01 without bytes; `_format_empty_block` shows this case.
+    """
     for sequence in range(1 << 16):
-        if encode_frame(FrameType.COMMAND, sequence, bytes([1, Command.START]))[-2] == 1:
+        if whiten(_build_start_body(sequence))[-1] == 0:
             return sequence
     raise AssertionError("no sequence gives a body that ends in zero")
 
 
 def _format_empty_block() -> str:
     """Return the example of a frame whose last block of the byte stuffing is empty: body, whitened body, wire bytes."""
-    sequence, payload = _find_last_zero(), bytes([1, Command.START])
-    wire = encode_frame(FrameType.COMMAND, sequence, payload)
-    head = bytes([FrameType.COMMAND]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little")
-    body = head + payload + crc32(head + payload).to_bytes(4, "little")
+    sequence = _find_sequence_with_final_zero()
+    wire = encode_frame(FrameType.COMMAND, sequence, _START)
+    body = _build_start_body(sequence)
     rows = {"body": body, "whitened": whiten(body), "wire": wire}
     lines = [f" {name:<9} {' '.join(f'{byte:02X}' for byte in data)}" for name, data in rows.items()]
     text = (

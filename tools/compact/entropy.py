@@ -161,7 +161,11 @@ class Skin:
 
     @staticmethod
     def _count(tally: Tally, frame: bytes, has_acknowledgement: bool) -> None:
-        """Add one poll and its frame to the tally; `frame` is empty if there was no new snapshot."""
+        """Add one poll and its frame to the tally.
+
+        frame: compact snapshot, whose byte 2 is the format byte; empty if there was no new snapshot.
+        has_acknowledgement: whether an acknowledgement was written to the board before the poll.
+        """
         tally.acknowledgements += has_acknowledgement
         tally.snapshots += 1
         if not frame:

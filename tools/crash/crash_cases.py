@@ -118,7 +118,10 @@ def _write_dataset(path: Path, first: int, acknowledge: Acknowledge = lambda: No
 
 
 def _extend_dataset(folder: Path, source: Path, acknowledge: Acknowledge) -> None:
-    """Append `RECORDS` grasps with the numbers from 100 to the dataset x.h5."""
+    """Append `RECORDS` grasps with the numbers from 100 to the dataset x.h5 in `folder` (`Case.run`).
+
+    source: not used. acknowledge: called after each complete grasp.
+    """
     with GraspDatasetWriter.extend(folder / "x.h5") as out:
         for number in range(RECORDS):
             out.add(make_grasp(100 + number))

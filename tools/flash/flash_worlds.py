@@ -11,6 +11,13 @@ from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import parse_image
 
 HEADER = 32
+"""Size of an image's header, bytes."""
+
+CONTENT_MIN = 8
+"""Smallest content of an image, bytes: initial stack pointer and reset vector."""
+
+UNUSED_BYTES = 40
+"""Bytes of the last row that an image leaves unused (chosen): the host then has to pad this row."""
 
 
 def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int, int], seed: int) -> Firmware:
@@ -18,10 +25,10 @@ def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int,
 
     Their content is random and depends on seed, slot and version.
     """
-    size = rows * BOOT_ROW_SIZE - 40
+    size = rows * BOOT_ROW_SIZE - UNUSED_BYTES
     images = []
     for slot in (0, 1):
-        content = random.Random(f"{seed} {slot} {version}").randbytes(max(size, HEADER + 8) - HEADER)
+        content = random.Random(f"{seed} {slot} {version}").randbytes(max(size, HEADER + CONTENT_MIN) - HEADER)
         images.append(parse_image(build_image(device, slot, 0, version, content), f"{rows}-rows-{'ab'[slot]}"))
     return Firmware(tuple(images))
 

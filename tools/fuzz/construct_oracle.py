@@ -140,6 +140,8 @@ def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: byte
     last: (poll cycle, scan number) of the previous frame of each board, by I2C address; updated. payload: payload of
     the taxel frame.
     """
+    # Layout: I2C address in byte 0, poll cycle in bytes 2-3, then from byte 8 the snapshot, which begins with its scan
+    # number and ends with the board's CRC of address and snapshot.
     address = payload[0]
     cycle, scan = int.from_bytes(payload[2:4], "little"), int.from_bytes(payload[8:10], "little")
     is_valid = crc32(payload[8:-4], crc32(payload[:1])) == int.from_bytes(payload[-4:], "little")

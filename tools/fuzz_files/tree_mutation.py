@@ -187,7 +187,7 @@ def _show(value: Any) -> str:
     """Return a short text for a value, for the description of a mutation."""
     if isinstance(value, np.ndarray):
         return f"array {value.dtype} {list(value.shape)}"
-    if isinstance(value, int) and abs(value) > 10**40:
+    if isinstance(value, int) and abs(value) > 10**40:  # 10**400 of `NUMBERS`
         return "an integer of hundreds of digits"
     text = ascii(value) if isinstance(value, int | float | str | bytes | type(None)) else type(value).__name__
     return text if len(text) < 40 else text[:40] + "..."

@@ -64,7 +64,8 @@ def run_worker(connection: Connection, number: Any, folder: str) -> None:
 def _run_task(reader: MutantReader, task: Task, number: Any) -> tuple[Counter[str], list[tuple[int, str]]]:
     """Read the inputs of one task.
 
-    Returns the number of inputs by outcome, and (number, description) of each finding.
+    number: shared integer in which the number of the present input is stored; -1 for none. Returns the number of inputs
+    by outcome, and (number, description) of each finding.
     """
     counts: Counter[str] = Counter()
     findings = []

@@ -53,9 +53,9 @@ def compare_centres(hand: Hand) -> list[Difference]:
 
 
 def compare_brackets(hand: Hand, poses: int = 200, seed: int = 1) -> list[Difference]:
-    """Return the largest differences between the bracket poses in the palm and those of the extracted joints.
+    """Return the largest differences of position (mm) and of orientation (degrees) of the brackets in the palm frame.
 
-    They are compared at `poses` random sets of joint angles, first the positions, then the orientations.
+    The bracket poses of `hand` are compared with those of the extracted joints, at `poses` random sets of joint angles.
     """
     rng = np.random.default_rng(seed)
     robot = load_robot("ur5e_original")

@@ -105,13 +105,13 @@ def format_pose(pose: FloatArray) -> list[str]:
 
 
 def format_grasps() -> str:
-    """Return the text of original_grasps.toml."""
+    """Return the text of original_grasps.toml: for each grasp, the angles of the finger bases and the palm poses."""
     lines = [HEADER.rstrip("\n"), *format_pose(compute_object_pose())]
     poses, bases = read_rows("grasp_poses"), read_rows("grasp_finger_bases")
     for short, names in APPROACHES.items():
         for index, approach in enumerate(names):
             lines += ["", f"[grasps.{OBJECTS[short]}.{approach}]"]
-            angles = [
+            angles = [  # joints 0, 4 and 8 of the hand: joint 0 of index, middle and pinkie
                 [float(row[f"joint_{joint}_0_rad"]) for joint in (0, 4, 8)]
                 for row in bases
                 if (row["object"], row["grasp"]) == (short, f"grasp_{index}")

@@ -109,11 +109,14 @@ def is_followed(known: OriginalFormat, stream: bytes, end: int) -> bool:
 
 
 def _split_records(known: OriginalFormat, stream: bytes) -> Decoded:
-    """Return the messages of a format whose stream consists of records of one size without headers."""
+    """Return the messages of a format whose stream consists of records of one size without headers.
+
+    Bytes of an incomplete last record are discarded.
+    """
     size = known.record_size
     (address,) = known.taxels
     messages = [
         replace(parse_message(known, address, stream[start : start + size]), position=start)
         for start in range(0, len(stream) - size + 1, size)
     ]
-    return Decoded(messages, len(stream) % size, 0, 0)
+    return Decoded(messages, discarded_bytes=len(stream) % size, rejected_candidates=0, ambiguous_candidates=0)

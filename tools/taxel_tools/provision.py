@@ -281,9 +281,10 @@ def write_changes(wire: BoardWire, changes: Sequence[Change]) -> None:
 
 
 def _reset_boot_attempts(session: BootSession) -> Procedure[None]:
-    """Restore the boot attempts of the image of a board without a confirmed image.
+    """Restore the boot attempts of a board without a confirmed image, by selecting its image again.
 
-    Without a configuration the image could not confirm itself, and every power-up used one boot attempt.
+    Without a configuration the image could not confirm itself, and every power-up used one boot attempt. The pending
+    image is selected, else the first one; a board without an image stays unchanged.
     """
     info = yield from session.read_info()
     if info.confirmed in SLOTS:

@@ -50,8 +50,8 @@ EditCounts = Callable[[CountArray], CountArray]
 def simulate(out: Path, name: str, seed: int, iterations: int, setting: Setting, rules: OriginalRules | None) -> Path:
     """Simulate the first iterations of every approach and return the path of the dataset, which is kept if it exists.
 
-    out: folder. setting: source of the tool poses. rules: of the original contact plug-in; None: the simulator with an
-    elastic layer.
+    out: folder of the dataset. iterations: number of iterations of each approach. setting: source of the tool poses and
+    of the finger torques. rules: rules of the original contact plug-in; None: the simulator with an elastic layer.
     """
     path, setup = out / f"{name}.h5", Setup(setting=setting, torques=setting)
     plan = [planned for planned in make_thesis_plan(seed) if planned.iteration < iterations]

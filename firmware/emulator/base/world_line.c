@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Split a line into words at white space, in place. `#` starts a comment; the words point into `text`. */
+/* Split a line into words at white space, in place. `#` starts a comment; words beyond WORLD_LINE_WORDS_MAX are
+ * ignored. The words point into `text`. */
 void world_line_split(struct world_line *line, char *text)
 {
     char *saved;

@@ -9,8 +9,9 @@
 #define SHORTEST_RELAXATION_S 0.020
 #define STEPS_PER_RELAXATION 8.0
 
-/* Read the keys of a noise line that exist only for its form: axis of line noise; whether the taxels share the 1/f
- * noise; rate (Hz) and duration (ms) of impulses. Returns 0, or -1 after an error line on stderr. */
+/* Read the keys of a noise line that exist only for its form: axis of line noise (0: TX line, 1: RX line, 2: whole
+ * scan); whether the taxels share the 1/f noise; rate (Hz) and duration (ms) of impulses. Returns 0, or -1 after an
+ * error line on stderr. */
 static int read_form(struct effect_line *line, struct noise_slot *slot)
 {
     long axis, shared = 0;

@@ -38,6 +38,7 @@ class LargestSignals:
         signal = np.full(self._hand.n_taxels, np.nan)
         for address, baseline in self._baselines.items():
             if baseline.is_ready:
+                # A lowest count of 65535, the start value, means that no frame followed the baseline.
                 found = np.asarray(baseline.mean - self._lowest[address])
                 signal[self._hand.get_slice(address)] = np.where(self._lowest[address] < 65_535, found, np.nan)
         if not np.isfinite(signal).any():

@@ -113,7 +113,10 @@ class Kinematics:
         return [(row + 1, np.array(self._parents)[row]) for row in rows]
 
     def compute_sensor_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
-        """Compute the world pose of every bracket, f64[..., s, 4, 4], in the order of `hand.boards`."""
+        """Compute the world pose of every board's bracket, f64[..., s, 4, 4], in the order of `hand.boards`.
+
+        joint_position: f64[..., j], radians, in the order of the robot's joints.
+        """
         self._require_hand()
         poses = self.compute_link_poses(joint_position)[..., self._board_links, :, :] @ self._bracket_poses
         return np.asarray(poses)

@@ -38,6 +38,7 @@ APPLICATION = b"taxel"
 COMMENT_MAX = 60_000
 """Size of each comment of a recording's header except the last one, bytes; the length of an option has 16 bits."""
 
+_OPTIONS_END = 0
 _INBOUND = 1
 _FRAME = re.compile(rb"\0*[^\0]+\0")
 """Bytes of a frame between two delimiters (zero bytes), with all delimiters before them and one behind them."""
@@ -126,13 +127,14 @@ class PcapngWriter:
             self._file.append(b"".join(blocks))
 
     def _make_packets(self, data: bytes) -> list[bytes]:
-        """Encode bytes as enhanced packet blocks with the latest arrival time: one, or several above `PIECE_MAX`."""
+        """Encode bytes as enhanced packet blocks with the latest arrival time: one block for each `PIECE_MAX` bytes."""
         time = self._time_ns + self._offset_ns
         blocks = []
         for start in range(0, len(data), PIECE_MAX):
             piece = data[start : start + PIECE_MAX]
+            # Interface 0, time (high and low half), and the size in the file and in the stream, which are equal.
             head = struct.pack("<IIIII", 0, time >> 32 & 0xFFFFFFFF, time & 0xFFFFFFFF, len(piece), len(piece))
-            options = make_option(OPTION_FLAGS, struct.pack("<I", _INBOUND)) + make_option(0, b"")
+            options = make_option(OPTION_FLAGS, struct.pack("<I", _INBOUND)) + make_option(_OPTIONS_END, b"")
             blocks.append(make_block(PACKET, head + piece + bytes(-len(piece) % 4) + options))
         return blocks
 

@@ -219,7 +219,11 @@ class ReadSequence:
         self._skipped = set(self.order)
 
     def _take_first(self, message: Placed) -> Location:
-        """Locate the first message in a new order, or a message of a board that is not in the order."""
+        """Locate the first message in a new order, or a message of a board that is not in the order.
+
+        A message of the order begins a new cycle if its board was read already. No message counts as lost, because the
+        position in the order is not known.
+        """
         if message.address in self._ranks:
             if message.address in self._seen:
                 self.skip_cycles(1)

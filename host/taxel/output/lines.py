@@ -32,7 +32,10 @@ class AppendedLines:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        """Open a file of lines, or create it. Raises OutputError if another program writes it; OSError."""
+        """Open a file of lines, or create it. An incomplete last line is removed.
+
+        Raises OutputError if another program writes the file, OSError if the system refuses.
+        """
         if not os.path.exists(path):
             LiveOutput(path, overwrite=False).close()
         self._output = LiveOutput.extend(path)

@@ -60,6 +60,8 @@ class Transition:
     def __init__(self, dt_s: float) -> None:
         """Compute the probabilities for an interval of `dt_s` seconds."""
         travel = SPEEDS_M_S * dt_s
+        # Each bin moves by `travel` towards the skin; its share below 0 touches the skin, its share above the last edge
+        # leaves the grid, and its overlap with the bins of the grid stays there.
         low, high = EDGES_M[:-1] - travel[:, None], EDGES_M[1:] - travel[:, None]
         overlap = np.minimum(high[:, :, None], EDGES_M[1:]) - np.maximum(low[:, :, None], EDGES_M[:-1])
         self.shift = (np.maximum(overlap, 0.0) / WIDTHS_M[:, None]).astype(np.float32)

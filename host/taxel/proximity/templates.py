@@ -153,7 +153,7 @@ def _sphere_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _cylinder_heights(local: FloatArray) -> list[FloatArray]:
-    """Return the heights of cylinders whose axes are parallel to the skin, metres."""
+    """Return the heights of cylinders whose axes are parallel to the skin, metres: four angles, several offsets."""
     members = []
     for radius in CYLINDER_RADII_M:
         for angle in np.arange(4) * np.pi / 4:

@@ -201,7 +201,10 @@ def _make_access(output: LiveOutput) -> tuple[Any, FaultTolerantFile]:
 
 @contextmanager
 def open_new_hdf5(path: str | os.PathLike[str]) -> Iterator[WritableFile]:
-    """Context manager: a new HDF5 file in an empty temporary file, open for writing."""
+    """Context manager: a new HDF5 file, open for writing.
+
+    path: of an empty temporary file, which the caller renames.
+    """
     output = LiveOutput.without_name(path)
     with _closed(output, create_hdf5(output)) as file:
         yield file

@@ -161,8 +161,9 @@ class _Problem:
     def solve(self, travel: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
         """Find the equilibrium of one board in G frames: depths f64[G, c], touching nodes bool[G, c], motion f64[G, 3].
 
-        travel: f64[G, 3], motion up to now: approach and two tilts, metres. The set of touching nodes is changed until
-        no node is pulled and no node penetrates the object.
+        motion: approach and two tilts that lead to the equilibrium, metres. travel: f64[G, 3], motion before this call.
+        The set of touching nodes is changed until no node is pulled and no node penetrates the object. A frame whose
+        set still changes after `MAX_CHANGES` steps keeps its tilt from then on.
         """
         active, fixed_tilt = self.gap < 0, np.zeros(len(self.gap), dtype=bool)
         active[np.arange(len(active)), self.gap.argmin(axis=1)] = True  # at least one node bears the load

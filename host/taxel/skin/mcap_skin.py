@@ -14,6 +14,7 @@ from taxel.ros.topics import JointSource, SkinTopics, TopicMessage
 from taxel.skin.confirmed_bytes import ConfirmedBytes
 from taxel.skin.recording_link import RecordingLink
 from taxel.skin.recording_skin import RecordingSkin
+from taxel.skin.skin import Skin
 from taxel.stream import TaxelFrame
 
 if TYPE_CHECKING:  # the library mcap is loaded only when an MCAP file is written
@@ -67,13 +68,18 @@ class McapSkin(RecordingSkin):
         """Open a skin on a link and record its bytes and ROS topics in an open MCAP file.
 
         header: header of the recording. joints: function that returns the joint angles of the hand's robot, radians;
-        None: all 0. proximity: estimators of targets before contact, whose estimates become topics.
+        None: all 0. proximity: estimators of targets before contact, whose estimates become topics. Raises
+        JointCountError for a wrong number of joint angles. After an error the link is closed and the file stays open.
         """
         self._file = file
         self._bytes = McapBytes(file, header)
         self._delivered: list[TopicMessage] = []
         super().__init__(RecordingLink(link, self._bytes), hand)
-        self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints, proximity=proximity)
+        try:
+            self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints, proximity=proximity)
+        except BaseException:
+            Skin.close(self)  # not `self.close`, which also writes the last messages of the topics
+            raise
         self._has_baseline = False
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:

@@ -39,12 +39,11 @@ def open_recorded(
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's ROS topics (needs the extra
     `ros`); a name that ends in .pcapng makes a file for Wireshark, and any other name a capture, both with the bytes
-    alone. joint_position: joint angles of the hand's robot, f64[j], radians, or a function that returns them, for the
-    TF tree and the contact cloud of an MCAP file; None: all 0. A `JointHistory` is recorded for every poll cycle, of a
-    file without topics in PATH.joints.csv. waits: if the port vanishes, the recording waits for the port and continues
-    in the same file (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP file also
-    contains distance and speed of objects that approach the skin. Raises `CaptureError`, before anything is opened, if
-    the file exists and `overwrite` is False.
+    alone. joint_position: joint angles of the hand's robot, f64[j], radians, or a source of measured angles, as for
+    `record_link`. waits: if the port vanishes, the recording waits for the port and continues in the same file
+    (`Skin.reconnection` lists the gaps). proximity: calibration file, with which an MCAP file also contains distance
+    and speed of objects that approach the skin. Raises `CaptureError`, before anything is opened, if the file exists
+    and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
@@ -84,23 +83,46 @@ def record_link(
 ) -> RecordingSkin:
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
 
+    joint_position: joint angles of the hand's robot, for the TF tree and the contact cloud of an MCAP file. Constant
+    angles, f64[j], radians, are stored in the header of every file. Measured angles (`JointHistory`) are recorded for
+    every poll cycle: in an MCAP file as messages, beside another file in PATH.joints.csv. Another function that returns
+    angles f64[j] is used for an MCAP file only. None: the constant angles in `header`, else all 0.
+
     header: header of the recording; constant joint angles are added to it. output: open output that is written instead
     of `path`; None: a new file. joint_output: the same for the file of measured joint angles beside a capture.
     proximity: estimators of distance and speed of approaching objects, for MCAP files.
     """
-    if joint_position is None:
-        joint_position = header.get("joint_position")
-    elif isinstance(joint_position, JointHistory):
-        joint_position.uses_stream_time = not joint_position.is_live or header["clock"] == "host"
-    elif not callable(joint_position):
-        header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
-    if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position, output, proximity)
     try:
-        writer = _open_writer(path, header, overwrite, output)
+        if joint_position is None:
+            joint_position = header.get("joint_position")
+        elif isinstance(joint_position, JointHistory):
+            # Samples of a live history have host times: they fit frames only if the frames have host times too.
+            joint_position.uses_stream_time = not joint_position.is_live or header["clock"] == "host"
+        elif not callable(joint_position):
+            header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
+        if os.fspath(path).endswith(MCAP_SUFFIX):
+            return _record_mcap(link, hand, header, path, overwrite, joint_position, output, proximity)
+        return _record_bytes(link, hand, header, path, overwrite, joint_position, output, joint_output)
     except BaseException:
         link.close()
         raise
+
+
+def _record_bytes(
+    link: Link,
+    hand: Hand,
+    header: dict[str, Any],
+    path: str | os.PathLike[str],
+    overwrite: bool,
+    joint_position: npt.ArrayLike | JointSource | None,
+    output: LiveOutput | None,
+    joint_output: LiveOutput | None,
+) -> RecordingSkin:
+    """Open a skin that is recorded to a capture or a PCAPNG file; arguments as for `record_link`.
+
+    After an error an empty file is deleted; the caller closes the link.
+    """
+    writer = _open_writer(path, header, overwrite, output)
     try:
         if isinstance(joint_position, JointHistory):
             companion = joint_output or open_live_output(get_joint_path(path), overwrite)
@@ -144,19 +166,13 @@ def _record_mcap(
     output: LiveOutput | None,
     proximity: ProximityWatch | None,
 ) -> RecordingSkin:
-    """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
+    """Open a skin that is recorded to an MCAP file; arguments as for `record_link`. proximity None: no such topics.
 
-    header: header of the recording. joint_position: joint angles, f64[j], radians, or a function that returns them.
-    output: open output that is written instead of `path`; None: a new file. proximity: estimators of distance and speed
-    of approaching objects; None: no such topics.
+    After an error an empty file is deleted; the caller closes the link.
     """
-    try:
-        from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
+    from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 
-        file = McapFile(path, header, overwrite, output)
-    except BaseException:
-        link.close()
-        raise
+    file = McapFile(path, header, overwrite, output)
     try:
         return McapSkin(link, hand, file, header, make_joint_source(joint_position), proximity)
     except BaseException:

@@ -65,8 +65,9 @@ def is_noisier(result: ObjectResult) -> Outcome:
 
 
 def is_sim_nearer(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS distance to CAD are significantly smaller for the simulated cloud. Number: smaller
-    ratio.
+    """Test whether mean and RMS distance to CAD are significantly smaller for the simulated cloud.
+
+    Number: the smaller of the two ratios of the real to the simulated distance.
     """
     ratio = min(getattr(result.cad[REAL], key) / getattr(result.cad[SIM], key) for key in KEYS)
     return ratio, ratio >= SIGNIFICANT
@@ -198,7 +199,10 @@ def is_box_sigma_lower(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether one SOR setting lowers the RMS to CAD of all objects. Number: decrease of the RMS, percent."""
+    """Test whether one SOR setting lowers the RMS to CAD of all objects; None if no setting is printed for all objects.
+
+    Number: decrease of the RMS, percent.
+    """
     common = find_common_setting(evidence.results)
     if common is None:
         return None

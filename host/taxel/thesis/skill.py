@@ -127,7 +127,7 @@ class SkillReport:
     tables: dict[tuple[str, str], Skill]
 
     def to_json(self) -> dict[str, Any]:
-        """Convert all skills to JSON values."""
+        """Convert all skills to JSON values: one list of objects, each with the key "group" or "table", per kind."""
         return {
             kind: [
                 {kind[:-1]: name, "statistic": column, **skill.to_json()} for (name, column), skill in skills.items()
@@ -227,7 +227,8 @@ def _make_entries(
 def _list_rows(result: ObjectResult) -> Iterator[tuple[_Place, DistanceStats]]:
     """Yield the rows of all tables for one object, with the statistics of `result`.
 
-    Tables I-1 to I-12 are four kinds of tables for the three objects; Tables I-13 to I-18 are two tables for each object.
+    Tables I-1 to I-12 are four kinds of tables, each for the three objects. Tables I-13 to I-18 are two tables for each
+    object.
     """
     index = [printed.printed_name for printed in build_printed_results()].index(result.printed_name)
     own_model = result.printed_name

@@ -66,8 +66,8 @@ NullModels = dict[str, dict[int, NullModel]]
 def fit_null_models(samples: Sequence[Estimates], level: IntArray, seed: int = 0) -> NullModels:
     """Fit the null models of all quantities and levels to the estimates of a reference.
 
-    samples: estimates of each step. level: i64[P], level of each place. seed: seed of the random selection of
-    `USED_FOR_FIT` statistics if there are more.
+    samples: estimates of each step of the reference. level: i64[P], level of each of P places as an index in `LEVELS`.
+    seed: seed of the random selection of `USED_FOR_FIT` statistics if there are more.
     """
     rng = np.random.default_rng(seed)
     models: NullModels = {}

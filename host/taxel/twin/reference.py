@@ -153,10 +153,12 @@ def find_contact(grasp: Grasp) -> Contact:
 def learn_reference(
     taxels: TaxelTable, sensors: SensorTable, steps: Sequence[tuple[int, Step]], name: str
 ) -> Reference:
-    """Learn a reference from contacts.
+    """Learn the reference of a healthy skin from recorded contacts; `Twin` compares later contacts with it.
 
-    steps: session number and frame sums of each contact, in order of time. name: name of the source in messages. Raises
-    TwinInputError if no condition has at least `LEAST_REPEATS` repeats.
+    The reference contains counts and noise without contact, and mean and variance of the signals of each condition
+    (object and approach). steps: session number and step (frame sums), in order of time; steps without a contact
+    (`contact` is None) are not used. name: name of the source in messages. Raises TwinInputError if no condition has at
+    least `LEAST_REPEATS` repeats.
     """
     contacts = [(session, step) for session, step in steps if step.contact is not None]
     near = _find_neighbours(taxels, sensors.index_of(taxels))
@@ -180,25 +182,23 @@ def learn_reference(
         )
     received = sum((step.received for _, step in contacts), np.zeros(sensors.s, np.int64))
     expected = sum((step.expected for _, step in contacts), np.zeros(sensors.s, np.int64))
-    white = noise * float(np.mean([np.nanmean(1.0 / np.maximum(step.count[HOLD], 1)) for _, step in contacts]))
-    relative = _compute_relative_variance(tested.values(), white)
-    ratio = _compute_session_ratio([by_condition[key] for key in tested])
-    rest = np.asarray(totals / np.maximum(counts, 1))
-    level = _learn_rest(contacts, RestLevel.start(np.asarray(noise), sensors.index_of(taxels)))
+    # A mean of m frames has 1/m of the noise variance of one frame.
+    mean_noise = noise * float(np.mean([np.nanmean(1.0 / np.maximum(step.count[HOLD], 1)) for _, step in contacts]))
+    baselines_s = [step.contact.start_s - step.start_s for _, step in contacts if step.contact is not None]
     return Reference(
-        taxels,
-        sensors,
-        Places.of(taxels, sensors),
-        rest,
-        np.asarray(noise),
-        conditions,
-        relative,
-        ratio,
-        np.column_stack([expected - received, expected]).astype(np.float64),
-        tuple(contacts),
-        float(np.median([step.contact.start_s - step.start_s for _, step in contacts if step.contact is not None])),
-        level,
-        NoiseLevel(squares.astype(np.float64), pairs.astype(np.float64)),
+        taxels=taxels,
+        sensors=sensors,
+        places=Places.of(taxels, sensors),
+        rest=np.asarray(totals / np.maximum(counts, 1)),
+        noise_variance=np.asarray(noise),
+        conditions=conditions,
+        relative_variance=_compute_relative_variance(tested.values(), mean_noise),
+        session_ratio=_compute_session_ratio([by_condition[key] for key in tested]),
+        missing=np.column_stack([expected - received, expected]).astype(np.float64),
+        steps=tuple(contacts),
+        baseline_s=float(np.median(baselines_s)),
+        rest_level=_learn_rest(contacts, RestLevel.start(np.asarray(noise), sensors.index_of(taxels))),
+        noise_level=NoiseLevel(squares=squares.astype(np.float64), pairs=pairs.astype(np.float64)),
     )
 
 
@@ -274,14 +274,15 @@ def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
     return found
 
 
-def _compute_relative_variance(conditions: Iterable[ConditionReference], white: FloatArray) -> FloatArray:
+def _compute_relative_variance(conditions: Iterable[ConditionReference], mean_noise: FloatArray) -> FloatArray:
     """Compute the variance between contacts, without the noise of the frames, relative to `scale` squared, f64[BINS].
 
-    white: f64[n], noise variance of the mean over the hold phase, counts^2.
+    mean_noise: f64[n], noise variance of the mean count of a time bin of the hold phase, counts^2. A signal is the
+    difference of two means, so its noise variance is taken as twice this value.
     """
     excess, size = np.zeros(BINS), np.zeros(BINS)
     for one in conditions:
-        excess += np.maximum(one.squares - (one.repeats - 1) * 2.0 * white, 0.0).sum(axis=1)
+        excess += np.maximum(one.squares - (one.repeats - 1) * 2.0 * mean_noise, 0.0).sum(axis=1)
         size += (one.repeats - 1) * (one.scale**2).sum(axis=1)
     return np.asarray(excess / np.maximum(size, 1e-9))
 

@@ -187,8 +187,10 @@ def compute_missing(step: Step, reference: Reference) -> tuple[FloatArray, Float
 def _find_common_offset(hold: FloatArray, weight: FloatArray, pattern: FloatArray, board: IntArray) -> FloatArray:
     """Return the median residual of the taxels of each board that the contact does not load, f64[s], counts.
 
-    The median is 0 for a board with fewer than `LEAST_FREE` such taxels. The temperature of a board drifts in one
-    direction for minutes; without this correction, its effect would be correlated between successive contacts.
+    hold: f64[n], mean residual of each taxel in the hold, counts. weight: f64[n], 0 for an unusable taxel. pattern:
+    f64[n], expected signal, counts; 0 for a taxel that the contact does not load. board: i64[n], column of each taxel's
+    board. The median is 0 for a board with fewer than `LEAST_FREE` such taxels. The temperature of a board drifts in
+    one direction for minutes; without this correction, its effect would be correlated between successive contacts.
     """
     is_unloaded = (weight > 0.0) & (pattern == 0.0)
     offset = np.zeros(int(board.max()) + 1)

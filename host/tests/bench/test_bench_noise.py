@@ -101,7 +101,8 @@ def test_impulses_are_found_and_excluded_from_other_components(seed):
 
 def test_changes_of_a_random_walk_grow_faster_with_the_lag_than_1_f_noise():
     drift = separate_components(sample_record(np.random.default_rng(1), white=4.0, walk=3.0))
-    assert drift.mean_change == pytest.approx(3.0 * np.sqrt(0.25 * RATE_HZ), rel=0.3)
+    steps = 0.25 * RATE_HZ  # `mean_change` is the change within 0.25 s
+    assert drift.mean_change == pytest.approx(3.0 * np.sqrt(steps), rel=0.3)
     assert drift.mean_change_exponent > 0.6
     pink_noise = separate_components(sample_record(np.random.default_rng(1), white=4.0, pink_board=15.0))
     assert pink_noise.mean_change_exponent < 0.6
@@ -126,7 +127,7 @@ def test_too_few_frames_are_refused():
 @pytest.mark.parametrize("rate_hz", [6.0, 12.0])
 def test_components_are_recovered_at_low_frame_rates(rate_hz):
     rng = np.random.default_rng(1)
-    components = separate_noise(KIND, sample_record(rng, frames=80, white=4.0, rx=3.0), rate_hz, 0.1)
+    components = separate_noise(KIND, sample_record(rng, frames=80, white=4.0, rx=3.0), rate_hz, scan_s=0.1)
     assert components.white == pytest.approx(4.0, rel=0.1)
     assert components.rx == pytest.approx(3.0, rel=0.35)
 

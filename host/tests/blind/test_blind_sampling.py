@@ -66,6 +66,7 @@ def test_worlds_with_several_causes_have_two_or_three_causes_of_different_effect
     assert {len(hidden.causes) for hidden in several} == {2, 3}
     for hidden in several:
         assert len(set(hidden.names)) == len(hidden.causes)
+        # The first word of an effect line names the emulator's effect, such as "gain"; the second is its variant.
         assert len({line.split()[0] for cause in hidden.causes for line in cause.lines}) == len(hidden.causes)
 
 

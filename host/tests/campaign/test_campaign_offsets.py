@@ -18,11 +18,12 @@ LINES = (
     "bracket_offset palm 0.001 0 0 0 0 0.02",
     "object_offset cylinder 0 0.002 0 0 0 0",
 )
+"""Effect lines. The six numbers of an offset: x, y, z in metres, and a rotation vector in radians."""
 
 
 def test_offset_lines_move_the_scene_and_other_lines_are_effects():
     settings = EmulatedSettings(variation=NO_VARIATION, effects=LINES)
-    scene = _make_scene(Setup(), settings, 0)
+    scene = _make_scene(Setup(), settings, session=0)
     assert settings.world_effect_lines() == [LINES[0]]
     assert scene.bracket_offsets["palm"][0, 3] == pytest.approx(0.001)
     assert scene.bracket_offsets["palm"][1, 0] == pytest.approx(np.sin(0.02))

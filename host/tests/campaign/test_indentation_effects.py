@@ -76,7 +76,7 @@ def compute_rms(values) -> float:
 
 def test_an_ideal_skin_has_signal_only_at_the_contact_and_recovers(ideal, loaded, unloaded):
     assert (loaded.sum(axis=1) >= 3).all()  # every indentation loads at least three taxels
-    assert unloaded.mean() > 0.8  # an indentation touches one board of the rig, so most taxels have no signal
+    assert unloaded.mean() > 0.8  # most taxels lie outside the contact
     assert compute_rms(ideal.recovery) < 1.0
     assert np.ptp(ideal.baseline, axis=0).max() < 1.0
 
@@ -165,6 +165,7 @@ def test_a_displaced_bracket_changes_only_the_indentations_of_its_board(plan, ha
 
 def test_a_displaced_object_changes_only_the_indentations_with_this_object(plan, ideal):
     name = plan.indentations[0].approach.object
+    # x, y, z in metres, and a rotation vector in radians
     result = run_session_with(plan, f"object_offset {name} 0.001 0.001 0 0.02 0.02 0")
     is_displaced = np.array([indentation.approach.object == name for indentation in plan.indentations])
     assert np.abs(result.hold - ideal.hold)[is_displaced].max() > 50.0

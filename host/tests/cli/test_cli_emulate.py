@@ -38,9 +38,10 @@ def read_port(arguments: list[str], size: int) -> bytes:
 
 
 def test_the_port_of_the_original_hub_sends_messages_without_a_command():
-    data = read_port(["--hand", "original", "--protocol", "original", "--seconds", "10"], 3000)
+    data = read_port(["--hand", "original", "--protocol", "original", "--seconds", "10"], size=3000)
     palm_address, palm_taxels = 0x15, 121
-    message_start = bytes([0x01, 2 * palm_taxels + 8, palm_address])  # start byte, length, address
+    # Start byte, length of the message (2 bytes for each taxel, 8 other bytes), address.
+    message_start = bytes([0x01, 2 * palm_taxels + 8, palm_address])
     assert message_start in data
 
 

@@ -187,7 +187,8 @@ def test_a_bootloader_responds_after_a_bus_error(listening_board):
     {board.kind.code: board.kind for board in load_hand("allegro").boards}.values(),
 )
 def test_a_snapshot_contains_the_crossings_of_the_configured_kind(scanning_board, kind):
-    part, bus, front_end = scanning_board(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
+    configuration = CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:]  # byte 2 is the code of the kind
+    part, bus, front_end = scanning_board(CONFIRMED_A, configuration)
     part.run_until(lambda: front_end.conversions > 2 * kind.taxel_count)
     snapshot = bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * kind.taxel_count, bytes([SNAPSHOT]))
     assert int.from_bytes(snapshot[-4:], "little") == crc32(bytes([ADDRESS]) + snapshot[:-4])
@@ -233,12 +234,12 @@ def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read_and_continues_
     part.run_until(lambda: front_end.conversions > CONVERSIONS_BEFORE_CONFIRMATION)
     assert read_metadata(part) == make_metadata(confirmed=NONE, pending=0, tries=(2, 3))
     bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
-    part.run_until(lambda: read_metadata(part)[0] == 0)
-    part.run(10)
+    part.run_until(lambda: read_metadata(part)[0] == 0)  # the first field is `confirmed`; 0: slot A
+    part.run(slices=10)
     identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
     assert identity["kind"] == FINGERTIP.code
     conversion_count = front_end.conversions
-    part.run(200)
+    part.run(slices=200)
     assert front_end.conversions > conversion_count
 
 

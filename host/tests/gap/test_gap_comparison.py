@@ -69,6 +69,8 @@ def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(fit_data):
     small, large = (density.compute_log_density(one) for one in (faulty, more_faulty))
     assert np.array_equal(small[1:], large[1:])
     blocks, dimensions = 2, DEFAULT_SETTINGS.dimensions[0]
+    # A tenfold error multiplies the squared deviation of a block by about 100. This changes the log density of the
+    # block by at most 0.5 * (sessions - 1 + dimensions) * log(100).
     bound = 0.5 * blocks * (fit_data.sessions.value.shape[1] - 1 + dimensions) * np.log(100.0)
     assert 0.0 < (small - large)[0].sum() < 1.01 * bound
 
@@ -190,10 +192,17 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
-    calibration = Calibration(make_constant(0.3, 9), make_constant(0.2, 6), make_constant(any_cause, 3), 0.01, "a test")
+    calibration = Calibration(
+        effect=make_constant(0.3, 9),
+        unknown=make_constant(0.2, 6),
+        any_cause=make_constant(any_cause, 3),
+        not_compared=0.01,
+        source="a test",
+    )
+    # There is evidence for noise only, so latency has the probability `not_compared`.
     found = calibration.compute_probabilities({"noise": np.full(6, 5.0)}, np.zeros(6), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
-    independent = 1.0 - 0.7 * 0.99 * 0.8
+    independent = 1.0 - (1.0 - 0.3) * (1.0 - 0.01) * (1.0 - 0.2)  # at least one cause, if they were independent
     assert causes == pytest.approx([any_cause * one / independent for one in (0.3, 0.01, 0.2)])
     assert found[NO_GAP] == pytest.approx(1.0 - any_cause)
     assert causes[0] > causes[2] > causes[1]

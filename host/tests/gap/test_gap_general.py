@@ -111,11 +111,13 @@ def test_an_exchange_of_taxels_is_rejected_or_stated_as_unobservable(pair, tmp_p
     with GeneralDataset(pair[1]) as data:
         signal = np.mean([np.abs(one.values - one.values[0]).max(axis=0).reshape(data.n, -1).sum(1) for one in data], 0)
         order = np.arange(data.n)
+        # The taxel with the strongest signal, and a taxel whose signal is clearly different but still strong.
         strong = np.argsort(-signal)[:: max(data.n // 8, 1)][:2]
         order[strong] = order[strong[::-1]]
         if is_shuffled:
             order = np.random.default_rng(3).permutation(data.n)
     changed = rewrite_dataset(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values[:, order]))
+    # The contacts load all taxels of the capacitive plate equally, so an exchange does not change the signals.
     if "capacitive" in read_header(pair[0]).sensor:
         assert "do not determine the order of the taxels" in join_losses(changed, pair[1])
     else:

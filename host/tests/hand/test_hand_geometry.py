@@ -233,8 +233,9 @@ def test_equal_surfaces_are_equal_and_have_equal_hashes() -> None:
 
 @pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
 def test_a_single_taxel_has_a_distal_direction(normal: list[float]) -> None:
+    """A single taxel has no neighbour in its column, from which the distal direction follows otherwise."""
     rows = np.array([[0.0, 0.0, 0.0, *normal]])
     line = np.zeros(1, dtype=np.uint8)
-    sheet = build_surface(rows, line, line, 0.005)
+    sheet = build_surface(rows, row=line, column=line, pitch_m=0.005)
     assert np.linalg.norm(sheet.distal) == pytest.approx(1.0)
     assert sheet.distal[0] @ sheet.normal[0] == pytest.approx(0.0)

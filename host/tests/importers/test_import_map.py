@@ -157,11 +157,11 @@ def test_columns_of_a_table_are_selected_in_the_declared_order(tmp_path, case):
     values = make_values(3)
     columns = number_columns("p", values)
     path = write_csv(tmp_path / "a.csv", {"time": make_time(), **dict(reversed(columns.items()))})
-    if case == "range":
+    if case == "range":  # selects columns by their position in the file, so the file must have them in order
         path = write_csv(tmp_path / "a.csv", {"time": make_time(), **columns})
     _, (contact,) = import_map(tmp_path, f'[time]\nfield = "time"\n[values]\n{SELECTIONS[case]}\n', path)
-    expected = {"columns": [2, 0, 1], "elements": [1, 2]}.get(case, [0, 1, 2])
-    np.testing.assert_array_equal(contact.values, values[:, expected])
+    expected_columns = {"columns": [2, 0, 1], "elements": [1, 2]}.get(case, [0, 1, 2])
+    np.testing.assert_array_equal(contact.values, values[:, expected_columns])
 
 
 @pytest.mark.parametrize("order", ["taxel", "component"])

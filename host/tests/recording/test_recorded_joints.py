@@ -1,5 +1,6 @@
 """Measured joint angles of every poll cycle in recordings of every format, and taxel positions computed from them."""
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from taxel.recording.formats.grasp_options import GraspOptions
 from taxel.recording.formats.recorded_joints import load_joint_file, load_recorded_joints
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin.joint_recording import get_joint_path
-from taxel.skin.recorder import open_recorded
+from taxel.skin.opening import open_source
+from taxel.skin.recorder import open_recorded, record_link
+from taxel.skin.recording_link import make_recording_header
 
 URL = "emulator:?speed=max&duration_s=1.5"
 FILES = {
@@ -79,6 +82,35 @@ def test_conversion_keeps_the_joint_angles(recorded: Path, hand: Hand, tmp_path:
     # A Parquet file has the joint angles in every row, not only once per poll cycle.
     assert len(last) == pytest.approx(len(joints), abs=0.1 * len(joints) + 2) or format_name == "parquet"
     np.testing.assert_allclose(last.interpolate(joints.last_s), compute_motion_angles(joints.last_s), atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("name", "joint_count"),
+    [("x.bin", 22), ("x.mcap", 3)],
+    ids=["joint file exists", "wrong number of joint angles"],
+)
+def test_link_is_closed_if_the_joint_angles_cannot_be_recorded(
+    hand: Hand, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, joint_count: int
+) -> None:
+    path = tmp_path / name
+    get_joint_path(path).write_text("existing file")
+    history = JointHistory([f"joint{index}" for index in range(joint_count)], "motion")
+    history.add(0.0, np.zeros(joint_count))
+    link, description = open_source(URL, hand)
+    header = make_recording_header(URL, link, description, hand)
+    close_link, closings, threads = link.close, [], set(threading.enumerate())
+
+    def close() -> None:
+        """Close the link and count the call."""
+        closings.append(1)
+        close_link()
+
+    monkeypatch.setattr(link, "close", close)
+    with pytest.raises(TaxelError):
+        record_link(link, description, header, path, joint_position=history)
+    assert closings
+    assert not path.exists()
+    assert set(threading.enumerate()) <= threads  # the thread that reads the link has ended
 
 
 def test_dataset_has_the_sensor_poses_of_each_frame(recorded: Path, hand: Hand, tmp_path: Path) -> None:

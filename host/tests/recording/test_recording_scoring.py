@@ -93,6 +93,7 @@ def test_each_sample_is_counted_as_true_or_false_and_positive_or_negative():
 
 @pytest.mark.parametrize("is_active", [True, False])
 def test_a_sample_at_a_step_of_the_source_is_accepted_with_either_value(is_active):
+    """The source steps at 0.1 s and 0.2 s; the first and the last sample lie within 1.5 ms of a step."""
     source = make_source([[0], [200], [0]])
     sampled_s = np.array([[0.0995], [0.15], [0.2014]])
     active = np.array([[is_active], [True], [is_active]])

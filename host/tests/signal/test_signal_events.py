@@ -51,7 +51,7 @@ def test_a_missing_taxel_gives_no_event_while_the_other_taxel_does(tracker):
 def test_a_touch_through_the_whole_baseline_makes_the_baseline_suspect_after_its_release():
     baseline = Baseline(2)
     for _ in range(100):
-        baseline.update([30_000, 29_600])
+        baseline.update([30_000, 29_600])  # taxel 1 is touched, which lowers its count by 400
     baseline.require_undisturbed()
     tracker = ActivationTracker(Activation(baseline.mean))
     for frame in ([30_000, 29_600], [30_000, 30_000], [30_000, 29_600]):

@@ -220,7 +220,14 @@ def test_a_hand_of_one_board_on_one_hinge_is_simulated():
     """The simulator contains no code for particular hands; `flat8` has one board on one hinge."""
     hand = load_hand("flat8")
     scene = build_scene(hand, GraspObject("brick", ConvexPolytope.box(0.02, 0.02, 0.02), ""), "world")
-    approach = Approach("brick", "under", np.eye(4), np.array([0.3]), np.array([np.nan]), np.array([0.2]))
+    approach = Approach(
+        object="brick",
+        name="under",
+        palm_pose=np.eye(4),
+        open_angles=np.array([0.3]),
+        base_targets=np.array([np.nan]),  # the hinge closes
+        torque=np.array([0.2]),
+    )
     object_offset = make_pose([0.02, 0.0, 0.125], [1, 0, 0, 0])
     motion = simulate_grasp(
         scene, approach, TIMELINE, SimulationSettings(object_pose=np.eye(4), object_offset=object_offset)

@@ -156,6 +156,7 @@ def test_simulating_with_recorded_controls_agrees_with_recorded_states_or_is_ref
         data.ctrl[:] = value
         mujoco.mj_step(model, data)
     controls = {"ctrl": ctrl, "time": np.array(time)}
+    # Controls and the first state alone give the same contacts as controls with all states.
     for name, states in (("start", {"qpos": qpos[:1]}), ("all", {"qpos": np.array(qpos)})):
         states_file = save_states(tmp_path, **controls, **states)
         import_rollout(tmp_path / "m.xml", states_file, tmp_path / f"{name}.h5", model_map=PALM_SITE, options=OPTIONS)
@@ -164,6 +165,7 @@ def test_simulating_with_recorded_controls_agrees_with_recorded_states_or_is_ref
         assert start["0001"].contact_force.max() > 0.05
         heights = start["0001"].sensor_pose_t[100:, 0, 2, 3]
         np.testing.assert_allclose(heights - heights[0], np.ravel(qpos)[: len(heights)], atol=1e-12)
+    # States that differ from the simulation of the controls are refused; without this simulation they are accepted.
     drifted = np.array(qpos) + np.linspace(0, 0.01, 50)[:, None]
     with pytest.raises(ImportDataError, match=r"qpos\[\d+, 0\].*--forward"):
         import_rollout(

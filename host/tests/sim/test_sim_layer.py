@@ -277,7 +277,7 @@ def test_separations_of_repeated_frames_equal_those_of_single_frames():
         np.concatenate([place_above_box(gap) for gap in gaps]),
         np.repeat(np.eye(4)[None], len(gaps), axis=0),
     )
-    objects[5:, 0, 3] = 0.001
+    objects[5:, 0, 3] = 0.001  # motion of the box along its top face, which keeps the separation
     all_separations = compute_separations(make_flat_hand(), PLANE, poses, objects)
     single_separations = [
         compute_separations(make_flat_hand(), PLANE, poses[i : i + 1], objects[i : i + 1])[0] for i in range(len(gaps))

@@ -100,7 +100,7 @@ def test_the_threshold_is_strict_and_the_final_one_is_the_default():
 
 def test_a_taxel_is_active_once_with_the_largest_force_of_the_near_points():
     points = StoredPoints(np.array([[0.0, 0, 0], [0.001, 0, 0], [0.1, 0, 0]]), np.array([1.0, 3.0, 9.0]))
-    active, force = find_active(np.array([[0.0, 0, 0], [0.05, 0, 0]]), points, 0.002)
+    active, force = find_active(np.array([[0.0, 0, 0], [0.05, 0, 0]]), points, threshold_m=0.002)
     assert active.tolist() == [True, False]
     assert force.tolist() == [3.0, 0.0]
 
@@ -317,7 +317,8 @@ def test_messages_contain_one_entry_for_each_pair_unless_all_entries_are_recorde
     assert sum(numbers[False]) > 20 * sum(numbers[True]) > 0
 
 
-def test_messages_need_rigid_contact_and_the_level_original_needs_messages(scene, approach):
+def test_recorded_messages_need_rigid_contact_and_the_sensing_level_original_needs_messages(scene, approach):
+    """Messages contain the contact points of rigid bodies, as the contact sensors of the original simulator do."""
     timeline = Timeline(0.0, 0.1, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="recorder: expected rigid contact"):
         simulate_grasp(scene, approach, timeline, SimulationSettings(law=LayerLaw(), recorder=RecorderSettings()))

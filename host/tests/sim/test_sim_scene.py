@@ -33,6 +33,7 @@ def test_body_poses_agree_with_forward_kinematics(scene):
     seed = 4
     rng = np.random.default_rng(seed)
     kinematics = build_kinematics(HAND)
+    # The first six joints are those of the arm, which the scene does not contain.
     angles = np.concatenate([np.zeros(6), rng.uniform(scene.robot.lower[6:], scene.robot.upper[6:])])
     data = mujoco.MjData(scene.model)
     data.qpos[scene.joint_addresses] = angles[6:]

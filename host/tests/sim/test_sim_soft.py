@@ -185,7 +185,7 @@ def test_the_load_is_proportional_to_the_covered_area_wherever_an_edge_crosses_t
 def test_squares_are_divided_into_parts_that_add_up_to_the_covered_area():
     """The parts of one square agree with the depths of 400 x 400 samples.
 
-    Two of the three faces form a ridge across the square. The third face is above 0 depth only in a part of the square.
+    Two of the three faces form a ridge across the square. A corner of the square lies outside the third face.
     """
     depth, depth_change = np.array([1.0, 1.2, 0.1]), np.array([[0.9, 0.0], [-0.9, 0.1], [0.4, 0.4]])
     parts = divide_squares(depth[None], depth_change[None])

@@ -122,7 +122,7 @@ def test_the_baseline_of_a_missing_board_is_nan(allegro):
 
 def test_a_stream_that_ends_before_the_baseline_is_complete_gives_one_error_line(flat8):
     with (
-        open_emulated_skin(flat8, None, 0.5) as skin,
+        open_emulated_skin(flat8, duration_s=0.5) as skin,  # fewer than 1000 scans
         pytest.raises(TaxelError, match="a baseline needs 1000") as caught,
     ):
         skin.take_baseline(samples=1000)

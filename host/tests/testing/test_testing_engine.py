@@ -35,7 +35,7 @@ def test_a_record_contains_operator_device_plan_and_time(make_plan, phase, run):
     assert (record.serial_number, record.operator, record.station) == ("AB-0001", "Zoë", "bench 1")
     assert (record.plan_name, record.plan_version, record.plan_sha256) == ("boards", "1", plan.sha256)
     assert record.started_utc.endswith("Z")
-    assert record.seconds == 3.0  # The clock was read four times.
+    assert record.seconds == 3.0  # The clock advances by 1 s at each reading and was read four times.
     assert record.phases[0].seconds == 1.0
 
 

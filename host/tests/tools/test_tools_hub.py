@@ -213,7 +213,7 @@ def test_an_update_works_over_a_serial_port(make_hub_firmware):
         link.close()
 
 
-def test_frames_and_packets_share_a_link_in_real_time(make_hub_firmware):
+def test_a_hub_update_shares_the_link_with_frames_in_real_time(make_hub_firmware):
     link = EmulatorLink(format_world(load_hand("rig4"), WorldSettings(usb_latency_ms=1.0)))
     try:
         target = HubTarget(link)

@@ -83,7 +83,8 @@ def test_the_ring_buffer_of_the_hub_never_overflows_and_replies_are_flushed(worl
     start_s = world.now_s
     results = run_all(wire, {address: read_repeatedly(address) for address in addresses})
     assert not any(isinstance(result, TaxelError) for result in results.values())
-    assert not wire.hub.logs
+    assert not wire.hub.logs  # the hub logs an overflow of its ring buffer
+    # A reply that is not flushed waits up to 16 ms in the USB adapter; the mean time of a transfer is far shorter.
     assert (world.now_s - start_s) / (20 * len(addresses)) < 0.004
 
 

@@ -130,7 +130,8 @@ static void subtract(element out, const element a, const element b)
     carry(out, sums);
 }
 
-/* Compute a times b modulo p. */
+/* Compute a times b modulo p. A product of limbs whose numbers sum to LIMBS + i is added to limb i times FOLD, because
+ * FOLD is 2^256 modulo p. */
 static void multiply(element out, const element a, const element b)
 {
     uint32_t sums[LIMBS];

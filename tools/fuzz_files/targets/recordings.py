@@ -40,7 +40,16 @@ def make_frames() -> list[TaxelFrame]:
         for board in load_hand(HAND).boards:
             counts = random.integers(20_000, 40_000, board.kind.taxel_count).astype(np.uint16)
             time_s = 1.0 + _CYCLE_S * cycle
-            frames.append(TaxelFrame(board.address, cycle, 100 + cycle, time_s, 1000 * cycle, 2000 * cycle, counts))
+            frame = TaxelFrame(
+                address=board.address,
+                cycle=cycle,
+                sequence=100 + cycle,
+                time_s=time_s,
+                board_time_us=1000 * cycle,
+                hub_time_us=2000 * cycle,
+                raw_counts=counts,
+            )
+            frames.append(frame)
     return frames
 
 

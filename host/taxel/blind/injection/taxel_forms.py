@@ -30,7 +30,7 @@ def sample_power_law(skin: SkinTable, rng: np.random.Generator) -> Injection:
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         # The inverse of signal = full scale * force / (1 + force) gives a relative force; the clip keeps it finite.
         share = np.clip(grasp.signal / skin.full_scale, 0.0, 0.98)
-        force = share / (1.0 - share) * np.exp(sign * 0.6 * strength)  # strength 1: another stiffness by 80 %
+        force = share / (1.0 - share) * np.exp(sign * 0.6 * strength)  # by a factor of 1.8 at strength 1
         softer = force ** (1.0 + (power - 1.0) * min(strength, 2.0))
         return np.where(grasp.signal > 0.0, skin.full_scale * softer / (1.0 + softer), grasp.signal)
 

@@ -98,6 +98,7 @@ def _restrict_to_genesis(source: ExportSource, translation: Translation) -> Tran
     for step in translation.steps:
         kind, name = step["kind"], step["effect"]
         if kind.startswith("late"):
+            # In Genesis, a positive strength is an overshoot; a late share `fraction` is a negative strength.
             fraction, tau = float(np.max(step["fraction"])), float(np.max(step["seconds"]))
             refused[name] = NO_OPTION["late"].format(strength=-fraction, tau=tau)
         elif kind in NO_OPTION:
@@ -115,6 +116,7 @@ def _restrict_to_genesis(source: ExportSource, translation: Translation) -> Tran
     if translation.noise.any() and source.model is None:
         refused["noise"] = NO_OPTION["model"].format(missing=source.missing or "the dataset has none")
     elif translation.noise.any():
+        # The components after the first are common to a line or a board.
         approximated["noise"] = SMALL_SIGNALS + (f"; {COMMON_NOISE}" if translation.noise[1:].any() else "")
     if translation.lost.any():
         refused["dropout: lost frames"] = NO_OPTION["lost"]

@@ -253,7 +253,11 @@ def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, 
 
 
 def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
-    """Return the step of a drift: slope, deviation between grasps, and which taxels drift together (`block`)."""
+    """Return the step of a drift.
+
+    slope: drift from the beginning of closing until `until_s` (seconds), counts. deviation: standard deviation of this
+    drift between grasps (parameter `scatter` of the effect). block: taxels with the same number drift together.
+    """
     block = (
         np.maximum(source.map_blocks(reported_effect), 0)
         if reported_effect.effect.scope == BOARD

@@ -289,7 +289,10 @@ def build_state(pair: Pair, layout: FeatureLayout, mean: FloatArray, mean_varian
 
 
 def _fill_missing_nodes(values: NDArray[np.float32]) -> FloatArray:
-    """Replace NaN (a node without a frame) by the value of the previous node, and by 0 in the first node; f64."""
+    """Replace NaN (a node without a frame) by the value of the previous node, and by 0 in the first node.
+
+    values: f32[contacts, nodes, n] (n taxels). Returns f64 of the same shape.
+    """
     result = values.astype(np.float64)
     for node in range(1, result.shape[1]):
         is_missing = np.isnan(result[:, node])

@@ -210,7 +210,7 @@ class Subspace:
 
     def compute_residual2(self, change: FloatArray) -> float:
         """Compute the squared length of the residual of a change f64[C, F, n] (C conditions, F features, n taxels)
-        after projection onto the subspace.
+        after projection onto the subspace, in standard deviations squared.
         """
         problem = FitProblem(self._fit_data.state, change, self._fit_data.weight)
         gradient = compute_gradient(problem, self._columns, np.zeros_like(change)) / self._scale

@@ -215,7 +215,12 @@ def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
 
 
 def _find_marks_before(report: CheckedReport) -> Marks:
-    """Return the boards and lines that the picture before marks: those with a small p-value."""
+    """Return the boards and lines to mark in the picture of the stage "before".
+
+    A board is marked if its p-value is below `SMALL_P` and its share is at least `MIN_SHARE`; a line is marked by its
+    p-value alone. The share of a board is its part of the excess of all boards, 0 to 1; the label of the board shows
+    the share.
+    """
     where = report.where
     entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
     boards = {get_address(entry): entry.number("share") for entry in entries}
@@ -232,8 +237,9 @@ def _is_marked(entry: ReportValue) -> bool:
 
 
 def _find_marks_after(report: CheckedReport) -> Marks:
-    """Return the boards and lines that the picture after marks: those with an unexplained part; none if that part is
-    not significant.
+    """Return the boards and lines to mark in the picture of the stage "after": those with an unexplained part.
+
+    Nothing is marked if the unexplained part is not significant. The marks have no shares.
     """
     unexplained = report.root.field("unexplained")
     if not is_small(unexplained.optional_number("p_value")):

@@ -54,7 +54,8 @@ def open_linux_hub(url: str, hand: Any = None) -> LinuxHubLink:
 
     Options: `boards=auto` (default: boards are searched at all addresses) or `boards=0x1C,0x1D` (no other address is
     used); `scl_hz`: clock of the bus, Hz, if the device tree does not state it (default: 100000). The option `scl_hz`
-    states the clock to taxel; it does not set the clock. hand: not used. Raises a one-line `LinkError`.
+    states the clock to taxel; it does not set the clock. hand: not used; every function that opens a URL has this
+    parameter. Raises a one-line `LinkError`.
     """
     parts = parse_i2c_url(url)
     bus = open_adapter(parts.device)

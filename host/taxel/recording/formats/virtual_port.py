@@ -109,7 +109,10 @@ class VirtualPort:
                 self._answer(FrameType(kind), payload)
 
     def _read(self, timeout_s: float) -> bytes:
-        """Return bytes of the host; empty after `timeout_s` seconds without a byte. Raises PortClosedError."""
+        """Return bytes of the host; empty after `timeout_s` seconds without a byte.
+
+        Raises PortClosedError if no program has the pseudo-terminal open; the system then reports the error EIO.
+        """
         if not select.select([self._master], [], [], timeout_s)[0]:
             return b""
         try:
