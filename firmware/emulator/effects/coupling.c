@@ -12,8 +12,9 @@
 #define GROUND_PF 8.0       /* trace of about 10 cm on a flexible board */
 #define TRACES_OHM 1000.0   /* driver or multiplexer plus a line of silver ink */
 
-/* Read a world-file line `effect coupling`: series resistance of the TX and RX lines (ohm), capacitance of a line to
- * ground and, for form `traces`, between neighbouring traces (pF). Returns 0, or -1 after an error line on stderr. */
+/* Read a world-file line `effect coupling`: series resistance of the TX and RX lines (ohm; without a value 0 for form
+ * `resistive` and TRACES_OHM for form `traces`), capacitance of a line to ground and, for form `traces`, between
+ * neighbouring traces (pF). Returns 0, or -1 after an error line on stderr. */
 int coupling_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"resistive", "traces", NULL};
@@ -31,7 +32,7 @@ int coupling_read(struct effect_line *line, struct effects *effects)
     }
     board.ground_f = ground_pf * PICO;
     board.trace_f = trace_pf * PICO;
-    if (form == 1 && trace_pf == 0.0) {
+    if (form == 1 && trace_pf == 0.0) { /* strength 0 of the form: the effect is off, whatever the resistances */
         board.tx_ohm = board.rx_ohm = 0.0;
     }
     for (size_t i = boards.first; i < boards.end; i++) {

@@ -124,7 +124,9 @@ def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> 
 def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
     """Sample `count` strengths between 0 and 1 in random order.
 
-    The strengths are stratified such that the excess of the gap is uniform, in multiples of the floor.
+    The strengths are chosen such that the excess of the gap (gap without the contribution of noise) is uniform between
+    the two values of `FLOORS`, in multiples of the floor (gap between repeats), with one value in each of `count`
+    strata.
     """
     strata = (np.arange(count) + rng.random(count)) / max(count, 1)
     low, high = FLOORS

@@ -58,7 +58,9 @@ class Transition:
     """
 
     def __init__(self, dt_s: float) -> None:
-        """Compute the probabilities for an interval of `dt_s` seconds."""
+        """Compute the transition probabilities of the target's distance, speed and presence for an interval of `dt_s`
+        seconds.
+        """
         travel = SPEEDS_M_S * dt_s
         # Each bin moves by `travel` towards the skin; its share below 0 touches the skin, its share above the last edge
         # leaves the grid, and its overlap with the bins of the grid stays there.

@@ -159,15 +159,15 @@ def test_decoy_is_scored_by_whether_the_first_effect_is_still_the_hidden_cause()
     assert (figures["decoy_first"]["right"], figures["decoy_first"]["of"]) == (1, 2)
 
 
-def test_micro_f1_pools_the_names_of_all_worlds():
+def test_micro_f1_pools_the_names_of_all_worlds_with_a_clear_gap():
     pair = make_world(0, "several", "noise", "latency")
     triple = make_world(1, "several", "noise", "latency", "hysteresis")
     figures = score_on_rig(
         make_result(pair, "noise", "latency"),
         make_result(triple, "noise", "stiffness", "unknown"),
-        make_result(triple, "noise", ratio=1.0),
+        make_result(triple, "noise", ratio=1.0),  # a gap of one floor is no clear gap: this world does not count
     )["several_f1"]
-    # named: noise, latency, noise, stiffness, of which 3 are true; true causes: 5
+    # named: noise, latency, noise, stiffness, of which 3 are true ("unknown" is no name); true causes: 5
     assert (figures["precision"], figures["recall"], figures["worlds"]) == (3 / 4, 3 / 5, 2)
     assert figures["f1"] == pytest.approx(2 * 0.75 * 0.6 / 1.35)
 

@@ -53,7 +53,7 @@ def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     assert (counts_before - counts_after)[is_outside_block] == pytest.approx(0.0, abs=1.0)
 
 
-def test_unsupported_shape_and_hand_without_positions_are_rejected():
+def test_hand_without_a_layer_thickness_and_unsupported_shape_are_rejected():
     hand = load_hand("flat8")
     with pytest.raises(HandGeometryError):
         format_scene(replace(hand, layer_m=None), EmulatedScene(OBJECTS))

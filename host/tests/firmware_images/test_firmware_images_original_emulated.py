@@ -91,8 +91,8 @@ def test_an_executed_board_measures_the_counts_of_a_native_board(build_folder, k
     assert 0 < processor.stack <= STACK_BYTES
 
 
-def test_a_conversion_without_the_capacitors_of_the_kind_counts_nothing(build_folder):
-    """The image of FingerBig, with CintA and CintB on other pins than FingerSmall, reads full scale on every line."""
+def test_an_image_of_another_kind_reads_full_scale_because_its_capacitors_are_on_other_pins(build_folder):
+    """The image of FingerSmall runs on a part that is wired as FingerBig."""
     files = {"board.hex": build_folder / "images" / "original" / "finger_small.hex"}
     text = format_board_world("finger_small", "original-finger_big")
     with VirtualWorld(text, "none", files=files) as world:

@@ -188,17 +188,18 @@ def test_transfers_with_one_board_are_separated_by_transfers_with_others(worlds,
     send_frame = wire.hub._send_frame
 
     def record_transfer(number, transfer, *arguments):
-        if number:
+        if number:  # FLUSH, which is no transfer, has the number 0
             sent.append((transfer.address, len(wire.hub._sent)))
         send_frame(number, transfer, *arguments)
 
     wire.hub._send_frame = record_transfer
     transfers = (make_long_transfer(0x50), make_short_transfer(0x50))
     run(wire, run_burst(*transfers))
-    assert [address for address, _ in sent] == [0x50, 0x50]
+    assert [address for address, _ in sent] == [0x50, 0x50]  # with one board there is no other transfer to put between
     sent.clear()
     bursts = {address: run_burst(*(make_long_transfer(address),) * 3) for address in range(0x50, 0x54)}
     run_all(wire, bursts)
     addresses = [address for address, _ in sent]
     assert all(first != second for first, second in itertools.pairwise(addresses))
-    assert sent[-1][1] > 4, "the second and third of each board did not wait for answers"
+    # More transfers than boards are unanswered: the second and third of each board are sent before the answers.
+    assert sent[-1][1] > 4

@@ -35,7 +35,8 @@ class Noise(Effect):
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """Return the features with the variances of the noise added: to both noise features and the drift residual.
 
-        features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if all values are 0. values:
+        Both noise features are standard deviations of one taxel, to which white and common noise contribute alike. The
+        drift residual is defined on unloaded taxels; it is 0 on loaded ones. features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if all values are 0. values:
         f64[2, G], white and common standard deviation of each of G blocks (the hand, or each board, object or taxel),
         counts.
         """

@@ -223,11 +223,12 @@ def _select_simplest(entries: list[BankEntry]) -> BankEntry:
 
 
 def _select_best(entries: list[BankEntry]) -> tuple[BankEntry | None, bool]:
-    """Return the most similar distortion, and whether it meets the limits of a certain sentence.
+    """Return the distortion that the sentence names, and whether the sentence states it without "possibly".
 
-    The second value is False if the distortion only meets the limits of a sentence with "possibly". Without a
-    distortion that meets any limit, (None, True) is returned. A local deviation is returned only if no fitted
-    distortion explains half of the largest share.
+    The distortion is the simplest of those that explain nearly as much as the best one (`_select_simplest`), among the
+    distortions that meet the limits of a sentence without "possibly"; if there are none, among those that meet the
+    limits of a sentence with "possibly". Without any, (None, True) is returned. A local deviation is returned only if
+    no fitted distortion explains half of the largest share.
     """
     for is_certain, least in ((True, MIN_SHARE), (False, MIN_TENTATIVE_SHARE)):
         meets_limit = _is_significant if is_certain else _is_possible
