@@ -86,9 +86,9 @@ must fit into the time between frames, so `make size` fails if the processor nev
 A board or hub is emulated in one of two ways: its image is executed on the emulated processor, or the same C code
 runs natively on the PC and is charged the cycles of `firmware/emulator/base/costs.h`. Both kinds of emulated boards
 produce the same scans with the same counts, and their scans start at nearly the same times
-(`hil_tests/test_hil_cortex_m0.py`). The difference is a random walk, and therefore grows with time: if a conversion ends
-while a read is served, microseconds decide whether the conversion or the read is delayed. After 4 s and 80 reads at
-random times the difference reached 52 us.
+(`hil_tests/test_hil_cortex_m0.py`). The difference is a random walk and grows with time. If a conversion ends while a
+read is served, microseconds decide whether the conversion or the read is delayed. After 4 s and 80 reads at random
+times the difference reached 52 us.
 
 {costs}
 """

@@ -35,10 +35,10 @@ class Noise(Effect):
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """Return the features with the variances of the noise added: to both noise features and the drift residual.
 
-        Both noise features are standard deviations of one taxel, to which white and common noise contribute alike. The
-        drift residual is defined on unloaded taxels; it is 0 on loaded ones. features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if all values are 0. values:
-        f64[2, G], white and common standard deviation of each of G blocks (the hand, or each board, object or taxel),
-        counts.
+        Both noise features are standard deviations of one taxel; white and common noise contribute to both. The drift
+        residual is defined on unloaded taxels; it is 0 on loaded ones. features: f64[C, F, n] (C conditions, F
+        features, n taxels), returned themselves if all values are 0. values: f64[2, G], white and common standard
+        deviation of each of G blocks (the hand, or each board, object or taxel), counts.
         """
         if not values.any():
             return features
