@@ -100,7 +100,9 @@ class Environment:
         names = {path.name for path in packages.glob("*.dist-info")}
         counted = [name for name in names if not name.startswith(("pip-", "setuptools-"))]
         files = [path for path in packages.rglob("*") if path.is_file()]
-        own = [path for path in files if path.relative_to(packages).parts[0].split("-")[0] not in ("pip", "setuptools")]
+        # setuptools consists of three folders
+        others = ("pip", "setuptools", "pkg_resources", "_distutils_hack")
+        own = [path for path in files if path.relative_to(packages).parts[0].split("-")[0] not in others]
         return len(counted), sum(path.stat().st_size for path in own) / 1e6
 
 
