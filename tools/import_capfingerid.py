@@ -11,11 +11,8 @@ counted. Any other deviation is an error.
 import argparse
 import re
 import sys
-from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
-from zipfile import ZIP_LZMA, ZipFile, ZipInfo
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,16 +154,6 @@ def build_arrays(name: str, recording: Recording) -> dict[str, NDArray[np.generi
     }
 
 
-def write_small_archive(file: BinaryIO, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-    """Write an .npz archive that `np.load` reads, compressed with LZMA: a third of the size of `np.savez_compressed`."""
-    with ZipFile(file, "w", ZIP_LZMA) as archive:
-        for name, values in arrays.items():
-            content = BytesIO()
-            np.save(content, values, allow_pickle=False)
-            # a fixed time, so that the same recordings give the same bytes
-            archive.writestr(ZipInfo(f"{name}.npy"), content.getvalue(), ZIP_LZMA)
-
-
 def import_folder(source: Path, data: Path) -> str:
     """Read the folder `source`, write `capfingerid.npz` and its licence to the folder `data`, and return a summary.
 
@@ -188,7 +175,7 @@ def import_folder(source: Path, data: Path) -> str:
         )
     target = data / "capfingerid.npz"
     with open_whole(target) as file:
-        write_small_archive(file, arrays)
+        np.savez_compressed(file, allow_pickle=False, **arrays)
     write_whole(data / "capfingerid.LICENSE", (source / "LICENSE").read_bytes())
     return "\n".join([*report, f"{target}: {target.stat().st_size:,} bytes"])
 
