@@ -9,7 +9,8 @@ benchmark` with this seed, of all families, in random order, so that the stored 
 Withheld effects: a world with one cause is compared twice, the second time without its effect in the catalogue. The
 cause is then unknown, and the models use the evidence of effects that resemble it. Withheld forms: the models are
 fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
-that were left out. --write: store the models fitted to all worlds in host/taxel/gap/calibration/calibration.json.
+that were left out. --packaged: print the scores of the packaged calibration instead of a fit. --write: store the models
+fitted to all worlds in host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse
@@ -30,7 +31,14 @@ from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
-from taxel.gap.calibration.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
+from taxel.gap.calibration.calibration import (
+    SMALLEST_CAUSE,
+    Calibration,
+    Logistic,
+    combine_inputs,
+    compute_any_inputs,
+    load_calibration,
+)
 from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.output import AppendedLines, read_complete_lines, write_whole
@@ -41,6 +49,9 @@ MADE = "world.json"
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
 
+
+WITHHELD_FAMILY = "effect withheld"
+"""Family, in the scores, of the worlds whose effect is left out of the catalogue."""
 
 UNKNOWN_CAUSE = {"kind": "outside", "truth": [UNKNOWN]}
 """Kind and truth of a world whose effect is not in the catalogue."""
@@ -106,7 +117,7 @@ def run(
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
     compared = [one for one in found if "error" not in one]
-    compared += [one["without"] for one in compared if "without" in one]
+    compared += [one["without"] | {"family": WITHHELD_FAMILY} for one in compared if "without" in one]
     return [one for one in compared if not _is_too_weak(one)]
 
 
@@ -176,6 +187,22 @@ def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dic
                 ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
                 truth = frozenset(one["truth"])
                 answers.append(ScoredAnswer(truth, one["kind"], one["family"], predict(one, calibration), ratio, 0.0))
+    return _score_by_family(answers)
+
+
+def score_packaged(evidence: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the scores of the packaged calibration, by family of worlds and for all."""
+    calibration = load_calibration()
+    answers = []
+    for one in evidence:
+        ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
+        truth = frozenset(one["truth"])
+        answers.append(ScoredAnswer(truth, one["kind"], one["family"], predict(one, calibration), ratio, 0.0))
+    return _score_by_family(answers)
+
+
+def _score_by_family(answers: list[ScoredAnswer]) -> dict[str, Any]:
+    """Return the scores of all answers, and of the answers of each family of worlds."""
     families = sorted({one.family for one in answers})
     return {
         "all": score_answers(answers),
@@ -198,13 +225,16 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder of the evidence")
     parser.add_argument("--datasets", type=Path, help="folder that keeps the datasets of the worlds")
     parser.add_argument("--stored", action="store_true", help="use the stored evidence only")
+    parser.add_argument("--packaged", action="store_true", help="print the scores of the packaged calibration; no fit")
     parser.add_argument("--write", action="store_true", help="store the fitted models")
     options = parser.parse_args()
     evidence = run(options.out, options.worlds, options.seed, options.jobs, options.datasets, options.stored)
-    score = score_withheld(evidence, options.folds, options.seed)
+    score = score_packaged(evidence) if options.packaged else score_withheld(evidence, options.folds, options.seed)
     print(f"{'':<48}" + "".join(f"{name:>26}" for name in score))
     for measure in score["all"]:
         print(f"{measure:<48}" + "".join(f"{_format(one[measure]):>26}" for one in score.values()))
+    if options.packaged:
+        return 0
     calibration = fit(
         evidence,
         f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}, {len(evidence)} comparisons",
