@@ -13,8 +13,9 @@ static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
     return kind == 0 || own == 0 || kind == own;
 }
 
-/* Return the first byte of the image in a slot (0 is A, 1 is B), or NULL if the image is invalid or there is no such slot:
- * header for another device, slot or kind of board, a length or vector table outside the slot, or a wrong CRC-32. */
+/* Return the first byte of the image in a slot (0 is A, 1 is B), or NULL if the image is invalid or there is no such
+ * slot: header for another device, slot or kind of board, a length or vector table outside the slot, or a wrong
+ * CRC-32. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     if (slot >= TAXEL_BOOT_SLOTS) {

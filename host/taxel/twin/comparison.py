@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
-from taxel.signal.rest_level import RestLevel
 from taxel.twin.cleared import ClearedTest
 from taxel.twin.detector import ChangeDetector, Hypothesis
 from taxel.twin.events import Alarm, Cleared, Event, InputFault
 from taxel.twin.live_session import LiveSession
 from taxel.twin.missing_frames import MissingFrames
-from taxel.twin.null_model import compute_log_ratios, fit_null_models
+from taxel.twin.null_model import compute_log_ratios
 from taxel.twin.onset import StepHistory
-from taxel.twin.reference import ConditionReference, Reference, compute_signals
+from taxel.twin.reference import Reference, compute_signals
+from taxel.twin.reference_models import fit_reference_models, make_rest_level
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (
@@ -30,7 +29,7 @@ from taxel.twin.statistics import (
     compute_rest_scores,
     sum_over_places,
 )
-from taxel.twin.steps import BINS, HOLD, Step, StepBuilder
+from taxel.twin.steps import HOLD, Step, StepBuilder
 from taxel.twin.unannounced import UnannouncedContacts
 from taxel.twin.variance_factors import VarianceFactors
 from taxel.types import BoolArray, CountArray, FloatArray
@@ -349,65 +348,3 @@ class Twin:
         condition = step.contact.condition if step.contact is not None else None
         usual = np.zeros(len(self.reference.places))
         return self.factors.apply(sum_over_places(scores, self.reference), condition, usual)
-
-
-def make_rest_level(reference: Reference) -> RestLevel:
-    """Create the tracked counts without contact of a new session.
-
-    The loadings (response of each taxel to the drift of its board) are copied from the reference; the counts are
-    unknown until the first step.
-    """
-    learnt = reference.rest_level
-    return RestLevel(
-        learnt.noise_variance,
-        learnt.board,
-        learnt.loading.copy(),
-        learnt.loading_variance.copy(),
-        settings=learnt.settings,
-    )
-
-
-def fit_reference_models(reference: Reference, progress: Callable[[int, int], None] | None = None) -> VarianceFactors:
-    """Fit the null models and variance factors: each contact of the reference is compared with the other contacts.
-
-    progress: called with the number of compared contacts and the number of all contacts.
-    """
-    samples: list[tuple[Condition | None, Estimates]] = []
-    session_level: tuple[int, RestLevel] | None = None
-    noise = reference.noise_level
-    n = reference.taxels.n
-    no_taxel = np.zeros(n, dtype=bool)
-    for number, (session, step) in enumerate(reference.steps):
-        if session_level is None or session_level[0] != session:
-            session_level = (session, make_rest_level(reference))
-        scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), no_taxel)
-        others = _leave_out(reference, step)
-        found = compute_contact_scores(step, others, LiveSession.start(np.zeros(BINS), n), no_taxel)
-        scores.update(found[0] if found else {})
-        condition = step.contact.condition if step.contact is not None else None
-        samples.append((condition, sum_over_places(scores, reference)))
-        if progress is not None:
-            progress(number + 1, len(reference.steps))
-    models = fit_null_models([estimates for _, estimates in samples], reference.places.level)
-    return VarianceFactors.learn(samples, models, reference.places.level)
-
-
-def _leave_out(reference: Reference, step: Step) -> Reference:
-    """Return the condition of one contact as the reference's only condition, with the statistics of its other repeats.
-
-    The reference is returned unchanged for a step without contact and for a condition with a single repeat.
-    """
-    if step.contact is None:
-        return reference
-    known = reference.conditions[step.contact.condition]
-    if known.repeats < 2:
-        return reference
-    deviation = np.nan_to_num(compute_signals(step)) - known.mean
-    others = known.repeats - 1
-    others_only = ConditionReference(
-        known.mean - deviation / others,
-        np.maximum(known.squares - deviation**2 * known.repeats / others, 0.0),
-        others,
-        known.scale,
-    )
-    return replace(reference, conditions={step.contact.condition: others_only})

@@ -144,7 +144,7 @@ def test_a_disturbed_baseline_keeps_its_mean_and_raises_on_request():
     raw = make_touched_recording()
     result = compute_baseline(raw)
     # Seven taxels are 400 counts lower in 33 of 100 frames, which lowers their mean by 132 counts.
-    assert result.mean.tolist() == [30_000.0 - 0.33 * 400.0] * 7 + [30_000.0]  # 33 of 100 frames with contact
+    assert result.mean.tolist() == [30_000.0 - 0.33 * 400.0] * 7 + [30_000.0]
     with pytest.raises(DisturbedBaselineError) as caught:
         result.require_undisturbed()
     assert str(caught.value) == (
