@@ -18,8 +18,8 @@ RUNS ?= 20000
 FULL_HAND ?= 10
 SECONDS ?= 60
 COUNT ?= 1000000
-PORT := firmware/boards/psoc4200
-IMAGES := build/psoc4200
+PORTS := firmware/boards
+PARTS := psoc4200 psoc4100s
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
 WITHOUT_HUB := boards commands compact fault_cases
@@ -118,10 +118,12 @@ coverage: $(STAMP)  ## functions that no command, example or guide reaches (an h
 test-without-hub: $(STAMP)  ## boards, commands, faults and compact frames of a skin without a hub (`make hil RIG=i2c-dev`: all)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig i2c-dev $(WITHOUT_HUB:%=hil_tests/test_hil_%.py)
 
-test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
+test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`, RIG=psoc4100s: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
 		{ echo "executed images are not tested: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'"; exit 0; }; \
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig cortex-m0 $(EXECUTED:%=hil_tests/test_hil_%.py)
+	for rig in cortex-m0 psoc4100s; do \
+		$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig $$rig $(EXECUTED:%=hil_tests/test_hil_%.py) || exit 1; \
+	done
 
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
@@ -137,7 +139,7 @@ fuzz-short: $(STAMP)
 clients: $(STAMP)  ## compare all clients with the Python decoder on captures of 60 s of the emulated hand, intact and damaged
 	@$(BIN)/python tools/clients/compare.py
 
-hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, i2c-dev, or the file of a bench)
+hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, psoc4100s, i2c-dev, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
 soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing frame must have a cause in the fault log
@@ -209,21 +211,25 @@ bench: $(STAMP)  ## speed, as ratios measured in one run
 bench-page: $(STAMP)  ## the benchmarks, written to docs/benchmarks.md with the commit
 	@$(BIN)/python tools/bench/run.py --page docs/benchmarks.md
 
-firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images for the PSoC 4200 in build/psoc4200/images
+firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images for PSoC 4200 and 4100S in build/PART/images
 	@$(CMAKE) -S firmware -B $(BUILD)/release > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/release
 	@echo "built: $(BUILD)/release/libtaxel_firmware.a, taxel-emulator, libtaxel_codec.so"
 	@echo '#include <string.h>' | arm-none-eabi-gcc -E -x c - > /dev/null 2>&1 || \
 		{ echo "no images: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'" >&2; exit 1; }
-	@$(CMAKE) -S $(PORT) -B $(IMAGES) -DCMAKE_TOOLCHAIN_FILE=$(abspath $(PORT))/toolchain.cmake \
-		-DTAXEL_PYTHON=$(abspath $(BIN)/python) > /dev/null
-	@$(BIN)/cmake --build $(IMAGES)
-	@echo "built: $(IMAGES)/images/{board,hub}-{a,b}.{bin,hex,cyacd}, {board,hub}.toml, {board,hub}-factory.hex; original boards: $(IMAGES)/images/original/*.hex, $(IMAGES)/images/one-slot/"
+	@for part in $(PARTS); do \
+		$(CMAKE) -S $(PORTS)/$$part -B build/$$part -DCMAKE_TOOLCHAIN_FILE=$(abspath $(PORTS))/$$part/toolchain.cmake \
+			-DTAXEL_PYTHON=$(abspath $(BIN)/python) > /dev/null && $(BIN)/cmake --build build/$$part || exit 1; \
+	done
+	@echo "built: build/{psoc4200,psoc4100s}/images/{board,hub}-{a,b}.{bin,hex,cyacd}, {board,hub}.toml, {board,hub}-factory.hex; original boards: build/psoc4200/images/original/*.hex, one-slot/"
 
 size: firmware  ## flash, RAM and stack of the images against their budgets: docs/firmware-size.md
-	@git show HEAD:$(PORT)/size.json > $(IMAGES)/size-before.json 2> /dev/null || rm -f $(IMAGES)/size-before.json
-	@$(BIN)/python tools/firmware/firmware_size.py --build $(IMAGES) --json $(PORT)/size.json --page docs/firmware-size.md \
-		$$(test -f $(IMAGES)/size-before.json && echo --compare $(IMAGES)/size-before.json)
+	@for part in $(PARTS); do \
+		git show HEAD:$(PORTS)/$$part/size.json > build/$$part/size-before.json 2> /dev/null || rm -f build/$$part/size-before.json; \
+		page=docs/firmware-size$$(test $$part = psoc4200 || echo -$$part).md; \
+		$(BIN)/python tools/firmware/firmware_size.py --part $$part --build build/$$part --json $(PORTS)/$$part/size.json --page $$page \
+			$$(test -f build/$$part/size-before.json && echo --compare build/$$part/size-before.json) || exit 1; \
+	done
 
 generate: $(STAMP)  ## write the C header, vectors, clients, tables of the specification and terms of the gap page
 	@$(BIN)/python tools/codegen/c_header.py
@@ -239,6 +245,10 @@ $(DOCS_STAMP): $(STAMP)
 
 docs: $(DOCS_STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py
+
+.PHONY: pictures
+pictures: $(STAMP)  ## the pictures of README.md: a demonstration that is right, and the emulated skin (five minutes)
+	@$(BIN)/python tools/docs/make_pictures.py
 
 docs-test: $(STAMP)  ## run every code block of every page and every example of --help, also the long ones (half an hour)
 	@TAXEL_DOCS=all $(BIN)/python -m pytest -q host/tests/docs

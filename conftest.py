@@ -34,7 +34,10 @@ SLOW_TESTS = Path(__file__).parent / "host" / "tests" / "slow_tests.txt"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the listed tests as slow, so that `make test` leaves them to `make test-slow`."""
+    """Mark the tests in `slow_tests.txt` as slow: `make test` omits them, and `make test-slow` runs them.
+
+    The second mark, `listed`, distinguishes these tests from tests that are marked as slow in their own source.
+    """
     lines = SLOW_TESTS.read_text(encoding="utf-8").splitlines()
     slow = {line for line in lines if not line.startswith("#")}
     for item in items:

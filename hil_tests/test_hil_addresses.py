@@ -57,6 +57,7 @@ def test_all_boards_have_different_unique_ids(rig: Rig) -> None:
     rig.clock.wait(0.3)
     ids = set()
     for board in rig.hand.boards:
+        # The identity has 58 bytes; a block read of SMBus returns at most 32.
         data = b"".join(bytes(rig.i2c.read_i2c_block_data(board.address, start, 29)) for start in (0, 29))
         ids.add(bytes(Identity.parse(data).unique_id))
     assert len(ids) == len(rig.hand.boards)

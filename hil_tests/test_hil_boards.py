@@ -6,8 +6,15 @@ import pytest
 from taxel.skin import Skin
 from taxel.stream import HubError
 from taxel_protocol import SNAPSHOT_OVERHEAD, crc32
-from taxel_protocol.limits import REGISTER_IDENTITY, REGISTER_SETTINGS, REGISTER_SNAPSHOT, SMBUS_BLOCK
-from taxel_protocol.registers import Identity, ScanSettings, snapshot
+from taxel_protocol.limits import (
+    REGISTER_IDENTITY,
+    REGISTER_SETTINGS,
+    REGISTER_SNAPSHOT,
+    REGISTER_STATUS,
+    SMBUS_BLOCK,
+)
+from taxel_protocol.names import FrontEnd
+from taxel_protocol.registers import Identity, ScanSettings, Status, snapshot
 
 
 def read_in_blocks(skin: Skin, address: int, size: int) -> bytes:
@@ -24,6 +31,7 @@ def test_the_bus_scan_finds_every_board_of_the_hand(skin: Skin) -> None:
 
 
 def test_identity_of_every_board_matches_the_hand_description(skin: Skin) -> None:
+    """The identity is read in blocks of at most 32 bytes, and ends with a CRC over the bytes before it."""
     for board in skin.hand.boards:
         data = b"".join(
             skin.hub.transfer(
@@ -54,6 +62,7 @@ def test_transfer_to_an_address_without_a_board_fails_with_nack(skin: Skin) -> N
 
 
 def test_half_the_number_of_sub_conversions_halves_the_counts(skin: Skin) -> None:
+    """A raw count is a sum over the sub-conversions of a conversion, so it is proportional to their number."""
     board = skin.hand.boards[0]
     before = np.median([f.raw_counts for f in _read_frames_of(skin, board.address, 3)], axis=0)
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
@@ -69,12 +78,25 @@ def test_half_the_number_of_sub_conversions_halves_the_counts(skin: Skin) -> Non
 
 
 def test_settings_out_of_range_are_rejected_and_change_nothing(skin: Skin) -> None:
+    """The current code 0 (`idac_code`) is out of range. The register of the settings keeps its content."""
     board = skin.hand.boards[0]
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
     settings = dict(ScanSettings.parse(data))
     settings.pop("_io", None)
     with pytest.raises(HubError, match="rejected by board"):
         skin.hub.set_scan_settings(settings | {"idac_code": 0}, board.address)
+    assert skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof()) == data
+
+
+def test_settings_for_another_converter_are_rejected_and_change_nothing(skin: Skin) -> None:
+    board = skin.hand.boards[0]
+    status = Status.parse(skin.hub.transfer(board.address, bytes([REGISTER_STATUS]), Status.sizeof()))
+    assert status["front_end"] == FrontEnd.CAPSENSE
+    data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
+    settings = dict(ScanSettings.parse(data))
+    settings.pop("_io", None)
+    with pytest.raises(HubError, match="rejected by board"):
+        skin.hub.set_scan_settings(settings | {"settle_cycles": 100}, board.address, front_end=0x81)
     assert skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof()) == data
 
 

@@ -67,6 +67,9 @@ def test_fault_of_a_branch_stops_only_its_boards_and_they_stream_again_after_its
 def test_short_circuit_of_a_branch_stops_all_boards_of_a_passive_star_until_its_end(
     rig: Rig, skin: Skin, name: str, selection: int, ohm: float
 ) -> None:
+    """In a passive star all branches share SCL and SDA, so a shorted line of one branch stops all boards. The hub still
+    reports to the host.
+    """
     all_addresses = {board.address for board in rig.hand.boards}
     read_frames(rig, skin, 0.3)
     inject(rig, name, selection, ohm)
@@ -85,6 +88,7 @@ def test_short_circuit_of_a_branch_stops_all_boards_of_a_passive_star_until_its_
 def test_short_circuit_of_a_buffered_branch_stops_only_its_boards_until_its_end(
     rig: Rig, skin: Skin, name: str, selection: int, ohm: float
 ) -> None:
+    """A buffer between the hub and each branch separates a shorted branch from the other branches."""
     all_addresses = {board.address for board in rig.hand.boards}
     branch_addresses = {board.address for board in rig.hand.find_branch(BRANCH)}
     read_frames(rig, skin, 0.3)
@@ -98,6 +102,9 @@ def test_short_circuit_of_a_buffered_branch_stops_only_its_boards_until_its_end(
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.world(slow_branch=(BRANCH, SLOW_PF), scl_hz=400e3)
 def test_slow_branch_loses_polls_at_400_khz_and_delivers_no_wrong_count(rig: Rig, skin: Skin) -> None:
+    """The additional capacitance `SLOW_PF` makes the edges of one branch too slow for 400 kHz: bits are misread, so the
+    CRC rejects snapshots. Other branches, such as the palm, lose no poll.
+    """
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.3)
     for frame in read_frames(rig, skin, 1.0):
@@ -110,6 +117,7 @@ def test_slow_branch_loses_polls_at_400_khz_and_delivers_no_wrong_count(rig: Rig
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.world(slow_branch=(BRANCH, SLOW_PF), scl_hz=100e3)
 def test_slow_branch_loses_no_poll_at_100_khz(rig: Rig, skin: Skin) -> None:
+    """The rise time of the slow branch (302 ns) is within the limit of 100 kHz (1000 ns), so no bit is misread."""
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.3)
     for frame in read_frames(rig, skin, 1.0):

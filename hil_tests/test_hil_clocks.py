@@ -42,6 +42,7 @@ def test_wrap_of_the_board_clocks_loses_no_frame(rig: Rig, skin: Skin) -> None:
 @pytest.mark.needs("clocks")
 @pytest.mark.world(lines=[f"hub_clock_start_us {2**32 - 900_000}"])
 def test_wrap_of_the_hub_clock_loses_no_frame(rig: Rig, skin: Skin) -> None:
+    """The 32-bit clock of the hub (us) wraps 0.9 s after power-up; the host's times increase across the wrap."""
     frames = read_frames(rig, skin, 2.0)
     times = np.array([frame.hub_time_us for frame in frames])
     assert (np.diff(times) < 0).sum() == 1
@@ -69,6 +70,7 @@ def test_wrap_of_the_scan_sequence_loses_no_frame(rig: Rig, skin: Skin) -> None:
 
 @pytest.mark.world(clock_spread_ppm=20000.0, hub_clock_ppm=15000.0)
 def test_host_times_of_boards_with_different_clock_rates_agree(rig: Rig, skin: Skin) -> None:
+    """Clocks that differ by up to 2 % (boards) and 1.5 % (hub) get common host times after 4 s of measurement."""
     frames = read_frames(rig, skin, 6.0)
     check_no_losses(skin)
     late_frames = [frame for frame in frames if frame.hub_time_us > 4e6]

@@ -22,6 +22,7 @@ def test_handshake_reports_the_protocol_versions_of_the_hub(skin: Skin) -> None:
 
 
 def test_status_counts_the_commands(skin: Skin) -> None:
+    """Three commands follow the first status: GET_STATUS, GET_TIME, and the GET_STATUS that returns the counter."""
     skin.hub.read_status()
     assert skin.hub.status is not None
     before = skin.hub.status["commands"]
@@ -127,6 +128,7 @@ def test_command_with_a_flipped_bit_is_not_executed(rig: Rig, skin: Skin, bit: i
 
 
 def test_transfer_through_the_hub_returns_all_bytes_of_every_size(skin: Skin) -> None:
+    """Reads of 1 to 64 bytes from register 0 agree in the 58 bytes of the identity; later bytes are not specified."""
     address = get_address(skin.hand, 0)
     identity = b"".join(skin.hub.transfer(address, bytes([start]), 29) for start in (0, 29))
     for size in (1, 2, 31, 32, 33, 58, 64):
@@ -142,6 +144,7 @@ def test_bus_scan_during_streaming_loses_no_frame(rig: Rig, skin: Skin) -> None:
 
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0, 10.0])
 def test_rate_limit_is_applied_and_removed(rig: Rig, skin: Skin, rate_hz: float) -> None:
+    """About 4 poll cycles run in 4 periods. Without the limit, more than 6 cycles run in 0.6 s (above 10 Hz)."""
     skin.hub.set_rate(rate_hz)
     read_frames(rig, skin, 1.2 / rate_hz)
     cycles = {frame.cycle for frame in read_frames(rig, skin, 4.0 / rate_hz)}

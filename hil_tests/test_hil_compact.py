@@ -72,7 +72,8 @@ def test_compact_frames_are_exact_after_a_power_cycle_of_a_board(rig: Rig, compa
     frames_after = read_frames(rig, compact_skin, SETTLING_S)
     for frame in frames_after:
         counts.check_frame(frame)
-    assert min(count_frames_by_board(frames_after, rig.hand)) > 10
+    assert min(count_frames_by_board(frames_after, rig.hand)) > 10  # the restarted board, too, delivers frames
+    # No other fault may occur than those of a board without power that returns.
     assert {fault["fault"] for fault in compact_skin.hub.faults} <= {
         BoardFault.NACK,
         BoardFault.CRC,
@@ -90,4 +91,5 @@ def test_rebooted_hub_continues_with_compact_frames(rig: Rig, compact_skin: Skin
     for frame in frames_after:
         counts.check_frame(frame)
     assert compact_skin.losses.restarts == 1
+    # With uncompressed frames, the number would be less than half of the usual number (`RATE_GAIN`).
     assert min(count_frames_by_board(frames_after, rig.hand)) > 0.7 * COMPACT_RATE_HZ * SETTLING_S

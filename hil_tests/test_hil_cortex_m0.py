@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_tests.harness.virtual.images import PORT, ROOT, build_images, find_missing_tool
+from hil_tests.harness.parts import PARTS
+from hil_tests.harness.virtual.images import PORTS, ROOT, build_images, find_missing_tool
 from taxel.hand import Hand, load_hand
 from taxel.hand.boards import Board
 from taxel.hand.world import WorldSettings, format_world
@@ -26,6 +27,7 @@ from taxel.version import VERSION
 from taxel_protocol import SNAPSHOT_OVERHEAD
 from taxel_protocol.limits import REGISTER_SNAPSHOT, REGISTER_STATUS
 from taxel_protocol.registers import Status
+from taxel_tools.errors import BoardError
 
 pytestmark = pytest.mark.skipif(
     find_missing_tool() is not None, reason=f"the build of the images needs {find_missing_tool()}"
@@ -39,12 +41,18 @@ MAX_TIME_DIFFERENCE_US = 100
 READS = 40
 
 
-def read_stack_limit(address: int) -> int:
+@pytest.fixture(params=sorted(PARTS))
+def part(request: pytest.FixtureRequest) -> str:
+    """Microcontroller whose images are executed."""
+    return str(request.param)
+
+
+def read_stack_limit(address: int, part: str = "psoc4200") -> int:
     """Return the largest stack in bytes that an image and its bootloader can use, as `make size` computed it.
 
-    address: I2C address of a board; 0: the hub.
+    address: I2C address of a board; 0: the hub. part: microcontroller.
     """
-    sizes = json.loads((PORT / "size.json").read_text())["images"]
+    sizes = json.loads((PORTS / part / "size.json").read_text())["images"]
     names = ("board-a", "board-b", "bootloader-board") if address else ("hub-a", "hub-b", "bootloader-hub")
     return max(int(sizes[name]["stack"]) for name in names)
 
@@ -64,8 +72,8 @@ def hand() -> Hand:
     return load_hand("original")
 
 
-def find_image_files() -> dict[str, Path]:
-    return {name: build_images() / name for name in ("board-factory.hex", "hub-factory.hex")}
+def find_image_files(part: str = "psoc4200") -> dict[str, Path]:
+    return {name: build_images(part) / name for name in ("board-factory.hex", "hub-factory.hex")}
 
 
 def format_image_lines(*addresses: int) -> str:
@@ -113,14 +121,14 @@ def read_random_snapshots(world: VirtualWorld, board: Board, forces: np.ndarray)
     return found_snapshots
 
 
-def check_processors(world: VirtualWorld, *addresses: int) -> None:
+def check_processors(world: VirtualWorld, *addresses: int, part: str = "psoc4200") -> None:
     """Check that the processors at the addresses run the application without a fault and within their stack limits."""
     for address in addresses:
         processor = world.read_processor(address)
         assert not processor.is_broken
         assert processor.faults == 0, processor.fault
         assert processor.is_application
-        assert 0 < processor.stack <= read_stack_limit(address)
+        assert 0 < processor.stack <= read_stack_limit(address, part)
 
 
 @pytest.mark.parametrize(
@@ -128,8 +136,10 @@ def check_processors(world: VirtualWorld, *addresses: int) -> None:
     [("at rest", ADDRESS), ("pressed", ADDRESS), ("noisy", ADDRESS), ("pressed", PROXIMAL), ("noisy", MEDIAL)],
 )
 def test_executed_board_measures_the_counts_of_a_native_board(hand: Hand, case: str, address: int) -> None:
-    """Snapshots are read at the same instants of the board's clock: scan numbers and counts are equal, and scan times
-    differ by less than `MAX_TIME_DIFFERENCE_US`.
+    """The executed board runs the ARM code of its image; the native board runs the same firmware compiled for the PC.
+
+    Snapshots (scan number, time of the scan in microseconds, counts) are read at the same instants of the board's
+    clock: scan numbers and counts are equal, and scan times differ by less than `MAX_TIME_DIFFERENCE_US`.
     """
     board = hand.get_board(address)
     settings = WorldSettings(seed=5, noise_counts=4.0 if case == "noisy" else 0.0, clock_spread_ppm=0.0)
@@ -147,13 +157,33 @@ def test_executed_board_measures_the_counts_of_a_native_board(hand: Hand, case: 
         assert abs(native_snapshot[1] - executed_snapshot[1]) < MAX_TIME_DIFFERENCE_US
 
 
+def test_board_with_a_psoc_4100s_measures_the_counts_of_a_native_board(hand: Hand) -> None:
+    """Its scan takes longer, because its converter charges the capacitors first; without noise the counts are equal."""
+    board = hand.get_board(ADDRESS)
+    settings = WorldSettings(noise_counts=0.0, clock_spread_ppm=0.0)
+    forces = np.random.default_rng(3).uniform(0.0, 4.0, hand.n_taxels)
+    counts = []
+    for lines, part in (("", "psoc4200"), (format_image_lines(ADDRESS), "psoc4100s")):
+        with VirtualWorld(format_world(hand, settings) + lines, "none", files=find_image_files(part)) as world:
+            world.inject("hub_unplug")
+            world.set_stimulus(forces)
+            world.run(1.0)
+            world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
+            counts.append(read_snapshot(world, board)[2])
+    assert counts[0] == counts[1]
+
+
 def test_executed_board_has_the_scan_period_of_a_native_board(hand: Hand) -> None:
-    """Compares all 17 boards, to 5 parts in 100,000: the scan period does not depend on the crossings of the board."""
+    """Compares all 17 boards, to 5 parts in 100,000: the scan period does not depend on the crossings of the board.
+
+    An executed board runs the ARM code of its image, a native board the same firmware compiled for the PC. The period
+    follows from two snapshot headers (scan number, board time in microseconds) that are read a second apart.
+    """
     periods = []
     for lines in ("", format_image_lines(*(board.address for board in hand.boards))):
         world_file = format_world(hand, WorldSettings(noise_counts=0.0)) + lines
         with VirtualWorld(world_file, "none", files=find_image_files()) as world:
-            world.inject("hub_unplug")
+            world.inject("hub_unplug")  # the test itself reads the boards
             world.run(0.3)
             bus = VirtualSMBus(world)
             ends = []
@@ -168,49 +198,53 @@ def test_executed_board_has_the_scan_period_of_a_native_board(hand: Hand) -> Non
     assert np.array(periods[1]) == pytest.approx(np.array(periods[0]), rel=5e-5)
 
 
-def test_executed_hub_streams_frames_of_executed_boards(hand: Hand) -> None:
+def test_executed_hub_streams_frames_of_executed_boards(hand: Hand, part: str) -> None:
+    """Hub (address 0 of the image lines) and boards run the ARM code of their images; all boards are in the stream."""
     addresses = [board.address for board in hand.boards]
     text = format_world(hand, WorldSettings(noise_counts=0.0)) + format_image_lines(0, *addresses)
-    with VirtualWorld(text, files=find_image_files()) as world, Skin(VirtualMemoryLink(world), hand) as skin:
+    with VirtualWorld(text, files=find_image_files(part)) as world, Skin(VirtualMemoryLink(world), hand) as skin:
         end_s = world.now_s + 3.0
         frames = []
         while world.now_s < end_s:
             frames += skin.poll(0.01)
+        # The last 40 frames are more than two poll cycles of the 17 boards.
         assert {frame.address for frame in frames[-40:]} == {board.address for board in hand.boards}
-        check_processors(world, 0, ADDRESS)
+        check_processors(world, 0, ADDRESS, part=part)
         assert not skin.hub.faults
 
 
-def test_snapshot_read_at_any_instant_contains_one_scan(tools: None) -> None:
+def test_snapshot_read_at_any_instant_contains_one_scan(tools: None, part: str) -> None:
+    """Reads 3000 snapshots of a board whose raw counts increase all the time; `error` names a mixture of two scans."""
     import random_snapshot_reads
 
-    result = random_snapshot_reads.read_random_snapshots(3000, seed=7, images=build_images())
+    result = random_snapshot_reads.read_random_snapshots(3000, seed=7, images=build_images(part))
     assert result.error is None
     assert result.scans > 1000
     assert result.faults == 0
-    assert 0 < result.stack <= read_stack_limit(ADDRESS)
+    assert 0 < result.stack <= read_stack_limit(ADDRESS, part)
 
 
-def test_power_cut_during_a_flash_write_leaves_the_old_or_the_new_program(tools: None) -> None:
+def test_power_cut_during_a_flash_write_leaves_the_old_or_the_new_program(tools: None, part: str) -> None:
+    """Updates with 20 power cuts in total; `failure` is the first cut after which neither of the two versions runs."""
     import executed_power_cuts
 
-    result = executed_power_cuts.cut_updates(20, seed=11, images=build_images())
+    result = executed_power_cuts.cut_updates(20, seed=11, images=build_images(part))
     assert result.failure is None
     assert result.cut_count >= 20
 
 
-def test_board_runs_the_image_that_taxel_flash_programmed(tools: None) -> None:
+def test_board_runs_the_image_that_taxel_flash_programmed(tools: None, part: str) -> None:
     """Bootloader, image selection, trial and confirmation run as ARM code; the image also boots after a power cycle."""
     import cut_routes
     import executed_world
     import flash_worlds
 
     text = flash_worlds.make_small_world(2, ["boot_listens 1"]) + executed_world.format_image_line(cut_routes.BOARD)
-    with VirtualWorld(text, files={"board-factory.hex": build_images() / "board-factory.hex"}) as world:
+    with VirtualWorld(text, files={"board-factory.hex": build_images(part) / "board-factory.hex"}) as world:
         world.run(0.4)
         route = cut_routes.BoardRoute(world, through_hub=True)
         assert route.version() == tuple(map(int, VERSION.split(".")))
-        route.update(executed_world.make_firmware((2, 7, 1), build_images()))
+        route.update(executed_world.make_firmware((2, 7, 1), build_images(part)))
         assert route.version() == (2, 7, 1)
         world.inject("unplug", cut_routes.BOARD)
         world.run(0.1)
@@ -220,17 +254,33 @@ def test_board_runs_the_image_that_taxel_flash_programmed(tools: None) -> None:
         assert world.read_processor(cut_routes.BOARD).faults == 0
 
 
-def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
-    """Compares the standard part of psoc4200/parts.c with pins.toml."""
-    pins = tomllib.loads((PORT / "pins.toml").read_text())
-    text = (ROOT / "firmware" / "emulator" / "psoc4200" / "parts.c").read_text()
-    standard = text.split('"standard"')[1].split(".name")[0]
+def test_image_for_another_part_is_refused_before_any_write(tools: None) -> None:
+    import cut_routes
+    import executed_world
+    import flash_worlds
+
+    text = flash_worlds.make_small_world(2, ["boot_listens 1"]) + executed_world.format_image_line(cut_routes.BOARD)
+    with VirtualWorld(text, files={"board-factory.hex": build_images("psoc4100s") / "board-factory.hex"}) as world:
+        world.run(0.4)
+        route = cut_routes.BoardRoute(world, through_hub=True)
+        before = world.read_flash(cut_routes.BOARD).data
+        with pytest.raises(BoardError, match=r"the device is a sensor board with 64 KiB of flash, but .* 32 KiB"):
+            route.update(executed_world.make_firmware((2, 7, 1), build_images("psoc4200")))
+        assert world.read_flash(cut_routes.BOARD).data == before
+
+
+def test_wiring_of_the_emulator_equals_the_pins_of_the_port(part: str) -> None:
+    """Compares a part of parts.c with pins.toml of its port."""
+    pins = tomllib.loads((PORTS / part / "pins.toml").read_text())
+    text = (ROOT / "firmware" / "emulator" / "psoc4" / "parts.c").read_text()
+    name = {"psoc4200": "standard"}.get(part, part)
+    wiring = text.split(f'"{name}"')[1].split(".name")[0]
 
     def read_numbers(name: str) -> list[int]:
-        """Read the integers of the field `name` of the standard part."""
+        """Read the integers of the field `name` of the part."""
         return [
             int(item, 0)
-            for item in standard.split(f".{name} =")[1].split("{")[1].split("}")[0].split(",")
+            for item in wiring.split(f".{name} =")[1].split("{")[1].split("}")[0].split(",")
             if item.strip()
         ]
 
@@ -241,7 +291,7 @@ def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
 
     assert read_numbers("tx") == [encode_pin(name) for name in pins["sensor"]["tx"]]
     assert read_numbers("rx") == [encode_pin(name) for name in pins["sensor"]["rx"]]
-    assert f".rts = 0x{encode_pin(pins['hub']['uart_rts']):02X}" in standard
+    assert f".rts = 0x{encode_pin(pins['hub']['uart_rts']):02X}" in wiring
 
 
 def test_invalid_image_file_is_rejected_with_a_one_line_message(hand: Hand, tmp_path: Path) -> None:

@@ -63,9 +63,10 @@ def test_driver_of_another_package_is_opened_with_its_options_and_closed(tmp_pat
     with installed_package(tmp_path, "relay", RELAY_SOURCE, {HIL_DRIVERS: {"power.relay": "relay:RelayPower"}}):
         assert list_driver_names("power") == ("modem-line", "relay", "virtual")
         with open_rig(load_rig(str(path))) as rig:
+            # settings: hand of the rig, `channel` from the rig file, default of `is_inverted`
             assert rig.power.settings == (rig.hand.name, 3, False)
             closed = type(rig.power).__init__.__globals__["CLOSED"]
-            assert closed == []
+            assert closed == []  # the driver appends its channel when the rig closes it
         assert closed == [3]
 
 

@@ -28,6 +28,12 @@ PARAMETERS = [
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize("case", PARAMETERS)
 def test_fault_causes_no_wrong_count_and_streaming_resumes_after_its_end(rig: Rig, skin: Skin, case: FaultCase) -> None:
+    """While a fault of one board or wire is active, every delivered frame has counts that the test set.
+
+    Only the counters of `case` increase, only at the board with the fault, and at most `case.max_missing` frames are
+    lost. After the end of the fault, the board streams again within `RECOVERY_CYCLES` poll cycles. Exceptions: a
+    restart of the hub resets its counters and its clock; a fault of the whole bus also affects other boards.
+    """
     address = get_address(rig.hand, BOARD_INDEX)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.3)

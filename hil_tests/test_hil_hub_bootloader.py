@@ -5,13 +5,14 @@ import struct
 import pytest
 
 from hil_tests.harness.frame_checks import read_frames
+from hil_tests.harness.parts import PARTS
 from hil_tests.harness.rig import Rig
 from hil_tests.harness.virtual.images import build_images
 from taxel.link import Link
 from taxel.skin import Skin
 from taxel.stream import HubError
 from taxel_protocol import Command
-from taxel_protocol.bootloader import BootCommand, BootDevice, BootStatus
+from taxel_protocol.bootloader import BootCommand, BootStatus
 from taxel_protocol.bootloader_images import build_image
 from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, parse_packet
 from taxel_protocol.limits import BOOTLOADER_KEY
@@ -73,7 +74,7 @@ def make_program(rig: Rig) -> bytes:
     otherwise arbitrary bytes.
     """
     if 0 in rig.description.executed:
-        return (build_images() / "hub-b.bin").read_bytes()[HEADER_SIZE:]
+        return (build_images(rig.description.part) / "hub-b.bin").read_bytes()[HEADER_SIZE:]
     return bytes(8) + b"new hub" * 40
 
 
@@ -84,7 +85,7 @@ def program_image(rig: Rig, skin: Skin, content: bytes) -> HubBootloader:
     boot = enter_bootloader(rig, skin)
     boot.request(BootCommand.ENTER)
     first_row, _ = struct.unpack("<HH", boot.request(BootCommand.GET_FLASH_SIZE, b"\x00"))
-    image = build_image(BootDevice.HUB, 1, 0, NEW_VERSION, content)
+    image = build_image(PARTS[rig.description.part].hub, 1, 0, NEW_VERSION, content)
     boot.program(image, first_row)
     assert boot.request(BootCommand.VERIFY_APPLICATION) == b"\x01"
     return boot
@@ -120,6 +121,7 @@ def test_hub_runs_the_programmed_image_and_its_boards_stream(rig: Rig) -> None:
 def test_hub_returns_to_the_old_image_if_the_new_image_hangs(rig: Rig) -> None:
     old_version = read_version(rig)
     with Skin(rig.uart.open_link(), rig.hand) as skin_before:
+        # after the 8 bytes of vectors, the emulator treats code that begins with HANG as code that does not respond
         program_image(rig, skin_before, bytes(8) + b"HANG" + bytes(100))
         restart(rig, skin_before)
         rig.clock.wait(5.0)  # the watchdog ends each of three trials
@@ -128,6 +130,7 @@ def test_hub_returns_to_the_old_image_if_the_new_image_hangs(rig: Rig) -> None:
 
 @pytest.mark.parametrize("cut_ms", [3, 11, 19, 27])
 def test_hub_boots_the_old_image_after_a_power_cut_during_programming(rig: Rig, cut_ms: int) -> None:
+    """The power is cut `cut_ms` after the request to write the first row of an image; a write takes 20 ms."""
     old_version = read_version(rig)
     with Skin(rig.uart.open_link(), rig.hand) as skin_before:
         boot = enter_bootloader(rig, skin_before)

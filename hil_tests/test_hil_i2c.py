@@ -85,6 +85,7 @@ def test_quick_write_is_acknowledged_by_the_boards_only(rig: Rig, bus) -> None:
         except OSError as error:
             refusals.add(error.errno)
     assert refusals <= {errno.ENXIO, errno.EREMOTEIO}
+    # A quick write is an address without data. A physical bus may have further devices, a virtual bus has none.
     assert found >= {board.address for board in rig.hand.boards}
     if rig.description.is_virtual:
         assert found == {board.address for board in rig.hand.boards}
@@ -95,7 +96,7 @@ def test_snapshot_read_in_blocks_contains_one_scan(rig: Rig, bus) -> None:
         size = SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count
         blocks = []
         for k, start in enumerate(range(0, size, SMBUS_BLOCK)):
-            length = min(SMBUS_BLOCK, size - start)
+            length = min(SMBUS_BLOCK, size - start)  # register + k: block k; block 0 latches the newest scan
             blocks.append(bytes(bus.read_i2c_block_data(board.address, REGISTER_SNAPSHOT + k, length)))
             rig.clock.wait(0.003)  # the board continues to scan between the blocks
         data = b"".join(blocks)
@@ -144,11 +145,11 @@ def test_board_clock_agrees_with_the_clock_of_the_rig(rig: Rig, bus, index: int)
 def test_settings_with_a_valid_crc_are_applied_and_others_are_rejected_and_counted(rig: Rig, bus) -> None:
     address = get_address(rig.hand, 0)
     old = read_register(bus, address, REGISTER_SETTINGS, SettingsRegister.sizeof())
-    new_settings = (120).to_bytes(2, "little") + old[2:8]
+    new_settings = (120).to_bytes(2, "little") + old[2:8]  # only sub_conversions, the first field, changes
     write_register(bus, address, REGISTER_SETTINGS, add_crc(address, new_settings))
     assert read_register(bus, address, REGISTER_SETTINGS, 8) == new_settings
     before = read_status(bus, address)["rejected_writes"]
-    write_register(bus, address, REGISTER_SETTINGS, old[:8] + bytes(4))
+    write_register(bus, address, REGISTER_SETTINGS, old[:8] + bytes(4))  # a wrong CRC
     assert read_register(bus, address, REGISTER_SETTINGS, 8) == new_settings
     assert read_status(bus, address)["rejected_writes"] == before + 1
     write_register(bus, address, REGISTER_SETTINGS, old)
@@ -158,7 +159,7 @@ def test_settings_with_a_valid_crc_are_applied_and_others_are_rejected_and_count
 def test_settings_with_the_crc_of_another_address_are_rejected(rig: Rig, bus) -> None:
     address, other_address = get_address(rig.hand, 0), get_address(rig.hand, 1)
     old = read_register(bus, address, REGISTER_SETTINGS, 12)
-    new_settings = (80).to_bytes(2, "little") + old[2:8]
+    new_settings = (80).to_bytes(2, "little") + old[2:8]  # only sub_conversions, the first field, changes
     write_register(bus, address, REGISTER_SETTINGS, add_crc(other_address, new_settings))
     assert read_register(bus, address, REGISTER_SETTINGS, 12) == old
 
@@ -169,7 +170,7 @@ def test_command_without_its_complement_is_rejected(rig: Rig, bus, bytes_written
     before = read_status(bus, address)
     write_register(bus, address, REGISTER_COMMAND, bytes_written)
     after = read_status(bus, address)
-    assert after["state"] == before["state"] == 1
+    assert after["state"] == before["state"] == 1  # 1: still scanning; the command 2 would stop the scan
     assert after["rejected_writes"] == before["rejected_writes"] + 1
 
 

@@ -79,6 +79,10 @@ def run_commands(environment: dict[str, str], *commands: tuple[list[str], dict[s
 
 
 def test_record_scan_rate_and_monitor_work_without_a_hub(tmp_path: Path) -> None:
+    """The commands work on a fake I2C adapter with the four boards of the hand.
+
+    No board has the address 0x70, and an adapter with SMBus commands only is not sufficient: both cause an error.
+    """
     boards = load_hand(HAND).boards
     capture = str(tmp_path / "skin.bin")
     with open_bench(tmp_path, HAND) as environment:
@@ -109,6 +113,7 @@ def test_record_scan_rate_and_monitor_work_without_a_hub(tmp_path: Path) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("suite", SUITES)
 def test_suites_pass_on_an_adapter_in_real_time(tmp_path: Path, suite: str) -> None:
+    """A hardware test suite passes on a rig without a hub, whose link is a fake I2C adapter with emulated boards."""
     rig = tmp_path / "bench.toml"
     rig.write_text(f'name = "fake adapter"\nhand = "original"\n[uart]\ndriver = "serial"\nurl = "{URL}"\n')
     with open_bench(tmp_path, "original") as environment:

@@ -74,8 +74,8 @@ def test_can_suite_passes_on_a_multicast_channel(output: str) -> None:
         pytest.skip("CAN between processes needs multicast, which this machine does not deliver to itself")
     passed, failed, not_possible = read_row(output, "hil_can")
     assert failed == 0, output[-5000:]
-    assert passed >= 4
-    assert not_possible > 0
+    assert passed >= 4  # the suite has run, not only been skipped
+    assert not_possible > 0  # tests with CAN faults, which this bench cannot inject
 
 
 def test_tests_that_a_rig_cannot_run_are_reported_with_the_missing_ability(output: str) -> None:

@@ -58,7 +58,7 @@ def test_invalid_rig_file_is_rejected_with_a_one_line_message_that_names_the_fil
 
 
 def test_unknown_rig_name_is_rejected_with_the_names_of_the_rigs() -> None:
-    with pytest.raises(RigError, match=r"physical\.example, virtual"):
+    with pytest.raises(RigError, match=r"physical\.example, psoc4100s, virtual"):
         load_rig("nowhere")
 
 

@@ -13,6 +13,7 @@ SEED = 5
 
 
 def test_every_missing_frame_is_explained_by_an_injected_fault() -> None:
+    """The soak injects random faults. The lower limits show that 17 boards sent 15 frames/s each and some were lost."""
     report = Soak(load_hand("original"), SEED).run(SECONDS)
     print(f"seed {SEED}")
     assert find_problems(report) == []
@@ -22,6 +23,7 @@ def test_every_missing_frame_is_explained_by_an_injected_fault() -> None:
 
 
 def test_every_missing_frame_of_a_skin_without_a_hub_is_explained() -> None:
+    """As with a hub: frames were lost, faults were injected, and 17 boards sent more than 15 frames/s each."""
     report = Soak(load_hand("original"), SEED, has_hub=False).run(SECONDS_WITHOUT_HUB)
     print(f"seed {SEED}")
     assert find_problems(report) == []
@@ -31,6 +33,7 @@ def test_every_missing_frame_of_a_skin_without_a_hub_is_explained() -> None:
 
 
 def test_loss_without_a_recorded_fault_is_reported() -> None:
+    """The board is unplugged without the knowledge of the soak, which itself injects no fault (mean gap 1e9 s)."""
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(5.0)
     soak.world.inject("unplug", FIRST)
@@ -42,6 +45,7 @@ def test_loss_without_a_recorded_fault_is_reported() -> None:
 
 
 def test_wrong_counts_are_reported() -> None:
+    """The counts of all taxels are changed to 1234 without the knowledge of the soak."""
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(3.0)
     soak.world.set_stimulus([1234.0] * soak.world.taxels)
@@ -49,6 +53,7 @@ def test_wrong_counts_are_reported() -> None:
 
 
 def test_fault_of_one_board_does_not_explain_a_loss_of_another_board() -> None:
+    """The recorded fault names the first board, but the second board is unplugged: its loss is unexplained."""
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(3.0)
     soak.record_fault("unplugged", "board", FIRST, 0.6)

@@ -28,7 +28,7 @@ def test_only_the_pressed_taxel_is_active_and_only_until_its_release(
     baseline = measure_mean_counts(rig, skin, address, 1.0)
     rig.stimulus.press(address, taxel, FORCE_N)
     read_frames(rig, skin, 0.3)
-    signal = baseline - measure_mean_counts(rig, skin, address, 0.5)
+    signal = baseline - measure_mean_counts(rig, skin, address, 0.5)  # contact lowers the raw count
     assert np.flatnonzero(signal > ACTIVE_COUNTS).tolist() == [taxel]
     rig.stimulus.release()
     read_frames(rig, skin, 0.3)
@@ -42,5 +42,5 @@ def test_raw_count_decreases_with_force(rig: Rig, skin: Skin) -> None:
         rig.stimulus.press(address, taxel, force_n)
         read_frames(rig, skin, 0.3)
         counts.append(measure_mean_counts(rig, skin, address, 0.3)[taxel])
-    assert (np.diff(counts) < -20).all()
+    assert (np.diff(counts) < -20).all()  # each larger force lowers the mean by more than 20 counts
     rig.stimulus.release()

@@ -48,6 +48,7 @@ def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault
 
 @pytest.mark.needs("uart_faults", "counts")
 def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> None:
+    """120 faults at pseudo-random positions within the next 900 bytes; frames may be lost, but not be wrong."""
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)
@@ -70,6 +71,7 @@ def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> N
 def test_command_damaged_on_the_uart_is_repeated_until_the_hub_replies(
     rig: Rig, skin: Skin, fault: str, n_bytes: int
 ) -> None:
+    """The command returns although its byte number `n_bytes` is damaged once; without a reply it would raise."""
     read_frames(rig, skin, 0.2)
     rig.faults.inject(fault, 0, n_bytes, 1)
     skin.hub.command(Command.GET_TIME)
@@ -79,6 +81,7 @@ def test_command_damaged_on_the_uart_is_repeated_until_the_hub_replies(
 @pytest.mark.needs("uart_faults")
 @pytest.mark.parametrize("fault", ["up_delay", "down_delay"])
 def test_delay_loses_no_frame(rig: Rig, skin: Skin, fault: str) -> None:
+    """Bytes to the host ("up") or to the hub ("down") are delayed by 5, 20 and 80 ms while the skin streams."""
     read_frames(rig, skin, 0.3)
     for delay_ms in (5, 20, 80):
         rig.faults.inject(fault, 0, delay_ms)
@@ -91,6 +94,7 @@ def test_delay_loses_no_frame(rig: Rig, skin: Skin, fault: str) -> None:
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize("seconds", [0.05, 0.3, 2.0])
 def test_host_that_pauses_reading_receives_complete_frames_afterwards(rig: Rig, skin: Skin, seconds: float) -> None:
+    """A full hub omits whole frames, never parts of a frame; it buffers all frames of a pause of 0.05 s."""
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)

@@ -60,7 +60,7 @@ def test_fault_at_any_byte_of_a_poll_loses_at_most_that_poll(rig: Rig, skin: Ski
     read_frames(rig, skin, 0.3)  # until frames contain the known counts
     frames = []
     n_events_before, n_injected = len(rig.faults.read_events()), 0
-    for position in range(0, positions, 1 if kind != "brown-out" else 9):
+    for position in range(0, positions, 1 if kind != "brown-out" else 9):  # a brown-out: only at every ninth byte
         rig.faults.inject(fault, address, position, second_value if kind != "flipped bit" else position % 8)
         n_injected += 1
         settling_s = ABANDONED_S if permitted_counters else RETRY_S
@@ -86,10 +86,11 @@ def test_settings_write_damaged_at_any_byte_is_not_applied(rig: Rig, skin: Skin,
     assert rig.faults is not None
     address = get_address(rig.hand, BOARD_INDEX)
     settings = asdict(ScanSettings(sub_conversions=120))
-    rig.faults.inject("flip_at", address, byte, 3)
+    rig.faults.inject("flip_at", address, byte, 3)  # bit 3 of the byte is flipped
     with contextlib.suppress(HubError):  # a rejection by the board is permitted
         skin.hub.set_scan_settings(settings, address)
     read_frames(rig, skin, 0.2)
     applied = skin.hub.transfer(address, bytes([0x60]), 8)
     assert int.from_bytes(applied[:2], "little") in {120, 160}  # the new settings or the old settings, never a mixture
+    # unchanged: clock dividers 40 (0x0028) and 1, IDAC code 16, settle cycles 96 (0x0060)
     assert applied[2:] == bytes.fromhex("2800") + bytes([1, 16]) + bytes.fromhex("6000")

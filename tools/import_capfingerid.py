@@ -77,7 +77,8 @@ def check_choice(text: str, field: str, choices: tuple[str, ...]) -> str:
 def parse_line(text: str) -> Line | None:
     """Parse one line of a CapFingerId file, without its line end, as a frame of the touch panel.
 
-    Returns None for a truncated frame, which has another number of values. Raises FormatError.
+    A line is `participant;hand;finger;task;-1;FRAME`; FRAME is seconds, nanoseconds and 405 values. Returns None for a
+    truncated frame, which has another number of values. Raises FormatError.
     """
     fields = text.split(";")
     if len(fields) != 6:

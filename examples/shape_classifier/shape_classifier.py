@@ -62,7 +62,7 @@ class Accuracy:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """The 95 % interval of the share."""
+        """The 95 % confidence interval (Wilson score interval) of the share: (lower limit, upper limit), 0 to 1."""
         n, z2 = self.total, NORMAL_95**2
         middle = (self.value + z2 / (2 * n)) / (1 + z2 / n)
         half = NORMAL_95 / (1 + z2 / n) * np.sqrt(self.value * (1 - self.value) / n + z2 / (4 * n * n))
@@ -80,9 +80,9 @@ def find_active_taxels(signal: FloatArray) -> FloatArray:
 
 
 def count_active_by_board(signal: FloatArray) -> FloatArray:
-    """Count the active taxels of each of the 17 boards, divided by `SCALE_TAXELS`: f64[g, 17] for g grasps.
+    """Count the active taxels of each of the 17 boards in each of g grasps, as an input of a classifier: f64[g, 17].
 
-    signal: f64[g, n], counts.
+    The numbers are divided by `SCALE_TAXELS`, which brings typical inputs to about 1. signal: f64[g, n], counts.
     """
     board = load_hand("original").board_index
     return np.asarray(find_active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)

@@ -33,6 +33,7 @@ static void start_image(struct taxel_boot *boot)
             metadata.pending = slot;
             metadata.tries[slot]--;
             if (taxel_boot_metadata_write(flash, &metadata)) {
+                /* In RAM only: the slot has no try left, so that the next pass chooses another slot. */
                 metadata.tries[slot] = 0;
                 continue;
             }

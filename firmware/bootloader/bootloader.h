@@ -41,15 +41,24 @@
 
 #define TAXEL_BOOT_ERROR_FLASH (-5) /* a row could not be written, or reads back as something else */
 
+/* Number of a row at which a slot can begin. One byte where it is sufficient, because it takes less flash. */
+#if TAXEL_BOOT_ROW_COUNT > 256
+typedef uint16_t taxel_boot_first_row;
+#else
+typedef uint8_t taxel_boot_first_row;
+#endif
+
 /* Position of the slots in flash (layout.c), in rows of 128 bytes. */
 struct taxel_boot_layout {
     uint8_t device; /* enum taxel_boot_device */
     uint8_t slot_rows;
-    uint8_t first_rows[2];
+    taxel_boot_first_row first_rows[2];
 };
 
 #ifdef TAXEL_BOOT_ONE_SLOT
 extern const struct taxel_boot_layout taxel_boot_layout_board_16k;
+#elif defined TAXEL_BOOT_64K
+extern const struct taxel_boot_layout taxel_boot_layout_board_64k, taxel_boot_layout_hub_64k;
 #else
 extern const struct taxel_boot_layout taxel_boot_layout_board, taxel_boot_layout_hub;
 #endif
@@ -59,7 +68,8 @@ struct taxel_boot_flash {
     /* Functions of the port. A bootloader sets every pointer; an application needs flash and flash_write_row only. */
     const struct taxel_boot_hal *hal;
 
-    /* &taxel_boot_layout_board or &taxel_boot_layout_hub; with TAXEL_BOOT_ONE_SLOT &taxel_boot_layout_board_16k. */
+    /* &taxel_boot_layout_board or &taxel_boot_layout_hub; with TAXEL_BOOT_ONE_SLOT &taxel_boot_layout_board_16k, with
+     * TAXEL_BOOT_64K &taxel_boot_layout_board_64k or &taxel_boot_layout_hub_64k. */
     const struct taxel_boot_layout *layout;
 };
 

@@ -2,7 +2,8 @@
 #include "bootloader/internal.h"
 
 /* Return the slot of the image to start: the pending image, otherwise the confirmed one, otherwise the first valid
- * image. An unconfirmed image must have tries left. TAXEL_BOOT_SLOT_NONE if no image can be started. */
+ * image. An unconfirmed image is started only while its slot has tries left (remaining start attempts).
+ * TAXEL_BOOT_SLOT_NONE if no image can be started. */
 uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
     const uint8_t order[] = {metadata->pending, metadata->confirmed, 0, 1};
@@ -16,8 +17,8 @@ uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct tax
     return TAXEL_BOOT_SLOT_NONE;
 }
 
-/* Return the slot of the image that is started if the pending image fails, which new images must not overwrite;
- * TAXEL_BOOT_SLOT_NONE if there is none. With one slot, none can be kept. */
+/* Return the slot of the image that is started if the pending image fails; TAXEL_BOOT_SLOT_NONE if there is none. New
+ * images must not overwrite this slot. A device with only one slot cannot keep an image. */
 uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash)
 {
     if (TAXEL_BOOT_SLOTS == 1u) {

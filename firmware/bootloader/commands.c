@@ -3,7 +3,7 @@
 #define ANY_LENGTH 0xFFu
 
 /* Execute the command ENTER: begin a session with the host, which must send the key if a key is configured, and
- * determine the kept slot of the session. The reply contains silicon id, silicon revision and bootloader version. */
+ * determine the kept slot (the slot that the session must not overwrite). The reply contains silicon id, silicon revision and bootloader version. */
 static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_config *const config = boot->config;
@@ -18,7 +18,7 @@ static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_pa
     boot->fill = 0;
     boot->kept_slot = taxel_boot_kept_slot(&config->flash);
     if (boot->stay == TAXEL_BOOT_STAY_LISTENING) {
-        boot->stay = TAXEL_BOOT_STAY_HOST;
+        boot->stay = TAXEL_BOOT_STAY_HOST; /* otherwise an image would start when the listening time ends */
     }
     taxel_boot_put_u32(reply, TAXEL_BOOT_SILICON_ID);
     reply[TAXEL_BOOT_ENTER_REPLY_OFFSET_REVISION] = config->silicon_revision;
@@ -111,7 +111,7 @@ static uint8_t execute_packet(struct taxel_boot *boot, const struct taxel_boot_p
  * on. */
 static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size)
 {
-    const uint8_t other = boot->checksum ^ 1u;
+    const uint8_t other = boot->checksum ^ 1u; /* the two checksums have the codes 0 (sum) and 1 (CRC) */
     uint8_t status = taxel_boot_packet_parse(packet, bytes, size, boot->checksum);
     if (status == TAXEL_BOOT_STATUS_CHECKSUM && boot->config->checksum == TAXEL_BOOT_CHECKSUM_ANY &&
         (!boot->entered || bytes[1] == TAXEL_BOOT_COMMAND_ENTER)) {

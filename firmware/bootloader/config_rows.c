@@ -37,6 +37,7 @@ uint8_t taxel_boot_write_configuration(struct taxel_boot *boot, const struct tax
     if (bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_VERSION] != TAXEL_BOOT_VERSION) {
         return TAXEL_BOOT_STATUS_VERSION;
     }
+    /* unsigned: the difference of an address below the minimum is very large */
     if (address - TAXEL_ADDRESS_MIN > TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN) {
         return TAXEL_BOOT_STATUS_DATA;
     }

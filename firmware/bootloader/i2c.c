@@ -49,7 +49,7 @@ bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
 }
 
 /* Store a byte of a packet (I2C interrupt). Returns whether to acknowledge: not while a packet is being executed, and
- * not beyond the longest packet. */
+ * not beyond the longest packet; a longer packet is answered with status LENGTH. */
 bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
 {
     if (slave->has_packet) {

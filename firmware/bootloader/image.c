@@ -14,8 +14,8 @@ static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
 }
 
 /* Return the first byte of the image in a slot (0 is A, 1 is B), or NULL if the image is invalid or there is no such
- * slot: header for another device, slot or kind of board, a length or vector table outside the slot, or a wrong
- * CRC-32. */
+ * slot. An image is invalid if its header is for another device, slot or kind of board, if its length or the address of
+ * its vector table is outside the slot or no multiple of 4, or if its CRC-32 is wrong. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     if (slot >= TAXEL_BOOT_SLOTS) {

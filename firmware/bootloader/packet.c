@@ -16,7 +16,7 @@ uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t c
     for (size_t i = 0; i < size; i++) {
         crc ^= bytes[i];
         for (unsigned bit = 0; bit < 8; bit++) {
-            crc = (crc >> 1) ^ ((crc & 1u) ? 0x8408u : 0u);
+            crc = (crc >> 1) ^ ((crc & 1u) ? 0x8408u : 0u); /* polynomial 0x1021 with its bits in reverse order */
         }
     }
     crc ^= 0xFFFFu;
@@ -31,7 +31,7 @@ uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t 
         taxel_get_u16(bytes + 2) != size - TAXEL_BOOT_PACKET_OVERHEAD) {
         return TAXEL_BOOT_STATUS_LENGTH;
     }
-    const size_t end = size - 3u;
+    const size_t end = size - 3u; /* before checksum (2 bytes) and end byte */
     if (bytes[0] != TAXEL_BOOT_PACKET_START || bytes[end + 2u] != TAXEL_BOOT_PACKET_END) {
         return TAXEL_BOOT_STATUS_DATA;
     }

@@ -61,6 +61,7 @@ static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet
         return is_in_slot(boot, target ^ 1u, row) ? TAXEL_BOOT_STATUS_ACTIVE : TAXEL_BOOT_STATUS_ROW_PROTECTED;
     }
 #ifdef TAXEL_BOOT_ONE_SLOT
+    /* Before the first row is overwritten: the only image is incomplete from now on and must not start. */
     if (!boot->programmed && taxel_boot_metadata_forget(&boot->config->flash)) {
         return TAXEL_BOOT_STATUS_VERIFY;
     }

@@ -85,7 +85,7 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
         batch->totals.damaged[header.address]++;
         break;
     }
-    fill_header_and_count_missing(batch, row, &header, 1);
+    fill_header_and_count_missing(batch, row, &header, 1); /* the scan that is skipped while the board encodes */
 }
 
 /* Convert `size` little-endian counts of 2 bytes each to numbers. restrict lets the compiler vectorise the loop. */
@@ -115,10 +115,12 @@ static const struct taxel_crc32_zeros *get_zeros_table(struct taxel_batch *batch
 
 /* Return whether the board's CRC is correct, in a frame whose own CRC is correct, without reading the snapshot again.
  * The frame's CRC covers header, snapshot and the board's CRC b; the board's CRC covers its I2C address and the same
- * snapshot. Let h and a be the CRC registers after the header and after the address. After the n bytes of the snapshot,
- * both registers differ by the effect of n zero bytes on h ^ a, because a CRC is linear. If b is correct, it is the
- * inverted register of address and snapshot: the frame's register before b then differs from b by all ones and this
- * effect, and four zero bytes later it gives the frame's CRC. */
+ * snapshot. Let h and a be the CRC registers after the header and after the address, and x the effect of as many zero
+ * bytes as the snapshot has on h ^ a. A CRC is linear, so after the snapshot the two registers differ by x.
+ * If b is correct, b is the inverted register of address and snapshot. The frame's register before b is then ~b ^ x.
+ * After b it is ~0 ^ x, advanced by four zero bytes, and must be equal to the inverted frame's CRC. The table `zeros`
+ * advances h ^ a over snapshot and b together; ONES_AND_FOUR_ZEROS is ~0 advanced by four zero bytes. Without a table
+ * (too many different sizes), the board's CRC is computed directly. */
 static bool is_board_crc_correct(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
 {
     const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE,
@@ -209,7 +211,8 @@ static uint16_t compute_lost_before(const struct taxel_batch *batch, const struc
 }
 
 /* Count a frame that this version defines and the frames lost before it, and set the loss and restart members of its
- * row. A restart of the hub begins a new sequence, without a loss. */
+ * row. A restart of the hub begins a new sequence, without a loss. Frames lost before an unknown frame, which has no row,
+ * are added to this row. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     const bool has_less_uptime = uptime_decreases(batch, frame);
@@ -342,8 +345,10 @@ uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
     return batch->deframer.discarded_bytes;
 }
 
-/* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. Returns its
- * size in bytes, 0 if none are pending. Answers that exceed `capacity` stay pending. */
+/* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. An answer either
+ * acknowledges a key frame by its id, or (FORGET) states that the host lacks the key frame, so that the board sends a
+ * new one. Returns the size of the payload in bytes, 0 if none are pending. Answers that exceed `capacity` stay
+ * pending. */
 size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
 {
     size_t size = 0;

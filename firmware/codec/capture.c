@@ -29,7 +29,8 @@ static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t re
     }
 }
 
-/* Join the payloads of the capture records in `bytes`, in place, and list for each record its arrival time (ns) and the
+/* A record has a head of an arrival time (ns, 8 bytes) and a payload size (4 bytes), then the payload.
+ * Join the payloads of the capture records in `bytes`, in place, and list for each record its arrival time (ns) and the
  * stream position of its end. `position` is the stream position before the first payload. An incomplete last record
  * stays unchanged; `block` returns its size, the bytes used, the payload bytes and the number of records. */
 void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,

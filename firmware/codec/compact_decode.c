@@ -53,8 +53,9 @@ static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
 }
 
 /* Decode an escape: a count that is too far from the predicted count for the modelled distribution. Its distance
- * from the predicted count (the centre) is coded as sign, exponent and mantissa. Returns false if the count is
- * outside 0 to 65535, which only damaged bytes cause. */
+ * from the predicted count (the centre) is coded as exponent (upper bits of `head`), sign (bit 0 of `head`, 1: below
+ * the centre) and mantissa: 2^exponent + mantissa counts. Returns false if the count is outside 0 to 65535, which only
+ * damaged bytes cause. */
 static bool take_escape(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     take(decoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS);
@@ -78,7 +79,8 @@ static bool take_count(struct range_decoder *decoder, taxel_compact_state state,
         return take_escape(decoder, state, count);
     }
     const uint8_t raw_bits = taxel_compact_raw_bits(state);
-    /* The distribution ends at eight scales, which are less than 2^(octave + 1) counts. */
+    /* Counts to search: the table of the distribution ends at 8 expected spreads from the centre. This is less than
+     * 2^(octave + 1) counts; the octave is the level of the state (logarithm of the spread) divided by 64. */
     const uint32_t centre = taxel_compact_centre(state), half = 2u + (2u << ((state & TAXEL_COMPACT_LEVEL_MAX) >> 6));
     uint32_t low = (centre > half ? centre - half : 0u) >> raw_bits;
     uint32_t high = (centre + half < COUNT_MAX ? centre + half : COUNT_MAX) >> raw_bits;
@@ -109,7 +111,7 @@ bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, cons
                           uint16_t *counts)
 {
     struct range_decoder decoder = {.bytes = bytes, .size = size, .range = 0xFFFFFFFFu};
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) { /* the code has 32 bits */
         shift(&decoder);
     }
     for (size_t i = 0; i < taxels; i++) {

@@ -24,8 +24,9 @@ static void carry(struct range_encoder *encoder)
     }
 }
 
-/* Narrow the encoder's interval to [first, first + size) of 2^bits equal shares, which encodes one symbol. Returns
- * false if the output is full. */
+/* Narrow the encoder's interval to [first, first + size) of 2^bits equal shares, which encodes one symbol. Then output
+ * the highest byte of `low` and widen the interval by 8 bits until its width is at least TOP (2^24), so that a share of
+ * the next symbol is never 0. Returns false if the output is full. */
 static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, uint8_t bits)
 {
     const uint32_t share = encoder->range >> bits;

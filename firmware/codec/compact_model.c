@@ -24,7 +24,9 @@ static uint32_t level_of(taxel_compact_state state)
     return state & TAXEL_COMPACT_LEVEL_MAX;
 }
 
-/* Return the ratio of a difference (in 1/64 count) to the expected spread of the taxel, in units of 1/1024. */
+/* Return the ratio of a difference (in 1/64 count) to the expected spread of the taxel, in units of 1/1024. The spread
+ * is 2^(level / 64): level / 64 gives the shift, and the next three bits of the level select one of eight multipliers
+ * (256 / 2^(j / 8)). */
 static uint32_t distance(taxel_compact_state state, uint32_t difference)
 {
     const uint32_t level = level_of(state);
@@ -57,7 +59,8 @@ uint8_t taxel_compact_raw_bits(taxel_compact_state state)
 
 /* Return the cumulative frequency, out of 2^TAXEL_COMPACT_TOTAL_BITS, of all symbols below `symbol`. A symbol is a
  * count without its uncoded low bits. The distribution is symmetric about the predicted count and scales with the
- * expected spread; a table is interpolated linearly. The lowest frequencies belong to the escape. */
+ * expected spread; a table is interpolated linearly up to TAXEL_COMPACT_REACH (8 spreads). The lowest frequencies belong
+ * to the escape, a symbol that announces a count too far from the prediction. */
 uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
 {
     const uint32_t middle = TAXEL_COMPACT_ESCAPE + cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
@@ -75,7 +78,7 @@ uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
 }
 
 /* Return the interval of a count in the cumulative distribution, and the number of its low bits that are sent uncoded.
- * The interval is empty for a count that needs an escape. */
+ * The interval is empty for a count too far from the prediction, which is sent as an escape symbol and a difference. */
 struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, uint16_t count)
 {
     const uint8_t raw_bits = taxel_compact_raw_bits(state);
@@ -100,11 +103,12 @@ uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
         size >>= 1;
         code = (uint8_t)(code + 4u);
     }
-    return (uint8_t)(sign | (code + ((size >> 4) & 3u)));
+    return (uint8_t)(sign | (code + ((size >> 4) & 3u))); /* 64 to 127 now: two bits select the quarter */
 }
 
 /* Decode the magnitude of a residual, in counts, from its one-byte code: the middle of the range that the code
- * represents. */
+ * represents. The first code above the exact ones represents 64 to 79 counts (middle 72); each of the four ranges of an
+ * octave is 16 counts wide there, and doubles with each octave. */
 static uint32_t size_of(uint8_t residual)
 {
     const uint32_t code = residual & ~RESIDUAL_NEGATIVE;
@@ -125,8 +129,8 @@ static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest
 
 /* Return the state of a taxel after one more key frame. The predicted count and the level (logarithm of the expected
  * spread) move towards the residual by a gain that decreases with the number of `updates`. A residual of
- * TAXEL_COMPACT_JUMP spreads or more, such as the onset of a contact, replaces the predicted count and keeps the
- * level. */
+ * TAXEL_COMPACT_JUMP (6 spreads) or more, such as the onset of a contact, replaces the predicted count and keeps the
+ * level. The additions of 128 and 2^17 round the results of the shifts by 8 and 18 bits. */
 taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t residual, uint8_t updates)
 {
     const uint32_t gain = gains[updates - 1u], mean = mean_of(state);

@@ -7,15 +7,16 @@
 #define WIDTH_MAX 16u
 #define TIME_LOW_MASK 0xFFFFFFu
 
-/* Select the message that the host sends to the board, and schedule its repetition after REPEAT_AFTER snapshots. */
+/* Select the message that the host sends to the board (acknowledge the pending key frame, or forget all key frames),
+ * and schedule its repetition after REPEAT_AFTER snapshots. */
 static void set_answer(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
 {
     receiver->answer = (uint8_t)answer;
     receiver->snapshots_until_repeat = REPEAT_AFTER;
 }
 
-/* Return whether the `format` byte of a compact snapshot is valid: its width is permitted, and bits of the initial
- * spread are set in a packed key frame only. */
+/* Return whether the `format` byte of a compact snapshot is valid: its width (bits per packed count, 0 for a delta
+ * frame) is permitted, and the bits of the initial scale of the prediction are set in a packed key frame only. */
 static bool format_is_valid(uint8_t format)
 {
     const bool has_start = format & TAXEL_COMPACT_KEY_FRAME && format & TAXEL_COMPACT_WIDTH_MASK;
@@ -137,7 +138,7 @@ enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *r
     const enum taxel_compact_result result = head.format & TAXEL_COMPACT_WIDTH_MASK
                                                  ? receive_packed(receiver, taxels, bytes, size, snapshot)
                                                  : receive_delta(receiver, taxels, bytes, size, snapshot);
-    /* no board marks a snapshot whose id equals that of the current key frame */
+    /* A board never marks a snapshot as a key frame if its id equals that of the current key frame. */
     const bool id_is_used = receiver->key_frame.is_valid && receiver->key_frame.id == (uint16_t)crc;
     if (result == TAXEL_COMPACT_OK && head.format & TAXEL_COMPACT_KEY_FRAME && id_is_used) {
         receiver->pending.is_valid = false;

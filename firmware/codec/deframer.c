@@ -134,7 +134,7 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
             deliver(deframer, length);
             return position;
         }
-        if (code != 0xFFu) {
+        if (code != 0xFFu) { /* COBS: every block stands for a zero after its bytes, except a block of full length */
             if (length == capacity) {
                 return 0;
             }

@@ -92,7 +92,8 @@ static size_t match_header(const struct taxel_original_decoder *decoder, size_t 
     return available < 2u || is_length(format, bytes[1]) ? MISSING : 0;
 }
 
-/* Call the handler with an accepted candidate as a message. Also updates the counters and the reference times. */
+/* Call the handler with an accepted candidate (bytes with a valid header and end byte) as a message. Also updates the
+ * counters, and the times of the last messages, with which the next time must agree. */
 static void accept(struct taxel_original_decoder *decoder, const struct taxel_original_candidate *candidate)
 {
     const struct taxel_original_format *format = decoder->config.format;
@@ -141,9 +142,11 @@ static bool find_follower(const struct taxel_original_decoder *decoder, struct t
     return true;
 }
 
-/* Compare a complete candidate with those before it that overlap it, and keep the best one as `current`. A candidate
- * with evidence is better than one without; of two equal candidates, the later one is better. Each candidate that loses
- * is counted as ambiguous. Returns false, without a change, if bytes are missing for the decision. */
+/* Compare a complete candidate (bytes with a valid header and end byte) with those before it that overlap it, and keep
+ * the best one as `current`. A candidate with evidence (a plausible time, or a header behind it) is better than one
+ * without; of two equal candidates, the later one is better. Each candidate that loses is counted as ambiguous.
+ * `strong_end` is the farthest end of a candidate with evidence. Returns false, without a change, if bytes are missing
+ * for the decision. */
 static bool resolve(struct taxel_original_decoder *decoder, struct taxel_original_candidate candidate, bool is_end)
 {
     struct taxel_original_candidate *current = decoder->has_current ? &decoder->current : NULL;
@@ -197,7 +200,8 @@ static bool examine_start(struct taxel_original_decoder *decoder, bool is_end)
     return true;
 }
 
-/* Search the buffer for candidates and accept the best ones, to its end or until bytes are missing for a decision. */
+/* Search the buffer for candidates (possible messages) and accept those that no better candidate overlaps, to the end
+ * of the buffer or until bytes are missing for a decision. */
 static void search(struct taxel_original_decoder *decoder, bool is_end)
 {
     for (;;) {
@@ -235,8 +239,8 @@ static void split_records(struct taxel_original_decoder *decoder, bool is_end)
     }
 }
 
-/* Remove the bytes before the search position, or before the current candidate, from the buffer. Those that belong to
- * no accepted message are counted as discarded. */
+/* Remove the bytes before the search position, or before the current candidate (a possible message), from the buffer.
+ * Removed bytes that belong to no accepted message are counted as discarded. */
 static void remove_settled_bytes(struct taxel_original_decoder *decoder)
 {
     const size_t settled = decoder->has_current ? decoder->current.start : decoder->scan;

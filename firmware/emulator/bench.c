@@ -172,6 +172,7 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
     world->adapter.is_done = false;
     bus_start_transfer(&world->bus, BUS_ADAPTER, &transfer, world->now);
     while (!world->adapter.is_done && world->now < end) {
+        /* no next event of the bus: an emulated processor holds SCL, so the bus is checked in short steps */
         const vtime next = world->bus.next == VTIME_NEVER ? world->now + HELD_STEP : world->bus.next;
         if (world_run(world, vtime_min(end, next))) {
             return TAXEL_I2C_BUS_ERROR;
@@ -184,7 +185,8 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
     return world->adapter.result;
 }
 
-/* Drive the lines of the bus and run the world for half a clock of the adapter's bus recovery. */
+/* Drive the lines of the bus (true releases a line, false drives it low) and run the emulation for half a clock period
+ * of the bus recovery. */
 static void drive_half_clock(struct world *world, bool scl_high, bool sda_high)
 {
     bus_drive_lines(&world->bus, scl_high, sda_high);
@@ -236,7 +238,14 @@ static const struct flash *find_flash(const struct taxel_bench *bench, uint8_t a
     return board ? &board->boot->flash : address == HUB_ADDRESS ? &bench->world.hub.boot.flash : NULL;
 }
 
-/* Return the content of the flash (32 KiB) of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
+/* Return the bytes of the flash of a board or of the hub (HUB_ADDRESS); 0 for an unknown address. */
+uint32_t taxel_bench_flash_size(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct flash *flash = find_flash(bench, address);
+    return flash ? flash->size : 0;
+}
+
+/* Return the content of the flash of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
 const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
@@ -298,6 +307,10 @@ int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struc
         .broken = psoc->has_stopped,
         .asleep = cpu->asleep,
         .is_application = psoc_runs_application(psoc),
+        .ram_end = PSOC_RAM_BASE + psoc->config.part->family->ram_size,
+        .irq_scb0 = psoc->config.part->family->irq_scb[0],
+        .irq_scb1 = psoc->config.part->family->irq_scb[1],
+        .irq_csd = psoc->config.part->family->irq_csd,
     };
     return 0;
 }

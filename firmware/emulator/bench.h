@@ -79,6 +79,7 @@ size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t firs
 /* Return the flash of a board, or of the hub (address 0): its 256 rows of 128 bytes; the number of writes of each row;
  * and the number of writes that a power cut has torn. address: as in the world file, also after the board was
  * configured with another address. The results are NULL and 0 if there is no such board. */
+uint32_t taxel_bench_flash_size(const struct taxel_bench *bench, uint8_t address);
 const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address);
 const uint32_t *taxel_bench_flash_wear(const struct taxel_bench *bench, uint8_t address);
 uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t address);
@@ -87,7 +88,7 @@ uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t addres
  * not respond; -1 if there is no such board. */
 int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address);
 
-/* Counters of an executed processor (psoc4200/) since its first power-up. */
+/* Counters of an executed processor (psoc4/) since its first power-up. */
 struct taxel_bench_processor {
     uint64_t resets;
     uint64_t cycles, slept;
@@ -99,6 +100,8 @@ struct taxel_bench_processor {
     uint32_t broken; /* the processor stopped at an access to a register that is not modelled (a line on stderr) */
     uint32_t asleep;
     uint32_t is_application;
+    uint32_t ram_end;                     /* address behind the RAM, where the stack begins */
+    uint32_t irq_scb0, irq_scb1, irq_csd; /* interrupt numbers */
 };
 
 /* Cycles of the handler of one exception. count: calls. own: cycles without those of exceptions that preempted the

@@ -50,6 +50,7 @@ static uint16_t on_convert(void *context, const struct psoc_conversion *conversi
     }
     const uint16_t raw = board_run_conversion(board);
     board->conversion_end = VTIME_NEVER;
+    /* the raw count is the period minus the clocks of the current source */
     return raw < conversion->period ? (uint16_t)(conversion->period - raw) : 0;
 }
 

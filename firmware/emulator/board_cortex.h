@@ -1,4 +1,4 @@
-/* A sensor board that executes a firmware image on an emulated PSoC 4200 (psoc4200/), in place of the natively compiled
+/* A sensor board that executes a firmware image on an emulated PSoC 4200 (psoc4/), in place of the natively compiled
  * firmware.
  *
  * Front end, skin, flash, faults and power are the same as for a native board. board_node.c, board_power.c and

@@ -52,9 +52,11 @@ static double compute_rise_at_force(const struct board_fields *fields, size_t ta
     return layer_rise_at_force(force * (TAXEL_PITCH_M * TAXEL_PITCH_M / area));
 }
 
-/* Return the relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains
- * forces, which are converted; other histories contain rises. from: start of the present interval; the field after the
- * past time is the field at `from` if the history does not contain it (`span->after` is NULL). */
+/* Return the relative capacitance rise of one taxel at a past time, for effects that delay the response. span: the two
+ * fields of the history before and after the past time, and the position between them (0 to 1). The history of a
+ * stimulus of forces contains forces, which are converted; other histories contain rises. from: start of the present
+ * interval; the field after the past time is the field at `from` if the history does not contain it (`span->after` is
+ * NULL). */
 static double compute_past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel,
                                 vtime from)
 {
@@ -72,8 +74,9 @@ static double compute_past_rise(const struct board_fields *fields, const struct 
                : compute_rise_at_force(fields, taxel, before->force + span->fraction * (after.force - before->force));
 }
 
-/* Compute the relative capacitance rises of all taxels at a past time, for effects that delay the response. from: start
- * of the present interval. */
+/* Compute the relative capacitance rises of all taxels at a past time, for effects that delay the response. span: the
+ * two fields of the history before and after the past time, and the position between them (0 to 1). from: start of the
+ * present interval. */
 static void compute_past_rises(const struct board_fields *fields, const struct late_span *span, vtime from,
                                double *rise)
 {
@@ -164,7 +167,8 @@ bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 }
 
 /* Return the capacitance (farad) that contacts add to all taxels together, at the start or the end of the present
- * interval. `fringe_f`: fringe capacitances, `stride` bytes apart. */
+ * interval: the sum of fringe capacitance times relative rise. `fringe_f`: fringe capacitance of the first taxel; the
+ * values of successive taxels are `stride` bytes apart, because they are members of an array of structs. */
 double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
                                         size_t stride)
 {

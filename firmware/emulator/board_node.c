@@ -25,7 +25,9 @@ static double compute_clock_drift_lead_s(const struct board_node *board, vtime t
     return clock_drift_offset(&board->clock_drift, (double)time / (double)VTIME_SECOND);
 }
 
-/* Return the CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion. */
+/* Return the CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion.
+ * COST_...: cycles of parts of the firmware, counted in executed images (costs.h). `crossing` is divided by the number
+ * of columns, which takes a time that depends on the quotient `tx`; crossings without a taxel are skipped one by one. */
 static unsigned compute_conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
 {
     static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
@@ -38,7 +40,7 @@ static unsigned compute_conversion_start_cycles(const struct board_node *board, 
 }
 
 /* Return the virtual time by which an interrupt of the timer SysTick delays code that runs from `from` to `to`; 0 if no
- * interrupt falls into this time. */
+ * interrupt falls into this time. An interrupt that began before `from` delays the code by its remaining time. */
 static vtime compute_systick_delay(struct board_node *board, vtime from, vtime to)
 {
     const vtime period = board->tick_period, length = board->tick_length;

@@ -15,7 +15,7 @@
 #include "emulator/original/original_board.h"
 #include "emulator/base/fault_log.h"
 #include "emulator/physics/front_end.h"
-#include "emulator/psoc4200/psoc.h"
+#include "emulator/psoc4/psoc.h"
 #include "emulator/skin/skin.h"
 #include "emulator/skin/stimulus.h"
 #include "emulator/base/vtime.h"

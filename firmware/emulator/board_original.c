@@ -34,7 +34,7 @@ void board_original_close(struct board_node *board)
     board->original = NULL;
 }
 
-/* Switch the power off and, if `on`, on again: the first scan begins after the boot time. */
+/* Switch the power of the board off and, if `on`, on again at `now`. The first scan begins after the boot time. */
 void board_original_set_power(struct board_node *board, bool on, vtime now)
 {
     boot_node_power_off(board->boot, now);
@@ -59,7 +59,7 @@ static uint16_t run_conversion(struct board_node *board)
     return raw;
 }
 
-/* Execute conversions and copies in order of time up to `until`. */
+/* Execute conversions, and copies of counts to the read buffer word by word, in order of time up to `until`. */
 void board_original_advance(struct board_node *board, vtime until)
 {
     struct original_board *original = board->original;

@@ -81,7 +81,7 @@ void board_lose_conversion(struct board_node *board, vtime now)
     } else if (!board->original && board->program == PROGRAM_APPLICATION && board->conversion_end != VTIME_NEVER) {
         board->conversion_end = VTIME_NEVER;
         board->now = now;
-        (void)taxel_scan_check(&board->sensor); /* the last one that finds progress, and feeds the watchdog */
+        (void)taxel_scan_check(&board->sensor); /* the last check that finds progress; it feeds the watchdog */
         board->stalled_at = now + STALL_TIME;
         board->watchdog_at = now + BOOT_NODE_WATCHDOG_TIME;
     }

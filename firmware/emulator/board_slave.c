@@ -51,8 +51,9 @@ static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
     }
 }
 
-/* Address the board on the bus. Injected faults apply first. Returns the time at which the board releases SCL;
- * *acknowledge becomes whether it acknowledges. */
+/* Address the board on the bus. Injected faults apply first. Returns the time at which the board releases SCL: the
+ * emulated chip, an original board, the bootloader and the application (with the measured cost of its interrupt) hold
+ * SCL for different times. *acknowledge becomes whether the board acknowledges. */
 vtime board_on_address(struct board_node *board, vtime now, uint8_t address, bool reading, bool *acknowledge)
 {
     if (board->nacks_left) {

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "codec/crc32.h"
+#include "emulator/psoc4/parts.h"
 
 #define VECTORS_SIZE 8u /* stack pointer and reset vector; the factory image contains no more */
 #define HANG "HANG"
@@ -100,8 +101,15 @@ static void store_factory_image(struct boot_node *boot, const uint8_t version[3]
                   taxel_crc32(header_crc, image + TAXEL_BOOT_IMAGE_HEADER_SIZE, VECTORS_SIZE));
 }
 
-/* Write the board's configuration record: I2C address, kind of board, and a serial number derived from the unique id.
- */
+/* Return the row of a record: `row` on a part with 32 KiB, and as far before the end of a larger flash. */
+static uint16_t record_row(const struct boot_node *boot, uint16_t row)
+{
+    const uint32_t rows = boot->flash.size / FLASH_ROW_SIZE;
+    return (uint16_t)(rows > TAXEL_BOOT_ROW_COUNT ? row + rows - TAXEL_BOOT_ROW_COUNT : row);
+}
+
+/* Write the board's configuration record, format version 1: I2C address, kind of board, and a serial number of at most
+ * 16 bytes derived from the unique id. */
 static void store_factory_configuration(struct boot_node *boot, const struct board_description *description)
 {
     uint8_t bytes[TAXEL_BOOT_CONFIGURATION_SIZE] = {0};
@@ -111,17 +119,19 @@ static void store_factory_configuration(struct boot_node *boot, const struct boa
     snprintf((char *)bytes + TAXEL_BOOT_CONFIGURATION_OFFSET_SERIAL_NUMBER, 16, "T%02X%02X%02X%02X",
              description->unique_id[0], description->unique_id[1], description->unique_id[2],
              description->unique_id[3]);
-    (void)taxel_boot_record_write(&boot->config.flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC,
-                                  bytes, sizeof bytes);
+    (void)taxel_boot_record_write(&boot->config.flash, record_row(boot, TAXEL_BOOT_CONFIGURATION_ROW),
+                                  TAXEL_BOOT_CONFIGURATION_MAGIC, bytes, sizeof bytes);
 }
 
 /* Initialise the bootloader of a board or of the hub with an erased flash. `boot_ms`: total boot time in milliseconds,
- * of which the bootloader takes at most half. */
+ * of which the bootloader takes at most half. part: of a device that executes an image; NULL: a part with 32 KiB. */
 static void init_common(struct boot_node *boot, const struct world_description *world,
-                        const struct taxel_boot_layout *layout, const uint8_t unique_id[8], double boot_ms)
+                        const struct taxel_boot_layout *layout, const struct psoc_part *part,
+                        const uint8_t unique_id[8], double boot_ms)
 {
     memset(boot, 0, sizeof *boot);
-    flash_init(&boot->flash, world->seed, unique_id[0]);
+    flash_init(&boot->flash, part ? part->flash_size : TAXEL_BOOT_ROW_COUNT * FLASH_ROW_SIZE, world->seed,
+               unique_id[0]);
     memcpy(boot->unique_id, unique_id, sizeof boot->unique_id);
     boot->listens = world->boot_listens;
     boot->init_time = vtime_min(BOOT_NODE_INIT_TIME, (vtime)(boot_ms * (double)VTIME_MS) / 2u);
@@ -146,7 +156,10 @@ static void init_common(struct boot_node *boot, const struct world_description *
 /* Confirm the factory image. Writes during production do not count as wear, and no power cut can tear them. */
 static void finish_production(struct boot_node *boot)
 {
-    (void)taxel_boot_confirm(&boot->config.flash, SLOT_A);
+    static const uint8_t confirmed[TAXEL_BOOT_METADATA_SIZE] = {SLOT_A, TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_TRIES,
+                                                                TAXEL_BOOT_TRIES};
+    (void)taxel_boot_record_write(&boot->config.flash, record_row(boot, TAXEL_BOOT_METADATA_ROW),
+                                  TAXEL_BOOT_METADATA_MAGIC, confirmed, sizeof confirmed);
     memset(boot->flash.wear, 0, sizeof boot->flash.wear);
     boot->flash.pending_count = 0;
     boot->flash.write_count = 0;
@@ -158,9 +171,9 @@ static void finish_production(struct boot_node *boot)
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description)
 {
-    init_common(boot, world, &taxel_boot_layout_board, description->unique_id, description->boot_ms);
+    init_common(boot, world, &taxel_boot_layout_board, description->part, description->unique_id, description->boot_ms);
     if (description->image) {
-        memcpy(boot->flash.bytes, description->image, sizeof boot->flash.bytes);
+        memcpy(boot->flash.bytes, description->image, WORLD_IMAGE_SIZE);
     }
     if (!description->is_blank) {
         if (!description->image) {
@@ -175,10 +188,10 @@ void boot_node_init(struct boot_node *boot, const struct world_description *worl
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8])
 {
     static const uint8_t version[3] = WORLD_FIRMWARE_VERSION;
-    init_common(boot, world, &taxel_boot_layout_hub, unique_id, 0.0);
+    init_common(boot, world, &taxel_boot_layout_hub, world->hub_part, unique_id, 0.0);
     boot->is_hub = true;
     if (world->hub_image) {
-        memcpy(boot->flash.bytes, world->hub_image, sizeof boot->flash.bytes);
+        memcpy(boot->flash.bytes, world->hub_image, WORLD_IMAGE_SIZE);
     } else {
         store_factory_image(boot, version);
     }
@@ -194,7 +207,7 @@ static bool is_hanging_image(struct boot_node *boot)
 }
 
 /* Run one pass of the bootloader's main loop at virtual time `now`. The node is then busy for the time that packet, CRC
- * check or flash write takes. Returns what happens next. */
+ * check or flash write takes. Byte 1 of a packet is its command. Returns what happens next. */
 enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
 {
     const bool has_packet = boot->is_hub ? boot->uart.has_packet : boot->i2c.has_packet;

@@ -77,7 +77,8 @@ void bus_start_transfer(struct bus *bus, enum bus_master master, const struct ta
     bus_begin_transfer(bus, master, transfer, now);
 }
 
-/* End the current master's use of the bus and begin the transfer for which the other master waits. */
+/* End the current master's use of the bus and begin the transfer for which the other master waits. hub_waits_bytewise:
+ * the hub waits for a transfer that it controls byte by byte. */
 void bus_release(struct bus *bus, vtime now)
 {
     const enum bus_master other = bus->master == BUS_HUB ? BUS_ADAPTER : BUS_HUB;

@@ -22,8 +22,8 @@ static double find_rise_s(const struct bus_wiring *wiring, size_t number)
                   : fmax(scl->hub_rise_s, sda->hub_rise_s);
 }
 
-/* Return whether the levels of hub and boards reach each other on one line. number: of the branch from 1, or 0: boards
- * at the hub. */
+/* Return whether the levels of hub and boards reach each other on one line (SCL or SDA). number: 0 for boards directly
+ * at the hub, otherwise the number of their branch, from 1. */
 static bool line_connects(const struct star *star, size_t number)
 {
     if (!star->is_high || !star->can_be_low) {
@@ -33,8 +33,8 @@ static bool line_connects(const struct star *star, size_t number)
     return !number || (levels->is_high && levels->hub_lows_arrive && levels->board_lows_arrive);
 }
 
-/* Recompute levels, rise times and probabilities of misread bits after a change of the faults. Index 0 of the results is
- * for the boards at the hub, index i for the boards of branch i. */
+/* Recompute levels, rise times and probabilities of misread bits after a change of the faults. Index 0 of the results
+ * is for the boards at the hub, index i for the boards of branch i. */
 static void solve(struct bus_wiring *wiring)
 {
     for (size_t line = 0; line < WIRING_LINES; line++) {
@@ -65,7 +65,8 @@ void bus_wiring_init(struct bus_wiring *wiring, const struct wiring_description 
     solve(wiring);
 }
 
-/* Apply the fault of one line. */
+/* Apply a fault to one line (SCL or SDA) of a branch: an open line, a short, or otherwise an added series resistance.
+ * second_value of the fault: resistance in ohm. */
 static void apply_to_line(struct line_fault *line, const struct fault_description *fault)
 {
     switch (fault->kind) {

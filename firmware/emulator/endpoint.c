@@ -65,7 +65,7 @@ static int open_capture(struct endpoint *endpoint, const char *path, double baud
     if (!endpoint->capture) {
         return report_error(path, strerror(errno));
     }
-    put_le(start + 8, 1, 2);
+    put_le(start + 8, 1, 2); /* version of the format */
     put_le(start + 12, (uint64_t)size, 4);
     fwrite(start, sizeof start, 1, endpoint->capture);
     fwrite(header, (size_t)size, 1, endpoint->capture);
@@ -159,8 +159,8 @@ static bool has_client(const struct endpoint *endpoint)
     return poll(&state, 1, 0) >= 0 && !(state.revents & POLLHUP);
 }
 
-/* Write bytes to the file descriptor without blocking; returns the number accepted. In fast mode the emulation waits
- * for a reader instead. */
+/* Write bytes to the file descriptor without blocking; returns the number accepted. With `wait_for_reader` (emulation
+ * faster than real time) the call waits until the reader has accepted all bytes. */
 static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
 {
     size_t sent = 0;

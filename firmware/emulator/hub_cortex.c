@@ -149,7 +149,8 @@ void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t res
     }
 }
 
-/* Run the hub's chip up to the virtual time `until`, also after each action of the program on a wire. */
+/* Run the hub's chip up to the virtual time `until`. psoc_run() returns true if it ended earlier, because the program
+ * acted on a wire or on the flash; the run is then continued. */
 void hub_cortex_run(struct hub_node *node, vtime until)
 {
     while (node->is_powered && psoc_run(node->psoc, until)) {

@@ -1,4 +1,4 @@
-/* A hub that executes a firmware image on an emulated PSoC 4200 (psoc4200/). hub_node.c calls these functions if its
+/* A hub that executes a firmware image on an emulated PSoC 4200 (psoc4/). hub_node.c calls these functions if its
  * `psoc` is not NULL.
  *
  * The processor runs continuously: world.c runs it up to the next event of another kind, or until it drives a wire. */

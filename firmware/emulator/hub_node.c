@@ -86,6 +86,7 @@ static void on_delay_us(void *context, uint32_t microseconds)
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct hub_node *node = context;
+    /* + 1: the clock is truncated to whole microseconds, so it must not be read a fraction too early */
     const double since_boot_us = fmax(0.0, (double)(clock_us + 1u) - node->clock_start_us);
     const vtime time = node->booted + (vtime)(since_boot_us / node->clock_rate * (double)VTIME_US);
     wake_not_after(node, vtime_max(time, node->now));
@@ -351,8 +352,8 @@ void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
         vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
-/* Confirm an image on trial once a host has completed the handshake and sent a command. The flash row is written
- * between two passes. */
+/* Confirm an image on trial (a new image that the bootloader replaces unless it is confirmed) once a host has completed
+ * the handshake and sent a command. The flash row is written between two passes. */
 static void confirm_image(struct hub_node *node)
 {
     if (node->has_confirmed || !node->hub.version || !node->hub.inbox.commands) {

@@ -6,7 +6,7 @@
 #include "emulator/boot_node.h"
 #include "emulator/bus.h"
 #include "emulator/original/original_hub.h"
-#include "emulator/psoc4200/psoc.h"
+#include "emulator/psoc4/psoc.h"
 #include "emulator/uart.h"
 #include "emulator/base/vtime.h"
 #include "hub/hub.h"

@@ -76,6 +76,7 @@ size_t uart_refill_transmitter(struct uart *uart)
 {
     uint8_t bytes[UART_FIFO_SIZE];
     const vtime now = uart->transmit_next;
+    /* twice the FIFO, because an injected fault may double each byte */
     const bool is_adapter_full = uart->packet_fill + 2u * UART_FIFO_SIZE > USB_BUFFER_SIZE;
     if (is_adapter_full && !uart->lacks_cts) {
         uart->is_blocked = true;
@@ -114,7 +115,8 @@ static void schedule_next_byte(struct uart *uart, vtime start)
 }
 
 /* Queue bytes from the host to the hub in the USB adapter. Returns the number accepted, less than `size` if its buffer
- * is full. */
+ * is full. A latency of at most one USB frame delays only the first byte on an idle line, a longer latency delays every
+ * byte. */
 size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now)
 {
     size_t accepted = 0;

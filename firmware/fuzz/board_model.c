@@ -201,7 +201,8 @@ static bool answer_with_snapshot(struct board_model *model)
 }
 
 /* Address the model for a read (`reading`) or a write. A read prepares the content of the register at the pointer; the
- * first byte of a write will be the pointer. Returns whether the board acknowledges. */
+ * first byte of a write will be the pointer. Register addresses between the known ranges have no content and read as
+ * 0xFF. Returns whether the board acknowledges. */
 bool model_address(struct board_model *model, bool reading)
 {
     model->refused = false;

@@ -48,7 +48,9 @@ static uint16_t u16_at(const uint8_t *bytes)
 }
 
 /* Return whether a body (a frame without stuffing: type, sequence, length, payload, CRC) is valid in this protocol
- * version: type, length, I2C address and number of taxels are checked. Independent of the deframer under test. */
+ * version: type, length, I2C address and number of taxels are checked. 9 bytes of a body are no payload. A payload
+ * TAXELS (type 0x02) has 18 bytes and 2 for each taxel; its byte 1 is the number of taxels. The numbers of SPEC.md are
+ * repeated here, so that the oracle is independent of the deframer under test. */
 static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 {
     const struct type_rule *rule = rule_of(body[0], directions);
@@ -60,7 +62,8 @@ static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 }
 
 /* Unstuff and unwhiten the complete frame that begins at `bytes`. Returns the length of its body and, in `taken`, the
- * number of stuffed bytes; 0 if no frame with a valid CRC begins there. */
+ * number of stuffed bytes; 0 if no frame with a valid CRC begins there. From SPEC.md: whitening sequence k[0] = 0xA5,
+ * k[i+1] = 5 k[i] + 0x6B modulo 256; payload at most 498 bytes, body 9 bytes longer. */
 static size_t body_at(const uint8_t *bytes, size_t size, uint8_t *body, size_t *taken)
 {
     size_t length = 0, expected = 0, position = 0;
@@ -142,7 +145,9 @@ struct board_history {
 
 /* Compute the flags and the number of missing cycles of a frame with taxel data, and add both to the totals of its
  * board. A snapshot with a wrong CRC of the board is damaged. Missing cycles are those since the board's last frame,
- * whose cycle and scan numbers are in `history`, indexed by I2C address. */
+ * whose cycle and scan numbers are in `history`, indexed by I2C address. Their number is the
+ * smaller of the differences of cycle and scan number, minus 1. For a compact frame (type 0x03) one scan less is
+ * counted, because the board may have been coding. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -192,7 +197,8 @@ static bool is_restart(const struct oracle *oracle, const struct oracle_frame *f
 }
 
 /* Compute the expected number of lost frames from the sequence numbers, and all totals. Unknown frames of the same
- * sender share its sequence numbers; frames of the other direction do not and are skipped. */
+ * sender share its sequence numbers; frames of the other direction do not and are skipped. No decoder delivers unknown
+ * frames: frames lost before an unknown frame (`before_unknown`) are stated with the next known frame. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};

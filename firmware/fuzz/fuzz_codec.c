@@ -60,10 +60,11 @@ static void append(const uint8_t *bytes, size_t size)
  * I2C address and a valid CRC of the board. */
 static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payload)
 {
-    const uint8_t filling = fuzz_u8(input);
+    const uint8_t filling = fuzz_u8(input); /* bits: 0 random, 1 stream, 2 and 3 input bytes, 4 to 7 constant */
     const uint16_t wish = fuzz_u16(input);
     uint64_t state = wish;
     size_t length = wish % (TAXEL_PAYLOAD_MAX + 1u);
+    /* take the next length that the type permits; 3: both directions (to the host and to the hub) */
     for (size_t tries = 0; !oracle_allows(type, 3, length) && tries <= TAXEL_PAYLOAD_MAX; tries++) {
         length = (length + 1u) % (TAXEL_PAYLOAD_MAX + 1u);
     }
@@ -91,6 +92,7 @@ static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payl
  * delimiters, that it is no longer than the stated maximum, and that a shorter buffer is refused. */
 static void append_frame(struct fuzz_input *input, uint8_t op)
 {
+    /* frame types (enum taxel_frame_type); repeated types are appended more often */
     static const uint8_t types[16] = {0x01, 0x02, 0x08, 0x09, 0x0A, 0x0B, 0x0C, 0x0D,
                                       0x0E, 0x81, 0x82, 0x02, 0x02, 0x0E, 0x0D, 0x03};
     uint8_t payload[TAXEL_PAYLOAD_MAX + 1u], wire[WIRE_MAX];
@@ -200,8 +202,8 @@ static void expect_frame(void *context, const struct taxel_frame *frame)
     FUZZ_CHECK(memcmp(frame->payload, oracle.payloads + expected->offset, frame->length) == 0);
 }
 
-/* Decode the stream with the deframer in pieces whose sizes derive from `sizes`, and compare frames and counters with
- * the oracle. */
+/* Decode the stream with the deframer in pieces, and compare frames and counters with the oracle. A byte n of `sizes`
+ * gives a piece of n * n / 8 + 1 bytes, so that short and long pieces occur; without sizes there is one piece. */
 static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size_count)
 {
     const struct taxel_deframer_config config = {
@@ -280,8 +282,8 @@ static void check_rows(const struct taxel_batch_output *output, size_t *taxels, 
     }
 }
 
-/* Decode the stream with the batch decoder in pieces whose sizes derive from `sizes`, into tables with space for `rows`
- * rows, and compare rows and totals with the oracle. */
+/* Decode the stream with the batch decoder in pieces, into tables with space for `rows` rows, and compare rows and
+ * totals with the oracle. A byte n of `sizes` gives a piece of n * n / 8 + 1 bytes; without sizes: one piece. */
 static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
 {
     struct taxel_batch_output output = {
@@ -316,7 +318,7 @@ static void check_encoded_again(size_t wrap)
         .chunk_capacity = sizeof chunk,
         .body = body,
         .payload_max = TAXEL_PAYLOAD_MAX,
-        .directions = 3,
+        .directions = 3, /* both: to the host and to the hub */
         .handler = expect_frame,
     };
     struct taxel_deframer deframer;
@@ -377,7 +379,8 @@ static void check_layouts(void)
 }
 
 /* Run one fuzz input: build or take a stream, decode it with oracle, deframer and batch decoder, and compare the
- * results. The stream ends at the end of its array, so that a sanitizer detects reads beyond the stream. */
+ * results. The stream ends at the end of its array, so that a sanitizer detects reads beyond it. Bits of `mode`: 0, 1
+ * directions; 2, 3 rows of the tables; 4 whether the input is the stream; 5 to 7 number of piece sizes. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

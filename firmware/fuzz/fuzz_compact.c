@@ -171,6 +171,7 @@ static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
     uint8_t *copy = malloc(size); /* exact size, so that a sanitizer detects an access behind it */
     memcpy(copy, bytes, size);
     FUZZ_CHECK(size >= TAXEL_COMPACT_OVERHEAD_DELTA);
+    /* At most a packed frame (2 bytes per taxel), padded to whole words; not checked for a board of one taxel. */
     FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * config.taxel_count + 3u) & ~3u) ||
                config.taxel_count < 2u);
     if (damage) {
@@ -212,15 +213,16 @@ static void poll_board(bool with_pointer, uint8_t damage)
             taxel_sensor_run(&sensor); /* the main loop runs during a read */
         }
     }
-    FUZZ_CHECK(taxel_sensor_on_read(&sensor) == 0xFF);
+    FUZZ_CHECK(taxel_sensor_on_read(&sensor) == 0xFF); /* the board sends 0xFF behind the snapshot */
     taxel_sensor_on_stop(&sensor);
     if (size) {
         receive(bytes, size, damage);
     }
 }
 
-/* Send a forged snapshot (pseudo-random bytes with a valid CRC) to the host twice. The only expectation is that no
- * access is out of bounds. The state of the host is restored afterwards. */
+/* Send a forged snapshot (pseudo-random bytes with a valid CRC) to the host twice, the second time to a host whose
+ * state the first one may have changed. The only expectation is that no access is out of bounds. The state of the host
+ * is restored afterwards. */
 static void forge(struct fuzz_input *input)
 {
     const struct taxel_compact_receiver before = host;

@@ -24,7 +24,8 @@ static unsigned steps;          /* events of the hub so far in this fuzz input, 
 static bool sent_invalid_bytes; /* bytes that are not exactly one frame between two delimiters */
 
 /* Run the hub for up to `count` of its events (ends of transfers and wake-ups). Stops earlier after STEPS_MAX events of
- * one fuzz input, at a restart of the hub, or when no event is due. */
+ * one fuzz input, at a restart of the hub, or when no event is due: events at BENCH_NEVER (none) and BENCH_NEVER - 1 (a
+ * transfer that never ends) do not occur. */
 static void run_hub(unsigned count)
 {
     while (count-- && steps < STEPS_MAX && !bench.restarted && bench_step(BENCH_NEVER - 2u)) {
@@ -45,6 +46,7 @@ static void send_bytes(struct fuzz_input *input, size_t size_max)
  * Also remembers that a START command with the COMPACT flag was sent. Returns the frame's size in bytes. */
 static size_t make_command(struct fuzz_input *input, uint8_t *wire)
 {
+    /* number of argument bytes of the command with each code from 0 to 15 */
     static const uint8_t lengths[16] = {0, 0, 0, 4, 0, 2, 9, 0, 0, 1, 0, 0, 0, 0, 0, 0};
     const uint8_t selector = fuzz_u8(input), tag = fuzz_u8(input);
     uint8_t payload[TAXEL_HUB_COMMAND_PAYLOAD_MAX] = {tag, selector & 15u};
@@ -221,8 +223,9 @@ static void run_event(struct fuzz_input *input)
     }
 }
 
-/* Remove all faults of the bus, let the host read, and run until the command in progress ends. It must end within
- * QUIET_STEPS events, or by a restart that it requested. */
+/* Remove all faults of the bus, let the host read, and run until the command in progress ends. The command must end
+ * within QUIET_STEPS events, or by a restart that it requested. Events at BENCH_NEVER (none) and BENCH_NEVER - 1 (a
+ * transfer that never ends) do not occur. */
 static void run_without_faults(void)
 {
     bench.outcome = BENCH_PROCEED;

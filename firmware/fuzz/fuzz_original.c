@@ -104,7 +104,8 @@ static void append_message(struct fuzz_input *input, uint64_t *state, uint32_t t
     bytes[length - 1u] = 0x0A;
 }
 
-/* Build the stream from the parts that the input describes. */
+/* Build the stream from the parts that the input describes. The times begin near the wrap of 32 bits or after a late
+ * start; their steps include the limit of is_plausible(), 60000 ms, and the first step beyond this limit. */
 static void build_stream(struct fuzz_input *input)
 {
     uint64_t state = fuzz_u8(input);
@@ -152,7 +153,8 @@ static void build_stream(struct fuzz_input *input)
 
 /* ---- the definition ---- */
 
-/* Return the length in bytes of the message whose header begins at `start`; 0 if no header begins there. */
+/* Return the length in bytes of the message whose header begins at `start`; 0 if no header begins there. A message
+ * consists of start byte 0x01, length, address, a timestamp of 4 bytes in some formats, the words, and end byte. */
 static size_t header_length(size_t start)
 {
     if (start + HEADER > stream_size || stream[start] != 0x01 || stream[start + 2u] >= TAXEL_ORIGINAL_ADDRESSES) {

@@ -183,8 +183,8 @@ static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
     stop();
 }
 
-/* Write scan settings from the fuzz input. `flags` 8 shortens the write by a byte, 15 computes the CRC for another I2C
- * address, and odd values make the settings small enough to be valid. */
+/* Write scan settings (register 0x60) from the fuzz input. `flags` 8 shortens the write by a byte, 15 computes the CRC
+ * for another I2C address, and odd values make the settings small enough to be valid. */
 static void write_settings(struct fuzz_input *input, uint8_t flags)
 {
     uint8_t bytes[12];
@@ -198,7 +198,7 @@ static void write_settings(struct fuzz_input *input, uint8_t flags)
 }
 
 /* Read in a complete I2C transfer from the register that `which` (0 to 15) selects: a snapshot or 64 bytes, and `extra`
- * bytes more. */
+ * bytes more. The first six are registers of the snapshot, which has 10 bytes besides its counts. */
 static void read_whole(uint8_t which, size_t extra)
 {
     static const uint8_t pointers[16] = {0x80, 0x80, 0x80, 0x81, 0x82, 0x8F, 0x00, 0x10,
@@ -248,7 +248,7 @@ static void run_event(struct fuzz_input *input)
     case 10:
         model.clock_us += (uint32_t)fuzz_u16(input) << high;
         break;
-    case 11: {
+    case 11: { /* a command with its complement, also with the key of ENTER_BOOTLOADER, to the command register */
         static const uint8_t key[4] = {'B', 'O', 'O', 'T'};
         uint8_t bytes[6] = {high & 7u, (uint8_t)~(high & 7u)};
         memcpy(bytes + 2, key, sizeof key);
@@ -261,7 +261,7 @@ static void run_event(struct fuzz_input *input)
     case 13:
         read_whole(high, 2);
         break;
-    case 14: /* a poll: the pointer is unchanged */
+    case 14: /* a poll: reads a snapshot without writing the register pointer first */
         address(true);
         read(10u + 2u * (size_t)config.taxel_count);
         stop();

@@ -45,7 +45,7 @@ static void end_transfer(void)
     bench.outcome = BENCH_PROCEED;
     bench.done_us = BENCH_NEVER;
     FUZZ_CHECK(memcmp(transfer->write_bytes, bench.transfer_write, transfer->write_size) == 0);
-    if (outcome <= 0) {
+    if (outcome <= 0) { /* a result of enum taxel_i2c_result, without a transfer on the bus */
         result = (int8_t)outcome;
     } else {
         result = bench_transfer(transfer);
@@ -74,7 +74,7 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     bench_check_buffer(offset, transfer->read_size - transfer->length_prefixed);
     bench.transfer = *transfer;
     memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
-    memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
+    memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may overwrite it at once */
     bench.done_us =
         bench.now_us + 5u + (2u + transfer->write_size + transfer->read_size) * 9u * 1000000u / bench.config.scl_hz;
     if (bench.scl_held || bench.sda_held_clocks) {
@@ -82,7 +82,7 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     }
     if (bench.outcome == BENCH_HANG) {
         bench.outcome = BENCH_PROCEED;
-        bench.done_us = BENCH_NEVER - 1u;
+        bench.done_us = BENCH_NEVER - 1u; /* in progress, but never due */
     } else if (bench.ends_at_once) {
         end_transfer();
     }
@@ -279,6 +279,7 @@ static void run_for(uint64_t microseconds)
 /* Bring a started hub into `state`: with handshake (BENCH_WARM), or streaming as well (BENCH_STREAMING). */
 static void warm_up(enum bench_state state)
 {
+    /* 77, 78: arbitrary tags of the two requests */
     static const uint8_t handshake[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
     uint8_t wire[64];
     if (state >= BENCH_WARM) {

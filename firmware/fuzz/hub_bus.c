@@ -35,6 +35,7 @@ static const struct bus buses[BENCH_BUSES] = {
 /* Set the boards, as after power-on, and the sizes of the hub's memory for bus number `bus` (index of `buses`). */
 void bench_populate(unsigned bus)
 {
+    /* 160 sub-conversions, clock dividers 40 and 1, IDAC code 16, 96 settle cycles (struct taxel_scan_settings) */
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
     const struct bus *source = &buses[bus];
     bench.config.slot_capacity = source->slot_capacity;
@@ -46,7 +47,7 @@ void bench_populate(unsigned bus)
         board->taxel_count = source->devices[i].taxel_count;
         board->foreign = source->devices[i].foreign;
         board->map_version = TAXEL_REGISTER_MAP_VERSION;
-        board->sequence = 0xFFF0;
+        board->sequence = 0xFFF0; /* overflows after 16 snapshots */
         memcpy(board->settings, settings, sizeof settings);
     }
 }
@@ -68,15 +69,16 @@ static uint32_t crc_with_address(const struct bench_board *board, const uint8_t 
     return fuzz_crc32(fuzz_crc32(0, &board->address, 1), bytes, size);
 }
 
-/* Write the content of a board's identity register to `bytes`: TAXEL_IDENTITY_SIZE bytes with CRC-32. */
+/* Write the content of a board's identity register (struct taxel_identity) to `bytes`: TAXEL_IDENTITY_SIZE bytes with
+ * CRC-32. The fields that the hub does not use are 0. */
 static void read_identity(const struct bench_board *board, uint8_t *bytes)
 {
     memset(bytes, 0, TAXEL_IDENTITY_SIZE);
     bytes[0] = TAXEL_WHO_AM_I;
     bytes[1] = board->map_version;
     bytes[6] = board->address;
-    bytes[16] = 16;
-    bytes[17] = 16;
+    bytes[16] = 16; /* TX lines */
+    bytes[17] = 16; /* RX lines */
     fuzz_put_u16(bytes + 18, board->taxel_count);
     fuzz_put_u16(bytes + 20, 10u + 2u * board->taxel_count);
     fuzz_put_u32(bytes + 54, fuzz_crc32(0, bytes, 54));
@@ -96,8 +98,8 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
 
 /* Write the content of a board's register COMPACT to `bytes` (length byte, compact snapshot with CRC-32) and return its
  * size. Odd sequence numbers give a delta frame, even ones a packed frame with 16 bits per count, and a board that
- * holds its scan gives the single byte 0 (no new snapshot). The counts are arbitrary, because the hub checks only the
- * CRC. */
+ * holds its scan gives the single byte 0 (no new snapshot). The counts, and the 0 to 7 bytes of coded counts in a delta
+ * frame, are arbitrary, because the hub checks only the CRC. */
 static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 {
     const bool is_delta = board->sequence & 1u;
@@ -133,11 +135,11 @@ static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
         read_identity(board, registers);
         available = TAXEL_IDENTITY_SIZE;
         break;
-    case 0x44:
+    case 0x44: /* CLOCK */
         fuzz_put_u32(registers, (uint32_t)bench.now_us + board->clock_offset_us);
         available = 4;
         break;
-    case 0x60:
+    case 0x60: /* SETTINGS */
         memcpy(registers, board->settings, 8);
         fuzz_put_u32(registers + 8, crc_with_address(board, registers, 8));
         available = 12;

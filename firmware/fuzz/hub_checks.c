@@ -18,6 +18,7 @@ void bench_check_buffer(size_t offset, size_t size)
 {
     const struct taxel_hub *const hub = &bench.hub;
     const size_t begin = hub->job.pool_offset, end = offset + size + TAXEL_HUB_TAILROOM;
+    /* the settings of a board (12 bytes with CRC) are read to the space after its identity in the same buffer */
     FUZZ_CHECK(offset == begin + TAXEL_HUB_HEADROOM ||
                (offset == begin + TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && size == 12));
     FUZZ_CHECK(end <= bench.config.transfer_pool_size);
@@ -104,6 +105,7 @@ void bench_check_hub(void)
     FUZZ_CHECK(hub->cycle.position <= hub->slot_count && hub->inbox.commands_rejected <= hub->inbox.commands);
     FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job_done || bench.done_us != BENCH_NEVER);
     const unsigned waiting = (uint8_t)(hub->inbox.head - hub->inbox.tail);
+    /* The hub stops the host while few bytes of the receive ring are free, and lets it continue at RELEASE_SPACE. */
     FUZZ_CHECK(hub->inbox.is_holding == bench.host_is_held);
     FUZZ_CHECK(bench.host_is_held || waiting < TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_HOLD_SPACE);
     FUZZ_CHECK(!bench.host_is_held || bench.restarted ||

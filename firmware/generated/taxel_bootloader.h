@@ -6,7 +6,6 @@
 
 #define TAXEL_BOOT_VERSION 1u
 #define TAXEL_BOOT_ROW_SIZE 128u
-#define TAXEL_BOOT_BOOTLOADER_ROWS 32u
 #define TAXEL_BOOT_SLOT_NONE 255u
 #define TAXEL_BOOT_TRIES 3u
 #define TAXEL_BOOT_DEFAULT_ADDRESS 119u
@@ -22,25 +21,38 @@
 #define TAXEL_BOOT_CONFIGURATION_MAGIC 0x434C5854u
 
 /* Constants of the part. TAXEL_BOOT_ONE_SLOT: a part with 16 KiB of flash, which has slot A only.
+ * TAXEL_BOOT_64K: a part with 64 KiB of flash.
  *
  * TAXEL_BOOT_LAYOUTS: X(device, first row of slot A, first row of slot B, rows of a slot) */
-#ifdef TAXEL_BOOT_ONE_SLOT
+#if defined TAXEL_BOOT_ONE_SLOT
 #define TAXEL_BOOT_SLOTS 1u
 #define TAXEL_BOOT_ROW_COUNT 128u
+#define TAXEL_BOOT_BOOTLOADER_ROWS 32u
 #define TAXEL_BOOT_CONFIGURATION_ROW 124u
 #define TAXEL_BOOT_METADATA_ROW 126u
 #define TAXEL_BOOT_SILICON_ID 0x04FA1193u
 #define TAXEL_BOOT_LAYOUTS(X) \
     X(BOARD_16K, 32u, 32u, 92u)
+#elif defined TAXEL_BOOT_64K
+#define TAXEL_BOOT_SLOTS 2u
+#define TAXEL_BOOT_ROW_COUNT 512u
+#define TAXEL_BOOT_BOOTLOADER_ROWS 64u
+#define TAXEL_BOOT_CONFIGURATION_ROW 508u
+#define TAXEL_BOOT_METADATA_ROW 510u
+#define TAXEL_BOOT_SILICON_ID 0x1B2511ABu
+#define TAXEL_BOOT_LAYOUTS(X) \
+    X(BOARD_64K, 64u, 286u, 222u) \
+    X(HUB_64K, 64u, 286u, 222u)
 #else
 #define TAXEL_BOOT_SLOTS 2u
 #define TAXEL_BOOT_ROW_COUNT 256u
+#define TAXEL_BOOT_BOOTLOADER_ROWS 32u
 #define TAXEL_BOOT_CONFIGURATION_ROW 252u
 #define TAXEL_BOOT_METADATA_ROW 254u
 #define TAXEL_BOOT_SILICON_ID 0x04C81193u
 #define TAXEL_BOOT_LAYOUTS(X) \
-    X(BOARD, 32u, 128u, 96u) \
-    X(HUB, 32u, 136u, 104u)
+    X(BOARD, 32u, 142u, 110u) \
+    X(HUB, 32u, 142u, 110u)
 #endif
 
 enum taxel_boot_command {
@@ -85,6 +97,8 @@ enum taxel_boot_device {
     TAXEL_BOOT_DEVICE_BOARD = 0x01,
     TAXEL_BOOT_DEVICE_HUB = 0x02,
     TAXEL_BOOT_DEVICE_BOARD_16K = 0x03,
+    TAXEL_BOOT_DEVICE_BOARD_64K = 0x04,
+    TAXEL_BOOT_DEVICE_HUB_64K = 0x05,
 };
 
 enum taxel_boot_checksum {

@@ -186,6 +186,10 @@ enum taxel_board_error_flag {
     TAXEL_BOARD_ERROR_FLAG_NOT_SCANNING = 0x20,
 };
 
+enum taxel_front_end {
+    TAXEL_FRONT_END_CAPSENSE = 0x00,
+};
+
 enum taxel_fault_code {
     TAXEL_FAULT_CODE_NONE = 0x00,
     TAXEL_FAULT_CODE_EXCEPTION = 0x01,
@@ -316,7 +320,8 @@ static inline void taxel_identity_unpack(struct taxel_identity *value, const uin
 #define TAXEL_STATUS_OFFSET_SNAPSHOT_READS 16u
 #define TAXEL_STATUS_OFFSET_BUS_ERRORS 20u
 #define TAXEL_STATUS_OFFSET_REJECTED_WRITES 22u
-#define TAXEL_STATUS_OFFSET_RESERVED 24u
+#define TAXEL_STATUS_OFFSET_FRONT_END 24u
+#define TAXEL_STATUS_OFFSET_RESERVED 25u
 #define TAXEL_STATUS_OFFSET_SATURATED_CONVERSIONS 26u
 struct taxel_status {
     uint8_t state;
@@ -329,7 +334,8 @@ struct taxel_status {
     uint32_t snapshot_reads;
     uint16_t bus_errors;
     uint16_t rejected_writes;
-    uint16_t reserved;
+    uint8_t front_end;
+    uint8_t reserved;
     uint16_t saturated_conversions;
 };
 static inline void taxel_status_pack(const struct taxel_status *value, uint8_t *bytes)
@@ -344,7 +350,8 @@ static inline void taxel_status_pack(const struct taxel_status *value, uint8_t *
     taxel_put_u32(bytes + 16, value->snapshot_reads);
     taxel_put_u16(bytes + 20, value->bus_errors);
     taxel_put_u16(bytes + 22, value->rejected_writes);
-    taxel_put_u16(bytes + 24, value->reserved);
+    taxel_put_u8(bytes + 24, value->front_end);
+    taxel_put_u8(bytes + 25, value->reserved);
     taxel_put_u16(bytes + 26, value->saturated_conversions);
 }
 static inline void taxel_status_unpack(struct taxel_status *value, const uint8_t *bytes)
@@ -359,7 +366,8 @@ static inline void taxel_status_unpack(struct taxel_status *value, const uint8_t
     value->snapshot_reads = taxel_get_u32(bytes + 16);
     value->bus_errors = taxel_get_u16(bytes + 20);
     value->rejected_writes = taxel_get_u16(bytes + 22);
-    value->reserved = taxel_get_u16(bytes + 24);
+    value->front_end = taxel_get_u8(bytes + 24);
+    value->reserved = taxel_get_u8(bytes + 25);
     value->saturated_conversions = taxel_get_u16(bytes + 26);
 }
 
@@ -1121,13 +1129,14 @@ static inline void taxel_transfer_arguments_unpack(struct taxel_transfer_argumen
     value->read_length = taxel_get_u8(bytes + 1);
 }
 
-#define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE 9u
+#define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE 10u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS 0u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_SETTINGS_SUB_CONVERSIONS 1u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_SETTINGS_SENSE_CLOCK_DIVIDER 3u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_SETTINGS_MODULATOR_CLOCK_DIVIDER 5u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_SETTINGS_IDAC_CODE 6u
 #define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_SETTINGS_SETTLE_CYCLES 7u
+#define TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_FRONT_END 9u
 struct taxel_set_scan_settings_arguments {
     uint8_t address;
     uint16_t settings_sub_conversions;
@@ -1135,6 +1144,7 @@ struct taxel_set_scan_settings_arguments {
     uint8_t settings_modulator_clock_divider;
     uint8_t settings_idac_code;
     uint16_t settings_settle_cycles;
+    uint8_t front_end;
 };
 static inline void taxel_set_scan_settings_arguments_pack(const struct taxel_set_scan_settings_arguments *value, uint8_t *bytes)
 {
@@ -1144,6 +1154,7 @@ static inline void taxel_set_scan_settings_arguments_pack(const struct taxel_set
     taxel_put_u8(bytes + 5, value->settings_modulator_clock_divider);
     taxel_put_u8(bytes + 6, value->settings_idac_code);
     taxel_put_u16(bytes + 7, value->settings_settle_cycles);
+    taxel_put_u8(bytes + 9, value->front_end);
 }
 static inline void taxel_set_scan_settings_arguments_unpack(struct taxel_set_scan_settings_arguments *value, const uint8_t *bytes)
 {
@@ -1153,6 +1164,7 @@ static inline void taxel_set_scan_settings_arguments_unpack(struct taxel_set_sca
     value->settings_modulator_clock_divider = taxel_get_u8(bytes + 5);
     value->settings_idac_code = taxel_get_u8(bytes + 6);
     value->settings_settle_cycles = taxel_get_u16(bytes + 7);
+    value->front_end = taxel_get_u8(bytes + 9);
 }
 
 #define TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE 1u

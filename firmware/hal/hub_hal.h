@@ -83,9 +83,9 @@ struct taxel_hub_hal {
      * of several requests applies; each call of taxel_hub_run() cancels the requests made before it. */
     void (*wake_at)(void *context, uint64_t clock_us);
 
-    /* Reset the processor. */
+    /* Reset the processor, after the bytes that taxel_hub_uart_pull() has returned are sent. */
     void (*restart)(void *context);
-    /* Reset the processor and stay in its bootloader. NULL: there is none, and the command is rejected. */
+    /* Reset the processor in the same way and stay in its bootloader. NULL: there is none, and the command is rejected. */
     void (*enter_bootloader)(void *context);
 };
 

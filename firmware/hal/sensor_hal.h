@@ -17,6 +17,7 @@
 #ifndef TAXEL_SENSOR_HAL_H
 #define TAXEL_SENSOR_HAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "generated/taxel_protocol.h"
@@ -27,6 +28,9 @@ struct taxel_sensor_hal {
 
     /* Apply scan settings; called between conversions only. */
     void (*front_end_configure)(void *context, const struct taxel_scan_settings *settings);
+
+    /* Return whether the converter accepts these settings. NULL: the limits of the front end CAPSENSE apply. */
+    bool (*front_end_accepts)(void *context, const struct taxel_scan_settings *settings);
 
     /* Start a conversion of the crossing (tx, rx), each 0 to 15; the port calls taxel_sensor_on_conversion() at its
      * end. */

@@ -131,7 +131,7 @@ static bool is_selected(uint8_t address, const struct taxel_hub_slot *board)
 /* Execute the command SET_SCAN_SETTINGS: store the settings for the selected boards (address 0: all) that are
  * streaming; the scheduler writes them. The reply follows when the settings have been read back from all of these
  * boards, or at once (UNKNOWN_BOARD) if no selected board is streaming. */
-static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
+static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
 {
     hub->command.address = bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS];
     bool any = false;
@@ -142,8 +142,10 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
         }
         board->settings_rejected = false;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
-            taxel_scan_settings_unpack(&board->settings,
-                                       bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
+            taxel_scan_settings_unpack(&board->settings, bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS + 1u);
+            board->front_end = size == TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE
+                                   ? bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_FRONT_END]
+                                   : (uint8_t)TAXEL_FRONT_END_CAPSENSE;
             board->has_settings = true;
             board->settings_dirty = true;
             any = true;
@@ -224,7 +226,8 @@ static const struct argument_rule argument_rules[] = {
     {TAXEL_COMMAND_SET_RATE, TAXEL_SET_RATE_ARGUMENTS_SIZE, TAXEL_SET_RATE_ARGUMENTS_SIZE},
     {TAXEL_COMMAND_SCAN_BUS, 0, 0},
     {TAXEL_COMMAND_I2C_TRANSFER, TAXEL_TRANSFER_ARGUMENTS_SIZE, TAXEL_TRANSFER_ARGUMENTS_SIZE + TAXEL_TRANSFER_MAX},
-    {TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - 1u,
+     TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE}, /* the front end may be missing */
     {TAXEL_COMMAND_REBOOT, 0, 0},
     {TAXEL_COMMAND_GET_STATUS, 0, 0},
     {TAXEL_COMMAND_GET_BOARD_INFO, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE},
@@ -295,7 +298,7 @@ static void execute_command(struct taxel_hub *hub, uint8_t command, const uint8_
         request_transfer(hub, arguments, size);
         break;
     case TAXEL_COMMAND_SET_SCAN_SETTINGS:
-        set_scan_settings(hub, arguments);
+        set_scan_settings(hub, arguments, size);
         break;
     case TAXEL_COMMAND_REBOOT:
         restart(hub);

@@ -88,8 +88,8 @@ static void process_job_outcome(struct taxel_hub *hub)
     taxel_hub_finish_job(hub, hub->job_result);
 }
 
-/* Move a time (microseconds modulo 2^32) that has passed to `now`, because 35 minutes later it would be treated as a
- * future time. */
+/* Move a time (microseconds modulo 2^32) that has passed to `now`. A time that passed more than 2^31 us (35 minutes)
+ * ago would be treated as a future time. */
 static void clamp_past_time(uint32_t now, uint32_t *time)
 {
     if (taxel_hub_is_due(now, *time)) {

@@ -72,6 +72,7 @@ struct taxel_hub_slot {
     bool has_settings : 1;        /* the host set `settings`: they are written again after a restart of the board */
     bool settings_dirty : 1;      /* `settings` are to be written to the board */
     bool settings_rejected : 1;   /* the settings read back differ from those written */
+    uint8_t front_end;            /* converter for which `settings` are, as the host stated */
     uint16_t consecutive_failures;
     uint16_t last_sequence;
     uint16_t key_frame_id;      /* of the key frame that the host has decoded */

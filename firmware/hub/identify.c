@@ -27,8 +27,8 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     return TAXEL_BOARD_FAULT_NONE;
 }
 
-/* End the turn of a board that cannot be polled in this poll cycle: record the fault, set the state of the board and,
- * while streaming, increment `counter` as the outcome of its poll and continue with the next board. */
+/* End the turn of a board that cannot be polled in this poll cycle: record the fault, set the state (2 bits) of the
+ * board and, while streaming, increment `counter` as the outcome of its poll and continue with the next board. */
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault,
                      uint8_t state)
 {

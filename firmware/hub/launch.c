@@ -24,7 +24,9 @@ static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_sl
 }
 
 /* Start the I2C transfer of a job (`kind`: enum taxel_job_kind) into the buffer at hub->job.pool_offset and set its
- * time limit. Writes hub->job.write_bytes first; pass-through and settings are written from other buffers. */
+ * time limit. Writes hub->job.write_bytes first; pass-through and settings are written from other buffers. Settings are
+ * read behind the identity, with which they form one BOARD_INFO frame. A compact snapshot is read together with its
+ * length byte, which goes into the byte before the buffer. */
 void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -120,15 +122,16 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
     return true;
 }
 
-/* Start the write of the board's scan settings with their CRC-32, which covers the I2C address and the settings, so
- * that a board rejects settings meant for another one. */
+/* Start the write of the board's scan settings with their CRC-32, which covers the I2C address, the front end unless it is
+ * 0, and the settings, so that a board rejects settings for another board or another converter. */
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
     uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
     bytes[0] = TAXEL_REGISTER_SETTINGS;
     taxel_scan_settings_pack(&board->settings, bytes + 1);
-    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
+    const uint8_t tag[2] = {board->address, board->front_end};
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, tag, tag[1] ? 2 : 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
     taxel_put_u32(bytes + 1 + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32, crc);
     hub->job.write_size = (uint8_t)(1u + TAXEL_SETTINGS_REGISTER_SIZE);
     board->pointer_is_snapshot = false;

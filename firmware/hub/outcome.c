@@ -97,7 +97,7 @@ bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
     if (board->attempts >= RETRIES) {
         return false;
     }
-    board->attempts = (board->attempts + 1u) & 3u;
+    board->attempts = (board->attempts + 1u) & 3u; /* a bit field of 2 bits */
     board->retries++;
     board->retry_pending = true;
     hub->has_retry = true;
@@ -149,7 +149,7 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
         taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         return;
     }
-    board->attempts = RETRIES;
+    board->attempts = RETRIES; /* a failed probe is not repeated in this cycle */
     finish_failed_poll(hub, board, result);
 }
 

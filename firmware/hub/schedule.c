@@ -281,7 +281,7 @@ void taxel_hub_start_streaming(struct taxel_hub *hub)
     hub->streaming = true;
     hub->report.next_us = taxel_hub_now(hub);
     if (hub->cycle.stage != TAXEL_STAGE_WAIT && hub->cycle.position) {
-        hub->cycle.number++; /* STOP interrupted the last cycle: the next frames show another time */
+        hub->cycle.number++; /* STOP interrupted the last cycle: later frames must have another number */
     }
     begin_cycle(hub);
 }
@@ -400,6 +400,7 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
     }
     const size_t largest = taxel_hub_read_max(hub);
     const size_t small = SMALL_READ < largest ? SMALL_READ : largest;
+    /* taxel_hub_uart_is_stalled() updates the state of the UART, on which the search depends: search again after it. */
     if (!taxel_hub_find_buffer(hub, small) && !(taxel_hub_uart_is_stalled(hub) && taxel_hub_find_buffer(hub, small))) {
         taxel_hub_wake_in(hub, TAXEL_HUB_SPACE_POLL_US);
         return;

@@ -38,7 +38,7 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->started_us = hub->job.started_us;
     unframed->slot = hub->job.slot;
     unframed->pool_offset = hub->job.pool_offset;
-    unframed->type = type & 0x7Fu;
+    unframed->type = type & 0x7Fu; /* a bit field of 7 bits; frames to the host have smaller types */
     unframed->is_checked = false;
 }
 

@@ -104,7 +104,7 @@ static void accept_key_frame(struct taxel_sensor *sensor)
     }
     if (compact->pending.is_packed) {
         compact->updates = 1;
-        compact->usual_size = UINT16_MAX;
+        compact->usual_size = UINT16_MAX; /* unknown: the first encoded delta frame sets it */
     } else if (compact->updates < TAXEL_COMPACT_UPDATES_MAX) {
         compact->updates++;
     }
@@ -191,7 +191,7 @@ static bool needs_key_frame(struct taxel_compact *compact)
 static void update_usual_size(struct taxel_compact *compact, size_t size)
 {
     const uint16_t now = (uint16_t)(16u * size); /* in sixteenths of a byte, as usual_size */
-    compact->is_size_raised = 8u * now > 9u * (uint32_t)compact->usual_size + 256u;
+    compact->is_size_raised = 8u * now > 9u * (uint32_t)compact->usual_size + 256u; /* 256: 8 times 2 bytes */
     if (now < compact->usual_size) {
         compact->usual_size = now;
     } else {
@@ -199,8 +199,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC, or 0 without a usable key frame or if a
- * packed frame (`packed_size` bytes) is not longer. */
+/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC. Returns 0 without a key frame, with a key
+ * frame more than ELAPSED_MAX old, or if a packed frame (`packed_size` bytes) is not longer. */
 static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
                          const uint8_t *counts, size_t packed_size, uint8_t *bytes)
 {
@@ -237,7 +237,8 @@ static void pack_snapshot(const struct taxel_sensor *sensor, const struct taxel_
 }
 
 /* Add length byte, padding and CRC to the `size` bytes of a compact snapshot in `buffer`; returns the id of the
- * snapshot, the low half of the CRC. */
+ * snapshot, the low half of the CRC. Large snapshots are padded to a multiple of TAXEL_COMPACT_LENGTH_STEP, so that one
+ * byte can state every length. */
 static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *buffer, size_t size)
 {
     size_t length = size + CRC_SIZE;
@@ -268,7 +269,8 @@ static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, 
 }
 
 /* Discard the key frame, because a delta frame would be longer than a packed frame. If the key frame had few updates,
- * its initial scale (expected spread of the counts) was too small, and the next key frame begins with a larger one. */
+ * its initial scale (expected spread of the counts) was too small, and the next key frame begins with the next of the
+ * four scales, after the largest with the smallest; otherwise with the smallest. */
 static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;

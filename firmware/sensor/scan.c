@@ -12,6 +12,12 @@ bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
            settings->idac_code >= 1u;
 }
 
+bool taxel_front_end_accepts(const struct taxel_sensor_hal *hal, const struct taxel_scan_settings *settings)
+{
+    return hal->front_end_accepts ? hal->front_end_accepts(hal->context, settings)
+                                  : taxel_scan_settings_are_valid(settings);
+}
+
 /* Return whether crossing number `crossing` (tx * columns + rx) of the board carries a taxel. */
 static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
 {

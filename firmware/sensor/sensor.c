@@ -34,7 +34,7 @@ static bool config_is_valid(const struct taxel_sensor_config *config)
            config->columns <= TAXEL_LINES_MAX && config->taxel_count >= 1u && config->taxel_count <= TAXEL_TAXELS_MAX &&
            config->address >= TAXEL_ADDRESS_MIN && config->address <= TAXEL_ADDRESS_MAX &&
            count_bits(config->crossing_map) == config->taxel_count && map_fits(config) &&
-           taxel_scan_settings_are_valid(&config->settings);
+           taxel_front_end_accepts(config->hal, &config->settings);
 }
 
 /* Write the identity register with its CRC-32. The register-map version is the lower one if the board has no compact

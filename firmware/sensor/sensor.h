@@ -72,6 +72,9 @@ struct taxel_sensor_config {
     /* enum taxel_reset_cause of the last reset. Reported in the status. */
     uint8_t reset_cause;
 
+    /* enum taxel_front_end: kind of converter, which defines the meaning of the scan settings. Reported in the status. */
+    uint8_t front_end;
+
     /* Major, minor, patch, each 0 to 255. */
     uint8_t firmware_version[3];
 
@@ -181,6 +184,9 @@ void taxel_scan_latch(struct taxel_sensor *sensor);
 enum taxel_scan_progress taxel_scan_check(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
+
+/* Return whether the converter of the board accepts scan settings. */
+bool taxel_front_end_accepts(const struct taxel_sensor_hal *hal, const struct taxel_scan_settings *settings);
 
 /* Compact snapshots (compact.c). taxel_sensor_run() is called from the main loop after interrupts;
  * taxel_sensor_has_work() returns whether it has work now. */

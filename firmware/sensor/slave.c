@@ -28,6 +28,7 @@ static void fill_status(struct taxel_sensor *sensor)
         .snapshot_reads = sensor->slave.snapshot_reads,
         .bus_errors = sensor->slave.bus_errors,
         .rejected_writes = sensor->slave.rejected_writes,
+        .front_end = sensor->config->front_end,
         .saturated_conversions = sensor->scan.saturated_conversions,
     };
     taxel_status_pack(&status, sensor->slave.shadow);
@@ -125,6 +126,13 @@ static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
     sensor->error_flags |= flag;
 }
 
+/* Compute the CRC-32 of a write of scan settings: it also covers the front end for which they are, unless that is 0. */
+static uint32_t written_settings_crc(const struct taxel_sensor *sensor, const uint8_t *bytes)
+{
+    const uint8_t tag[2] = {sensor->config->address, sensor->config->front_end};
+    return taxel_crc32(taxel_crc32(0, tag, tag[1] ? 2 : 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
+}
+
 /* Accept the scan settings written to register SETTINGS if length, range and CRC are correct; otherwise count a
  * rejected write. Accepted settings take effect at the start of the next scan. */
 static void write_settings(struct taxel_sensor *sensor)
@@ -132,8 +140,9 @@ static void write_settings(struct taxel_sensor *sensor)
     const uint8_t *bytes = sensor->slave.write_bytes;
     struct taxel_scan_settings settings;
     taxel_scan_settings_unpack(&settings, bytes);
-    if (sensor->slave.written != TAXEL_SETTINGS_REGISTER_SIZE || !taxel_scan_settings_are_valid(&settings) ||
-        taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32) != settings_crc(sensor, bytes)) {
+    if (sensor->slave.written != TAXEL_SETTINGS_REGISTER_SIZE ||
+        !taxel_front_end_accepts(sensor->config->hal, &settings) ||
+        taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32) != written_settings_crc(sensor, bytes)) {
         reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_SETTINGS_REJECTED);
         return;
     }

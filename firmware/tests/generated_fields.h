@@ -323,6 +323,7 @@ static const struct field set_scan_settings_arguments_fields[] = {
     {"settings_modulator_clock_divider", offsetof(struct taxel_set_scan_settings_arguments, settings_modulator_clock_divider), 1, 0},
     {"settings_idac_code", offsetof(struct taxel_set_scan_settings_arguments, settings_idac_code), 1, 0},
     {"settings_settle_cycles", offsetof(struct taxel_set_scan_settings_arguments, settings_settle_cycles), 2, 0},
+    {"front_end", offsetof(struct taxel_set_scan_settings_arguments, front_end), 1, 0},
 };
 static void set_scan_settings_arguments_pack(const void *value, uint8_t *bytes)
 {
@@ -410,7 +411,8 @@ static const struct field status_fields[] = {
     {"snapshot_reads", offsetof(struct taxel_status, snapshot_reads), 4, 0},
     {"bus_errors", offsetof(struct taxel_status, bus_errors), 2, 0},
     {"rejected_writes", offsetof(struct taxel_status, rejected_writes), 2, 0},
-    {"reserved", offsetof(struct taxel_status, reserved), 2, 0},
+    {"front_end", offsetof(struct taxel_status, front_end), 1, 0},
+    {"reserved", offsetof(struct taxel_status, reserved), 1, 0},
     {"saturated_conversions", offsetof(struct taxel_status, saturated_conversions), 2, 0},
 };
 static void status_pack(const void *value, uint8_t *bytes)

@@ -5,7 +5,7 @@
 #include "bootloader/bootloader.h"
 #include "fake_flash.h"
 
-#define BENCH_IMAGE_MAX (104u * TAXEL_BOOT_ROW_SIZE)
+#define BENCH_IMAGE_MAX (110u * TAXEL_BOOT_ROW_SIZE)
 #define BENCH_NO_SLOT 0xFF
 #define BENCH_NO_REPLY 0x100
 #define BENCH_NOT_A_PACKET 0x101

@@ -3,7 +3,8 @@
 #include "test_bootloader_bench.h"
 
 #define FIRST_A 32u
-#define FIRST_B 128u
+#define FIRST_B 142u
+#define SLOT_ROWS 110u
 
 static struct bench bench;
 static struct bench_image image_a, image_b;
@@ -181,7 +182,7 @@ static void only_the_free_slot_is_written(void)
         unsigned expected = TAXEL_BOOT_STATUS_ROW_PROTECTED;
         if (row >= FIRST_A && row < FIRST_B) {
             expected = TAXEL_BOOT_STATUS_ACTIVE;
-        } else if (row >= FIRST_B && row < FIRST_B + 96u) {
+        } else if (row >= FIRST_B && row < FIRST_B + SLOT_ROWS) {
             expected = TAXEL_BOOT_STATUS_OK;
         } else if (row >= TAXEL_BOOT_ROW_COUNT) {
             expected = TAXEL_BOOT_STATUS_ROW;
@@ -192,7 +193,7 @@ static void only_the_free_slot_is_written(void)
     }
     CHECK_EQUAL(bench.forbidden_writes, 0);
     for (unsigned row = 0; row < TAXEL_BOOT_ROW_COUNT; row++) {
-        const bool is_free = row >= FIRST_B && row < FIRST_B + 96u;
+        const bool is_free = row >= FIRST_B && row < FIRST_B + SLOT_ROWS;
         CHECK_EQUAL(bench.flash.wear[row], is_free ? 2 : row == TAXEL_BOOT_METADATA_ROW ? 1 : 0);
     }
     CHECK(bench_holds(&bench, &image_a));
@@ -204,7 +205,7 @@ static void flash_size_reports_the_rows_of_the_free_slot(void)
     enter();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_FLASH_SIZE, array, 1), TAXEL_BOOT_STATUS_OK);
     CHECK_EQUAL(taxel_get_u16(bench.reply), FIRST_B);
-    CHECK_EQUAL(taxel_get_u16(bench.reply + 2), FIRST_B + 95u);
+    CHECK_EQUAL(taxel_get_u16(bench.reply + 2), FIRST_B + SLOT_ROWS - 1u);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_FLASH_SIZE, array + 1, 1), TAXEL_BOOT_STATUS_ARRAY);
 }
 

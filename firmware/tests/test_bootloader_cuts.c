@@ -249,7 +249,7 @@ static void images_that_fill_their_slots_survive_any_cut(void)
     static const struct {
         const struct taxel_boot_layout *layout;
         unsigned rows;
-    } devices[] = {{&taxel_boot_layout_board, 96}, {&taxel_boot_layout_hub, 104}};
+    } devices[] = {{&taxel_boot_layout_board, 110}, {&taxel_boot_layout_hub, 110}};
     for (unsigned i = 0; i < 2; i++) {
         prepare(devices[i].layout, 0, devices[i].rows);
         const unsigned operations = count_operations();

@@ -91,7 +91,7 @@ static void program_random_row(void)
     }
     bench.checksum = bench.boot.checksum;
     (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SYNC, NULL, 0);
-    (void)bench_program_row(&bench, (uint16_t)(random_below(2) ? first + random_below(96) : random_below(260)), bytes);
+    (void)bench_program_row(&bench, (uint16_t)(random_below(2) ? first + random_below(110) : random_below(260)), bytes);
 }
 
 /* Execute one random action on the board: a packet, a programmed row, an update, a planned power cut, a reset, or

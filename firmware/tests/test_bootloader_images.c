@@ -85,7 +85,7 @@ static void if_the_confirmed_image_is_damaged_the_previous_one_is_tried(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
-    bench.flash.bytes[128u * 128u + 200u] ^= 1u;
+    bench.flash.bytes[142u * 128u + 200u] ^= 1u;
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
@@ -104,7 +104,7 @@ static void a_previous_image_that_confirms_itself_starts_after_every_reset(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
-    bench.flash.bytes[128u * 128u + 200u] ^= 1u;
+    bench.flash.bytes[142u * 128u + 200u] ^= 1u;
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 0);
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 0), 0);
     for (unsigned i = 0; i < 5; i++) {
@@ -180,8 +180,8 @@ static void an_image_with_a_wrong_header_does_not_start(void)
     for (uint32_t length = 0; length < 48; length++) {
         CHECK_EQUAL(starts_with(12, length, 4), length >= 40u && length % 4u == 0);
     }
-    CHECK(starts_with(12, 12288, 4));
-    CHECK(!starts_with(12, 12292, 4));
+    CHECK(starts_with(12, 14080, 4));
+    CHECK(!starts_with(12, 14084, 4));
     CHECK(!starts_with(12, 0xFFFFFFFCu, 4));
     for (uint32_t vectors = start; vectors < start + 400u; vectors++) {
         set_up();

@@ -56,7 +56,7 @@ static void images_built_in_python_start(void)
     bench_settle(&bench);
     CHECK_EQUAL(bench.running, 0);
     bench_init(&bench, &taxel_boot_layout_hub, 1);
-    memcpy(bench.flash.bytes + 136u * 128u, image_b, sizeof image_b);
+    memcpy(bench.flash.bytes + 142u * 128u, image_b, sizeof image_b);
     bench_settle(&bench);
     CHECK_EQUAL(bench.running, 1);
 }

@@ -74,7 +74,7 @@ static void wrong_lengths_and_unknown_commands_are_rejected(void)
                  {TAXEL_COMMAND_SET_RATE, 4, 4},
                  {TAXEL_COMMAND_SCAN_BUS, 0, 0},
                  {TAXEL_COMMAND_I2C_TRANSFER, 2, 66},
-                 {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
+                 {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 10},
                  {TAXEL_COMMAND_REBOOT, 0, 0},
                  {TAXEL_COMMAND_GET_STATUS, 0, 0},
                  {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},

@@ -39,6 +39,64 @@ static int set_settings(uint8_t address, const struct taxel_scan_settings *setti
     return fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments);
 }
 
+#define OTHER_FRONT_END 0x81u
+static const struct taxel_scan_settings for_other_front_end = {0, 0, 0, 0, 7};
+
+/* Accept all settings, as a converter whose limits differ from those of CapSense; HAL function of a board. */
+static bool accept_all(void *context, const struct taxel_scan_settings *settings)
+{
+    (void)context;
+    (void)settings;
+    return true;
+}
+
+/* Send SET_SCAN_SETTINGS for the second board with a front end, or without one if it is 0. Returns the status. */
+static int set_settings_for(uint8_t front_end, const struct taxel_scan_settings *settings)
+{
+    uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {FIRST + 1};
+    taxel_scan_settings_pack(settings, arguments + 1);
+    arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_FRONT_END] = front_end;
+    return fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments - !front_end);
+}
+
+/* Give the second board another converter. */
+static void exchange_front_end(void)
+{
+    sensors[1].config.front_end = OTHER_FRONT_END;
+    sensors[1].hal.front_end_accepts = accept_all;
+}
+
+static void settings_reach_only_boards_with_their_front_end(void)
+{
+    begin(true);
+    CHECK_EQUAL(set_settings_for(OTHER_FRONT_END, &good), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+    CHECK_EQUAL(set_settings_for(0, &good), 0);
+    exchange_front_end();
+    CHECK_EQUAL(set_settings_for(0, &good), 0); /* the board already has these settings, which the hub reads back */
+    CHECK_EQUAL(set_settings_for(0, &for_other_front_end), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+    CHECK_EQUAL(set_settings_for(0x82, &for_other_front_end), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+    CHECK_EQUAL(set_settings_for(OTHER_FRONT_END, &for_other_front_end), 0);
+    fake_scan(&sensors[1], 1);
+    CHECK_EQUAL(sensors[1].front_end.settle_cycles, 7);
+    CHECK_EQUAL(fake_status(&sensors[1]).front_end, OTHER_FRONT_END);
+    end();
+}
+
+static void settings_of_another_front_end_are_written_again_after_a_restart(void)
+{
+    begin(true);
+    exchange_front_end();
+    CHECK_EQUAL(set_settings_for(OTHER_FRONT_END, &for_other_front_end), 0);
+    fake.devices[1].unplugged = true;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_EQUAL(fake_sensor_boot(&sensors[1]), 0);
+    fake.devices[1].unplugged = false;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    fake_scan(&sensors[1], 1);
+    CHECK_EQUAL(sensors[1].front_end.settle_cycles, 7);
+    end();
+}
+
 /* Send the command GET_BOARD_INFO for one board (0: all). Returns the status of the reply. */
 static int get_board_info(uint8_t address)
 {
@@ -207,6 +265,8 @@ int main(void)
     RUN(settings_are_written_to_all_boards);
     RUN(settings_for_an_unknown_board_are_rejected);
     RUN(settings_that_the_board_rejects_are_reported);
+    RUN(settings_reach_only_boards_with_their_front_end);
+    RUN(settings_of_another_front_end_are_written_again_after_a_restart);
     RUN(an_earlier_rejection_does_not_affect_a_later_command);
     RUN(rejected_settings_are_not_written_again_after_a_restart);
     RUN(a_lost_write_of_settings_is_reported);

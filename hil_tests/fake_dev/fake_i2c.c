@@ -27,7 +27,8 @@ static struct {
     uint16_t address;
 } fds[FDS_MAX];
 
-/* Connect to the bench if `path` is the emulated device. Returns the socket, -1 with errno if the bench cannot be
+/* Connect to the bench if `path` is the emulated device, which the environment variable FAKE_I2C names together with
+ * the bench's socket ("DEVICE=SOCKET"). Returns the socket, -1 with errno if the bench cannot be
  * reached, or -2 for any other file. */
 static int connect_if_emulated(const char *path)
 {
@@ -74,7 +75,8 @@ static int receive_all(int fd, void *bytes, size_t size)
     return !size || recv(fd, bytes, size, MSG_WAITALL) == (ssize_t)size ? 0 : -1;
 }
 
-/* Execute an I2C transfer of `count` messages on the bench. Returns 0, or -1 with errno as the kernel. */
+/* Execute an I2C transfer of `count` messages on the bench: send address, flags, length and written bytes of each
+ * message, then receive the error number and the read bytes. Returns 0, or -1 with errno as the kernel. */
 static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
 {
     int32_t error = EIO;

@@ -33,10 +33,10 @@ class KnownCounts:
     """
 
     def __init__(self, rig: Rig, seed: int = 1) -> None:
-        """Set the first known raw counts on the boards of an emulated rig.
+        """Set the first known raw counts on the boards of an emulated rig: base + `STEP_COUNTS` * `step`.
 
-        seed: seed of the random base count of each taxel. `step` counts how often the raw counts have been
-        increased since.
+        seed: seed of the base count of each taxel, a constant plus a random number below `STEP_COUNTS`. The remainder
+        of a count modulo `STEP_COUNTS` therefore identifies its taxel. `step`: number of increases since, from 0.
         """
         assert rig.counts is not None
         self._source, self._hand = rig.counts, rig.hand
@@ -52,6 +52,8 @@ class KnownCounts:
     def check_frame(self, frame: TaxelFrame) -> None:
         """Check that all counts of a taxel frame were set by the test, for these taxels, during one scan. Fails
         otherwise.
+
+        The count of a taxel is its base + `STEP_COUNTS` * step; the step may increase by 1 during a scan.
         """
         board = f"board 0x{frame.address:02X}"
         base = self._base[self._hand.get_slice(frame.address)]

@@ -72,7 +72,11 @@ class Rig:
 
 
 def get_abilities(description: RigDescription) -> set[str]:
-    """Determine the abilities of a rig from its file, before a device is opened."""
+    """Determine the abilities of a rig from its file, before a device is opened.
+
+    A virtual rig has all abilities, except some if it executes ARM images, and some if it has a Linux hub. Another rig
+    has the abilities that its devices provide.
+    """
     if description.is_virtual:
         missing = NATIVE_WORLD_ABILITIES if description.executed else frozenset()
         return set(ABILITIES) - missing - (HUB_BOARD_ABILITIES if has_linux_hub(description) else frozenset())

@@ -8,6 +8,7 @@ from typing import Any, Final
 from hil_tests.harness.drivers import RegisteredDriver, list_driver_names, load_driver
 from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
+from hil_tests.harness.parts import PARTS
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
 from taxel.hand.errors import format_path, format_value
@@ -35,7 +36,7 @@ class RigDescription:
 
     `devices`: by name, in the order in which they are opened, with the default drivers of devices that the file does
     not name. `world`: settings of the emulated world. `executed`: addresses of the boards whose images are executed as
-    ARM code; 0 is the hub.
+    ARM code; 0 is the hub. `part`: their microcontroller, a key of `PARTS`.
     """
 
     path: Path
@@ -44,6 +45,7 @@ class RigDescription:
     devices: Mapping[str, Device]
     world: Mapping[str, Any]
     executed: tuple[int, ...] = ()
+    part: str = "psoc4200"
 
     @property
     def is_virtual(self) -> bool:
@@ -70,7 +72,7 @@ def load_rig(name: str) -> RigDescription:
 def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
     """Check the content of a rig file and build its description. Raises `RigError` with a one-line message."""
     hand_name = _read_field(path, table, "hand", str)
-    keys = {"name", "hand", "world", "executed"} | INTERFACES.keys()
+    keys = {"name", "hand", "world", "executed", "part"} | INTERFACES.keys()
     for key in table:
         if key not in keys:
             raise RigError(f"rig {path}: {format_value(key)} is unknown; expected one of {', '.join(sorted(keys))}")
@@ -80,7 +82,7 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
     is_virtual = named["uart"].driver.is_virtual
     if any(device.driver.is_virtual != is_virtual for device in named.values()):
         raise RigError(f"rig {path}: virtual and physical drivers are mixed; use drivers of one kind")
-    for key in ("world", "executed"):
+    for key in ("world", "executed", "part"):
         if table.get(key) and not is_virtual:
             raise RigError(f"rig {path}: '{key}' applies to virtual rigs only; remove it")
     hand = load_hand(path.parent / hand_name if hand_name.endswith(".toml") else hand_name)
@@ -91,6 +93,7 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
         devices=_add_defaults(named, is_virtual),
         world=_read_world(path, table.get("world", {})),
         executed=_read_executed(path, table.get("executed", []), {board.address for board in hand.boards}),
+        part=_read_part(path, table.get("part", "psoc4200")),
     )
 
 
@@ -137,6 +140,13 @@ def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple
         if isinstance(address, bool) or not isinstance(address, int) or address not in board_addresses | {HUB}:
             raise RigError(expected)
     return addresses
+
+
+def _read_part(path: Path, part: Any) -> str:
+    """Check the entry `part` of a rig file. Raises `RigError` for another microcontroller than those of `PARTS`."""
+    if part not in PARTS:
+        raise RigError(f"rig {path}: part = {format_value(part)}; expected {' or '.join(PARTS)}")
+    return str(part)
 
 
 def _read_device(path: Path, device: str, table: Any) -> Device:

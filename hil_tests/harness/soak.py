@@ -216,7 +216,7 @@ class Soak:
 
     def _process_restart(self) -> None:
         """Process a restart of the hub: read the time at which it booted from the log of faults, and repeat the
-        handshake.
+        handshake. The last numbers of each board become -1: unknown, because the hub counts from 0 again.
         """
         for event in self.world.read_faults(self._n_events_read):
             self._n_events_read += 1
@@ -251,7 +251,11 @@ class Soak:
             self.report.wrong += len(np.unique(np.searchsorted(ends, np.flatnonzero(is_wrong), side="right")))
 
     def _check_gap(self, address: int, cycle: int, sequence: int, hub_time_us: int) -> None:
-        """Compare a frame with the previous frame of its board and explain the missing frames between them."""
+        """Compare a frame with the previous frame of its board and explain the missing frames between them.
+
+        cycle: poll cycle of the hub; sequence: number of the board's scan, both modulo 65536. A frame is missing only
+        if both numbers are skipped, because a poll without a new scan gives no frame.
+        """
         time_s = self._convert_hub_time(hub_time_us)
         before = self._last.get(address)
         self._last[address] = (cycle, sequence, time_s)

@@ -53,11 +53,13 @@ class SkinMachine(RuleBasedStateMachine):
     def power_up(self, seed: int, clocks: float, baud: float) -> None:
         """Initial step of the state machine: create the emulated skin, set known raw counts, and start the stream.
 
-        seed: seed of noise and counts. clocks: spread of the clock errors of the boards, in ppm. baud: UART rate.
+        seed: seed of noise and counts. clocks: spread of the clock errors of the boards, in ppm. baud: UART rate, bits
+        per second. `world.run` takes seconds of virtual time; the boards start in the first 0.06 s.
         """
         settings = WorldSettings(seed=seed, clock_spread_ppm=clocks, baud=baud, usb_latency_ms=1.0)
         self.world = VirtualWorld(format_world(HAND, settings), counts=True)
         self.host = NonBlockingHost(VirtualMemoryLink(self.world, baud))
+        # Random base counts below a step; each step of `change_counts` adds STEP_COUNTS to the counts of all taxels.
         self.base = np.random.default_rng(seed).integers(1, STEP_COUNTS, TAXELS) + LARGEST_BASE
         self.step = 0
         self.has_uart_fault = False  # frames may be lost between hub and host
@@ -185,6 +187,9 @@ class SkinMachine(RuleBasedStateMachine):
     def _check_frame(self, frame: TaxelFrame) -> None:
         """Check that a frame contains raw counts that were set, that are not from the future, and that are scanned
         in order.
+
+        Counts that were set are the base count of the taxel plus a multiple of `STEP_COUNTS`; the multiple is the
+        number of the step, from which the time of the count follows.
         """
         base = self.base[HAND.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
@@ -224,7 +229,7 @@ class SkinMachine(RuleBasedStateMachine):
     def _recover(self) -> None:
         """End all injected faults, and check that all boards stream with correct counts afterwards."""
         assert self.world is not None
-        for address in ADDRESSES:
+        for address in ADDRESSES:  # the parameter 0 (default of `_inject`) ends a fault
             for fault in ("plug", "corrupt", "nack", "hold_sda", "hold_scl", "stretch"):
                 self._inject(fault, address)
         self._inject("mute_host", 0, 0)
@@ -233,7 +238,7 @@ class SkinMachine(RuleBasedStateMachine):
         self.world.send(bytes(FLUSH_BYTES))  # armed faults of bytes to the hub take effect on these bytes
         self.world.run(0.1)
         self.start_stream()
-        self.host.send_command(Command.SET_RATE, bytes(4))
+        self.host.send_command(Command.SET_RATE, bytes(4))  # period 0: as fast as the bus allows
         self.host.read_frames()
         self.world.run(0.6)  # armed faults of bytes from the hub take effect on these frames
         self.start_stream()

@@ -22,9 +22,6 @@ BOOT_ROW_SIZE = 128
 BOOT_ROW_COUNT = 256
 """Rows of the PSoC 4200's one flash array: 32,768 bytes."""
 
-BOOT_BOOTLOADER_ROWS = 32
-"""Rows of the bootloader: 4 KiB from address 0."""
-
 BOOT_CONFIGURATION_ROW = 252
 BOOT_METADATA_ROW = 254
 """First of the two rows of each record; the rows are written alternately."""
@@ -51,6 +48,9 @@ BOOT_SILICON_ID = 0x04C81193
 BOOT_SILICON_ID_16K = 0x04FA1193
 """Silicon id that a bootloader for 16 KiB of flash reports: that of a CY8C4244AXI-443. The id of the CY8C4244AZI-443 in
 the 48-TQFP package is not published (confirm)."""
+
+BOOT_SILICON_ID_64K = 0x1B2511AB
+"""Silicon id of a CY8C4146AXI-S433 (PSoC 4100S): manufacturer's device header."""
 
 BOOT_PACKET_START = 0x01
 BOOT_PACKET_END = 0x17
@@ -108,12 +108,19 @@ class BootStatus(IntEnum):
 class BootDevice(IntEnum):
     """Device on which a firmware image runs.
 
-    BOARD_16K: a sensor board whose part has 16 KiB of flash, with one slot.
+    BOARD_16K: a sensor board whose part has 16 KiB of flash, with one slot. BOARD_64K, HUB_64K: a sensor board or a hub
+    with a PSoC 4100S, which has 64 KiB.
     """
 
     BOARD = 1
     HUB = 2
     BOARD_16K = 3
+    BOARD_64K = 4
+    HUB_64K = 5
+
+
+HUBS = (BootDevice.HUB, BootDevice.HUB_64K)
+"""Devices that are a hub; the others are sensor boards."""
 
 
 class BootChecksum(IntEnum):
@@ -254,7 +261,8 @@ WriteConfigurationArguments = Struct(
 class FlashLayout:
     """Use of the flash rows of a device.
 
-    first_rows: first row of each slot for a firmware image, of A and of B; a part with 16 KiB has slot A only.
+    first_rows: first row of each slot for a firmware image, of A and of B; a part with 16 KiB has slot A only. The
+    bootloader has the rows before slot A.
     slot_rows: rows of each slot. row_count: rows of the flash; the last four contain configuration and metadata.
     silicon_id: the id that the bootloader reports.
     """
@@ -264,6 +272,11 @@ class FlashLayout:
     slot_rows: int
     row_count: int = BOOT_ROW_COUNT
     silicon_id: int = BOOT_SILICON_ID
+
+    @property
+    def bootloader_rows(self) -> int:
+        """Return the number of rows of the bootloader, from row 0 on."""
+        return self.first_rows[0]
 
     @property
     def slot_size(self) -> int:
@@ -286,9 +299,11 @@ class FlashLayout:
 
 
 LAYOUTS = {
-    BootDevice.BOARD: FlashLayout(BootDevice.BOARD, (32, 128), 96),
-    BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 136), 104),
+    BootDevice.BOARD: FlashLayout(BootDevice.BOARD, (32, 142), 110),
+    BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 142), 110),
     BootDevice.BOARD_16K: FlashLayout(BootDevice.BOARD_16K, (32,), 92, 128, BOOT_SILICON_ID_16K),
+    BootDevice.BOARD_64K: FlashLayout(BootDevice.BOARD_64K, (64, 286), 222, 512, BOOT_SILICON_ID_64K),
+    BootDevice.HUB_64K: FlashLayout(BootDevice.HUB_64K, (64, 286), 222, 512, BOOT_SILICON_ID_64K),
 }
-"""Flash layout of each device: two slots of 12 KiB on a board, two of 13 KiB on the hub, one of 11.5 KiB on a board
-with 16 KiB of flash."""
+"""Flash layout of each device: a bootloader of 4 KiB (8 KiB on a part with 64 KiB), then the slots, then the records.
+Two slots of 13.75 KiB on a part with 32 KiB, two of 27.75 KiB with 64 KiB, one of 11.5 KiB with 16 KiB."""

@@ -37,7 +37,7 @@ def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, in
         "reserved_b": bytes(8),
         "crc32": 0,
     }
-    front = pack(ImageHeader, values)[:28]
+    front = pack(ImageHeader, values)[:28]  # the header without its last field, the CRC over header and program
     return front + crc32(front + padded).to_bytes(4, "little") + padded
 
 
@@ -50,5 +50,6 @@ def build_record(magic: int, sequence: int, content: bytes) -> bytes:
         raise ValueError(f"a record has at most 112 bytes of content, not {len(content)}")
     front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))
     row = front + crc32(front).to_bytes(4, "little")
+    # The last word is 1 if all words before it add up to 0: the flash does not reliably store a row with the sum 0.
     words = sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4))
     return row + int(words % 2**32 == 0).to_bytes(4, "little")

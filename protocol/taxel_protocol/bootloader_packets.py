@@ -92,7 +92,7 @@ def find_unique_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[b
         ones, zeros = (int.from_bytes(fields[name], "big") for name in ("unique_id", "complement"))
         if ones & zeros:
             raise ValueError(f"the reply to a search sets the same bit in id and complement: {reply.hex()}")
-        differing = ~(ones | zeros) & (2**64 - 1)
+        differing = ~(ones | zeros) & (2**64 - 1)  # bits that are 0 in id and complement
         if not differing:
             if bits < 64:
                 open_prefixes.append((64, fields["unique_id"]))
@@ -104,6 +104,7 @@ def find_unique_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[b
             raise ValueError(
                 f"boards differ in bit {split} although they agree in the first {bits} bits: {reply.hex()}"
             )
+        # Continue with both values of bit `split`, after the bits in which all boards of this set agree.
         common = ones & ~(2 ** (64 - split) - 1)
         open_prefixes += [(split + 1, (common | half).to_bytes(8, "big")) for half in (1 << (63 - split), 0)]
     return unique_ids

@@ -59,6 +59,7 @@ class Taxel:
 
         The scale is the predicted spread of the counts. The result is truncated towards zero.
         """
+        # The level has 64 steps per octave: bits 3 to 5 select the factor 2^(-j/8), and `octave` is the power of two.
         size = abs(difference) * t.COMPACT_MULTIPLIERS[(self.level >> 3) & 7] >> self.octave
         return size if difference >= 0 else -size
 
@@ -81,6 +82,7 @@ class Taxel:
 
         The upper bits of a count are the bits above its `raw_bits` low bits. Unit: 2^-16 of the probability.
         """
+        # From half a count (32/64) below the smallest of these counts, relative to the mean, in 64ths of a count.
         edge = (symbol << (self.raw_bits + 6)) - 32 - self.mean
         first = self.cumulative(edge)
         return first, self.cumulative(edge + (64 << self.raw_bits)) - first
@@ -97,6 +99,8 @@ class Taxel:
             step, level = abs(difference), self.level
         else:
             step = (abs(difference) * gain + 128) >> 8
+            # Deviation of the scale that this count alone suggests, in 1024ths of the scale; a deviation of 1 changes
+            # the level (64 per octave) by COMPACT_LEVEL_STEP = 64 / ln 2. Additions before >> round to nearest.
             excess = (min(size, t.COMPACT_CLIP) * t.COMPACT_MEAN_DEVIATION >> 10) - 1024
             level_step = (abs(excess) * gain * t.COMPACT_LEVEL_STEP + (1 << 17)) >> 18
             level = self.level + level_step if excess >= 0 else self.level - level_step
@@ -111,7 +115,7 @@ def quantise(residual: int) -> int:
     """
     size = abs(residual)
     if size >= 64:
-        quarter = size.bit_length() - 3
+        quarter = size.bit_length() - 3  # a quarter of the octave of `size` has the width 2^quarter
         size = (size >> quarter << quarter) + (1 << quarter >> 1)
     return size if residual >= 0 else -size
 
@@ -170,7 +174,7 @@ class RangeEncoder:
         share = self._range >> bits
         self._low += first * share
         self._range = size * share
-        while self._range < 1 << 24:
+        while self._range < 1 << 24:  # at least 24 bits of the range are kept, for the precision of the shares
             self._low <<= 8
             self._range <<= 8
             self._shifted += 1
@@ -226,6 +230,7 @@ def encode_counts(taxels: Sequence[Taxel], counts: Sequence[int]) -> bytes:
             continue
         residual = count - taxel.centre
         exponent = abs(residual).bit_length() - 1
+        # Escape code, then exponent and sign in 5 bits, then the bits of the residual below its highest bit.
         coder.put(0, t.COMPACT_ESCAPE, t.COMPACT_TOTAL_BITS)
         coder.put(2 * exponent + (residual < 0), 1, 5)
         coder.put(abs(residual) - (1 << exponent), 1, exponent)
@@ -300,6 +305,7 @@ def encode(
     previous: key frame of the delta frame; None: a packed frame. is_key_frame: request an acknowledgement.
     """
     packed = encode_packed(address, sequence, timestamp_us, counts, is_key_frame)
+    # A delta frame contains only the lowest 24 bits of the time, in microseconds.
     if previous is None or (timestamp_us - previous.timestamp_us) % (1 << 32) >= 1 << 24:
         return packed
     coded = encode_counts(previous.taxels, counts)
@@ -361,6 +367,7 @@ def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[Key
     previous = matching[0]
     counts = decode_counts(previous.taxels, tail)
     low = int.from_bytes(head["timestamp_low"], "little")
+    # The first time after the key frame whose lowest 24 bits are `low`; the clock of a board has 32 bits.
     time = (previous.timestamp_us + (low - previous.timestamp_us) % (1 << 24)) % (1 << 32)
     return Decoded(
         head["sequence"],

@@ -175,8 +175,10 @@ TransferArguments = Struct(
 SetScanSettingsArguments = Struct(
     "address" / Int8ul,
     "settings" / ScanSettings,
+    "front_end" / Int8ul,
 )
-"""SET_SCAN_SETTINGS: address 0 selects every board."""
+"""SET_SCAN_SETTINGS: address 0 selects every board. front_end: converter for which the settings are (`names.FrontEnd`),
+CAPSENSE if the argument is missing."""
 
 GetBoardInfoArguments = Struct("address" / Int8ul)
 """GET_BOARD_INFO: address 0 selects every board; the hub sends one BOARD_INFO frame per board, then the reply."""

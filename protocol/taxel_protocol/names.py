@@ -59,6 +59,16 @@ class ReplyStatus(IntEnum):
     REJECTED_BY_BOARD = 9
 
 
+class FrontEnd(IntEnum):
+    """Kind of converter of a board, which defines the meaning of the 8 bytes of its scan settings.
+
+    CAPSENSE: mutual capacitance with a CapSense block of a PSoC 4; `registers.ScanSettings`. 0x80 to 0xFF: converters
+    of other projects.
+    """
+
+    CAPSENSE = 0
+
+
 class BoardState(IntEnum):
     """State of a board as the hub tracks it."""
 

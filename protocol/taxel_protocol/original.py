@@ -112,7 +112,10 @@ class OriginalFormat:
         object.__setattr__(self, "lengths", lengths)
 
     def _compute_length(self, address: int) -> int:
-        """Return the length of a complete message of the board at `address`, bytes."""
+        """Return the length of a complete message of the board at `address`, bytes.
+
+        A record without a frame (`record_size` above 0) has this fixed length.
+        """
         if self.record_size:
             return self.record_size
         words = self.taxels[address] + ACCELERATIONS * (address in self.accelerated)
@@ -120,7 +123,7 @@ class OriginalFormat:
 
     @property
     def counts_offset(self) -> int:
-        """Offset of the first count in a message, in bytes."""
+        """Offset of the first count in a message, in bytes; 0 in a record without a frame (`record_size` above 0)."""
         if self.record_size:
             return 0
         return HEADER_SIZE + TIMESTAMP_SIZE * self.has_timestamp
@@ -174,7 +177,8 @@ Untimed = Struct(
 def define_message(message_format: OriginalFormat, address: int) -> Construct:
     """Return the construct definition of a complete message of a board. Raises KeyError for an unknown address.
 
-    Fields: start, length, address, timestamp_ms, counts, accelerations, end, as far as the format has them.
+    Fields: start, length, address, timestamp_ms, counts, accelerations, end, as far as the format has them. A format
+    with a `record_size` has records without a frame, which consist of the counts alone.
     """
     count = Int16ub if message_format.is_big_endian else Int16ul
     counts = "counts" / Array(message_format.taxels[address], count)

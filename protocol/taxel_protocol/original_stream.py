@@ -151,7 +151,8 @@ class OriginalDecoder:
     def _match_header(self, start: int) -> int | None:
         """Return the length of the message whose header begins at `start` in the buffer.
 
-        Returns 0 if no header begins there, None if bytes are missing for the decision.
+        A header is the start byte, the length and a known address with this length. Returns 0 if no header begins
+        there, None if bytes are missing for the decision.
         """
         buffer = self._buffer
         available = len(buffer) - start
@@ -165,7 +166,9 @@ class OriginalDecoder:
     def _resolve(self, candidate: _Candidate, is_end: bool) -> bool:
         """Compare a complete candidate message with those that overlap it, and keep the better one.
 
-        is_end: the stream has ended. Returns False if bytes are missing for the comparison.
+        A candidate has evidence if its timestamp is plausible; in a format without timestamps, if the next header or
+        the end of the stream follows it directly. A candidate with evidence beats one without; of two equal ones, the
+        later is kept. is_end: the stream has ended. Returns False if bytes are missing for the comparison.
         """
         current = self._current
         if self.format.has_timestamp:

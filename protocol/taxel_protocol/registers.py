@@ -40,10 +40,12 @@ Status = Struct(
     "snapshot_reads" / Int32ul,
     "bus_errors" / Int16ul,
     "rejected_writes" / Int16ul,
-    "reserved" / Int16ul,
+    "front_end" / Int8ul,
+    "reserved" / Int8ul,
     "saturated_conversions" / Int16ul,
 )
-"""Registers 0x40..0x5B. All of them are latched at the same instant, when a read begins."""
+"""Registers 0x40..0x5B. All of them are latched at the same instant, when a read begins. front_end: a code of
+`names.FrontEnd`."""
 
 ScanSettings = Struct(
     "sub_conversions" / Int16ul,
@@ -52,16 +54,17 @@ ScanSettings = Struct(
     "idac_code" / Int8ul,
     "settle_cycles" / Int16ul,
 )
-"""How one crossing is measured. A conversion takes sub_conversions * sense_clock_divider modulator clocks, each of
-modulator_clock_divider CPU clocks, after settle_cycles CPU clocks; its largest count is sub_conversions *
-sense_clock_divider."""
+"""How one crossing is measured, on a board with the front end CAPSENSE; another front end defines its own meaning of
+the 8 bytes. A conversion takes sub_conversions * sense_clock_divider modulator clocks, each of modulator_clock_divider
+CPU clocks, after settle_cycles CPU clocks; its largest count is sub_conversions * sense_clock_divider."""
 
 SettingsRegister = Struct(
     "settings" / ScanSettings,
     "crc32" / Int32ul,
 )
-"""Registers 0x60..0x6B, read and write. crc32: of the board's address byte and the 8 bytes before it. A write takes
-effect at the stop condition, whole or not at all, from the next scan on."""
+"""Registers 0x60..0x6B, read and write. crc32: of the board's address byte and the 8 bytes before it; in a write, the
+board's front end follows the address byte unless it is 0, so that settings for another converter are rejected. A write
+takes effect at the stop condition, whole or not at all, from the next scan on."""
 
 CommandRegister = Struct(
     "command" / Int8ul,
@@ -132,7 +135,11 @@ CompactAcknowledge = Struct("key_frame" / Int16ul)
 
 
 def decode_length(length: int) -> int:
-    """Return the size in bytes of a compact snapshot from the first byte on the bus, its coded length."""
+    """Return the size in bytes of a compact snapshot from the first byte on the bus, its coded length.
+
+    A value below `COMPACT_LENGTH_FINE` is the size; above, the value minus `COMPACT_LENGTH_FINE` counts steps of
+    `COMPACT_LENGTH_STEP` bytes.
+    """
     if length < COMPACT_LENGTH_FINE:
         return length
     return COMPACT_LENGTH_STEP * (length - COMPACT_LENGTH_FINE)

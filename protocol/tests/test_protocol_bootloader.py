@@ -52,20 +52,19 @@ def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in ENUMS[name]}
 
 
-@pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB), (3, BootDevice.BOARD_16K)])
+@pytest.mark.parametrize(("column", "device"), list(enumerate(BootDevice, start=1)))
 def test_flash_table_of_the_spec_equals_the_layouts(column: int, device: BootDevice) -> None:
     layout = boot.LAYOUTS[device]
     rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in read_table("layouts")}
     ends = [first + layout.slot_rows - 1 for first in layout.first_rows]
-    assert rows["bootloader"] == [0, boot.BOOT_BOOTLOADER_ROWS - 1]
+    assert rows["bootloader"] == [0, layout.bootloader_rows - 1]
     slots = [rows["slot A"], rows["slot B"]]
     assert [slot for slot in slots if slot] == [list(slot) for slot in zip(layout.first_rows, ends, strict=True)]
-    reserved = [ends[-1] + 1, layout.configuration_row - 1]
-    assert rows["reserved"] == (reserved if reserved[0] <= reserved[1] else [])
+    assert ends[-1] + 1 == layout.configuration_row  # no row is without use
     assert rows["configuration"] == [layout.configuration_row, layout.configuration_row + 1]
     assert rows["metadata"] == [layout.metadata_row, layout.row_count - 1]
-    sizes_kib = {BootDevice.BOARD: 12, BootDevice.HUB: 13, BootDevice.BOARD_16K: 11.5}
-    assert layout.slot_size == sizes_kib[device] * 1024
+    small, large = {BootDevice.BOARD_16K: 11.5}, {BootDevice.BOARD_64K: 27.75, BootDevice.HUB_64K: 27.75}
+    assert layout.slot_size == ({device: 13.75} | small | large)[device] * 1024
 
 
 @pytest.mark.parametrize("device", [BootDevice.BOARD, BootDevice.HUB])
@@ -92,7 +91,7 @@ def test_checksums_have_their_published_values() -> None:
 @pytest.mark.parametrize("kind", [BootChecksum.SUM, BootChecksum.CRC])
 def test_parsing_a_built_packet_returns_its_content(kind: BootChecksum) -> None:
     rng = random.Random(SEED)
-    for size in range(58):
+    for size in range(58):  # a packet has at most 57 bytes of data
         data = rng.randbytes(size)
         packet = build_packet(BootCommand.SEND_DATA, data, kind)
         assert len(packet) == size + boot.BOOT_PACKET_OVERHEAD
@@ -153,9 +152,9 @@ def test_an_image_for_slot_b_of_a_device_with_one_slot_is_rejected() -> None:
 
 
 def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:
-    assert len(build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(12288 - 32))) == 12288
-    for size in (0, 4, 12288 - 31):
-        with pytest.raises(ValueError, match="an image for this slot has 40 to 12288 bytes"):
+    assert len(build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(14080 - 32))) == 14080
+    for size in (0, 4, 14080 - 31):
+        with pytest.raises(ValueError, match="an image for this slot has 40 to 14080 bytes"):
             build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(size))
 
 
@@ -181,6 +180,10 @@ def test_a_record_holds_at_most_112_bytes_of_content() -> None:
 
 
 def test_row_sum_equals_the_checksum_of_a_cyacd_line() -> None:
+    """The .cyacd file of a firmware states for each flash row the array, row number, length, bytes and checksum.
+
+    A host adds array, row number and length to the checksum, and compares the result with the row sum of the device.
+    """
     row = random.Random(SEED).randbytes(128)
     array, number = 0, 0x0123
     line = bytes([array]) + number.to_bytes(2, "big") + len(row).to_bytes(2, "big") + row
@@ -229,6 +232,7 @@ def test_every_board_at_a_shared_address_is_found(name: str) -> None:
     bus = Bus(ids)
     unique_ids = find_unique_ids(bus.send_search)
     assert [int.from_bytes(identity, "big") for identity in unique_ids] == sorted(ids)
+    # n boards take 2 n - 1 searches, and one more each as a confirmation.
     assert bus.searches <= max(1, 3 * len(ids) - 1)
 
 

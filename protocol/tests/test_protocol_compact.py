@@ -127,6 +127,7 @@ def decode_in_c(library: Any, states: list[Taxel], data: bytes) -> list[int] | N
 
 
 def test_the_cumulative_table_is_the_documented_mixture_of_normal_and_cauchy() -> None:
+    """99.5 % normal and 0.5 % Cauchy, three times as wide, at k eighths of the scale, truncated at 8 scales."""
     half = compact_tables.COMPACT_CUMULATIVE[-1]
     normal = [math.erf(k / 8 / math.sqrt(2)) for k in range(65)]
     wide = [math.atan(k / 24) for k in range(65)]
@@ -136,6 +137,7 @@ def test_the_cumulative_table_is_the_documented_mixture_of_normal_and_cauchy() -
 
 
 def test_the_predicted_count_never_needs_an_escape() -> None:
+    """The means, in units of 1/64 count, lie at whole counts, at the edges between counts and at both limits."""
     for level in range(compact_tables.COMPACT_LEVEL_MAX + 1):
         for mean in (0, 31, 32, 33, 64_000, 64_031, 64_032, compact_tables.COMPACT_MEAN_MAX):
             taxel = Taxel(mean, level)
@@ -191,7 +193,7 @@ def test_c_decodes_the_board_histories_of_the_vectors(library: Any, board: dict[
         assert (decoded.sequence, decoded.timestamp_us, decoded.counts) == (scan, step["timestamp_us"], counts)
         assert host.receive(address, len(counts), data) == OK
         assert host.get_decoded(len(counts)) == (scan, step["timestamp_us"], counts)
-        if key_frame and not data[2] & 0x1F:
+        if key_frame and not data[2] & 0x1F:  # width 0: a delta frame, which refers to the key frame in use
             assert host.state.key_frame.equals(key_frame)
         if decoded.key_frame:
             pending = decoded.key_frame
@@ -286,7 +288,7 @@ def test_arbitrary_snapshots_are_rejected_or_decoded_as_by_the_definition(
     host = Host(library)
     first = compact.encode_packed(0x20, 1, 2, [1000] * 20, is_key_frame=True)
     host.receive(0x20, 20, first)
-    if has_valid_crc and len(body) > 8:
+    if has_valid_crc and len(body) > 8:  # replace the format and refer to the key frame: its id is a part of its CRC
         body = body[:2] + bytes([format_byte]) + first[-4:-2] + body[5:]
     crc = crc32(body, crc32(bytes([address])))
     data = body + crc.to_bytes(4, "little") if has_valid_crc else body

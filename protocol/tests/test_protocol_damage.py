@@ -141,6 +141,10 @@ def test_exactly_the_undamaged_frames_are_decoded(
 def test_frames_between_random_bytes_are_decoded(
     codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes
 ) -> None:
+    """The frames follow one another without their delimiters (zero bytes), so only their headers show where they end.
+
+    cuts: positions at which the stream is divided into chunks.
+    """
     stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
     decoded = decode_in_python(split_at(stream, cuts))
     assert decoded == frames

@@ -70,6 +70,7 @@ def decode(message_format: OriginalFormat, *pieces: bytes) -> list[OriginalMessa
 
 
 def test_the_tables_have_the_boards_and_taxels_of_the_sources() -> None:
+    """Numbers of boards and of their taxels in each table; `lengths` are the bytes of one message of each board."""
     assert (len(TAXELS), sum(TAXELS.values())) == (22, 1324)
     assert (len(FITTED), sum(TAXELS[address] for address in FITTED)) == (17, 1037)
     assert (len(PUBLISHED), sum(TAXELS[address] for address in PUBLISHED)) == (15, 905)
@@ -102,6 +103,7 @@ def test_the_tables_of_the_spec_equal_the_definitions() -> None:
 def test_a_message_has_the_layout_of_the_original_hub() -> None:
     counts = [0x0102 + i for i in range(27)]
     data = encode_message(ORIGINAL, 0x1D, counts, 0x11223344)
+    # start byte, length 62, address, timestamp (big-endian), first count (little-endian); the end byte is 0x0A
     assert data[:9].hex(" ") == "01 3e 1d 11 22 33 44 02 01"
     assert (data[-1], len(data)) == (0x0A, 62)
     assert encode_message(FORMATS["first_generation_test"], 0x18, counts[:6])[7:9] == b"\x01\x02"
@@ -122,7 +124,7 @@ def test_a_wrong_number_of_counts_and_an_unknown_address_are_rejected() -> None:
     with pytest.raises(KeyError):
         encode_message(ORIGINAL, 0x1E, [0] * 27)
     with pytest.raises(ValueError, match="board 0x20: expected"):
-        OriginalFormat("too long", {0x20: 124})
+        OriginalFormat("too long", {0x20: 124})  # the length byte cannot state the size of so many counts
 
 
 @every_framed
@@ -141,7 +143,7 @@ def test_an_undamaged_stream_is_decoded_with_the_last_byte_of_each_message(name:
 def test_a_stream_without_frames_is_divided_into_records_of_50_bytes() -> None:
     decoder = OriginalDecoder(FORMATS["fingertip_records"])
     data = bytes(range(120))
-    first, second = decoder.push(data)
+    first, second = decoder.push(data)  # 25 counts of 2 bytes each; the last 20 bytes are no complete record
     assert (first.address, first.timestamp_ms, len(first.counts)) == (0x08, None, 25)
     assert (first.counts[0], second.counts[0], second.position) == (0x0100, 50 + 51 * 256, 50)
     assert decoder.finish() == []
@@ -164,6 +166,7 @@ def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
 
 
 def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> None:
+    """The counts of a message contain a complete second message, whose timestamp does not fit the stream."""
     counts = [2000] * 121
     inner = encode_message(ORIGINAL, 0x1D, [2000] * 27, 0xDEADBEEF)
     assert len(inner) % 2 == 0
@@ -179,6 +182,10 @@ def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> N
 
 
 def test_without_timestamps_a_message_followed_by_a_header_is_kept() -> None:
+    """The counts of a message contain a complete second message; only the outer one is followed by a header.
+
+    The decoder therefore outputs nothing until the bytes behind the outer message have arrived.
+    """
     untimed = FORMATS["first_generation_untimed"]
     inner = encode_message(untimed, 0x18, [2000] * 6)
     counts = [2000] * 20
@@ -195,6 +202,7 @@ def test_times_are_plausible_after_a_restart_and_not_after_a_long_pause() -> Non
     times = [5_000_000, 5_000_010, 5_000_005, 5_000_010 + TIME_STEP_MAX_MS, 9_000_000, 12, 0xFFFFFFFF, 3]
     stream = b"".join(encode_message(ORIGINAL, 0x1D, [5] * 27, time_ms) for time_ms in times)
     plausible = [message.is_time_plausible for message in decode(ORIGINAL, stream)]
+    # False: the first time, a time after a long pause, and a time that no restart explains. 12 and 3 follow a restart.
     assert plausible == [False, True, True, True, False, True, False, True]
 
 
@@ -258,7 +266,7 @@ def test_the_same_messages_are_decoded_from_pieces_of_any_size(name: str, seed: 
     expected = whole.push(stream)
     assert [message for piece in split_at(stream, cuts) for message in pieces.push(piece)] == expected
     assert [message for i in range(len(stream)) for message in bytewise.push(stream[i : i + 1])] == expected
-    for _ in range(2):
+    for _ in range(2):  # before and after `finish`, the end of the stream
         counters = {
             (d.position, d.messages, d.discarded_bytes, d.rejected_candidates, d.ambiguous_candidates, d.pending_bytes)
             for d in (whole, pieces, bytewise)

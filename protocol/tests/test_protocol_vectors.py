@@ -191,6 +191,7 @@ def test_the_vectors_contain_every_frame_type_in_its_shortest_and_longest_length
 def test_the_reference_decoder_decodes_the_intact_frames_of_a_damaged_stream(vector: dict[str, Any]) -> None:
     decoder = ReferenceDecoder()
     frames = decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish()
+    # directions: bit 0 accepts frames to the host, bit 1 frames to the hub, whose types have bit 7.
     accepted = [frame for frame in frames if vector["directions"] & (2 if frame[0] & 0x80 else 1)]
     sent = [(f["type"], f["sequence"], bytes.fromhex(f["payload"])) for f in vector["sent"]]
     assert accepted == [sent[i] for i in vector["expected"]]
@@ -201,6 +202,7 @@ def test_the_reference_decoder_decodes_the_intact_frames_of_a_damaged_stream(vec
 @pytest.mark.parametrize("length", [0, 1, 253, 254, 255, 256, 507, 508, 509, 762, 763])
 @pytest.mark.parametrize("zero_at", [None, 0, 1, 253, 254, 255, -1])
 def test_decoding_reverses_stuffing(length: int, zero_at: int | None) -> None:
+    """A COBS block contains at most 254 bytes: the lengths and the places of a zero are near its multiples."""
     data = bytearray(b"\x2a" * length)
     if zero_at is not None and -length <= zero_at < length:
         data[zero_at] = 0

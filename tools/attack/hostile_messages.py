@@ -44,7 +44,7 @@ def _make_update(rng: random.Random, uuids: list[str]) -> bytes:
 
 
 def _make_upload(rng: random.Random, uuids: list[str]) -> bytes:
-    """Create the start or a part of an upload."""
+    """Create the start or a part of a file upload, which a page of the monitor never sends."""
     uuid = rng.choice([*uuids, "unknown"])
     if rng.random() < 0.5:
         return _pack(
@@ -88,11 +88,11 @@ def _make_garbage(rng: random.Random, uuids: list[str]) -> bytes | str:
     if kind == 0:
         return rng.randbytes(rng.randrange(0, 3000))
     if kind == 1:
-        return b"\x91" * rng.choice((100, 10_000, 16_000))
+        return b"\x91" * rng.choice((100, 10_000, 16_000))  # MessagePack: nested arrays of one element
     if kind == 2:
         return "text of a page"
     if kind == 3:
-        return b"\xdd\xff\xff\xff\xff" + rng.randbytes(20)
+        return b"\xdd\xff\xff\xff\xff" + rng.randbytes(20)  # MessagePack: an array that claims 2^32 - 1 elements
     data = bytearray(_make_update(rng, uuids))
     for _ in range(rng.randrange(1, 6)):
         data[rng.randrange(len(data))] = rng.randrange(256)

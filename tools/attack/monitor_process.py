@@ -19,7 +19,14 @@ class MonitorProcess:
     def __init__(self, url: str = "emulator:", *options: str) -> None:
         """Start the monitor, and wait until it has printed the address of its page."""
         command = [str(Path(sys.executable).with_name("taxel")), "monitor", url, "--web", "--port", "0", *options]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        # A background process of a shell ignores Ctrl-C, and so would its children: `end` needs the default action.
+        self._process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
         assert self._process.stdout is not None
         assert self._process.stderr is not None
         watchdog = threading.Timer(START_TIMEOUT_S, self._process.kill)
@@ -55,7 +62,10 @@ class MonitorProcess:
         """End the monitor with Ctrl-C; return its exit status and the rest of its output."""
         self._process.send_signal(signal.SIGINT)
         assert self._process.stdout is not None
+        watchdog = threading.Timer(END_TIMEOUT_S, self._process.kill)
+        watchdog.start()
         output = self._process.stdout.read()
+        watchdog.cancel()
         status = self._process.wait(timeout=END_TIMEOUT_S)
         self._thread.join(timeout=END_TIMEOUT_S)
         return status, output

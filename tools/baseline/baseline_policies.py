@@ -25,7 +25,10 @@ class ExponentialBaseline:
     _last_s: float | None = None
 
     def update(self, time_s: float, raw_counts: CountArray) -> None:
-        """Add a frame u16[n] of the time `time_s`, seconds."""
+        """Update the baseline with the frame `raw_counts` u16[n] of the time `time_s`, seconds.
+
+        With `freezes`, the baseline of an active taxel does not change.
+        """
         if self._last_s is not None:
             share = -np.expm1(-(time_s - self._last_s) / TIME_CONSTANT_S)
             change = share * (raw_counts - self.mean)

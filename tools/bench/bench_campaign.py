@@ -5,7 +5,6 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from figures import Figure
@@ -32,7 +31,7 @@ def _make_short_plan() -> list[PlannedGrasp]:
     for session in range(sessions):
         session_plan = [planned for planned in make_thesis_plan(1) if planned.session == session]
         plan += session_plan[:GRASPS_PER_SESSION]
-    return [replace(planned) for planned in plan]
+    return plan
 
 
 def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:

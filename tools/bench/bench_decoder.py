@@ -60,7 +60,10 @@ def measure() -> list[Figure]:
 
 
 def _compare_decoders(capture: Path) -> list[Figure]:
-    """Compare the speed of all decoders on one capture file of the emulated hand. Returns the rows of the report."""
+    """Compare the speed of all decoders on one capture file of the emulated hand. Returns the rows of the report.
+
+    The arguments of `Figure` are: name, ratio to the reference, required minimum of the ratio, reference, details.
+    """
     data, file = _read_stream(capture), np.fromfile(capture, dtype=np.uint8)
     bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last frame is truncated
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]

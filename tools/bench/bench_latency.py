@@ -35,6 +35,7 @@ def _write_contacts(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArra
     Returns the contact times f64[p] in seconds for p contacts, and the loaded taxel of each board i64[p, boards].
     """
     rng = np.random.default_rng(SEED)
+    # Each contact begins at a random time in the first 40 % of its period.
     onsets = FIRST_S + CONTACT_PERIOD_S * (np.arange(CONTACTS) + 0.4 * rng.random(CONTACTS))
     taxels = np.stack([rng.integers(board.kind.taxel_count, size=CONTACTS) for board in hand.boards], axis=1)
     starts = np.array([hand.get_slice(board.address).start for board in hand.boards])
@@ -80,7 +81,7 @@ def measure_host_s(capture: Path) -> float:
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
     activations: dict[int, Activation] = {}
     durations: list[float] = []
-    for chunk in data.split(b"\0\0"):
+    for chunk in data.split(b"\0\0"):  # a frame begins and ends with a delimiter: each chunk is one frame
         start = time.perf_counter()
         for batch in decoder.push(chunk + b"\0"):
             rows = batch.taxel_rows

@@ -27,13 +27,14 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from figures import Figure
+from recordings import make_settings
 
 from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.emulator import find_emulator_program
 
-BUSES = {"400 kHz": WorldSettings(), "1 MHz": WorldSettings(scl_hz=1e6, baud=3e6)}
+BUSES = {"400 kHz": WorldSettings(), "1 MHz": make_settings(1e6, 3e6)}
 WIDTH, HEIGHT = 170, 42
 PAGE_TEXT = "the skin is at "
 _CHILD = """

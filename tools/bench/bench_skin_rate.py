@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 from figures import Figure
-from recordings import record
+from recordings import make_settings, record
 
 from taxel.hand import load_hand
-from taxel.hand.world import ScanSettings, WorldSettings
+from taxel.hand.world import ScanSettings
 from taxel.recording import read_boards
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS
 from taxel.stream.start_script import START_S
@@ -85,7 +85,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
     """
     sizes = [board.kind.taxel_count for board in load_hand("original").boards]
     with tempfile.TemporaryDirectory() as name:
-        settings = WorldSettings(scl_hz=scl_hz, baud=baud, scan=scan)
+        settings = make_settings(scl_hz, baud, scan=scan)
         capture, statistics = record(Path(name), VIRTUAL_S, settings=settings)
         pieces = list(read_boards(capture))
     cycles, variances = [], []

@@ -89,7 +89,7 @@ def sample_healthy_effects(rng: random.Random) -> list[str]:
     """Sample the tolerances of a healthy board, as lines of a world file.
 
     The lines describe gains of electrodes and current sources, the layer's modulus, noise, warm-up drift, and coupling
-    between traces.
+    between traces. The axis of line noise is 0 for TX lines, 1 for RX lines, 2 for the whole board.
     """
     return [
         f"gain electrode log_std={rng.uniform(0.03, 0.06):.4f}",

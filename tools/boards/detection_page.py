@@ -121,6 +121,7 @@ def _draw_curves(results: Sequence[Result]) -> Figure:
         ]
         faults = [result for result in family_results if result.case.severity >= SEVERITY_MIN]
         if faults:
+            # All faults beyond `SEVERITY_MIN` are one point, which is drawn at 2.0.
             steps, shares = [*steps, 2.0], [*shares, _compute_caught_share(faults)]
         style = ("-", "--", ":")[i // len(COLOURS)]
         axes.plot(steps, shares, style, marker="o", markersize=3, color=COLOURS[i % len(COLOURS)], label=family.name)

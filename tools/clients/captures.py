@@ -68,4 +68,4 @@ def write_capture(path: Path, data: bytes) -> None:
     """Write a stream as a capture in pieces of PIECE bytes, at 1 Mbit/s."""
     with CaptureWriter(path, {"clock": "hub", "hand": "original"}, overwrite=True) as writer:
         for start in range(0, len(data), PIECE):
-            writer.write(data[start : start + PIECE], start * 10_000)
+            writer.write(data[start : start + PIECE], start * 10_000)  # 10 bits of 1 us per byte, in nanoseconds

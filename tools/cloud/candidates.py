@@ -151,7 +151,7 @@ def _load_open3d() -> Operations:
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
-        """Return the pose, as a 4 x 4 matrix, that Open3D's feature matching and refinement find for a cloud."""
+        """Align `points` with `target`, both f64[n, 3], by the ICP of Open3D; return the transform f64[4, 4]."""
         criteria = registration.ICPConvergenceCriteria(TOLERANCE, TOLERANCE, MAX_ITERATIONS)
         method = registration.TransformationEstimationPointToPoint()
         result = registration.registration_icp(

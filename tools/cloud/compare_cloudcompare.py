@@ -184,7 +184,7 @@ def compare_filter_definitions(tool: CloudCompare) -> dict[str, int]:
         seed += 1
         distances = np.sort(cdist(points, points), axis=1)
         keeps = []
-        for last in (SMALL_K, SMALL_K + 1):
+        for last in (SMALL_K, SMALL_K + 1):  # with the point itself as a neighbour (column 0, distance 0), and without
             mean = distances[:, 1:last].mean(axis=1)
             keeps += [mean <= mean.mean() + mean.std(ddof=ddof) for ddof in (0, 1)]
         if len({tuple(keep.tolist()) for keep in keeps}) < len(keeps):

@@ -90,6 +90,7 @@ def load_taxel() -> FileLibrary:
         write_cloud(ContactCloud.from_points(points, table["counts"]), path, overwrite=True)
 
     def write_triangles(path: Path, vertices: FloatArray, faces: IntArray) -> None:
+        """Write a triangle mesh with taxel. vertices: f64[v, 3]. faces: i64[t, 3]."""
         write_mesh(TriangleMesh("mesh", vertices, faces), path, overwrite=True)
 
     return FileLibrary(

@@ -58,6 +58,7 @@ def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mes
     """Compare a real point cloud with its object and with the simulated cloud, and count what the outlier filter
     removes.
 
+    A point is genuine if its distance to the mesh after alignment is at most `GENUINE_M`, the thickness of the layer.
     name, mesh: name and mesh of the object. variant: name of the fusion of repeats that made the cloud.
     """
     distances = compute_distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)

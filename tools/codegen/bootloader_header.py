@@ -45,7 +45,14 @@ PART_CONSTANTS = (
     "BOOT_METADATA_ROW",
     "BOOT_SILICON_ID",
     "BOOT_SILICON_ID_16K",
+    "BOOT_SILICON_ID_64K",
 )
+PARTS = {
+    "defined TAXEL_BOOT_ONE_SLOT": (boot.BootDevice.BOARD_16K,),
+    "defined TAXEL_BOOT_64K": (boot.BootDevice.BOARD_64K, boot.BootDevice.HUB_64K),
+    "": (boot.BootDevice.BOARD, boot.BootDevice.HUB),
+}
+"""Condition of the C preprocessor that selects a part -> devices with this part; "" for the PSoC 4200."""
 
 
 def _format_number(value: int) -> str:
@@ -60,6 +67,7 @@ def _format_part(layouts: list[boot.FlashLayout]) -> list[str]:
     names = {
         "SLOTS": slots,
         "ROW_COUNT": first.row_count,
+        "BOOTLOADER_ROWS": first.bootloader_rows,
         "CONFIGURATION_ROW": first.configuration_row,
         "METADATA_ROW": first.metadata_row,
         "SILICON_ID": first.silicon_id,
@@ -79,16 +87,17 @@ def format_header() -> str:
     for name, value in vars(boot).items():
         if name.startswith("BOOT_") and name not in PART_CONSTANTS:
             lines.append(f"#define TAXEL_{name} {_format_number(value)}")
-    one_slot = boot.LAYOUTS[boot.BootDevice.BOARD_16K]
-    two_slots = [layout for layout in boot.LAYOUTS.values() if layout is not one_slot]
     lines += [
         "",
         "/* Constants of the part. TAXEL_BOOT_ONE_SLOT: a part with 16 KiB of flash, which has slot A only.",
+        " * TAXEL_BOOT_64K: a part with 64 KiB of flash.",
         " *",
+        " * TAXEL_BOOT_LAYOUTS: X(device, first row of slot A, first row of slot B, rows of a slot) */",
     ]
-    lines += [" * TAXEL_BOOT_LAYOUTS: X(device, first row of slot A, first row of slot B, rows of a slot) */"]
-    lines += ["#ifdef TAXEL_BOOT_ONE_SLOT", *_format_part([one_slot])]
-    lines += ["#else", *_format_part(two_slots), "#endif", ""]
+    for number, (condition, devices) in enumerate(PARTS.items()):
+        lines += [f"#{'elif' if number else 'if'} {condition}" if condition else "#else"]
+        lines += _format_part([boot.LAYOUTS[device] for device in devices])
+    lines += ["#endif", ""]
     for enum in ENUMS:
         lines += format_enumeration(enum)
     for name, definition in STRUCTS.items():

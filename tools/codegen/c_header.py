@@ -62,6 +62,7 @@ ENUMS: tuple[type[IntEnum], ...] = (
     names.LogCode,
     names.BoardCommand,
     names.BoardErrorFlag,
+    names.FrontEnd,
     names.FaultCode,
 )
 C_TYPES = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t"}

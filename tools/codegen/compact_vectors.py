@@ -63,7 +63,11 @@ def simulate_history(
 
 
 def format_text() -> str:
-    """Format the file of test vectors of compact frames."""
+    """Format the file of test vectors of compact frames.
+
+    The histories differ in noise (standard deviation in counts), number of taxels and share of jumping means. Large
+    noise starts with a larger scale of the prediction.
+    """
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [
         simulate_history(f"noise_{sigma:g}", 27, sigma, 2 * i, 2 * (sigma > 100)) for i, sigma in enumerate(noises)

@@ -166,6 +166,7 @@ class Streams:
         quoted = self.b
         for name in [name for name in self.frames if "_quotes_" in name]:
             host = self.frames[name]
+            # Place of the quoted frame, the tail of the payload; CRC (4 bytes) and delimiter follow it.
             quotation = len(host.wire) - len(bytes.fromhex(host.vector["tail"])) - 5
             cases = {
                 "crc_flipped": _flip_bits(host.wire, len(host.wire) - 2),

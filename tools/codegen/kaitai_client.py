@@ -122,6 +122,7 @@ def _format_payload(message: Message) -> list[str]:
     for part in message.parts:
         name = part.prefix.rstrip("_") or "fields"
         lines += [f"      - id: {name}", f"        type: {part.struct}"]
+    # `pos: 8` skips the 8 bytes of the header of a taxel frame.
     tails = {
         FrameType.TAXELS: ["      - id: raw_counts", "        type: u2", "        repeat: expr",
                            "        repeat-expr: header.taxel_count", "      - id: crc32", "        type: u4"],
@@ -150,6 +151,7 @@ def _format_compact() -> list[str]:
     lines += ["          cases:"]
     lines += [f"            {width}: packed_{width}(taxel_count)" for width in range(1, WIDTH_MAX + 1)]
     lines += ["      - id: coded", "        doc: coded counts of a delta frame, or zeros behind the packed counts"]
+    # The last 4 bytes are the CRC.
     lines += ["        size: _io.size - _io.pos - 4", "      - id: crc32", "        type: u4", "    instances:"]
     lines += ["      width:", f"        value: header.format & {COMPACT_WIDTH_MASK}"]
     for width in range(1, WIDTH_MAX + 1):

@@ -54,7 +54,7 @@ def count_words(known: OriginalFormat, address: int) -> int:
 def build_messages() -> list[dict[str, Any]]:
     """Build one message with arbitrary counts for every board of every format, and messages with extreme counts.
 
-    The shortest and the longest message have the extreme counts.
+    The shortest and the longest message have the extreme counts; "starts" repeats the start byte 0x01 of a message.
     """
     messages = []
     for known in FORMATS.values():
@@ -113,8 +113,9 @@ def build_random_streams(known: OriginalFormat) -> list[dict[str, Any]]:
         for _ in range(0 if name == "intact" else 6):
             kind = draw.choice(("changed", "lost", "inserted")) if name == "mixed" else name
             at = draw.randrange(len(stream))
-            noise = [draw.choice((0x01, 0x0A, draw.randrange(256)))]
+            noise = [draw.choice((0x01, 0x0A, draw.randrange(256)))]  # start byte, end byte or any byte
             stream[at : at + (kind != "inserted")] = noise if kind != "lost" else []
+        # Records without framing: the boundaries of the messages cannot be found again after a lost byte.
         undamaged = [] if known.record_size else find_undamaged(bytes(stream), sent)
         streams.append(build_stream(f"{known.name}_{name}", known, bytes(stream), undamaged))
     return streams
@@ -189,7 +190,7 @@ def format_text() -> str:
 def main() -> int:
     """Write original.json, or with --check compare it with the file on disk.
 
-    The exit status is 1 if that one is stale.
+    The exit status is 1 if the file on disk is stale.
     """
     return write_or_check({VECTORS / "original.json": format_text()})
 

@@ -193,7 +193,7 @@ def build_every_command() -> list[Sample]:
     """Build a test frame of each command, and of the replies and acknowledgements that carry a struct."""
     settings = {"sub_conversions": 100, "sense_clock_divider": 40, "modulator_clock_divider": 1}
     settings |= {"idac_code": 96, "settle_cycles": 240}
-    on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
+    on_all_boards = {"address": 0, "front_end": 0} | {f"settings_{name}": value for name, value in settings.items()}
     arguments: dict[Command, tuple[bytes, dict[str, Any] | None]] = dict.fromkeys(Command, (b"", None))
     arguments[Command.SET_RATE] = _build_inner_struct("set_rate_arguments", {"period_us": 52_632})
     arguments[Command.ENTER_BOOTLOADER] = _build_inner_struct("enter_bootloader_arguments", {"key": BOOTLOADER_KEY})
@@ -230,7 +230,9 @@ def _find_zeros(frame: Sample) -> list[int]:
 def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     """Build a taxel frame whose whitened body has zero bytes at exactly the given positions.
 
-    Byte stuffing replaces zeros, so the lengths of its runs are known.
+    Byte stuffing replaces zeros, so the lengths of its runs are known. Whitening is an XOR with a fixed sequence
+    (`key`), so that a body byte equal to the key whitens to zero. The hub time is varied until the CRC, which depends
+    on it, has zeros only at the given positions, too.
     """
     key = whiten(bytes(limits.BODY_MAX))
     sequence = sum((key[i] if i in zeros else 0x77) << (8 * (i - 1)) for i in (1, 2))
@@ -270,7 +272,7 @@ def build_stuffing_edges() -> list[Sample]:
     samples.append(build_sample("payload_ends_in_zero", FrameType.REPLY, 4, values, last))
     for sequence in range(65_536):
         frame = build_sample("body_ends_in_zero", FrameType.COMMAND, sequence, {"tag": 1, "command": 1})
-        if frame.wire[-2] == 1:
+        if frame.wire[-2] == 1:  # byte stuffing codes a zero at the end of the body as a last byte of 1
             return [*samples, frame]
     raise AssertionError("no sequence number gives a CRC that ends in zero")
 

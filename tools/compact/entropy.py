@@ -195,7 +195,7 @@ def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tal
         start_s = world.now_s
         cycles = WARM_UP + round(seconds * RATE_HZ)
         for number in range(cycles):
-            now = number / RATE_HZ - (WARM_UP + 6) / RATE_HZ
+            now = number / RATE_HZ - (WARM_UP + 6) / RATE_HZ  # the contacts begin 6 cycles (0.1 s) after the warm-up
             if has_contacts:
                 world.set_stimulus(np.array([np.interp(now, times, forces[:, i]) for i in range(hand.n_taxels)]))
             skin.poll_cycle(number, tally if number >= WARM_UP else None)

@@ -50,6 +50,7 @@ def _compute_cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np
     bits plus the bits of its distance.
     """
     share = _compute_cumulative((counts + 0.5 - mean) / scale) - _compute_cumulative((counts - 0.5 - mean) / scale)
+    # 9 bits announce the escape (probability 2^-9), and 5 bits state the sign and the number of bits of the distance.
     escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
     return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), escape_bits)
 
@@ -58,7 +59,9 @@ def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float
     """Compute the bits per count of a predictor whose mean and scale follow the counts of every frame.
 
     counts: i64[T, n], T frames of n taxels. mean_gain, scale_gain: share of a deviation by which the mean, and the
-    logarithm of the scale, follow it. jump: deviation in scales from which the mean follows a count at once.
+    logarithm of the scale, follow it. jump: deviation in scales from which the mean follows a count at once. The scale
+    grows with deviations above sqrt(2 / pi) scales, the mean deviation of a normal distribution, and shrinks with
+    smaller ones; a deviation counts as at most 4 scales.
     """
     mean = counts[0].astype(float)
     scale = np.full(counts.shape[1], 4.0)

@@ -22,7 +22,8 @@ PHASES = 64
 def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Compute the residuals of rounded normal noise from its rounded mean, and their probabilities.
 
-    sigma: standard deviation in counts. Returns residuals i64[k] and probabilities f64[k].
+    The probabilities are averaged over `PHASES` positions of the mean between two counts. Residuals beyond 10 sigma are
+    neglected. sigma: standard deviation in counts. Returns residuals i64[k] and probabilities f64[k].
     """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)
@@ -32,14 +33,21 @@ def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float
 
 
 def compute_rice_bits(sigma: float) -> float:
-    """Compute the bits per count of the best Rice code for normal noise. sigma: standard deviation in counts."""
+    """Compute the bits per count of the best Rice code for normal noise. sigma: standard deviation in counts.
+
+    A Rice code sends the lowest `low` bits (0 to 7) of the residual, mapped to 0, 1, 2 ..., and the others in unary.
+    """
     k, share = compute_residuals(sigma)
     zigzag = np.where(k >= 0, 2 * k, -2 * k - 1)
     return min(float((share * ((zigzag >> low) + 1 + low)).sum()) for low in range(8))
 
 
 def compute_huffman_bits(sigma: float) -> float:
-    """Compute the bits per count of the Huffman code for normal noise. sigma: standard deviation in counts."""
+    """Compute the bits per count of the Huffman code for normal noise. sigma: standard deviation in counts.
+
+    Each merge of two nodes adds one bit to all symbols below it, so the mean length is the sum of the merged
+    probabilities. Residuals with a probability below 1e-12 are neglected.
+    """
     heap = [float(share) for share in compute_residuals(sigma)[1] if share > 1e-12]
     heapq.heapify(heap)
     bits = 0.0

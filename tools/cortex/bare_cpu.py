@@ -126,7 +126,7 @@ class BareCpu:
         `CortexLibraryError` for wrong sizes.
         """
         self._library = load_cortex_library()
-        halt_flags = 1 | (2 if halt_on_fault else 0)
+        halt_flags = 1 | (2 if halt_on_fault else 0)  # bit 0: halt at a breakpoint; bit 1: halt at a hard fault
         self._handle = self._library.taxel_cortex_m0_open(flash_size, ram_size, flash_wait, multiply, halt_flags)
         if not self._handle:
             raise CortexLibraryError(f"memory sizes: expected multiples of 4, found {flash_size} and {ram_size}")

@@ -49,9 +49,9 @@ def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]
 
 
 def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
-    """Return n random instructions u16[n, 2]: BL, MSR, MRS and barriers.
+    """Return n random instructions u16[n, 2]: BL, MSR, MRS and barriers (encodings of the ARMv6-M manual).
 
-    They are rare in a sequence of all first halfwords.
+    They are rare in a sequence of all first halfwords. number: numbers of special registers, some of them undefined.
     """
     kind = rng.integers(0, 4, n)
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
@@ -99,7 +99,11 @@ def _sample_registers(rng: np.random.Generator) -> NDArray[np.uint32]:
 
 
 def generate_block(seed: int, index: int) -> Block:
-    """Generate the test cases of block `index` of the sequence that belongs to `seed`."""
+    """Generate the test cases of block `index` of the sequence that belongs to `seed`.
+
+    Case i has its instruction in slot i of the code in flash. The stack pointer r13 is a multiple of 4, as in the
+    processor; all other registers, flags, RAM and flash are random.
+    """
     rng = np.random.default_rng([seed, index])
     first, second = _sample_instructions(rng, index)
     states = np.zeros(BLOCK, STATE)

@@ -102,7 +102,8 @@ KNOWN: tuple[Deviation, ...] = (
 def clear_unimplemented_bits(states: NDArray[np.void]) -> None:
     """Clear bits in Unicorn's STATE[n] that the architecture does not implement but Unicorn keeps.
 
-    These bits are the two lowest bits of the stack pointers, and Q and GE in xPSR, which belong to ARMv7-M.
+    These bits are the two lowest bits of the stack pointers, and Q and GE in xPSR, which belong to ARMv7-M. Of xPSR,
+    the condition flags (bits 28 to 31) and the Thumb bit remain.
     """
     for name in ("msp", "psp"):
         states[name] &= np.uint32(0xFFFFFFFC)

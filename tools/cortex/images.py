@@ -34,7 +34,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         *(f"bootloader/{name}.c" for name in ("bootloader", "choose", "config_rows", "confirm", "image")),
         *(f"bootloader/{name}.c" for name in ("metadata", "packet", "record")),
     ),
-    "ticks": ("boards/psoc4200/ticks.c",),
+    "ticks": ("boards/psoc4/ticks.c",),
 }
 """Firmware sources that a program is linked with."""
 DEFINITIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_APPLICATION",)}

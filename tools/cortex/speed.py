@@ -32,6 +32,7 @@ def count_instructions(image: Image) -> int:
         count = 0
         while True:
             count += cpu.count_instructions(1 << 40)
+            # A breakpoint is a call of the host: r0 is 4 for a text output, another value ends the program.
             if cpu.state["r"][0, 0] != 4:
                 return count
             cpu.skip_breakpoint()
@@ -53,7 +54,7 @@ def run_in_slices(cpu: BareCpu, image: Image, cycles: int) -> None:
     cpu.reset()
     while True:
         reason = cpu.run(cpu.cycle + cycles)
-        if reason == Reason.BREAKPOINT:
+        if reason == Reason.BREAKPOINT:  # call of the host: r0 is 4 for a text output, another value ends the program
             if cpu.state["r"][0, 0] != 4:
                 return
             cpu.skip_breakpoint()

@@ -116,7 +116,10 @@ class UnicornOracle:
         self._call("hook_add", ctypes.byref(hook), self._u.UC_HOOK_INTR, self._callback, None, begin, end)
 
     def _prepare_batches(self) -> None:
-        """Prepare the arguments of the calls that write and read all registers of `_state` at once."""
+        """Prepare the arguments of the calls that write and read all registers of `_state` at once.
+
+        `_special_batch` is written before `_write_batch`, because CONTROL selects the stack pointer that SP denotes.
+        """
         arm = self._arm
         registers = [arm.UC_ARM_REG_R0 + i for i in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR]
         self._state = np.zeros(1, STATE)
@@ -166,7 +169,10 @@ class UnicornOracle:
         return buffer.raw
 
     def run_case(self, state: NDArray[np.void], size: int) -> Verdict:
-        """Execute one instruction of `size` bytes from STATE[1] `state` and replace `state` by the result."""
+        """Execute one instruction of `size` bytes from STATE[1] `state` and replace `state` by the result.
+
+        The instruction is at the address in r[15], the program counter. Bit 0 of the start address selects Thumb code.
+        """
         self._state[:] = state
         begin = int(state["r"][0, 15])
         self._library.uc_reg_write_batch(self._handle, *self._special_batch)

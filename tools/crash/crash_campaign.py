@@ -164,7 +164,7 @@ def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
     """
     if result.is_hung:
         yield "hang"
-    elif result.status < 0 and not (mode.is_kill and result.status == -9):
+    elif result.status < 0 and not (mode.is_kill and result.status == -9):  # -9: SIGKILL of the fault
         yield f"crash: signal {-result.status}: {result.errors[-200:]}"
     elif result.status > 1 or "Traceback" in result.errors or "Exception ignored" in result.errors:
         yield f"exit status {result.status}: {result.errors[-300:]}"

@@ -33,7 +33,7 @@ class Case:
 def make_whole_case(
     name: str, file: str, write: Callable[[Path, bool], None], read: Callable[[Path], Hashable]
 ) -> Case:
-    """Create the case of a writer that replaces a file.
+    """Create the case of a writer that replaces a file: after a crash, the file has its old or its new content.
 
     write: called with the path, and whether it writes the new content. read: called with the path.
     """
@@ -48,7 +48,7 @@ def make_whole_case(
 
 
 def make_live_case(name: str, file: str, write: Callable[..., None], read: Callable[[Path], Hashable]) -> Case:
-    """Create the case of a recording that replaces another one.
+    """Create the case of a recording that replaces another one: after a crash, all complete records are readable.
 
     write: called with the path and the number of the first record.
     """

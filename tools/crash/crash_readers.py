@@ -37,6 +37,7 @@ def read_hdf5(path: Path) -> tuple[str, ...]:
 
     def visit(name: str, node: object) -> None:
         if isinstance(node, h5py.Dataset):
+            # as text, because the array of a string dataset contains only references to its strings
             found[name] = compute_digest(name.encode(), np.asarray(node[()]).astype("S").tobytes())
 
     with h5py.File(path, "r", locking=False) as file:

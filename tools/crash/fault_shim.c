@@ -24,14 +24,15 @@
 enum mode {
     MODE_COUNT = 0,
     MODE_KILL = 1,       /* SIGKILL instead of the call */
-    MODE_KILL_TORN = 2,  /* half of a write, or the whole other call, then SIGKILL */
-    MODE_FULL = 3,       /* half of a write; every later call that needs space fails with ENOSPC */
+    MODE_KILL_TORN = 2,  /* a part of a write, or the whole other call, then SIGKILL */
+    MODE_FULL = 3,       /* a part of a write; every later call that needs space fails with ENOSPC */
     MODE_FULL_ONCE = 4,  /* one call fails with ENOSPC */
     MODE_BROKEN = 5,     /* this call and every later one fails with EIO */
     MODE_BROKEN_ONCE = 6 /* one call fails with EIO */
 };
 
 #define LARGEST_LIST 4096
+#define PAGE_BYTES 4096 /* of the system's cache of files */
 
 enum verdict { PASS, HALF, FAIL };
 
@@ -47,7 +48,7 @@ static int fault_mode;
 /* Arm the library: the call number `at` (from 1) below the folder `path` gets the fault `mode`. */
 void taxel_fault_arm(const char *path, long at, int mode)
 {
-    folder_length = 0;
+    folder_length = 0; /* no call counts while the settings change */
     snprintf(folder, sizeof folder, "%s/", path);
     fault_at = at;
     fault_mode = mode;
@@ -218,14 +219,36 @@ ssize_t write(int descriptor, const void *data, size_t count)
     WRITE(count, REAL(write)(descriptor, data, count), REAL(write)(descriptor, data, count / 2));
 }
 
+/* Return how many of `count` bytes at the position `offset` of a file a divided write writes: about half, up to a page
+ * boundary. A system divides a write only there: it allocates space and reacts to a kill between two pages. Returns 0
+ * for a write within one page, which is executed wholly or not at all. */
+static size_t divide_at_page(size_t count, off64_t offset)
+{
+    const off64_t end = offset + (off64_t)count, middle = offset + (off64_t)(count / 2);
+    const off64_t below = middle / PAGE_BYTES * PAGE_BYTES, boundary = below > offset ? below : below + PAGE_BYTES;
+    return boundary < end ? (size_t)(boundary - offset) : 0;
+}
+
+/* Execute the first part of a write that the verdict divides. A write within one page is complete if the process is
+ * killed afterwards, and fails on a full disk. */
+static ssize_t write_part(int descriptor, const void *data, size_t count, off64_t offset)
+{
+    const size_t part = divide_at_page(count, offset);
+    if (!part && fault_mode == MODE_FULL) {
+        errno = ENOSPC;
+        return -1;
+    }
+    return REAL(pwrite64)(descriptor, data, part ? part : count, offset);
+}
+
 ssize_t pwrite(int descriptor, const void *data, size_t count, off_t offset)
 {
-    WRITE(count, REAL(pwrite)(descriptor, data, count, offset), REAL(pwrite)(descriptor, data, count / 2, offset));
+    WRITE(count, REAL(pwrite)(descriptor, data, count, offset), write_part(descriptor, data, count, offset));
 }
 
 ssize_t pwrite64(int descriptor, const void *data, size_t count, off64_t offset)
 {
-    WRITE(count, REAL(pwrite64)(descriptor, data, count, offset), REAL(pwrite64)(descriptor, data, count / 2, offset));
+    WRITE(count, REAL(pwrite64)(descriptor, data, count, offset), write_part(descriptor, data, count, offset));
 }
 
 ssize_t writev(int descriptor, const struct iovec *parts, int count)

@@ -80,6 +80,7 @@ def _change_bytes(frames: ByteArray, rng: np.random.Generator, places: NDArray[n
     """
     out = frames.copy()
     rows = np.arange(len(frames))
+    # A shift of 1 to 254 steps in the cycle of the values 1 to 255 never gives 0 or the old value.
     shift = rng.integers(1, 255, len(frames), dtype=np.uint8)
     out[rows, places] = (out[rows, places].astype(np.int16) - 1 + shift) % 255 + 1
     return out
@@ -166,7 +167,7 @@ def build_taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple
     Returns its content (type, sequence, payload), and its bytes on the wire without the delimiters.
     """
     counts = rng.normal(4000, 20, taxel_count).astype("<u2").tobytes()
-    head = bytes([0x20, taxel_count]) + rng.bytes(6)
+    head = bytes([0x20, taxel_count]) + rng.bytes(6)  # board address, number of taxels, random other fields
     snapshot = rng.bytes(6) + counts
     payload = head + snapshot + crc32(snapshot, crc32(head[:1])).to_bytes(4, "little")
     sequence = int(rng.integers(0, 1 << 16))
@@ -176,7 +177,9 @@ def build_taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple
 def reaches_crc(stuffed: bytes) -> bool:
     """Return whether a decoder rejects or accepts these bytes by the CRC alone.
 
-    They must begin with a taxel frame that passes all checks before the CRC: byte stuffing, type, address and length.
+    They must begin with a taxel frame that passes all checks before the CRC: byte stuffing, type, address and length. A
+    body consists of the header (type, sequence, length; 5 bytes), the payload (address, number n of taxels, ...; 18 +
+    2 n bytes) and the CRC (4 bytes).
     """
     body = bytearray()
     position = 0

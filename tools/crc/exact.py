@@ -52,6 +52,7 @@ def compute_bit_syndromes(count: int) -> WordArray:
     state = 1
     for i in range(count):
         values[i] = state
+        # Multiply by x; if the result has the term x^32 (bit 32), subtract the generator.
         state = (state << 1) ^ ((0x100000000 | GENERATOR) if state & 0x80000000 else 0)
     return values
 
@@ -174,9 +175,11 @@ def count_placements(spans: NDArray[np.int64], length: int) -> int:
 
 
 def compute_block_end_probability(length: int) -> NDArray[np.float64]:
-    """Compute the probability that a block of the byte stuffing ends after exactly n random bytes: f64[length + 1].
+    """Compute the probability that a block of the byte stuffing ends after exactly n bytes of the body:
+    f64[length + 1].
 
-    The bytes are uniformly distributed from 1 to 255.
+    The stuffed bytes are random, uniformly distributed from 1 to 255. A block with the code c contains c - 1 bytes, and
+    a zero follows them unless c is 255. starts[n], ends[n]: probability that a block begins, or ends, at byte n.
     """
     starts = np.zeros(length + 256)
     ends = np.zeros(length + 256)
@@ -191,14 +194,14 @@ def compute_block_end_probability(length: int) -> NDArray[np.float64]:
 def list_allowed_bodies() -> Iterator[tuple[int, float]]:
     """Yield the length of each permitted frame body to a host, and the probability that a random header states it."""
     for frame_type, spec in FRAMES.items():
-        if frame_type & 0x80:
+        if frame_type & 0x80:  # a frame to the hub
             continue
         for payload in range(spec.minimum, spec.maximum + 1):
-            chance = 2.0**-24
+            chance = 2.0**-24  # type (8 bits) and length (16 bits)
             if spec.has_address:
                 chance *= (ADDRESS_MAX - ADDRESS_MIN + 1) / 256
             if frame_type == FrameType.TAXELS:
-                if (payload - 8 - SNAPSHOT_OVERHEAD) % 2:
+                if (payload - 8 - SNAPSHOT_OVERHEAD) % 2:  # after a header of 8 bytes: counts of 2 bytes each
                     continue
                 chance /= 256  # the taxel count must match the length
             yield FRAME_HEADER_SIZE + payload + FRAME_CRC_SIZE, chance
@@ -253,7 +256,7 @@ def print_rates(frame_rate: float, body: int) -> None:
     frame_rate: frames per second. body: bytes of a frame's body.
     """
     random_frame = compute_random_frame_probability()
-    wire = body + body // 254 + 1
+    wire = body + body // 254 + 1  # byte stuffing adds a code byte to each block of up to 254 bytes
     print("Random bytes without a zero")
     print(f"  valid header at one position              {sum(chance for _, chance in list_allowed_bodies()):.2e}")
     print(f"  accepted frame at one position            {random_frame:.2e}")

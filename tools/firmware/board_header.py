@@ -1,5 +1,5 @@
 """Write the C sources that the images take from pins.toml and from the hand descriptions: pins, board kinds, scan
-settings.
+settings. A pins file for a PSoC 4100S states part = "psoc4100s".
 
     python tools/firmware/board_header.py --pins firmware/boards/psoc4200/pins.toml --out DIR
 
@@ -41,6 +41,15 @@ DEBUGGER = {"P3.2", "P3.3"}
 
 FIXED = {"scl": "P4.0", "sda": "P4.1", "cmod": "P4.2", "uart_rx": "P0.4", "uart_tx": "P0.5"}
 """Pins fixed by the silicon (device header of this part: HSIOM_SEL of ports 0 and 4)."""
+
+FIXED_4100S = {name: FIXED[name] for name in ("scl", "sda", "uart_rx", "uart_tx")} | {
+    "cint_a": "P4.2",
+    "cint_b": "P4.3",
+}
+"""Pins fixed by the silicon of a PSoC 4100S (manufacturer's pin header of the 44-TQFP package)."""
+
+RX_PORTS_4100S = ("P0", "P3", "P4")
+"""Ports of a PSoC 4100S whose pins are in the segment of the analog bus that the converter has."""
 
 EXCHANGED = {"scl": "P3.0", "sda": "P3.1", "uart_rx": "P4.0", "uart_tx": "P4.1"}
 """Pins of a hub whose bus is on SCB1 and whose UART is on SCB0, as on the original hub (HSIOM_SEL of ports 3 and 4)."""
@@ -113,8 +122,8 @@ def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iter
     name: "sensor" or "hub". table: pin names by use. single: uses with one pin, each of which becomes a macro. lines:
     additional C lines.
     """
-    guard = f"PSOC4200_BOARD_PINS_{name.upper()}_H"
-    text = [MARK, f"#ifndef {guard}", f"#define {guard}", "", '#include "boards/psoc4200/pins.h"', ""]
+    guard = f"PSOC4_BOARD_PINS_{name.upper()}_H"
+    text = [MARK, f"#ifndef {guard}", f"#define {guard}", "", '#include "boards/psoc4/pins.h"', ""]
     text += [f"#define BOARD_PIN_{key.upper()} {encode_pin(path, f'{name}.{key}', table[key])}" for key in single]
     return "\n".join([*text, *lines, "", "#endif", ""])
 
@@ -246,7 +255,7 @@ def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], 
     largest = f"#define BOARD_TAXELS_MAX {max(kind.taxel_count for kind in kinds)}u"
     if "hub" in document:
         hub = document["hub"]
-        single = HUB_PINS[:-1]
+        single = HUB_PINS[:-1]  # an original hub has no pin for flow control (uart_rts, the last one)
         check_table(path, "hub", hub, single, EXCHANGED)
         bus_hz = read_integer(path, "hub.bus_hz", hub, BUS_HZ[0], BUS_HZ[-1])
         if bus_hz not in BUS_HZ:
@@ -281,7 +290,7 @@ def format_kinds_source(kinds: list[BoardKind]) -> str:
         bitmap = ", ".join(f"0x{byte:02X}" for byte in kind.crossing_bitmap())
         rows += [f"    /* {kind.name} */", f"    {{{kind.code}, {kind.tx_count}, {kind.rx_count}, {kind.taxel_count},"]
         rows += [f"     {{{bitmap}}}}},"]
-    body = [MARK, '#include "boards/psoc4200/kinds.h"', "", "const struct kind kinds[] = {", *rows, "};", ""]
+    body = [MARK, '#include "boards/psoc4/kinds.h"', "", "const struct kind kinds[] = {", *rows, "};", ""]
     return "\n".join([*body, f"const uint8_t kind_count = {len(kinds)};", ""])
 
 
@@ -299,15 +308,22 @@ def write_all(pins: Path, out: Path) -> None:
     Raises PinsError, HandDescriptionError, OSError.
     """
     path, document = pins.name, read_document(pins)
-    if "part" in document:  # only pins files of the original hardware name the part of the processor
+    if isinstance(document.get("part"), dict):  # only pins files of the original hardware have this table
         kinds = list_kinds_of_hands(document.get("hands", []))
         if not kinds:
             raise PinsError(path, "hands", "a packaged hand or more", repr(document.get("hands")))
         write_original(path, document, kinds, out)
         return
     sensor, hub = (document.get(name, {}) for name in ("sensor", "hub"))
-    check_table(path, "sensor", sensor, SENSOR_PINS)
-    check_table(path, "hub", hub, HUB_PINS)
+    if document.get("part", "psoc4200") not in ("psoc4200", "psoc4100s"):
+        raise PinsError(path, "part", "psoc4200 or psoc4100s", repr(document["part"]))
+    is_4100s = document.get("part") == "psoc4100s"
+    sensor_pins, fixed = (TWO_CAPACITORS, FIXED_4100S) if is_4100s else (SENSOR_PINS, FIXED)
+    check_table(path, "sensor", sensor, sensor_pins, fixed)
+    check_table(path, "hub", hub, HUB_PINS, fixed)
+    outside = [pin for pin in sensor.get("rx", []) if is_4100s and not pin.startswith(RX_PORTS_4100S)]
+    if outside:
+        raise PinsError(path, "sensor.rx", f"pins of the ports {', '.join(RX_PORTS_4100S)}", outside[0])
     kinds = list_kinds_of_hands(document.get("hands", []))
     if not kinds:
         raise PinsError(path, "hands", "a packaged hand or more", repr(document.get("hands")))
@@ -317,7 +333,7 @@ def write_all(pins: Path, out: Path) -> None:
             path,
             "sensor",
             sensor,
-            SENSOR_PINS,
+            sensor_pins,
             ["#define BOARD_BUS_SCB 0", largest, *format_sensor_lines(path, sensor, kinds)],
         ),
         out / "hub" / "board_pins.h": format_pins_header(

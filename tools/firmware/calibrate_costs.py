@@ -83,7 +83,7 @@ def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
     costs: list[int] = []
     last = world.read_handler_costs(board.address)["CSD"]
     while len(costs) < 2 * board.kind.taxel_count + 1:
-        world.run(40e-6)
+        world.run(40e-6)  # shorter than a conversion, so that no two interrupts are counted together
         now = world.read_handler_costs(board.address)["CSD"]
         if now.count > last.count:
             costs.append(now.own - last.own)
@@ -184,6 +184,8 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
             own.append(world.read_handler_costs(board.address)["SCB0"].own - before.own)
         return min(own), min(durations)
 
+    # One clock of the bus at 400 kHz, in cycles. A transfer has 9 clocks for each byte, including the address, and 2
+    # clocks for start and stop: 11 for the probe, 29 for the read of 2 bytes.
     clock = CYCLES_PER_US * 2.5
     pointer = bytes([REGISTER_SNAPSHOT])
     stop = world.read_handler_costs(board.address)["SCB0"].own_min
@@ -223,6 +225,8 @@ def measure_board(image: Path) -> Costs:
     own, scan_own = costs["own"], costs["scan_own"]
     assert isinstance(own, int)
     assert isinstance(scan_own, int)
+    # Cycles after the start of the next conversion do not lengthen a scan. Their number is the sum of the interrupts
+    # minus the measured overhead: a constant for each conversion plus a constant for each scan.
     remainders = {address: sum(cycles) - overheads[address][0] for address, (_, cycles) in scans.items()}
     counts = {address: scans[address][0].kind.taxel_count for address in scans}
     after = round((remainders[LARGE] - remainders[SMALL]) / (counts[LARGE] - counts[SMALL]))
@@ -245,6 +249,7 @@ def format_header(board: Costs, hub: Costs) -> str:
         text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
         return f"#define COST_{name.upper()} {text}"
 
+    # Numbers in this function are constants of firmware and processor, which are not measured.
     conversion = [
         format_definition("conversion", board["conversion"]),
         format_definition("settle_loop", 4),

@@ -24,7 +24,7 @@ from flash_worlds import make_small_world
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualWorld
-from taxel_protocol.bootloader import LAYOUTS, BootDevice
+from taxel_protocol.bootloader import LAYOUTS
 from taxel_tools.files import Firmware
 
 POWER_OFF_S: Final = 0.03
@@ -116,7 +116,7 @@ class _Board:
 
     def _check_image(self, firmware: Firmware) -> None:
         """Check that a slot contains the new image and that the processor has not faulted since its last start."""
-        flash, layout = self.world.read_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
+        flash, layout = self.world.read_flash(BOARD).data, LAYOUTS[firmware.device]
         if not any(flash[layout.slot_address(image.slot) :].startswith(image.data) for image in firmware.images):
             raise TaxelError("the command succeeded, but neither slot contains the new image")
         processor = self.world.read_processor(BOARD)
@@ -127,6 +127,7 @@ class _Board:
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
     """Run firmware updates with at least `cuts` power cuts in total, up to the first failure.
 
+    Each update has one cut or two; the second cut hits a row that the repeated update still has to write.
     images: folder of the firmware images that the emulated board executes.
     """
     generator, result = random.Random(f"executed {seed}"), Cuts()
@@ -160,7 +161,8 @@ def main() -> int:
     try:
         result = cut_updates(options.cuts, options.seed, options.images)
     except OSError as error:
-        print(f"executed_power_cuts: {error}", file=sys.stderr)
+        reason = f"{error.filename}: {error.strerror}; build the images with `make firmware`, or correct --images"
+        print(f"executed_power_cuts: {reason}", file=sys.stderr)
         return 1
     for (moment, outcome), count in sorted(result.outcomes.items()):
         print(f"{count:6d} cuts {moment}: the {outcome} version runs")

@@ -10,7 +10,7 @@ from taxel.hand import Hand
 from taxel.hand.boards import Board
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice
+from taxel_protocol.bootloader import BOOT_ROW_SIZE
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import HEADER_SIZE, parse_image
@@ -65,9 +65,10 @@ def make_firmware(version: tuple[int, int, int], images: Path = IMAGES, *, rows:
     """
     images_of_slots = []
     for slot, name in enumerate("ab"):
-        content = (images / f"board-{name}.bin").read_bytes()[HEADER_SIZE:]
+        built = parse_image((images / f"board-{name}.bin").read_bytes(), f"board-{name}.bin")
+        content = built.data[HEADER_SIZE:]
         content += random.Random(f"{version} {slot}").randbytes(rows * BOOT_ROW_SIZE)
         images_of_slots.append(
-            parse_image(build_image(BootDevice.BOARD, slot, 0, version, content), f"board-{name} {version}")
+            parse_image(build_image(built.device, slot, 0, version, content), f"board-{name} {version}")
         )
     return Firmware(tuple(images_of_slots))

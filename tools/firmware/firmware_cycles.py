@@ -94,6 +94,7 @@ def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
         world.run(RUN_S)
         end = _read_cycle_counts(world, address)
         last = _read_snapshot_header(world, board)
+        # Cycle counts: [0] all cycles, [1] cycles awake. Snapshot headers: [0] scan number, [1] board time in us.
         share = (end[1] - begin[1]) / (end[0] - begin[0])
         length = (last[1] - first[1]) * CYCLES_PER_US / (last[0] - first[0])
         begin = _read_cycle_counts(world, address)
@@ -121,6 +122,7 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
             return frames
 
         count_frames(0.5)
+        # SCB0 and SCB1 are the serial blocks of the I2C bus and of the UART.
         before = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
         begin = _read_cycle_counts(world, 0)
         frames = count_frames(FRAMES_S)

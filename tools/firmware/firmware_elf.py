@@ -64,7 +64,9 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str = "rebui
 def read_linked_image(path: Path) -> LinkedImage:
     """Read a linked image from an ELF file.
 
-    Raises FirmwareFileError with a one-line message for a damaged file, OSError.
+    Raises FirmwareFileError with a one-line message for a damaged file, OSError. Fields of the ELF header: 1 type, 2
+    machine, 6 offset, 11 size and 12 number of the section headers, 13 section of their names. Fields of a section
+    header: 0 name, 2 flags (bit 1: in memory), 3 address, 4 offset, 5 size.
     """
     data = path.read_bytes()
     if not data.startswith(IDENTIFICATION) or len(data) < HEADER.size:
@@ -105,7 +107,8 @@ def _read_text(data: bytes, offset: int) -> str:
 def _read_flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
     """Return the start address and the bytes of everything that a linked image loads into flash.
 
-    header: fields of the ELF header. Gaps between the loaded pieces become zeros.
+    header: fields of the ELF header (5 offset, 9 size and 10 number of the program headers). Gaps between the loaded
+    pieces become zeros. All pieces must lie within 64 KiB; addresses beyond are not flash.
     """
     pieces: list[tuple[int, bytes]] = []
     for place in range(header[10]):
@@ -132,7 +135,8 @@ def _read_flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, b
 def _read_symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
     """Return the values of all symbols of an ELF file by name, and its functions in ascending order of address.
 
-    tables: fields of each section header.
+    tables: fields of each section header (1 type, 4 offset, 5 size, 6 section with the names). Names that begin with $
+    mark code and data for disassemblers and are omitted. The lowest bit of a function's value is the Thumb bit.
     """
     values: dict[str, int] = {}
     functions: list[Function] = []

@@ -22,7 +22,7 @@ from firmware_elf import LinkedImage, read_linked_image
 
 from taxel.errors import TaxelError
 from taxel.optional import MissingPackageError
-from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, LAYOUTS, BootDevice
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import write_cyacd
@@ -37,8 +37,9 @@ from taxel_tools.signing import (
 )
 
 VERSION_FILE: Final = Path(__file__).parents[2] / "host" / "taxel" / "version.py"
-RAM_BEGIN, RAM_SIZE = 0x20000000, 0x1000
-BOOTLOADER_SIZE: Final = BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
+RAM_BEGIN: Final = 0x20000000
+RAM_SIZES: Final = {BootDevice.BOARD_64K: 0x2000, BootDevice.HUB_64K: 0x2000}
+"""Bytes of RAM of the parts that do not have 4 KiB."""
 HEX_END: Final = ":00000001FF\n"
 ANY_KIND: Final = 0
 
@@ -73,7 +74,8 @@ def _check_vectors(linked: LinkedImage, offset: int) -> None:
     The stack pointer must be in RAM, and the reset vector in the image, with the Thumb bit set.
     """
     stack, reset = (int.from_bytes(linked.content[at : at + 4], "little") for at in (offset, offset + 4))
-    if not RAM_BEGIN < stack <= RAM_BEGIN + RAM_SIZE or stack % 8:
+    ram_size = RAM_SIZES.get(_read_device(linked), 0x1000)
+    if not RAM_BEGIN < stack <= RAM_BEGIN + ram_size or stack % 8:
         _fail(linked.path, "stack pointer", "a multiple of 8 in RAM", f"0x{stack:08X}", "correct the vector table")
     end = linked.address + len(linked.content)
     if not linked.address + offset + 8 <= reset < end or not reset & 1:
@@ -121,9 +123,10 @@ def read_bootloader(linked: LinkedImage) -> bytes:
 
     Raises FirmwareFileError for an image that is not a bootloader.
     """
-    if linked.address or len(linked.content) > BOOTLOADER_SIZE or "image_slot" in linked.symbols:
+    size = LAYOUTS[_read_device(linked)].bootloader_rows * BOOT_ROW_SIZE
+    if linked.address or len(linked.content) > size or "image_slot" in linked.symbols:
         found = f"{len(linked.content)} bytes at 0x{linked.address:X}"
-        _fail(linked.path, "address", f"{BOOTLOADER_SIZE} bytes or fewer at 0", found, "pass the bootloader's ELF")
+        _fail(linked.path, "address", f"{size} bytes or fewer at 0", found, "pass the bootloader's ELF")
     _check_vectors(linked, 0)
     return linked.content
 

@@ -1,6 +1,6 @@
 """Flash, RAM, worst-case stack and cycles of the images in a build folder, compared with their budgets.
 
-    python tools/firmware/firmware_size.py --build DIR [--json FILE] [--page FILE] [--compare FILE]
+    python tools/firmware/firmware_size.py --part PART --build DIR [--json FILE] [--page FILE] [--compare FILE]
 
 Prints the table, writes it as JSON and as a page, lists the changes since another JSON, and fails if a budget is
 exceeded. Budgets: flash from the layout, RAM and stack from the image's linker script, cycles from the available time
@@ -23,17 +23,23 @@ from firmware_stack import CallGraph, StackUse, disassemble, read_call_table, re
 
 from taxel.errors import TaxelError
 from taxel.output import write_whole
-from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, LAYOUTS, BootDevice
 from taxel_tools.errors import FirmwareFileError
 
 ORIGINAL_KINDS: Final = ("palm", "back_of_hand", "finger_tip", "finger_big", "finger_small", "hub")
-IMAGES: Final = (
-    *("bootloader-board", "bootloader-hub", "board-a", "board-b", "hub-a", "hub-b"),
-    *(f"original-{kind}" for kind in ORIGINAL_KINDS),
-    "bootloader-one-slot",
-    *(f"one-slot-{kind}" for kind in ORIGINAL_KINDS[:-1]),
-)
-PORT: Final = Path(__file__).parents[2] / "firmware" / "boards" / "psoc4200"
+COMMON_IMAGES: Final = ("bootloader-board", "bootloader-hub", "board-a", "board-b", "hub-a", "hub-b")
+IMAGES: Final = {
+    "psoc4200": (
+        *COMMON_IMAGES,
+        *(f"original-{kind}" for kind in ORIGINAL_KINDS),
+        "bootloader-one-slot",
+        *(f"one-slot-{kind}" for kind in ORIGINAL_KINDS[:-1]),
+    ),
+    "psoc4100s": COMMON_IMAGES,
+}
+"""Names of the images by the folder of their port in firmware/boards."""
+
+CALLS: Final = Path(__file__).parents[2] / "firmware" / "boards" / "psoc4" / "calls.toml"
 RAM_BEGIN: Final = 0x20000000
 FAULT_RECORD: Final = ".noinit.fault"
 """Section at a fixed address between variables and stack: only its own size counts."""
@@ -42,12 +48,10 @@ COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RA
 PAGE: Final = """# Size of the images
 
 This page lists the flash, RAM and cycles that each firmware image needs. It is written by `make size` from the linked
-images for the CY8C4245AXI-483, and for the CY8C4244AZI-443 (16 KiB of flash) of the original boards and hub
-(`original-...` without this project's bootloader, `one-slot-...` with it,
-[migrate-original-boards.md](migrate-original-boards.md)). Sizes are in bytes.
+images for {part}. Sizes are in bytes.
 
-- *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables; and the
-  fault record of an application, at its own address between variables and stack.
+- *static RAM* is the RAM from its start to the end of the variables (interrupt vectors, words that survive a reset,
+  variables), plus the fault record of an application, which has its own address between variables and stack.
 - *stack* is the largest stack that the image can need: the deepest call chain from the reset handler plus the
   interrupts that can preempt it, with their exception frames (`tools/firmware/firmware_stack.py`). The stack that the
   supervisory ROM uses during a flash call is not published; the RAM left beside the largest stack is reserved for it.
@@ -57,7 +61,7 @@ images for the CY8C4245AXI-483, and for the CY8C4244AZI-443 (16 KiB of flash) of
   frames while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
 
 `make size` fails if flash, stack, RAM or cycles of an image exceed their budget. The RAM budget of every image is
-3 KiB of the 4 KiB of the microcontroller. {compiler}
+three quarters of the RAM of the microcontroller. {compiler}
 
 {table}
 
@@ -65,6 +69,16 @@ Call chains with the largest stack, interrupts last:
 
 {chains}
 """
+
+
+PART_TEXTS: Final = {
+    "psoc4200": """the CY8C4245AXI-483 (32 KiB of flash, 4 KiB of RAM), and for the CY8C4244AZI-443 (16 KiB of flash) of
+the original boards and hub (`original-...` without this project's bootloader, `one-slot-...` with it,
+[migrate-original-boards.md](migrate-original-boards.md)). Another page lists the images for the second part,
+[the PSoC 4100S](firmware-size-psoc4100s.md)""",
+    "psoc4100s": """the CY8C4146AXI-S433, a PSoC 4100S with 64 KiB of flash and 8 KiB of RAM
+([psoc4100s.md](psoc4100s.md))""",
+}
 
 
 @dataclass(frozen=True)
@@ -110,11 +124,10 @@ def compute_flash_budget(linked: LinkedImage) -> int:
     """Return the flash bytes available to an image: its slot, the bootloader's rows, or the flash of an original
     device.
     """
-    if "image_slot" in linked.symbols:
-        return LAYOUTS[BootDevice(linked.symbol("image_device"))].slot_size
     if "image_end_row" in linked.symbols:
         return (linked.symbol("image_end_row") - linked.symbol("image_first_row")) * BOOT_ROW_SIZE
-    return BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
+    layout = LAYOUTS[BootDevice(linked.symbol("image_device"))]
+    return layout.slot_size if "image_slot" in linked.symbols else layout.bootloader_rows * BOOT_ROW_SIZE
 
 
 def measure(linked: LinkedImage, use: StackUse) -> Size:
@@ -146,15 +159,17 @@ def find_frame_size_files(build: Path, sources: tuple[str, ...]) -> list[Path]:
     ]
 
 
-def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
-    """Measure the flash, RAM and stack of all images in a build folder.
+def measure_all(
+    build: Path, objdump: str, calls: Path = CALLS, names: tuple[str, ...] = IMAGES["psoc4200"]
+) -> dict[str, Size]:
+    """Measure the flash, RAM and stack of the images `names` in a build folder.
 
     objdump: path of the tool. calls: path of calls.toml. Raises FirmwareFileError, OSError.
     """
     table = read_call_table(calls)
     shared = find_frame_size_files(build, ("memory.c", "standalone.c"))
     sizes = {}
-    for name in IMAGES:
+    for name in names:
         path = build / f"{name}.elf"
         linked = read_linked_image(path)
         frame_sizes = read_frame_sizes([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
@@ -197,14 +212,16 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
     return lines
 
 
-def format_page(sizes: dict[str, Size], compiler: str) -> str:
-    """Return the text of docs/firmware-size.md. compiler: sentence that names the compiler."""
+def format_page(sizes: dict[str, Size], compiler: str, part: str = "psoc4200") -> str:
+    """Return the text of the page about a part. compiler: sentence that names the compiler."""
     chains = [
         f"- Deepest call chain of the image {name}: {', '.join(size.chain)}"
         for name, size in sizes.items()
         if not name.endswith("-b")
     ]
-    return PAGE.format(compiler=compiler, table="\n".join(format_table(sizes)), chains="\n".join(chains))
+    return PAGE.format(
+        part=PART_TEXTS[part], compiler=compiler, table="\n".join(format_table(sizes)), chains="\n".join(chains)
+    )
 
 
 def format_json(sizes: dict[str, Size], compiler: str) -> str:
@@ -258,23 +275,24 @@ def main() -> int:
     The exit status is 1 if a budget is exceeded or a file is unusable.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=sorted(IMAGES), default="psoc4200")
     parser.add_argument("--build", type=Path, required=True, help="folder of the cross build")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--page", type=Path)
     parser.add_argument("--compare", type=Path, help="JSON of an earlier run")
-    parser.add_argument("--calls", type=Path, default=PORT / "calls.toml")
+    parser.add_argument("--calls", type=Path, default=CALLS)
     parser.add_argument("--objdump", default="arm-none-eabi-objdump")
     options = parser.parse_args()
     try:
         counted = measure_cycles(options.build / "images")
-        sizes = add_cycles(measure_all(options.build, options.objdump, options.calls), counted)
+        sizes = add_cycles(measure_all(options.build, options.objdump, options.calls, IMAGES[options.part]), counted)
         compiler = describe_compiler(options.objdump)
         compared = compare_sizes(sizes, options.compare) if options.compare else []
         print("\n".join([*format_table(sizes), *compared]))
         if options.json:
             write_whole(options.json, format_json(sizes, compiler))
         if options.page:
-            write_whole(options.page, format_page(sizes, compiler))
+            write_whole(options.page, format_page(sizes, compiler, options.part))
     except (TaxelError, OSError, subprocess.CalledProcessError) as error:
         print(f"firmware_size: {error}", file=sys.stderr)
         return 1

@@ -2,7 +2,7 @@
 
 The frame of a function is the sum of its pushes and subtractions from the stack pointer, or the size in the compiler's
 .su file if that is larger. Calls and jumps to other functions are read from the disassembly. A table
-(firmware/boards/psoc4200/calls.toml) lists the targets of calls through pointers and the interrupts that preempt each
+(firmware/boards/psoc4/calls.toml) lists the targets of calls through pointers and the interrupts that preempt each
 other. An exception takes 32 bytes and up to 4 bytes of alignment (ARMv6-M Architecture Reference Manual, B1.5.6).
 """
 
@@ -42,12 +42,14 @@ class CallTable:
     """Content of calls.toml, at `path`.
 
     pointers: (names of functions that call through a pointer, names of the functions that they may call). levels:
-    (names of images, names of the interrupt handlers of each priority level).
+    (names of images, names of the interrupt handlers of each priority level). never_pointed: functions that no pointer
+    reaches, although a constant of an image equals their address.
     """
 
     path: str
     pointers: tuple[tuple[list[str], list[str]], ...]
     levels: tuple[tuple[list[str], list[list[str]]], ...]
+    never_pointed: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -79,9 +81,10 @@ def read_call_table(path: Path) -> CallTable:
         document = tomllib.loads(path.read_text())
         pointers = tuple((list(row["callers"]), list(row["targets"])) for row in document["pointer"])
         levels = tuple((list(row["images"]), [list(level) for level in row["handlers"]]) for row in document["levels"])
+        never_pointed = frozenset(document.get("never_pointed", []))
     except (ValueError, KeyError, TypeError) as error:
         _fail(str(path), "table", "[[pointer]] and [[levels]]", str(error).splitlines()[0], "correct it")
-    return CallTable(str(path), pointers, levels)
+    return CallTable(str(path), pointers, levels, never_pointed)
 
 
 def disassemble(path: str, objdump: str) -> dict[int, Routine]:
@@ -112,6 +115,7 @@ def read_disassembly(text: str) -> dict[int, Routine]:
             previous = line
     starts = sorted(routines)
     for address, routine in routines.items():  # a jump into the middle of a routine counts as a call
+        # A jump inside the routine itself is no call, but a target at its start is recursion and stays.
         owners = {starts[bisect_right(starts, target) - 1] for target in routine.calls if target >= starts[0]}
         routine.calls = owners - {address} | routine.calls & {address}
     return routines
@@ -127,7 +131,8 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
     elif mnemonic == "sub" and operands.startswith("sp, #"):
         routine.frame += int(operands[5:].split()[0])
     elif (mnemonic == "add" and operands.startswith("sp, r")) or (mnemonic == "mov" and operands.startswith("sp, ")):
-        routine.frame = -(1 << 20)  # dynamic: the size is in the compiler's .su file
+        # Dynamic: the size is in the compiler's .su file. Without it the frame stays negative, which means unknown.
+        routine.frame = -(1 << 20)
     elif mnemonic == "blx" or (mnemonic == "bx" and operands != "lr" and "pop" not in previous):
         routine.uses_pointer = True
     elif mnemonic[0] == "b" and "<" in operands:
@@ -188,7 +193,8 @@ class CallGraph:
         They can be called through pointers, so each of them must be listed in calls.toml.
         """
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
-        known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
+        known = {name for _, levels in self._table.levels for level in levels for name in level}
+        known |= {ENTRY, UNEXPECTED, *self._table.never_pointed}
         functions = {function.address for function in image.functions}
         names = {}
         for address, routine in self._routines.items():

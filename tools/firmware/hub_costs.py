@@ -28,6 +28,8 @@ SAMPLE_S, SAMPLES = 2.03e-6, 60_000
 def measure_pass_cycles(world: VirtualWorld) -> int:
     """Return the processor cycles from the end of an I2C probe to the start of the next, while the hub searches for
     boards.
+
+    The cycles follow from the shortest duration of `PROBES` successive probes, minus `PROBE_US` for each probe.
     """
     times: list[float] = []
     probes = 0

@@ -70,6 +70,7 @@ class _Board:
         while self._world.now_s < end:
             self._value += 1
             if self._value > COUNT_MAX:
+                # The next scans may contain counts before and after the restart, and are ignored.
                 self._value, self._skip_until = 1, self._sequence + 3
             self._world.set_stimulus(np.full(self._taxels, self._value))
             self._world.run(min(STEP_S, max(end - self._world.now_s, 1e-9)))
@@ -88,12 +89,14 @@ class _Board:
         if self._previous is None or sequence != self._previous[0]:
             result.scans += 1
         self._sequence = sequence
+        # Sequence numbers have 16 bits: a difference below 32768 means that `_skip_until` is not yet exceeded.
         if self._skip_until is not None and (self._skip_until - sequence) % 65536 < 32768:
             self._previous = None
             result.skipped += 1
             return
         self._skip_until = None
         before = self._previous
+        # The counts increase with time, and a scan measures the taxels in order: later counts are never smaller.
         if (np.diff(counts) < 0).any() or (before and sequence != before[0] and counts[0] < before[1]):
             result.error = f"scan {sequence}: {counts.tolist()} after {before}"
         self._previous = sequence, int(counts[-1])

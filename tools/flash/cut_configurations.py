@@ -116,6 +116,7 @@ class _Provision:
         self.world, self.bench, self.board, self.unique_id = world, bench, board, unique_id
         self.sequence, self.result = sequence, result
         self.present_address, address = bench.get_addresses(board)
+        # Kind 9; the serial number and the seven current codes differ from those of the write before.
         self.entry = Entry(unique_id, address, 9, f"S{index:05d}", tuple(1 + index % 200 for _ in range(7)))
         self.old_configuration = decode_configuration(world.read_flash(board).data)
         self.cuts_before = world.count_power_cuts(board)

@@ -93,7 +93,8 @@ class WorldPlan:
 def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
     """Plan emulated worlds whose sequences contain at least `cuts` power cuts in total.
 
-    The same seed gives the same plan.
+    The same seed gives the same plan. In every third world the bootloaders wait for a host after power-up. A world of
+    blank boards has four boards, so it has four sequences.
     """
     worlds: list[WorldPlan] = []
     for route, share in ROUTES.items():
@@ -152,7 +153,7 @@ def _sample_instant(generator: random.Random) -> float:
 
 
 def _list_configuration_writes(generator: random.Random) -> Iterator[CutSequence]:
-    """Yield configuration writes without end that the power cuts at each point in turn.
+    """Yield configuration writes without end; the power is cut in each write at the next one of `POINTS_S`.
 
     A second cut follows if the write cannot be complete.
     """

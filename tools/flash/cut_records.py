@@ -22,7 +22,11 @@ OPERATIONS: Final = ("row of the image", "image made pending", "try counted", "i
 
 
 def name_operation(cut: PowerCut) -> str:
-    """Return which flash operation a power cut interrupted, as one of `OPERATIONS`."""
+    """Return which flash operation a power cut interrupted, as one of `OPERATIONS`.
+
+    The row states whether an image, the configuration or the metadata was written. New metadata without a pending
+    image confirm an image; with all boot attempts left they make an image pending, with fewer they count an attempt.
+    """
     if cut.row in (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_ROW + 1):
         return OPERATIONS[4]
     if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
@@ -36,7 +40,8 @@ def name_operation(cut: PowerCut) -> str:
 def _find_newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
     """Return the payload of the valid flash record with the highest sequence number; None without a valid record.
 
-    flash: content of the whole flash. first_row: first of the two rows with such records. magic: their first bytes.
+    flash: content of the whole flash. first_row: first of the two rows with such records. magic: their first bytes. The
+    CRC covers the first 120 bytes of a row. The sequence numbers are compared modulo 2^32.
     """
     newest: tuple[int, bytes] | None = None
     for row in (first_row, first_row + 1):

@@ -58,7 +58,7 @@ class NeighbourMonitor:
 
         Raises `TaxelError` if the hub has restarted or if there is no frame of the board.
         """
-        self.client.wait(2.5 / RATE_HZ)
+        self.client.wait(2.5 / RATE_HZ)  # at least two frames of the board
         times = [frame.time_s for frame in self.client.stream.frames if frame.address == NEIGHBOUR]
         self.client.stream.frames.clear()
         if not self.client.has_handshake or not times:

@@ -142,6 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         at_once_text = "" if at_once is None else f"{at_once:.1f} s"
         print(f"{setting.latency:<14}{flow_control:>15}{window:>15}{at_once_text:>12}{speed.serial_s:>10.1f} s")
     hub_rows = min(options.rows + 8, LAYOUTS[BootDevice.HUB].slot_rows)
+    # The hub is measured with flow control, for both latencies.
     hub = {setting.latency: measure_hub(setting, hub_rows) for setting in (SETTINGS[0], SETTINGS[3])}
     for latency, seconds in hub.items():
         print(f"the hub, {latency}: {seconds:.1f} s")

@@ -45,7 +45,7 @@ def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
         if len(body) > BODY_MAX:
             return
         yield end, whiten(bytes(body))
-        if chunk[position] < 0xFF:
+        if chunk[position] < 0xFF:  # only a block of the largest length is not followed by a zero byte
             body.append(0)
         position = end
 
@@ -68,6 +68,7 @@ def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
         spec.has_address and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX
     ):
         return None
+    # The built payload differs if the description of the payload does not cover all its bytes.
     built = spec.payload.build(content.payload)
     return (content.type, content.sequence, payload) if built == payload else None
 

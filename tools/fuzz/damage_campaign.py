@@ -102,6 +102,7 @@ def sample_frames(rng: np.random.Generator) -> list[Frame]:
     for kind in rng.choice(TYPES, rng.integers(2, 7)):
         frame_type, spec = int(kind), FRAMES[FrameType(int(kind))]
         count = int(rng.integers(1, 241 if rng.random() < 0.05 else 24))
+        # A TAXELS payload has 14 bytes before the counts and a CRC of 4 bytes after them.
         length = 18 + 2 * count if frame_type == FrameType.TAXELS else int(rng.integers(spec.minimum, spec.maximum + 1))
         payload = bytearray(rng.bytes(length) if rng.random() < 0.7 else bytes([int(rng.integers(256))]) * length)
         if spec.has_address:

@@ -80,7 +80,7 @@ class Npz:
             return {name: archive[name] for name in archive.files}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the archive.
+        """Return the bytes of a NumPy archive of the values, by name.
 
         A value that is not an array of numbers or strings is stored as a pickled object.
         """
@@ -117,7 +117,7 @@ class Zip:
             return [{"name": name, "data": archive.read(name)} for name in archive.namelist()]
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the compressed archive."""
+        """Return the bytes of a compressed ZIP archive. document: list of members with `name` and `data`."""
         target = io.BytesIO()
         with (
             warnings.catch_warnings(),
@@ -139,13 +139,13 @@ class Parquet:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the columns and the metadata."""
+        """Return the columns and the metadata of a Parquet file."""
         table = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
         metadata = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         return {"columns": {name: table.column(name).to_pylist() for name in table.column_names}, "metadata": metadata}
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the file.
+        """Return the bytes of a Parquet file with these columns and metadata.
 
         Raises ValueError for lists that are nested more than thirty times.
         """
@@ -174,7 +174,7 @@ class Sqlite:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return the settings, the statements of the schema, and the rows of each table."""
+        """Return the settings, the statements of the schema, and the rows of each table of an SQLite database."""
         connection = sqlite3.connect(":memory:")
         try:
             connection.deserialize(data)
@@ -189,7 +189,7 @@ class Sqlite:
             connection.close()
 
     def encode(self, document: Any) -> bytes:
-        """Return the bytes of the database, made by executing the schema and inserting the rows."""
+        """Return the bytes of an SQLite database, made by executing the schema and inserting the rows."""
         connection = sqlite3.connect(":memory:", isolation_level=None)
         try:
             for statement in document["schema"]:

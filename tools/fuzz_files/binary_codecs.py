@@ -78,7 +78,8 @@ class Mcap:
 def _split_records(data: bytes) -> list[dict[str, Any]]:
     """Return the records in a part of an MCAP file: opcode, and body or fields of a chunk.
 
-    Raises ValueError for a truncated record.
+    A record begins with its opcode (1 byte) and the length of its body (8 bytes). Raises ValueError for a truncated
+    record.
     """
     records, place = [], 0
     while place < len(data):
@@ -94,7 +95,9 @@ def _split_records(data: bytes) -> list[dict[str, Any]]:
 def _split_chunk(body: bytes) -> dict[str, Any]:
     """Return the fields of a chunk: times, compression and records.
 
-    A compressed chunk has its data and CRC instead of records.
+    A compressed chunk has its data and CRC instead of records. Body of a chunk in MCAP: start, end and size of the
+    uncompressed data (8 bytes each), CRC (4 bytes), name of the compression after its length (4 bytes), size of the
+    data (8 bytes), data.
     """
     start, end, _, crc = struct.unpack_from("<QQQI", body)
     (length,) = struct.unpack_from("<I", body, 28)
@@ -214,7 +217,11 @@ class BinaryStl:
     is_strict: bool = False
 
     def decode(self, data: bytes) -> Any:
-        """Return header, number of triangles, triangles, and the bytes after the last triangle."""
+        """Return header, number of triangles, triangles, and the bytes after the last triangle.
+
+        A binary STL file has a header of 80 bytes, the number of triangles (4 bytes), and 50 bytes for each triangle:
+        normal, three corners, and an attribute.
+        """
         (count,) = struct.unpack_from("<I", data, 80)
         triangles = [list(row) for row in struct.iter_unpack("<12fH", data[84 : 84 + 50 * count])]
         return {"head": data[:80], "count": count, "triangles": triangles, "rest": data[84 + 50 * count :]}

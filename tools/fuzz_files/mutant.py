@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
@@ -94,7 +95,9 @@ class MutantMaker:
         paths = list_differences(before, after)
         equivalent = frozenset(path for path in paths if _is_same(before, after, path))
         is_reordered = _list_values(before, paths) == _list_values(after, paths)
-        return Change(after, tuple(paths), equivalent, is_reordered=is_reordered)
+        return Change(
+            after, tuple(paths), equivalent, is_reordered=is_reordered, moved=find_moved(before, after, paths)
+        )
 
 
 def _is_same(before: Flat, after: Flat, path: str) -> bool:
@@ -112,6 +115,29 @@ def _is_same(before: Flat, after: Flat, path: str) -> bool:
         return float(own) == float(other)
     except ValueError:
         return own.split() == other.split()
+
+
+def find_moved(before: Flat, after: Flat, paths: list[str]) -> frozenset[str]:
+    """Return the paths whose values have only moved between the elements of a list, such as `boards[0].name`.
+
+    paths: changed fields. Before the change, one of them that differs only in its indices had the same value.
+    """
+    former: dict[str, Counter[str]] = {}
+    for path in paths:
+        if path in before:
+            former.setdefault(_remove_indices(path), Counter())[repr(before[path])] += 1
+    moved = []
+    for path in paths:
+        values = former.get(_remove_indices(path), Counter())
+        if path in after and values[repr(after[path])] > 0:
+            values[repr(after[path])] -= 1
+            moved.append(path)
+    return frozenset(moved)
+
+
+def _remove_indices(path: str) -> str:
+    """Return a path without the numbers of the elements: `boards[].name`."""
+    return re.sub(r"\[\d+\]", "[]", path)
 
 
 def _list_values(fields: Flat, paths: list[str]) -> list[str]:

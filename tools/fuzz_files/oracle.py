@@ -24,7 +24,8 @@ class Change:
     fields: all fields of the mutated file by path; None if the file cannot be decoded, and only rules that need no
     fields are applied. paths: paths of the changed fields. equivalent: those of them whose new text means the same
     number. must_be_refused: whether the file is not a file of its kind. is_reordered: whether only the order of the
-    values differs, which many formats ignore.
+    values differs, which many formats ignore. moved: those of the changed fields whose values have only moved between
+    elements of a list, which a reader may sort.
     """
 
     fields: Flat | None = None
@@ -32,6 +33,7 @@ class Change:
     equivalent: frozenset[str] = frozenset()
     must_be_refused: bool = False
     is_reordered: bool = False
+    moved: frozenset[str] = frozenset()
 
 
 def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -> str:
@@ -55,7 +57,7 @@ def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -
     unrelated = [path for path in differences if not _is_related(rules, path, changes)]
     if unrelated:
         return f"the changed fields {_list(changes)} have no relation to the different data {_list(unrelated)}"
-    new_values = [path for path in changes if path not in change.equivalent]
+    new_values = [path for path in changes if path not in change.equivalent | change.moved]
     return _find_misread(rules, after, changed, new_values, differences)
 
 
@@ -65,7 +67,7 @@ def _find_ignored(rules: Rules, change: Change) -> str:
         return ""
     # A field without an effect may be removed: its value was the default.
     present = [path for path in change.paths if path in change.fields and path not in change.equivalent]
-    present = [path for path in present if not path.endswith("#")]
+    present = [path for path in present if not path.endswith("#")]  # "#": the length of a list
     ignored = [path for path in present if not rules.unused.search(path) and not rules.derived.search(path)]
     return f"the changed fields {_list(ignored)} have no effect" if ignored else ""
 
@@ -87,8 +89,9 @@ def _is_related(rules: Rules, path: str, changes: Sequence[str]) -> bool:
 def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[str], differences: Sequence[str]) -> str:
     """Return a description of a changed field whose new value is not among the data that differ; "" if there is none.
 
-    after: data for the mutated file. changed: fields of this file. changes: paths of its changed fields. differences:
-    paths of the data that differ.
+    Lengths of lists (paths that end with "#") and fields without an effect of their own are not checked. after: data
+    for the mutated file. changed: fields of this file. changes: paths of its changed fields. differences: paths of the
+    data that differ.
     """
     values = [after[path] for path in differences if path in after]
     names = "\n".join(differences)  # a name in the file may be a part of a path of the data
@@ -121,7 +124,7 @@ def _states(value: Any, expected: Any) -> bool:
 def _is_in(array: Any, expected: Any) -> bool:
     """Return whether an array contains a number or a string; a missing value in the file may be NaN in the array."""
     if array.dtype.kind == "U":
-        return bool(np.any(array == str(expected).strip()))
+        return bool(np.any((array == str(expected)) | (array == str(expected).strip())))
     if array.dtype.kind not in "iufb":
         return False
     if expected is None or str(expected).strip().lower() in ("", "nan"):

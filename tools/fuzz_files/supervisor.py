@@ -97,7 +97,7 @@ def _read_cpu_seconds(process: int | None) -> float:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # utime and stime, clock ticks
 
 
 def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: Callable[[Tally], None]) -> Tally:

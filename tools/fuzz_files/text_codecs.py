@@ -24,7 +24,7 @@ class Toml:
         return tomllib.loads(data.decode())
 
     def encode(self, document: Any) -> bytes:
-        """Return the text of the document. Raises ValueError for None."""
+        """Return the TOML text of a document (nested dicts and lists). Raises ValueError for None, which TOML lacks."""
         lines = [f"{_quote(key)} = {_write(value)}" for key, value in document.items() if not _is_tables(value)]
         for key, value in document.items():
             for table in (value if isinstance(value, list) else [value]) if _is_tables(value) else ():
@@ -34,7 +34,7 @@ class Toml:
 
 
 def _is_tables(value: Any) -> bool:
-    """Return whether a value is a table, or a list of one or more tables."""
+    """Return whether a value is a table of TOML (a dict), or a list of one or more tables."""
     return isinstance(value, dict) or (
         isinstance(value, list) and bool(value) and all(isinstance(each, dict) for each in value)
     )
@@ -93,7 +93,7 @@ def _finite(text: str) -> float:
 
 
 def _make_unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the members of an object; raise ValueError for a repeated key."""
+    """Return the members of a JSON object as a dict; raise ValueError for a repeated key."""
     if len(dict(pairs)) != len(pairs):
         raise ValueError("a repeated key")
     return dict(pairs)
@@ -125,7 +125,7 @@ class Csv:
         return [row for row in csv.reader(io.StringIO(data.decode(), newline=""), strict=True) if row]
 
     def encode(self, document: Any) -> bytes:
-        """Return the text of the rows."""
+        """Return the CSV text of a list of rows."""
         text = io.StringIO(newline="")
         csv.writer(text, lineterminator="\n").writerows([[_convert_entry(entry) for entry in row] for row in document])
         return text.getvalue().encode()
@@ -147,7 +147,7 @@ class Words:
         return [line.split() for line in data.decode().splitlines()]
 
     def encode(self, document: Any) -> bytes:
-        """Return the text of the lines."""
+        """Return the text of a list of lines, each a list of words that are separated by spaces."""
         return (
             "\n".join(" ".join(map(str, line if isinstance(line, list) else [line])) for line in document).encode()
             + b"\n"

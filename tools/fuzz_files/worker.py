@@ -48,11 +48,14 @@ def run_worker(connection: Connection, number: Any, folder: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["TMPDIR"] = tempfile.tempdir = folder
     sys.stderr = sys.stdout = open(os.devnull, "w")  # noqa: SIM115 # readers print progress
+    # Arrow's own allocator keeps the memory of damaged files, and the next reader would reach the limit without reason.
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"
     readers: dict[str, MutantReader] = {}
     targets = list_targets()
     while (task := connection.recv()) is not None:
         try:
             if task.target not in readers:
+                _lift_limit()  # that of the task before: libraries allocate much memory when they are imported
                 own = Path(folder) / task.target
                 own.mkdir()
                 readers[task.target] = MutantReader(targets[task.target], own)
@@ -89,8 +92,15 @@ def _read_peak() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
+def _lift_limit() -> None:
+    """Remove the limit of the private memory until the next `_limit_memory`."""
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+
+
 def _limit_memory() -> None:
     """Limit the private memory of the process to its present size plus the permitted additional memory."""
+    # The sixth number of statm is the size of data and stack in pages, which RLIMIT_DATA limits.
     present = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     limit = present + MEMORY_MAX + _MARGIN
     resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))

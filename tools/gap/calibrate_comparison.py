@@ -7,10 +7,11 @@ continues. --datasets: keep the datasets, so that a calibration after a change o
 again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap
 benchmark` with this seed, of all families, in random order, so that the stored part of a run has all families.
 Withheld effects: a world with one cause is compared twice, the second time without its effect in the catalogue. The
-cause is then unknown, and the models use the evidence of effects that resemble it. Withheld forms: the models are
-fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
-that were left out. --packaged: print the scores of the packaged calibration instead of a fit. --write: store the models
-fitted to all worlds in host/taxel/gap/calibration/calibration.json.
+cause is then unknown, and the models use the evidence of effects that resemble it. The two comparisons together count
+as one world (`WITHHELD_WEIGHT`). Withheld forms: the models are fitted to all worlds but those of some forms of causes
+(a fold of `--folds`), and the printed scores refer to the forms that were left out. --packaged: print the scores of the
+packaged calibration instead of a fit. --write: store the models fitted to all worlds in
+host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse
@@ -52,6 +53,11 @@ TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calib
 
 WITHHELD_FAMILY = "effect withheld"
 """Family, in the scores, of the worlds whose effect is left out of the catalogue."""
+
+WITHHELD_WEIGHT = 1.0 / 3.0
+"""Weight of the comparison without the effect; the comparison of the same world with all effects has the rest of 1.
+It is the prior probability that a single cause is outside the catalogue (chosen: no statistics of real causes exist).
+A larger value names unknown causes more often, and weak causes of the catalogue less often."""
 
 UNKNOWN_CAUSE = {"kind": "outside", "truth": [UNKNOWN]}
 """Kind and truth of a world whose effect is not in the catalogue."""
@@ -116,9 +122,13 @@ def run(
             file.append(json.dumps(evidence))
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
-    compared = [one for one in found if "error" not in one]
-    compared += [one["without"] | {"family": WITHHELD_FAMILY} for one in compared if "without" in one]
-    return [one for one in compared if not _is_too_weak(one)]
+    compared = []
+    for one in found:
+        both = [one, one["without"] | {"family": WITHHELD_FAMILY}] if "without" in one else [one]
+        usable = [part for part in both if "error" not in part and not _is_too_weak(part)]
+        weights = [1.0 - WITHHELD_WEIGHT, WITHHELD_WEIGHT] if len(usable) == 2 else [1.0]
+        compared += [part | {"weight": weight} for part, weight in zip(usable, weights, strict=False)]
+    return compared
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
@@ -133,20 +143,26 @@ def _is_too_weak(one: dict[str, Any]) -> bool:
 def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
     """Fit the models of the effects, of an unknown cause and of any cause to the evidence of worlds.
 
-    source: text that names the origin of the evidence.
+    Tried effects that no candidate set contains have no inputs: their probability is the share of true causes among
+    them. Every world has the weight 1 in total. source: text that names the origin of the evidence.
     """
-    inputs = []
+    weights = [one["weight"] for one in evidence]
+    inputs: list[FloatArray] = []
+    labels: list[bool] = []
+    effect_weights: list[float] = []
     for one in evidence:
         effects, remainder, _ = get_inputs(one)
-        inputs += [(combine_inputs(values, remainder), name in one["truth"]) for name, values in effects.items()]
+        inputs += [combine_inputs(values, remainder) for values in effects.values()]
+        labels += [name in one["truth"] for name in effects]
+        effect_weights += [one["weight"]] * len(effects)
     skipped = [name in one["truth"] for one in evidence for name in one["tried"] if name not in one["effects"]]
-    effect = Logistic.fit(np.array([values for values, _ in inputs]), [label for _, label in inputs])
+    effect = Logistic.fit(np.array(inputs), labels, effect_weights)
     remainders = np.array([get_inputs(one)[1] for one in evidence])
-    unknown = Logistic.fit(remainders, [UNKNOWN in one["truth"] for one in evidence])
+    unknown = Logistic.fit(remainders, [UNKNOWN in one["truth"] for one in evidence], weights)
     rate = (sum(skipped) + 0.5) / (len(skipped) + 1.0)  # Jeffreys' estimate
     alone = Calibration(effect, unknown, unknown, rate, source)  # without a model of any cause
     sizes = [compute_any_inputs(*get_inputs(one)[:2]) for one in evidence]
-    any_cause = Logistic.fit(np.array(sizes), [bool(one["truth"]) for one in evidence])
+    any_cause = Logistic.fit(np.array(sizes), [bool(one["truth"]) for one in evidence], weights)
     return replace(alone, any_cause=any_cause)
 
 
@@ -184,21 +200,22 @@ def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dic
         calibration = fit(rest, "")
         for one, fold in zip(evidence, folds_of_worlds, strict=True):
             if fold == number:
-                ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
-                truth = frozenset(one["truth"])
-                answers.append(ScoredAnswer(truth, one["kind"], one["family"], predict(one, calibration), ratio, 0.0))
+                answers.append(_answer(one, calibration))
     return _score_by_family(answers)
 
 
 def score_packaged(evidence: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the scores of the packaged calibration, by family of worlds and for all."""
     calibration = load_calibration()
-    answers = []
-    for one in evidence:
-        ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
-        truth = frozenset(one["truth"])
-        answers.append(ScoredAnswer(truth, one["kind"], one["family"], predict(one, calibration), ratio, 0.0))
-    return _score_by_family(answers)
+    return _score_by_family([_answer(one, calibration) for one in evidence])
+
+
+def _answer(one: dict[str, Any], calibration: Calibration) -> ScoredAnswer:
+    """Return the answer of a calibration to the evidence of one world, with the truth; the floor may be 0."""
+    ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
+    return ScoredAnswer(
+        frozenset(one["truth"]), one["kind"], one["family"], predict(one, calibration), ratio, seconds=0.0
+    )
 
 
 def _score_by_family(answers: list[ScoredAnswer]) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def measure_run(recipe: Recipe, workers: int) -> RunTime:
 def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
     """Measure the times per generated grasp, without the start of the processes.
 
-    shards: number of files of the long run.
+    The difference of a long and a short run removes the time of the start. shards: number of files of the long run.
     """
     short, long = (
         replace(recipe, grasps=recipe.grasps_per_shard * count) for count in (SHORT_SHARDS * workers, shards)

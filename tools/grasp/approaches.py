@@ -84,6 +84,7 @@ def _render(scene: Scene, approach: Approach, motion: GraspMotion, size: int) ->
 def _make_camera(scene: Scene, approach: Approach, palm: NDArray[np.float64]) -> mujoco.MjvCamera:
     """Make the camera of a picture: for side approaches above the thumb, for top approaches level with the palm."""
     is_top = approach.name == "top"
+    # Direction of view, as weights of the axes of the palm.
     direction = 0.5 * palm[:3, 0] + 0.5 * palm[:3, 2] - (2.0 if is_top else 1.2) * palm[:3, 1]
     camera = mujoco.MjvCamera()
     camera.lookat[:] = make_standing_pose()[:3, 3] + [

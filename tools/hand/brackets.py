@@ -47,7 +47,11 @@ def lay_flat(kind: BoardKind) -> FloatArray:
 
 
 def lay_around_link(kind: BoardKind) -> FloatArray:
-    """Return the positions and normals f64[n, 6] of the taxels of a sheet around a finger link's face and corners."""
+    """Return the positions and normals f64[n, 6] of the taxels of a sheet around a finger link's face and corners.
+
+    From the middle outwards, the sheet covers the flat face, a quarter circle of radius `BEND_RADIUS_M` at the corner,
+    and the flat flank (side) of the link. Frame: x to the distal end, y to the left, z out of the face.
+    """
     along, across = compute_sheet_coordinates(kind)
     flat_half = FACE_HALF_WIDTH_M - BEND_RADIUS_M
     beyond = np.maximum(np.abs(across) - flat_half, 0.0)

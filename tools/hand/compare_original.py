@@ -125,6 +125,7 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
         addresses = [board.address for board in hand.boards if board.name.endswith(finger)]
         joints = [robot.joint_names.index(f"{prefix}_j{index}") for index in range(4)]
 
+        # The defaults of the following functions bind the variables of this loop at each pass.
         def place(values: FloatArray, joints: list[int] = joints) -> FloatArray:
             """Return all joint angles, with those of the finger set to `values` and the others 0."""
             angles = zero.copy()
@@ -140,7 +141,7 @@ def fit_recorded_pose(hand: Hand) -> list[Difference]:
             """
             return compute_residual(place(values, joints), addresses).ravel()
 
-        fit = least_squares(fit_residual, np.full(4, 0.1))
+        fit = least_squares(fit_residual, np.full(4, 0.1))  # from 0.1 rad at each joint
         residual = np.linalg.norm(compute_residual(place(fit.x), addresses), axis=1)
         text = ", ".join(f"{angle:.3f}" for angle in fit.x)
         differences.append(Difference(f"recorded positions, {finger} at {text} rad", float(1e3 * residual.max()), "mm"))

@@ -128,8 +128,9 @@ class _Sheet:
     def build_margin(self, windows: FloatArray) -> FloatArray:
         """Build the rectangles f64[m, 11] of bare sheet: strips between two windows, and a margin around the board.
 
-        windows: f64[n, 2], sides of the squares that the taxels measure, metres. A strip in the distal direction is as
-        wide as the spacing, so the corners between four windows are covered, too.
+        A row contains centre, normal, distal direction and two sides. windows: f64[n, 2], sides of the squares that the
+        taxels measure, metres. A strip in the distal direction is as wide as the spacing, so the corners between four
+        windows are covered, too.
         """
         rows = []
         for index in range(len(self.position)):

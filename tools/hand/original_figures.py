@@ -51,7 +51,7 @@ def read_coded_centres(kind: str) -> FloatArray | None:
 
 
 def read_layout(kind: str) -> dict[int, tuple[int, int]]:
-    """Read the row and column of each taxel in a board kind's heat map, by taxel index."""
+    """Read the row and column of each taxel in a board kind's heat map (at most 13 columns), by taxel index."""
     return {
         int(row[f"col{column}"]): (int(row["row"]), column)
         for row in read_rows("layout")
@@ -62,7 +62,7 @@ def read_layout(kind: str) -> dict[int, tuple[int, int]]:
 
 
 def read_boards() -> list[OriginalBoard]:
-    """Read the 22 boards of the complete hand, by address."""
+    """Read the 22 boards of the complete hand, by address. "boh" is the board on the back of the hand."""
     brackets = {"palm": "palm_bracket", "boh": "boh_bracket"}
     return [
         OriginalBoard(

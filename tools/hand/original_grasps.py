@@ -75,7 +75,7 @@ def compute_palm_pose(row: dict[str, str]) -> FloatArray:
     )
     tool = make_pose(position, quaternion)
     mount = make_pose(MOUNT_M, MOUNT_QUATERNION)
-    turned = make_pose([0.0, 0.0, 0.0], [0.0, 0.5**0.5, 0.0, 0.5**0.5])
+    turned = make_pose([0.0, 0.0, 0.0], [0.0, 0.5**0.5, 0.0, 0.5**0.5])  # half turn about the bisector of x and z
     world = make_pose(OBJECT_M, [1.0, 0.0, 0.0, 0.0]) @ make_turn(OBJECT_YAW_RAD - OBJECT_TURN_RAD)
     return np.asarray(inverse(world) @ tool @ mount @ turned)
 
@@ -92,7 +92,7 @@ def move_to_contact(pose: FloatArray) -> FloatArray:
     result = pose.copy()
     for _ in range(20):
         distance = float(shape.signed_distance(apply(result, electrodes)).min())
-        result[:3, 3] += (distance - CONTACT_M) * result[:3, 0]
+        result[:3, 3] += (distance - CONTACT_M) * result[:3, 0]  # the normal is the x axis of the palm link
     return result
 
 

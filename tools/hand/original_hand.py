@@ -182,7 +182,10 @@ def compute_bracket_poses() -> dict[str, FloatArray]:
 
 
 def build_kinds(boards: Sequence[OriginalBoard]) -> list[OriginalKind]:
-    """Build the kinds of the boards, each once, in ascending order of their codes."""
+    """Build the kinds of the boards, each once, in ascending order of their codes.
+
+    `upwards` is the unit vector to the distal end of the finger (palm and back of the hand: z), in the palm's frame.
+    """
     frames = compute_frames()
     kinds = {}
     for board in boards:

@@ -51,7 +51,7 @@ def main() -> int:
     lines = ["| hand | place | pull-up, ohm | capacitance, pF | series, ohm | rise time, ns | highest clock rate |"]
     lines += ["|---|---|---|---|---|---|---|", *(row for name in HANDS for row in format_table(name))]
     limits = ", ".join(f"{1e9 * limit:.0f} ns up to {rate / 1e3:.0f} kHz" for rate, limit in RISE_LIMITS_S.items())
-    table = "\n".join([*lines, "", f"Limits of the specification: {limits}."])
+    table = "\n".join([*lines, "", f"Limits of the rise time in the I2C specification: {limits}."])
     written = f"{before}{START}\n{table}\n\n{END}{after}"
     if "--check" in sys.argv[1:]:
         return 0 if written == text else 1

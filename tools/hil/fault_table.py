@@ -37,7 +37,7 @@ def measure_row(case: FaultCase) -> str:
     with open_rig(load_rig("virtual"), build) as rig, Skin(rig.uart.open_link(), rig.hand) as skin:
         address = get_address(rig.hand, BOARD_INDEX)
         read_frames(rig, skin, 0.3)
-        KnownCounts(rig)
+        KnownCounts(rig)  # sets distinct counts on all taxels, so that every damaged count is detected
         counters_before = read_counters(skin, address)
         read_frames(rig, skin, 0.05)
         last_step_s = case.inject(rig, skin, address)

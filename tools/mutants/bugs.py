@@ -57,8 +57,13 @@ STAGES = (
     Stage("dynamics tests", ("firmware/emulator/dynamics/",), ("host/tests/campaign/test_dynamics_reference.py",)),
     Stage(
         "bring-up tests",
-        ("firmware/emulator/psoc4200/", "firmware/boards/psoc4200/bringup/", "tools/taxel_tools/bringup/"),
+        ("firmware/emulator/psoc4/", "firmware/boards/psoc4200/bringup/", "tools/taxel_tools/bringup/"),
         ("host/tests/firmware_images/test_firmware_images_bringup.py",),
+    ),
+    Stage(
+        "tests of executed images",
+        ("firmware/boards/psoc4/", "firmware/boards/psoc4100s/"),
+        ("--rig=psoc4100s", "hil_tests/test_hil_cortex_m0.py", "hil_tests/test_hil_power.py"),
     ),
     Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(

@@ -83,7 +83,7 @@ class SandboxedCopy:
         self.folder = folder
         self.copy = folder / "copy"
         paths = (folder / "site", self.copy / "host", self.copy / "protocol", self.copy / "tools")
-        # A .pyc file is matched to its source by seconds and size, which two bugs may share, so none is written.
+        # No .pyc file is written for a bug: prepare() compiles the copy without a bug.
         python_environment = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONDONTWRITEBYTECODE": "1"}
         # A TAXEL_ variable could point to a library of the original.
         inherited_environment = {name: value for name, value in os.environ.items() if not name.startswith("TAXEL_")}
@@ -121,6 +121,9 @@ class SandboxedCopy:
         self._run_checked([*configure, "-S", str(self.copy), "-B", str(self.folder / "package"), *package])
         for build_name in ("tests", "package"):
             self.build(build_name)
+        # Two bugs of a file may share its size and time of change, so byte code is matched to the source by a hash.
+        compile_copy = ["-m", "compileall", "-q", "--invalidation-mode", "checked-hash", str(self.copy)]
+        self._run_checked([sys.executable, *compile_copy])
         code, output = self._run([sys.executable, "-c", PROBE])
         for line in output.splitlines():
             if code or not (Path(line).exists() and Path(line).is_relative_to(self.copy)):

@@ -41,7 +41,8 @@ def minimise_distances(points: FloatArray, prism: Prism, steps: int = STEPS) -> 
     """Move k clouds f64[k, n, 3], mm, each rigidly to a minimum of the sum of its squared distances to the surface.
 
     Returns the clouds and their distances f64[k, n], mm. A cloud is finished when a step decreases its sum of squares
-    by less than SMALLEST_GAIN.
+    by less than SMALLEST_GAIN. The method is that of Levenberg and Marquardt: the damping is lowered after a step that
+    decreases the sum, and raised after one that does not, which is discarded.
     """
     points = points.copy()
     damping = np.full(len(points), 1e-3)
@@ -94,6 +95,7 @@ def _take_step(points: FloatArray, offset: FloatArray, damping: FloatArray) -> F
     arms = points - centre
     distance = np.sqrt(np.sum(offset**2, axis=2))
     normal = offset / np.maximum(distance, 1e-9)[..., None]
+    # Rotations are scaled by the size of the cloud, so that all six unknowns are lengths of similar magnitude.
     scale = np.sqrt(np.mean(arms**2, axis=(1, 2)))[:, None, None]
     slopes = np.concatenate([normal, np.cross(arms, normal) / scale], axis=2)
     transposed = slopes.transpose(0, 2, 1)

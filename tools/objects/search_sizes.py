@@ -89,6 +89,7 @@ class SearchSpace:
         lowest, highest = self.bounds()
         clipped = np.clip(vector, lowest, highest)
         values = [float(v) for v in clipped]
+        # A leg above half the base is necessary for a triangle; 0.6 excludes nearly flat ones.
         leg = max(values[7], 0.6 * values[5]) if self.isosceles else values[5]
         sizes = Sizes(*[*values[:7], leg])
         rectangular, cylindrical, triangular = sizes.circumferences()

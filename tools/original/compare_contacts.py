@@ -186,6 +186,7 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
     recorder.send()
     rows.append(_describe_messages("MuJoCo, recovered posture", closing, recorder.messages, sensors, reference))
 
+    # The thumb and the first joint of each finger keep their recorded angles; a torque closes the other joints.
     is_fixed = np.array([joint.endswith("_j0") or joint.startswith("th") for joint in scene.joint_names])
     approach = Approach(
         name,
@@ -195,6 +196,7 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
         np.where(is_fixed, angles, np.nan),
         np.where(is_fixed, 0.0, TORQUE_NM),
     )
+    # Timeline below: 3 s of closing and 1 s of hold, without the other phases.
     settings = SimulationSettings(
         object_pose=closing.object_pose, recorder=make_recorder_settings(scene.hand, rules), holds_object=True
     )

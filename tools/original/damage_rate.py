@@ -104,6 +104,8 @@ def predict_undetected(length: int, share: float) -> float:
     kept, inserted = 1 - share, share / 3
     inner = length - 4
     shifts = compute_shifts(inner, share)
+    # The start byte (also behind an inserted byte), the length and the address arrive. The end byte is at its place:
+    # no net shift of the bytes between them, or one lost byte and one inserted before the end byte.
     aligned = kept * shifts[inner] + inserted * shifts[inner + 1]
     return float((kept + inserted) * kept**2 * (aligned - kept ** (inner + 1)))
 
@@ -115,7 +117,7 @@ def predict_chance_end(length: int, share: float, end_shares: NDArray[np.float64
     """
     kept, inserted = 1 - share, share / 3
     total = 0.0
-    for excess, end_share in enumerate(end_shares, start=1):
+    for excess, end_share in enumerate(end_shares, start=1):  # net number of inserted bytes before the end value
         count = length - 3 - excess
         total += compute_shifts(count, share)[count - excess] * end_share
     return (kept + inserted) * kept**2 * total
@@ -140,13 +142,14 @@ def measure(cycles: int, share: float, seed: int) -> tuple[int, int, int, int, f
     arrival[places[is_unchanged]] = np.nonzero(is_unchanged)[0]
     undamaged = decoded = 0
     lengths = np.diff(sent.starts)
+    # Number of unchanged bytes, each directly behind its predecessor in the sent stream, before each received byte.
     good = np.concatenate([[0], np.cumsum(is_unchanged & (np.diff(places, prepend=-9) == 1))])
     for start, length in zip(sent.starts[:-1], lengths, strict=True):
         first, last = arrival[start], arrival[start + length - 1]
         if first >= 0 and last - first == length - 1 and good[last + 1] - good[first + 1] == length - 1:
             undamaged += 1
             decoded += int(first) in accepted_at
-    source = np.where(places <= -2, -2 - places, places)
+    source = np.where(places <= -2, -2 - places, places)  # sent position, also of changed bytes; -1: inserted
     original = sent.stream.tobytes()
     undetected = 0
     for message in accepted:

@@ -56,7 +56,12 @@ class _Candidate:
 
 
 def decode_stream(known: OriginalFormat, stream: bytes) -> Decoded:
-    """Return the messages and counters of a complete stream."""
+    """Return the messages and counters of a complete stream, by the rule of protocol/SPEC.md, part 7.
+
+    Every header with the end byte at its length is a candidate. Evidence of a candidate with a timestamp: at most
+    `TIME_STEP_MAX_MS` after the start of the hub (0) or one of the last `REFERENCE_TIMES` accepted times. Evidence
+    without timestamps: a header, or the end of the stream, directly behind the candidate.
+    """
     if known.record_size:
         return _split_records(known, stream)
     headers = [start for start in range(len(stream)) if find_address(known, stream, start) is not None]

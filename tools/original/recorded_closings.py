@@ -104,6 +104,8 @@ def fit_finger(
     Returns the angles f64[4] in radians and the largest remaining distance in metres. start: first guess. coded: use
     the centres in the original code instead of the true ones.
     """
+    # Up to 60 fits from random angles around the first guess; a largest distance below 0.05 mm ends the search. Each
+    # fit alternates between nearest centres and angles until the angles are constant.
     rng = np.random.default_rng(0)
     best, smallest = np.zeros(4), np.inf
     for _ in range(60):
@@ -136,11 +138,11 @@ def recover(name: str, coded: bool = True) -> Closing:
     """
     raw, kept = read_points(f"simulated_contacts_{name}_raw"), read_points(f"simulated_contacts_{name}_within_5_mm")
     palm_link = np.eye(4)
-    is_palm = np.abs(kept[:, 1] - 0.0514) < 3e-4
+    is_palm = np.abs(kept[:, 1] - 0.0514) < 3e-4  # the taxel centres of the palm lie in the plane y = 51.4 mm
     palm = read_coded_centres("palm")
     assert palm is not None
     on_palm = apply(compute_frames()["palm_bracket"], palm)
-    palm_link[2, 3] = 0.105
+    palm_link[2, 3] = 0.105  # first guess of the height, metres; only the height is fitted
     for _ in range(20):
         distance, nearest = cKDTree(apply(palm_link, on_palm)).query(kept[is_palm])
         palm_link[2, 3] += np.mean(kept[is_palm, 2] - apply(palm_link, on_palm)[nearest, 2])
@@ -173,6 +175,7 @@ def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
             """
             return np.asarray(np.hypot(*(points[:, 1:] - centre).T) - RADIUS_M)
 
+        # first guess of the axis (y, z), metres; the loss limits the influence of points on other bodies
         centre = least_squares(compute_residual, [0.07, 0.094], loss="soft_l1", f_scale=2e-4).x
         item = GraspObject("cylinder", Cylinder(RADIUS_M, BAR_LENGTH_M), "Cylinder of the Gazebo model")
     pose = np.eye(4)

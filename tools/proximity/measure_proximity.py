@@ -104,8 +104,9 @@ def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
 
 
 def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approach]:
-    """Return the approaches of the worlds with one target: along the normal, or with `passing` those that pass
-    sideways.
+    """Return the approaches of the worlds with one target, in which an approach names no target (`Approach.target`).
+
+    passing: return the approaches that pass sideways instead of those along the normal.
     """
     everything = [approach for result in results for approach in result.approaches if not approach.target]
     return [approach for approach in everything if (approach.kind == "pass") == passing]

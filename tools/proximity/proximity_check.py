@@ -224,7 +224,11 @@ def _select_range(rows: list[ProximityEstimate], truth: TrueDistance) -> Iterato
 
 
 def find_warnings(rows: list[tuple[ProximityEstimate, float]]) -> list[tuple[float, float]]:
-    """Return the arrival times of the first and the last frame of each warning of one board."""
+    """Return the arrival times of the first and the last frame of each warning of one board.
+
+    rows: (estimate, arrival time in seconds) of each frame. A warning begins when the probability of a contact soon
+    exceeds `WARNING_PROBABILITY`, and ends when it falls below `RELEASE_SHARE` of this value.
+    """
     found: list[tuple[float, float]] = []
     first: float | None = None
     last = 0.0

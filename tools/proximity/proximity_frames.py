@@ -13,6 +13,7 @@ class SingleChunkLink:
     """Recorded link that returns one chunk per poll, and has the arrival time of the latest one."""
 
     def __init__(self, link: Link) -> None:
+        """Wrap a recorded link. `arrival_s`: arrival time of the latest chunk, seconds."""
         self._link = link
         self._has_returned = False
         self.arrival_s = 0.0

@@ -141,7 +141,7 @@ def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
     """
     index = np.arange(faces) + 0.5
     z = 1.0 - 2.0 * index / faces
-    angle = np.pi * (1.0 + np.sqrt(5.0)) * index
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * index  # golden angle: nearly uniform distribution
     ring = np.sqrt(1.0 - z * z)
     return ConvexPolytope(np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1), np.full(faces, radius_m))
 
@@ -156,7 +156,7 @@ def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArr
         angle = rng.uniform(0.0, 2 * np.pi)
         direction = np.array([np.cos(angle), np.sin(angle)])
         return np.array([0.0, span / speed]), np.full(2, height), np.array([-0.5, 0.5])[:, None] * span * direction
-    end = (
+    end = (  # final distance, metres; a contact indents the skin by 0.2 mm
         -2e-4
         if kind == "contact"
         else float(rng.uniform(0.0005, 0.005) if kind == "hold" else rng.uniform(0.0015, 0.008))

@@ -45,7 +45,10 @@ class Calibration:
 
 
 def measure_signals(hand: Hand, seed: int) -> Calibration:
-    """Load one taxel of each emulated board with one force after the other, and return baseline and signals."""
+    """Load one taxel of each emulated board with one force after the other, and return baseline and signals.
+
+    After an unloaded baseline, each force acts for `HOLD_S`; the signal is averaged in the middle of this time.
+    """
     loaded = np.array([hand.get_slice(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
     starts = START_S + HOLD_S * np.arange(len(FORCES_N))
     times = np.concatenate([[0.0, START_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])

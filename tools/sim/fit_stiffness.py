@@ -41,7 +41,7 @@ def fit_law(depth_m: FloatArray, force_n: FloatArray) -> tuple[LayerLaw, float]:
         """Return the logarithm of fitted divided by measured force, f64[k]."""
         return np.asarray(np.log(make_law(values).compute_force(depth_m) / force_n))
 
-    values = least_squares(compute_errors, [0.6, 0.6, 1.5, 1.6]).x
+    values = least_squares(compute_errors, [0.6, 0.6, 1.5, 1.6]).x  # initial values in N/mm and mm
     return make_law(values), float(np.abs(np.expm1(compute_errors(values))).max())
 
 

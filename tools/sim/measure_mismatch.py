@@ -36,7 +36,8 @@ def read_hold_signals(
 def main() -> int:
     """Print the gap between simulator and emulated hand and its floor in counts, for each approach and for all.
 
-    Only the taxels with a signal in either dataset are used. The exit status is 2 for wrong arguments.
+    Only the taxels with a signal above 10 counts in either dataset are used. The floor is the standard error of the
+    mean over sessions. The exit status is 2 for wrong arguments.
     """
     paths = [argument for argument in sys.argv[1:] if argument != "--all"]
     if len(paths) != 2:

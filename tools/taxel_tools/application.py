@@ -119,7 +119,7 @@ def trigger_confirmation(address: int, now_s: Clock, timeout_s: float) -> Proced
         try:
             status = yield from read_status(address)
             if status["scans"] >= SCANS_TO_CONFIRM:
-                yield Transfer(address, bytes([REGISTER_SNAPSHOT]), 10)
+                yield Transfer(address, bytes([REGISTER_SNAPSHOT]), 10)  # the first bytes are sufficient
                 return
         except (NackError, LostError):
             pass

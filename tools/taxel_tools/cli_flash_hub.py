@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import LAYOUTS, BootDevice
+from taxel_protocol.bootloader import HUBS
 from taxel_tools.cli_common import count_boards, make_progress_bars, print_json, print_table
 from taxel_tools.cli_flash_checks import confirm_downgrades
 from taxel_tools.errors import HUB
@@ -59,7 +59,7 @@ def is_hub_update(firmware: Firmware, hub: bool, board: list[str] | None, all_bo
 
     hub, board, all_boards: options of the command line. Raises `TaxelError` if file and options contradict each other.
     """
-    is_for_hub = firmware.device == BootDevice.HUB
+    is_for_hub = firmware.device in HUBS
     if hub and not is_for_hub:
         raise TaxelError(
             f"{firmware.source}: expected an image for the hub with --hub, found an image for sensor boards; leave "
@@ -77,7 +77,6 @@ def _announce(console: Console, firmware: Firmware, old_version: str, board_coun
     """Print which firmware will be written to the hub, the present version, and how many boards it polls."""
     slots = " and ".join(format_slot(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
-    assert rows <= LAYOUTS[BootDevice.HUB].slot_rows
     verb = "would be written" if dry_run else "will be written"
     version = format_version(firmware.version)
     console.print(

@@ -20,8 +20,10 @@ CONFIRM_WRITE_S: Final = 0.05
 VERSION_PARTS: Final = 3
 DEVICE_TEXTS: Final[dict[int, str]] = {
     BootDevice.BOARD: "a sensor board with 32 KiB of flash",
-    BootDevice.HUB: "the hub",
+    BootDevice.HUB: "the hub with 32 KiB of flash",
     BootDevice.BOARD_16K: "a sensor board with 16 KiB of flash",
+    BootDevice.BOARD_64K: "a sensor board with 64 KiB of flash",
+    BootDevice.HUB_64K: "the hub with 64 KiB of flash",
 }
 
 

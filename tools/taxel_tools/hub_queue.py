@@ -63,7 +63,7 @@ def _count_flush_commands(expected: int) -> int:
 
     expected: bytes of the replies that are due.
     """
-    return max(-((expected - FLUSH_THRESHOLD) // FLUSH_REPLY_SIZE), 0)
+    return max(-((expected - FLUSH_THRESHOLD) // FLUSH_REPLY_SIZE), 0)  # missing bytes / size of a reply, rounded up
 
 
 @dataclass(slots=True)

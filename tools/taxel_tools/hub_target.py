@@ -89,7 +89,7 @@ class HubTarget:
         """Repeat the handshake until the hub answers. Returns its firmware version, or None after `timeout_s`
         seconds.
         """
-        yield from ()
+        yield from ()  # makes this method a generator, as the type `Procedure` requires
         deadline = self.now_s() + timeout_s
         while self.now_s() < deadline:
             with suppress(HubError):
@@ -101,7 +101,7 @@ class HubTarget:
 
         Raises `BoardError`, `HubError`.
         """
-        yield from ()
+        yield from ()  # makes this method a generator, as the type `Procedure` requires
         client = self._open_client()
         missing = set(self.polled_addresses)
         deadline = self.now_s() + min(timeout_s, POLL_TIMEOUT_S)

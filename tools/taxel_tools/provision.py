@@ -111,7 +111,7 @@ def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Ca
             Candidate(address, unique_id, _read_configuration(wire, session, unique_id)) for unique_id in sorted(ids)
         ]
         if boards:
-            run(wire, session.search(0, bytes(8)))
+            run(wire, session.search(0, bytes(8)))  # zero bits of the id match every board, so all boards listen again
     except ValueError as error:
         problem = f"the replies of the boards contradict each other ({error}); check the wiring"
         raise BoardError(address, problem) from None
@@ -299,6 +299,7 @@ def release_boards(wire: BoardWire, candidates: Sequence[Candidate]) -> None:
     """Restart boards that stay unchanged, so that their applications run again. Missing boards are skipped."""
     for candidate in candidates:
         session = BootSession(candidate.address, wire.now_s)
+        # A search for the whole id selects this board: the others at the address ignore the next commands.
         if run(wire, session.search(UNIQUE_ID_BITS, candidate.unique_id)) is not None:
             run(wire, session.start_session())
             run(wire, session.exit())

@@ -44,7 +44,8 @@ class SkinRate:
 def compute_ceiling_hz(scl_hz: float, taxel_counts: Mapping[int, int]) -> float:
     """Compute the poll cycles per second of a bus that transfers snapshots without pauses.
 
-    scl_hz: clock of the bus. taxel_counts: number of taxels of each board, by address.
+    scl_hz: clock of the bus. taxel_counts: number of taxels of each board, by address. A transfer has an address byte,
+    the overhead of the snapshot (such as its CRC), and two bytes for each taxel.
     """
     clocks = sum(
         CLOCKS_A_BYTE * (1 + SNAPSHOT_OVERHEAD + 2 * taxels) + START_STOP_CLOCKS for taxels in taxel_counts.values()
@@ -65,7 +66,6 @@ def measure_rate(link: Link, scl_hz: float, seconds: float) -> SkinRate:
         hub.set_rate(None)
         hub.start()
         hub.wait(SETTLING_S)
-        hub.stream.frames.clear()
         failed_before, missing_before = _count_failed_polls(hub), _count_missing(hub)
         lost_before, start_s = hub.stream.losses.lost_on_wire, now_s()
         hub.stream.frames.clear()

@@ -124,7 +124,7 @@ def _identify_bootloader(address: int, now_s: Clock) -> Procedure[BusDevice]:
     """
     session = BootSession(address, now_s)
     try:
-        reply = yield from session.search(0, bytes(8))
+        reply = yield from session.search(0, bytes(8))  # 0 bits of the id: every board replies
         if reply is None:
             return BusDevice(address, "foreign", notes=("not a taxel board",))
         if any(first ^ second != 0xFF for first, second in zip(reply[:8], reply[8:], strict=True)):

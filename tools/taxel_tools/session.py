@@ -189,7 +189,11 @@ class BootSession:
             yield from self._write(packet)
 
     def _finish_row(self, row: int) -> Procedure[int]:
-        """Wait until the bootloader has written a flash row. Returns the 8-bit sum of the row in flash."""
+        """Wait until the bootloader has written a flash row. Returns the 8-bit sum of the row in flash.
+
+        One burst reads the response to the write, requests the sum of the row and reads the sum. What the burst did not
+        deliver, because the board was busy or a transfer was damaged, is then requested singly.
+        """
         verify_packet = build_packet(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}))
         burst = Burst((self._make_response_read(0), Transfer(self.address, verify_packet), self._make_response_read(1)))
         yield burst
@@ -280,7 +284,7 @@ class BootSession:
             except LostError:
                 data = b"\xff"
             if data[0] != 0xFF:
-                return data[4 : size - 3]
+                return data[4 : size - 3]  # without header (start, status, length) and end (checksum, end byte)
             if self.now_s() > deadline:
                 raise BoardError(self.address, "the boards do not answer the search; restart them")
             yield Pause(next(pauses))

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.intel_hex import read_intel_hex_rows
 from taxel_tools.files.manifest import read_firmware_bytes
@@ -68,9 +67,7 @@ def check_hex(path: Path) -> list[int]:
     if not rows or rows[0] != 0:
         found = f"row {rows[0]} first" if rows else "none"
         remedy = "use the bootloader's file; write images without --swd"
-        raise FirmwareFileError(
-            source, "rows", f"a bootloader, from row 0 to {BOOT_BOOTLOADER_ROWS - 1}", found, remedy
-        )
+        raise FirmwareFileError(source, "rows", "a bootloader, from row 0 on", found, remedy)
     return rows
 
 

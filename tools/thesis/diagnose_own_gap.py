@@ -143,7 +143,10 @@ def find_dropped_taxels(parameters: Mapping[str, Any]) -> BoolArray:
 
 
 def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[Path, Path]]:
-    """Create the datasets of the wanted pairs and return (hand, simulator) by the name of the pair."""
+    """Create the datasets of the wanted pairs and return (hand, simulator) by the name of the pair.
+
+    A twin is a simulation with the seed of the hand, which is written as the dataset of the hand.
+    """
     pairs: dict[str, tuple[Path, Path]] = {}
     if wanted & {"none", "mask", "tuned_poses", "coded_host"}:
         twin = simulate(out, "layer_twin", HAND_SEED, iterations, "hardware", None)

@@ -83,7 +83,10 @@ def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> lis
 
 
 def prepare_plugin(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
-    """Simulate the grasps with the contact sensors of the original, and return the function that gives the points."""
+    """Simulate the grasps with the contact sensors of the original, and return the function that gives the points.
+
+    The effect `tuned_poses` selects which of the two `SETTINGS` of tool poses was simulated.
+    """
     hand = load_hand("original")
     grasps = {setting: read_plugin(out, setting, jobs) for setting in SETTINGS}
     return lambda effects: collect_plugin_points(hand, grasps[SETTINGS[effects.tuned_poses]], sets, effects)
@@ -128,6 +131,7 @@ def evaluate(
 
         def measure(effects: OwnEffects, grasps: list[MeasuredGrasp] = grasps) -> Distances:
             """Return the distances of one seed with a combination of effects."""
+            # The simulated points do not depend on these effects of the real side.
             key = replace(effects, coded_host=False, mask=False, rises=False)
             if key not in cache:
                 cache[key] = collect_sim(key)
@@ -171,7 +175,7 @@ def print_table(title: str, result: dict[str, Any]) -> None:
 def format_interval(values: Sequence[float], scale: float) -> str:
     """Return the mean of values over seeds and half the width of its 95 % interval, multiplied by `scale`.
 
-    Without an interval only the mean is returned.
+    Without an interval (its half width is NaN, as for a single seed), only the mean is returned.
     """
     interval = compute_interval(values)
     text = f"{scale * interval.mean:.1f}"

@@ -137,9 +137,11 @@ class CandidateModel:
             distance = np.linalg.norm(self.taxels.position[board][:, None] - self.taxels.position[board], axis=2)
             is_near = distance < KERNEL_CUTOFF * candidate.spread_m
             kernel = np.where(is_near, np.exp(-distance / candidate.spread_m), 0.0)
+            # Each column of the kernel sums to 1: the force of a taxel is distributed without loss.
             spread_force = (kernel / kernel.sum(axis=0)) @ force[board]
             signal = candidate.gain * full_scale * spread_force / (spread_force + half_force)
             lines = [(line[board][:, None] == line[board]).astype(float) for line in (self.taxels.tx, self.taxels.rx)]
+            # Sum of the signals of the other taxels on the same TX line and on the same RX line.
             coupled = sum(line @ signal for line in lines) - 2.0 * signal
             result[board] = signal + candidate.crosstalk * coupled
         result -= candidate.compression * np.maximum(result - candidate.knee_counts - self.knee_offset, 0.0)
@@ -220,6 +222,8 @@ def _average_skill(results: Sequence[ObjectResult]) -> float:
 def sample_candidate(rng: np.random.Generator, best: list[tuple[float, Candidate]], campaigns: int) -> Candidate:
     """Return random settings within the bounds, in 80 % of the cases near one of the five best so far.
 
+    Near: every setting is multiplied by a log-normal factor with a standard deviation of 15 %, and each object keeps
+    its campaign with a probability of 70 %.
     best: (objective, candidate), best first. campaigns: number of campaigns with displaced objects, of which each
     object uses one.
     """

@@ -37,7 +37,7 @@ class EmulatedVariation(Variation):
 
 
 def main() -> None:
-    """Simulate a campaign of grasps with the displaced objects of the emulated hand."""
+    """Simulate a campaign of grasps, in which each object is displaced as in the same grasp of the emulated hand."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="dataset to write")
     parser.add_argument("--share", type=float, default=1.0, help="factor on the pose variation")

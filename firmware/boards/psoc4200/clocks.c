@@ -1,7 +1,7 @@
-#include "boards/psoc4200/clocks.h"
+#include "boards/psoc4/clocks.h"
 
-#include "boards/psoc4200/regs/sflash.h"
-#include "boards/psoc4200/regs/srss.h"
+#include "part/sflash.h"
+#include "part/srss.h"
 
 #define MHZ_OF_FIRST_TRIM 3u
 #define SETTLE_LOOPS 200u /* at least 12 us: the oscillator takes its new frequency within 5 us (confirm) */

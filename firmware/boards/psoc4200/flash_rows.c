@@ -1,10 +1,10 @@
-#include "boards/psoc4200/flash_rows.h"
+#include "boards/psoc4/flash_rows.h"
 
 #include <string.h>
 
-#include "boards/psoc4200/regs/cpuss.h"
-#include "boards/psoc4200/regs/srom.h"
-#include "boards/psoc4200/regs/srss.h"
+#include "part/cpuss.h"
+#include "boards/psoc4/regs/srom.h"
+#include "part/srss.h"
 #include "generated/taxel_bootloader.h"
 
 #define WORDS (TAXEL_BOOT_ROW_SIZE / 4u)

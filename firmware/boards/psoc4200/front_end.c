@@ -5,18 +5,18 @@
  *     hardware count = period * 2 C V f_tx / I     and the raw count is period - hardware count,
  *
  * so that contact, which raises C, lowers the raw count (sources: docs/psoc4200.md). */
-#include "boards/psoc4200/front_end.h"
+#include "boards/psoc4/front_end.h"
 
-#include "boards/psoc4200/regs/core.h"
-#include "boards/psoc4200/regs/csd.h"
-#include "boards/psoc4200/regs/peri_clk.h"
-#include "boards/psoc4200/regs/sflash.h"
+#include "boards/psoc4/lines.h"
+#include "boards/psoc4/regs/core.h"
+#include "part/csd.h"
+#include "part/peri_clk.h"
+#include "part/sflash.h"
 #include "board_pins.h"
 
 #define SENSE_HALVES 2u  /* the block divides the sense clock by two, so that its duty cycle is 50 % */
 #define LOOPS_MAX 10000u /* at least 2 ms: a block that does not start must not block the board */
 #define CYCLES_PER_SETTLE_LOOP 4u
-#define NO_LINE 0xFFu
 
 /* Between conversions the reference buffer keeps the capacitor charged. With one capacitor, the buffer is disconnected
  * during a conversion. With two capacitors it stays connected, as in the manufacturer's driver. */
@@ -32,47 +32,20 @@
     ((CONFIG_AT_REST & ~CSD_CONFIG_REFBUF_EN) | CSD_CONFIG_SENSE_EN | CSD_CONFIG_REFBUF_OUT_AMUX_B)
 #endif
 
-static const uint8_t tx_pins[BOARD_TX_LINES] = BOARD_TX_PINS;
-static const uint8_t rx_pins[BOARD_RX_LINES] = BOARD_RX_PINS;
-
 static struct {
     const uint8_t *idac_codes;
     uint16_t period;
     uint16_t settle_cycles;
     uint16_t early_count; /* counted before the sense clock ran, and therefore subtracted */
     uint8_t idac_code;
-    uint8_t tx, rx; /* connected lines, or NO_LINE */
 } front_end;
-
-/* Drive one pin low as a push-pull output: the state of a TX or RX line that takes no part in a conversion. */
-static void hold_low(uint8_t pin)
-{
-    pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);
-}
 
 /* Initialise the capacitive sensing block (CSD): lines held low, clocks and trims. `idac_codes`: calibrated current
  * code of each RX line, or NULL; a code 0 selects the current code of the scan settings. */
 void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes)
 {
     front_end.idac_codes = idac_codes;
-    front_end.tx = NO_LINE;
-    front_end.rx = NO_LINE;
-#ifdef BOARD_RX_PER_ROW
-    tx_lines = BOARD_TX_LINES;
-    rx_lines = BOARD_RX_LINES;
-#endif
-    for (uint8_t line = 0; line < tx_lines && line < BOARD_TX_LINES; line++) {
-        hold_low(tx_pins[line]);
-    }
-    for (uint8_t line = 0; line < rx_lines && line < BOARD_RX_LINES; line++) {
-        hold_low(rx_pins[line]);
-    }
-#ifdef BOARD_LOW_PINS
-    static const uint8_t low_pins[] = BOARD_LOW_PINS;
-    for (uint8_t i = 0; i < sizeof low_pins; i++) {
-        hold_low(low_pins[i]);
-    }
-#endif
+    lines_init(tx_lines, rx_lines);
 #ifdef BOARD_PIN_CINT_A
     pin_connect(BOARD_PIN_CINT_A, PIN_MODE_ANALOG, PIN_AMUX_A);
     pin_connect(BOARD_PIN_CINT_B, PIN_MODE_ANALOG, PIN_AMUX_A);
@@ -87,7 +60,8 @@ void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_code
     interrupt_enable(IRQ_CSD);
 }
 
-/* Apply scan settings: clock dividers in CPU clocks, and the length of a conversion in sample clocks. */
+/* Apply scan settings: clock dividers in CPU clocks, and the length of a conversion in sample clocks. The capacitance
+ * converter itself halves the sense clock, so its divider is halved here. */
 void front_end_configure(const struct taxel_scan_settings *settings)
 {
     const uint32_t sense = settings->sense_clock_divider / SENSE_HALVES;
@@ -96,33 +70,6 @@ void front_end_configure(const struct taxel_scan_settings *settings)
     front_end.period = (uint16_t)(settings->sub_conversions * settings->sense_clock_divider);
     front_end.settle_cycles = settings->settle_cycles;
     front_end.idac_code = settings->idac_code;
-}
-
-/* Connect TX line number `line` to the sense clock; the previous TX line is held low again. */
-static void connect_tx(uint8_t line)
-{
-    if (line == front_end.tx || line >= BOARD_TX_LINES) {
-        return;
-    }
-    if (front_end.tx != NO_LINE) {
-        hold_low(tx_pins[front_end.tx]);
-    }
-    pin_connect(tx_pins[line], PIN_MODE_STRONG, PIN_CSD_SENSE);
-    front_end.tx = line;
-}
-
-/* Connect RX line number `line` to the analog bus of the capacitance converter (CSD); the previous RX line is held
- * low again. */
-static void connect_rx(uint8_t line)
-{
-    if (line == front_end.rx || line >= BOARD_RX_LINES) {
-        return;
-    }
-    if (front_end.rx != NO_LINE) {
-        hold_low(rx_pins[front_end.rx]);
-    }
-    pin_connect(rx_pins[line], PIN_MODE_ANALOG, PIN_AMUX_A);
-    front_end.rx = line;
 }
 
 /* Start a conversion on the connected lines. The counter is started first, then the sense clock, within a few sample
@@ -151,13 +98,8 @@ static void settle(void)
  * follows at its end. */
 void front_end_start(uint8_t tx, uint8_t rx)
 {
-#ifdef BOARD_RX_PER_ROW /* a board with one TX line: a row of the register map is a group of RX lines */
-    rx = (uint8_t)(rx + tx * BOARD_RX_PER_ROW);
-    tx = 0;
-#endif
-    const uint8_t calibrated = front_end.idac_codes && rx < BOARD_RX_LINES ? front_end.idac_codes[rx] : 0;
-    connect_tx(tx);
-    connect_rx(rx);
+    const uint8_t line = lines_connect(tx, rx);
+    const uint8_t calibrated = front_end.idac_codes && line < BOARD_RX_LINES ? front_end.idac_codes[line] : 0;
     CSD->idac = CSD_IDAC_IDAC1_VARIABLE | (calibrated ? calibrated : front_end.idac_code);
     settle();
     const uint32_t interrupts = interrupts_mask();

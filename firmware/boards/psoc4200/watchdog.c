@@ -1,6 +1,6 @@
-#include "boards/psoc4200/watchdog.h"
+#include "boards/psoc4/watchdog.h"
 
-#include "boards/psoc4200/regs/srss.h"
+#include "part/srss.h"
 
 #define MATCH 0xFFFFu /* of the 32 kHz oscillator, which has been running since the reset */
 

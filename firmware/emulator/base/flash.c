@@ -5,12 +5,13 @@
 #define WORD 4u
 #define WORDS (FLASH_ROW_SIZE / WORD)
 
-/* Initialise an erased flash array without a planned power cut. `seed` and the I2C address select the random content of
+/* Initialise an erased flash array of `size` bytes without a planned power cut. `seed` and the I2C address select the random content of
  * interrupted writes. */
-void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
+void flash_init(struct flash *flash, uint32_t size, uint64_t seed, uint8_t address)
 {
     memset(flash, 0, sizeof *flash);
-    random_init(&flash->random, seed ^ 0xF1A5Fu, address);
+    flash->size = size;
+    random_init(&flash->random, seed ^ 0xF1A5Fu, address); /* a constant of the flash: own random sequence */
     flash->cut_time = VTIME_NEVER;
 }
 

@@ -1,4 +1,4 @@
-/* The flash memory of an emulated processor: 256 rows of 128 bytes; a write of a row takes 20 ms.
+/* The flash memory of an emulated processor: up to 512 rows of 128 bytes; a write of a row takes 20 ms.
  *
  * A write erases the row and then programs it word by word. If the power fails during the write, the row is torn: a
  * mixture of old, erased, new and undefined words. Contents survive a power loss; writes of each row are counted. */
@@ -11,7 +11,7 @@
 #include "emulator/base/random.h"
 #include "emulator/base/vtime.h"
 
-#define FLASH_ROWS 256u
+#define FLASH_ROWS 512u /* of the largest part */
 #define FLASH_ROW_SIZE 128u
 #define FLASH_WRITE_TIME (20u * VTIME_MS)
 #define FLASH_PENDING_WRITES_MAX 8u /* one pass of a firmware's main loop writes fewer rows */
@@ -40,6 +40,7 @@ struct flash_pending_write {
 
 struct flash {
     _Alignas(4) uint8_t bytes[FLASH_ROWS * FLASH_ROW_SIZE];
+    uint32_t size;             /* bytes that the part has */
     uint32_t wear[FLASH_ROWS]; /* writes of each row */
     struct flash_pending_write pending[FLASH_PENDING_WRITES_MAX];
     unsigned pending_count; /* writes that a power cut can still tear */
@@ -55,7 +56,7 @@ struct flash {
     uint64_t cut_count;
 };
 
-void flash_init(struct flash *flash, uint64_t seed, uint8_t address);
+void flash_init(struct flash *flash, uint32_t size, uint64_t seed, uint8_t address);
 
 /* Write a row of FLASH_ROW_SIZE bytes. Writes run one after another: each starts when the previous one has ended.
  * Returns the time at which this write ends. */

@@ -14,7 +14,7 @@ struct pairs {
 void normal_source_init(struct normal_source *normals, uint64_t seed, uint64_t stream)
 {
     random_init(&normals->source, seed, stream);
-    normals->used = 2u * NORMAL_SOURCE_PAIRS;
+    normals->used = 2u * NORMAL_SOURCE_PAIRS; /* no number is ready: the first request computes a block */
 }
 
 /* Sample uniformly distributed points inside the unit circle. Each point is stored, and overwritten by the next one

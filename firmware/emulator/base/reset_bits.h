@@ -1,5 +1,5 @@
 /* A reset cause of the protocol as bits of the register RES_CAUSE of a PSoC 4200
- * (boards/psoc4200/regs/srss.h). */
+ * (boards/psoc4200/part/srss.h). */
 #ifndef EMULATOR_BASE_RESET_BITS_H
 #define EMULATOR_BASE_RESET_BITS_H
 

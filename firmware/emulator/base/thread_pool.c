@@ -16,13 +16,15 @@ _Static_assert(THREAD_POOL_ITEMS_MAX <= END_MASK, "item numbers have END_BITS ea
 
 #define SPINS 40000 /* about 1 ms: the next task usually starts sooner than the kernel can wake a thread */
 
-/* Return the number of the first item that no thread has started, from the packed ticket. */
+/* Return the number of the first item that no thread has started. `ticket` packs the number of the task (upper 32
+ * bits), this item and the end of the items (16 bits each). */
 static size_t get_first_item(uint64_t ticket)
 {
     return (size_t)(ticket >> END_BITS) & END_MASK;
 }
 
-/* Return one past the number of the last item that no thread has started, from the packed ticket. */
+/* Return one past the number of the last item that no thread has started: the low 16 bits of `ticket`, see
+ * get_first_item(). */
 static size_t get_items_end(uint64_t ticket)
 {
     return (size_t)ticket & END_MASK;
@@ -60,7 +62,8 @@ static bool has_work_or_is_closing(struct thread_pool *pool)
 }
 
 /* Wait until a task has items that no thread has started, or until the pool closes. The worker spins for about 1 ms
- * before it sleeps on the condition variable, because the kernel wakes a thread more slowly. */
+ * before it sleeps on the condition variable, because the next task usually starts sooner than the kernel can wake a
+ * thread. */
 static void wait_for_work(struct thread_pool *pool)
 {
     for (int i = 0; i < SPINS; i++) {

@@ -23,6 +23,18 @@ void world_line_split(struct world_line *line, char *text)
     }
 }
 
+/* Return whether a text contains a control character other than tab and line end, such as a vertical tab: a terminal
+ * could show an error message with this character as two lines. */
+bool world_line_has_control_character(const char *text)
+{
+    for (; *text; text++) {
+        if (iscntrl((unsigned char)*text) && !strchr("\t\r\n", *text)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Print an error message with the path and line number of the world file to stderr. Returns -1. */
 int world_line_report_error(const struct world_line *line, const char *message)
 {

@@ -3,6 +3,7 @@
 #ifndef EMULATOR_BASE_WORLD_LINE_H
 #define EMULATOR_BASE_WORLD_LINE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -17,6 +18,7 @@ struct world_line {
 
 /* Split `text` into words in place. A `#` starts a comment; words beyond WORLD_LINE_WORDS_MAX are ignored. */
 void world_line_split(struct world_line *line, char *text);
+bool world_line_has_control_character(const char *text);
 
 /* All functions below return 0, or -1 after an error line on stderr; world_line_report_error() always returns -1.
  * index: number of the word in the line. Numbers must lie in [low, high]. */

@@ -89,7 +89,7 @@ void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
     cortex_m0_reset_nvic(cpu);
     cortex_m0_set_xpsr(cpu, PSR_THUMB);
     cpu->vector_base = vectors;
-    const uint64_t cycle = cpu->cycle;
+    const uint64_t cycle = cpu->cycle; /* the reads of the vectors take no time */
     const bool fails =
         cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry_address);
     cpu->cycle = cycle;
@@ -165,6 +165,7 @@ static void call_supervisor(struct cortex_m0 *cpu)
  * ended them. Returns the event that is left for cortex_m0_run(). */
 static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
 {
+    /* `longest` keeps the number of cycles to the deadline within a signed 64-bit number */
     const uint64_t due = cortex_m0_systick_due(cpu), longest = cpu->cycle + LONGEST_RUN;
     cpu->deadline = due < until ? due : until;
     cpu->deadline = cpu->deadline < longest ? cpu->deadline : longest;
@@ -180,8 +181,9 @@ static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
     return event;
 }
 
-/* Handle faults, exception entries and sleep before instructions execute. Returns true if something was handled; the
- * caller then calls again. */
+/* Handle faults, exception entries and sleep before instructions execute. An exception entry in progress waits until
+ * the cycle entry_choice, in which its handler is chosen. Returns true if something was handled; the caller then calls
+ * again. */
 static bool handle_before_execution(struct cortex_m0 *cpu, uint64_t until)
 {
     if (cpu->fault_pending) {

@@ -36,8 +36,9 @@ void cortex_m0_inject_fault(struct cortex_m0 *cpu)
 }
 
 /* Begin an exception entry: write the frame of eight words (registers and flags of the interrupted program) to the
- * stack in use. The handler is chosen later, in cycle entry_choice, because a late exception of higher priority can
- * still replace the first one (late arrival). */
+ * stack in use. The frame begins at a multiple of 8 bytes; PSR_ALIGNED in the stored xPSR records that the stack
+ * pointer was moved for this. The handler is chosen later, in cycle entry_choice, because a late exception of higher
+ * priority can still replace the first one (late arrival). */
 void cortex_m0_begin_entry(struct cortex_m0 *cpu)
 {
     const uint32_t *const r = cpu->r;

@@ -23,6 +23,7 @@ enum cortex_m0_event cortex_m0_execute(struct cortex_m0 *cpu)
     struct cortex_m0_code *code;
     const struct cortex_m0_operation *ip;
     int64_t budget;
+    /* Flags as words: bit 31 of n and v is the flag N and V, Z is set if z is 0, and c is 0 or 1. */
     uint32_t n, z, c, v, refill, address, target;
     enum cortex_m0_event event;
 

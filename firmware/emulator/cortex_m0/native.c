@@ -22,7 +22,7 @@ struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_s
     if (!core) {
         return NULL;
     }
-    core->flash = calloc(1, flash_size + 1u);
+    core->flash = calloc(1, flash_size + 1u); /* + 1: a size of 0 is allowed */
     core->ram = calloc(1, ram_size + 1u);
     struct cortex_m0_config config = {
         .flash = core->flash,

@@ -12,7 +12,7 @@ void cortex_m0_reset_nvic(struct cortex_m0 *cpu)
     cpu->active = 0;
     cpu->enabled = ALWAYS_ENABLED;
     cpu->pending = (uint64_t)cpu->lines << CORTEX_M0_IRQ0;
-    cpu->level[0] = ~UINT64_C(0);
+    cpu->level[0] = ~UINT64_C(0); /* level[p]: bit mask of the exceptions with priority p */
     cpu->level[1] = cpu->level[2] = cpu->level[3] = 0;
     cortex_m0_update_priority(cpu);
 }

@@ -15,7 +15,8 @@ uint32_t cortex_m0_xpsr(const struct cortex_m0 *cpu)
            (cpu->thumb ? FLAG_T : 0) | cpu->ipsr;
 }
 
-/* Set the flags and the T bit from a value of xPSR; the exception number is not changed. */
+/* Set the flags and the T bit from a value of xPSR; the exception number is not changed. N and V are stored as bit 31
+ * of the words n and v, Z as a word z that is 0 if Z is set. */
 void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
 {
     cpu->n = xpsr;
@@ -30,7 +31,7 @@ void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
 bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
 {
     const bool z = cpu->z == 0, c = cpu->c, n = cpu->n >> 31, v = cpu->v >> 31;
-    const bool results[] = {z, c, n, v, c && !z, n == v, !z && n == v};
+    const bool results[] = {z, c, n, v, c && !z, n == v, !z && n == v}; /* EQ, CS, MI, VS, HI, GE, GT */
     return results[condition / 2u] != (condition & 1u);
 }
 

@@ -63,7 +63,8 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
 
 /* Transfer the words of a register list between memory and registers, in order of register number, one per cycle. A
  * load also stores them in `words`; registers change only if every word could be read, so that the instruction can be
- * repeated. Returns the event of the first access that fails. */
+ * repeated. The bus may postpone only the first access, because a repeated instruction repeats all accesses. Returns
+ * the event of the first access that fails. */
 static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address,
                                       bool is_load, uint32_t words[])
 {
@@ -94,7 +95,7 @@ enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex
 {
     const bool is_load = operation.kind != CORTEX_M0_OP_PUSH && operation.kind != CORTEX_M0_OP_STM;
     const uint32_t end = address + operation.c * 4u;
-    uint32_t words[9];
+    uint32_t words[9]; /* eight low registers and PC */
     const enum cortex_m0_event event = move_list(cpu, operation, address, is_load, words);
     if (event) {
         return event;

@@ -70,7 +70,8 @@ static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
 }
 
 /* Execute MRS: r[d] = special register `number`. Unknown numbers and the destinations SP and PC are unpredictable and
- * handled as undefined instructions. */
+ * handled as undefined instructions. The numbers 0 to 7 are combinations of the parts of xPSR: bit 2 of the number
+ * excludes the flags, bit 0 includes the exception number; number 4 does not exist. */
 static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint32_t number)
 {
     const uint32_t xpsr = cortex_m0_xpsr(cpu);
@@ -114,7 +115,8 @@ static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t valu
 }
 
 /* Execute MSR: special register `number` = r[n]. Writes to IPSR and EPSR have no effect, and CONTROL can change only in
- * thread mode. */
+ * thread mode. Of the numbers 0 to 7 (combinations of the parts of xPSR), those without bit 2 write the flags; number 4
+ * does not exist. */
 static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uint32_t number)
 {
     if (n == CORTEX_M0_SP || n == CORTEX_M0_PC) {
@@ -151,27 +153,28 @@ static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uin
 static enum cortex_m0_event execute_far_branch(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
     const uint32_t pc = cpu->r[CORTEX_M0_PC] + 4u;
-    if (half >> 12 == 0xDu) {
+    if (half >> 12 == 0xDu) { /* B<cond> */
         const bool taken = cortex_m0_condition(cpu, half >> 8 & 15u);
         return taken ? finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0xFFu, 8) * 2u, 3)
                      : finish_instruction(cpu, 2, 1);
     }
-    if (half >> 12 == 0xEu) {
+    if (half >> 12 == 0xEu) { /* B */
         return finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0x7FFu, 11) * 2u, 3);
     }
-    cpu->r[CORTEX_M0_LR] = pc | 1u;
+    cpu->r[CORTEX_M0_LR] = pc | 1u; /* BL */
     return finish_jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 4);
 }
 
 /* Execute a 32-bit instruction outside the fast path: a far BL, MRS, MSR or a barrier. */
 static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
-    if ((second & 0xD000u) == 0xD000u) {
+    if ((second & 0xD000u) == 0xD000u) { /* BL */
         return execute_far_branch(cpu, half, second);
     }
-    if (half == 0xF3EFu) {
+    if (half == 0xF3EFu) { /* MRS */
         return read_special(cpu, second >> 8 & 15u, second & 0xFFu);
     }
+    /* 0xF3BF: a barrier (DSB, DMB or ISB) */
     return half == 0xF3BFu ? finish_instruction(cpu, 4, BARRIER_CYCLES)
                            : write_special(cpu, half & 15u, second & 0xFFu);
 }

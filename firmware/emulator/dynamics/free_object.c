@@ -60,6 +60,7 @@ static struct support press_vertex(struct free_object *object, size_t vertex, co
         stuck[i] = point[i] - share * slip[i];
         support.force[i] = object->stand_rate * (depth * up[i] - share * slip[i]);
         for (int j = 0; j < 3; j++) {
+            /* a spring across and along the plane; sliding adds no force in its direction */
             const double sliding = share < 1.0 ? share * slip[i] * slip[j] / (length * length) : 0.0;
             const double spring = up[i] * up[j] + share * ((i == j) - up[i] * up[j]) - sliding;
             support.spring[i][j] = object->stand_rate * spring;
@@ -97,8 +98,8 @@ static void add_support(const struct support *support, const double arm[3], doub
     }
 }
 
-/* Compute the sum of weight and forces of the stand at all vertices, with the stiffness. Updates the points where the
- * vertices stick. */
+/* Compute the sum of weight (along -z of the world) and forces of the stand at all vertices (load: N, and Nm about the
+ * centre of mass), with the stiffness of the stand. Updates the points where the vertices stick. */
 void free_object_support(struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF][OBJECT_DOF])
 {
     double centre[3];
@@ -123,7 +124,8 @@ void free_object_support(struct free_object *object, double load[OBJECT_DOF], do
 }
 
 /* Compute force, stiffness and damping of the experimenter's hand, which are proportional to the firmness of the hold.
- * The force draws the object back to the pose in which the experimenter took hold; all are 0 without a hold. */
+ * The force draws the object back to the pose in which the experimenter took hold; all are 0 without a hold.
+ * Coordinates 0 to 2 are translations (load in N), 3 to 5 rotations about the centre of mass (load in Nm). */
 void free_object_steadying(const struct free_object *object, double load[OBJECT_DOF], double stiffness[OBJECT_DOF],
                            double damping[OBJECT_DOF])
 {

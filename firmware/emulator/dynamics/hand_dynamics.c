@@ -83,7 +83,7 @@ static double limiting_speed(const struct hand_dynamics *hand, const struct step
     }
     const double speed = norm(&twist[0]) + hand->limits.board_radius_m * norm(&twist[3]);
     const bool is_near = load->clearance < speed * hand->limits.longest_s + hand->limits.motion_m;
-    const bool is_separating = power > 0.0;
+    const bool is_separating = power > 0.0; /* the board moves in the direction in which the contact pushes it */
     return is_near && !is_separating ? speed : 0.0;
 }
 
@@ -96,6 +96,7 @@ static double choose_duration(const struct hand_dynamics *hand, const struct ste
         speed = fmax(speed, limiting_speed(hand, step, board));
     }
     const double limit = fmin(hand->touched_count ? hand->limits.longest_s : longest, hand->limits.motion_m / speed);
+    /* 1e-9: a quotient that rounding makes slightly larger than a whole number must not add a step. */
     return longest / ceil(longest / fmax(limit, hand->limits.shortest_s) - 1e-9);
 }
 
@@ -139,7 +140,7 @@ static void add_object(struct hand_dynamics *hand, struct step *step, double dt)
 }
 
 /* Add the contact of one board to the equations of motion: its wrench after the motion of the wrist in this time step,
- * and its stiffness. */
+ * and its stiffness. The system is symmetric and only its lower triangle is used. */
 static void add_board(struct step *step, size_t board, double dt)
 {
     const struct bracket_motion *motion = &step->motions[board];

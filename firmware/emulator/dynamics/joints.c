@@ -8,6 +8,7 @@
 double joint_resist(const struct joint_constants *constants, struct joint *joint, double *rate)
 {
     const double friction_rate = constants->friction_nm / constants->breakaway_rad;
+    /* rotation from the unloaded angle, up to the breakaway angle, at which the friction slides */
     const double bend =
         fmin(fmax(joint->angle - joint->rest_angle, -constants->breakaway_rad), constants->breakaway_rad);
     joint->rest_angle = joint->angle - bend;

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Solve a symmetric, positive definite system by the factorisation A = L L^T and two substitutions. */
+/* Solve a symmetric, positive definite system by the factorisation A = L L^T and two substitutions. Only the lower
+ * triangle of `matrix` is read, and L overwrites this triangle; the solution overwrites `vector`. */
 void linear_system_solve(double matrix[COORDINATES_MAX][COORDINATES_MAX], size_t count, double *vector)
 {
     for (size_t i = 0; i < count; i++) {

@@ -31,7 +31,8 @@ void taxel_dynamics_brackets(const struct hand_dynamics *hand, double *poses)
     memcpy(poses, brackets, hand->tree.board_count * sizeof brackets[0]);
 }
 
-/* Write weight and force of the stand and the stiffness of the stand. */
+/* Write the sum of weight and force of the stand (load[6]: N, and Nm about the centre of mass), and the stiffness of
+ * the stand, stiffness[6][6]. */
 void taxel_dynamics_support(struct free_object *object, double *load, double *stiffness)
 {
     double matrix[OBJECT_DOF][OBJECT_DOF];
@@ -39,13 +40,14 @@ void taxel_dynamics_support(struct free_object *object, double *load, double *st
     memcpy(stiffness, matrix, sizeof matrix);
 }
 
-/* Write the force of the experimenter's hand, its stiffness and its damping. */
+/* Write the force of the experimenter's hand (load: N, and Nm about the centre of mass), its stiffness and its damping,
+ * each [6]. */
 void taxel_dynamics_steadying(const struct free_object *object, double *load, double *stiffness, double *damping)
 {
     free_object_steadying(object, load, stiffness, damping);
 }
 
-/* Move an object for `duration` seconds. */
+/* Move an object for `duration` seconds. velocity[6]: of the centre of mass (m/s), and angular (rad/s). */
 void taxel_dynamics_move(struct free_object *object, const double *velocity, double duration)
 {
     free_object_move(object, velocity, duration);

@@ -46,9 +46,10 @@ double indent_decay(const struct indent_effect *indent, double seconds)
     return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
 }
 
-/* Update the compression set of one cell under the compression `c` (metres): the larger of the old set times `decay`
- * (share that remains after the time step) and a fraction of the compression above the threshold. Returns the
- * compression with the set: set + c (1 - set / pillar height), because pressure shortens only the remaining pillar. */
+/* Update the compression set of one cell (one of the 4 x 4 parts of a taxel) under the compression `c` (metres): the
+ * larger of the old set times `decay` (share that remains after the time step) and a fraction of the compression above
+ * the threshold. Returns the compression with the set: set + c (1 - set / pillar height), because pressure shortens
+ * only the remaining pillar. */
 static double apply_set(const struct indent_effect *indent, double decay, struct indent_state *cell, double c)
 {
     const double recovered = cell->depth * decay, added = indent->fraction * (c - indent->threshold_m);

@@ -84,7 +84,7 @@ static inline ALWAYS_INLINE double update_rx(const struct network *network, cons
     add_neighbours(trace, state->rx_re, network->rx_count, re);
     add_neighbours(trace, state->rx_im, network->rx_count, im);
     for (int k = 0; k < network->rx_count; k++) {
-        /* j * sum * share */
+        /* j * sum * response */
         const double new_re = -(re[k] * response->im[k] + im[k] * response->re[k]);
         const double new_im = re[k] * response->re[k] - im[k] * response->im[k];
         const double step = fabs(new_re - state->rx_re[k]) + fabs(new_im - state->rx_im[k]);
@@ -111,7 +111,7 @@ static inline ALWAYS_INLINE void update_tx(const struct network *network, const 
     add_neighbours(network->trace_f, state->tx_re, network->tx_count, re);
     add_neighbours(network->trace_f, state->tx_im, network->tx_count, im);
     for (int i = 0; i < network->tx_count; i++) {
-        /* (drive + j reactance * sum) * share; the drive below */
+        /* (drive + j reactance * sum) * response; the term of the drive is added after the loop */
         state->tx_re[i] = -reactance * (im[i] * response->re[i] + re[i] * response->im[i]);
         state->tx_im[i] = reactance * (re[i] * response->re[i] - im[i] * response->im[i]);
     }
@@ -128,7 +128,8 @@ static inline ALWAYS_INLINE bool is_converged(double change, double last_change,
 }
 
 /* Solve the network for one driven TX line by Gauss-Seidel iteration from the previous solution in `state`. Writes the
- * effective capacitance (farad) of the driven line to each RX line; returns the number of iterations. */
+ * effective capacitance (farad) of the driven line to each RX line, which is the quadrature component of the RX current
+ * divided by omega; returns the number of iterations. */
 static inline ALWAYS_INLINE int solve(struct network *network, int driven, struct network_state *state,
                                       double *effective_f)
 {

@@ -36,7 +36,8 @@ bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
 
 /* Return the output of a first-order modulator with a leaky integrator for an input of `share` of full scale: the
  * fraction p / q with the smallest denominator (up to 12) whose plateau contains `share`, or `share` itself if no
- * plateau contains it. Longer patterns do not persist in a modulator with noise. */
+ * plateau contains it. The plateau of p / q is leak (1 - leak (q - 1)) / q wide. Longer patterns do not persist in a
+ * modulator with noise. */
 static double lock_to_plateau(double share, double leak)
 {
     int near_plateau = 0; /* rarely true, so one test without branches covers all denominators */

@@ -12,7 +12,9 @@
 #define WAVE_STEPS 160
 #define WAVE_DECAY 8.0
 
-/* Return the share of a field of wave number `q` (per metre) that the target reflects. */
+/* Return the share of a field of wave number `q` (per metre) that the target reflects: 1 for a conductor; for a
+ * dielectric slab the sum of the reflections at its two faces (k: reflection at one face; passage: attenuation of the
+ * field on its way through the slab and back). */
 static double compute_reflection(const struct proximity_target *target, double q)
 {
     if (target->is_conductor) {
@@ -29,7 +31,8 @@ struct potentials {
     double own, other;
 };
 
-/* Return the coefficients of potential without a target. */
+/* Return the coefficients of potential without a target: each electrode (WIRE_RADIUS) with its image below the shield
+ * (SHIELD_DEPTH); all lengths are in units of the distance of the electrodes. */
 static struct potentials compute_potentials_at_rest(void)
 {
     const double ratio = 2.0 * SHIELD_DEPTH;
@@ -54,7 +57,8 @@ static struct potentials compute_potentials(const struct proximity_target *targe
     return potentials;
 }
 
-/* Return the mutual capacitance with a target at the height `z` (metres) divided by that without a target, minus 1. */
+/* Return the mutual capacitance with a target at the height `z` (metres) divided by that without a target, minus 1. A
+ * conductor that is not at ground passes flux from the TX to the RX electrode, which adds to the mutual capacitance. */
 double proximity_target_change(const struct proximity_target *target, double z)
 {
     const struct potentials rest = compute_potentials_at_rest(), near = compute_potentials(target, z);

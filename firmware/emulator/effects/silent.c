@@ -60,7 +60,8 @@ void silent_open(struct silent_contact *contact, const struct silent_effect *sil
 }
 
 /* Return whether a board fails to acknowledge its I2C address at `time` (seconds). Each call is one addressing and one
- * step of the two-state Markov chain (Gilbert and Elliott) of a loose contact. */
+ * step of the two-state Markov chain (Gilbert and Elliott) of a loose contact. The transition probabilities give the
+ * share p of lost addressings and a mean length of `burst` lost addressings in a row. */
 bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
                              struct silent_contact *contact)
 {

@@ -80,12 +80,13 @@ static void sum_columns(const double *in, double *out, const double *attenuation
     }
 }
 
-/* Allocate the grid of cells for the effect `spread pillars`, and compute the decrease of the compression between
- * neighbouring cells. The grid has a margin of one position on every side, so that every position has eight neighbours.
- * Returns 0, or -1 if out of memory. */
+/* Allocate the grid of cells (4 x 4 parts of each taxel) for the effect `spread pillars`, and compute the decrease of
+ * the compression between neighbouring cells. The grid has a margin of one position on every side, so that every
+ * position has eight neighbours. Returns 0, or -1 if out of memory. */
 static int init_pillars(struct spread_state *state, double slope, const struct patch *patch)
 {
     const int columns = patch->grid_columns, width = columns + 2, grid_size = width * (patch->grid_rows + 2);
+    /* one block: the compressions, then the decreases to the SPREAD_NEIGHBOURS (4) earlier neighbours */
     state->value = malloc((size_t)(5 * grid_size) * sizeof *state->value);
     state->grid_index_of = malloc(patch->cell_count * sizeof *state->grid_index_of);
     if (!state->value || !state->grid_index_of) {
@@ -233,7 +234,8 @@ static bool grow_along(double *row, const double *decrease, double smallest, int
 
 /* Form `pillars`: extend the compression (metres) of each cell to its surroundings, falling by `slope` with the
  * distance. Two chamfer passes, forward and backward, over the grid of cells; rows without a compression that can raise
- * a neighbour are skipped. */
+ * a neighbour are skipped. The decrease between two cells is stored at the later one, so the backward pass reads it in
+ * the row below. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression)
 {

@@ -10,10 +10,10 @@
 #include "emulator/geometry/patch.h"
 #include "generated/taxel_protocol.h"
 
-struct psoc_part; /* psoc4200/parts.h */
+struct psoc_part; /* psoc4/parts.h */
 
 #define WORLD_BOARDS_MAX 64
-#define WORLD_IMAGE_SIZE 32768u
+#define WORLD_IMAGE_SIZE 65536u /* the largest part */
 #define WORLD_MARGINS_MAX 512
 
 /* One board of an emulated world. `kind`, `rows` (TX lines), `columns` (RX lines) and the crossing map describe the

@@ -30,7 +30,8 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
     return bound_distance(patch, shape, object_from_bracket) > reach;
 }
 
-/* Compute the middle of a square of skin in the object's frame: the point halfway between two opposite corner cells. */
+/* Compute the middle of a square of skin (the 4 x 4 cells of a taxel) in the object's frame: the point halfway between
+ * two opposite corner cells. */
 static void find_middle(const struct cell *cells, const struct frame *object_from_bracket, double middle[3])
 {
     double point[3];
@@ -51,10 +52,11 @@ static double bound_square_distance(const struct cell *cells, double size, const
     return shape_distance_bound(shape, middle) - 0.5 * size;
 }
 
-/* Return whether every cell of square number `square` is at least `thickness` + `reach` (metres) away from the object,
- * which holds for most squares of a hand most of the time. With a grip, the distance of the last examination minus the
- * motion since then replaces a new examination where it suffices. Updates `due` of the grip and the clearance of the
- * load, unless they are NULL. */
+/* Return whether every cell of square number `square` (the 16 cells of a taxel) has an electrode at least `thickness` +
+ * `reach` (metres) away from the object, which holds for most squares of a hand most of the time. With a grip, `due` is
+ * the travel of the board at which the square may touch the object. While the present travel is below `due`, their
+ * difference is a sufficient bound of the distance, and the square is not examined again. Updates `due` of the grip and
+ * the clearance of the load, unless they are NULL. */
 static bool square_is_far(const struct cell *cells, size_t square, const struct patch *patch, const struct shape *shape,
                           const struct frame *object_from_bracket, double thickness, double reach,
                           struct contact_grip *grip, struct contact_load *load)
@@ -99,8 +101,8 @@ static void add_travel(struct contact_grip *grip, const struct patch *patch, con
     grip->skin_travel += sqrt(shift) + sqrt(turn) * (size + thickness);
 }
 
-/* Transform the cells of a square to the object's frame, as lines from the electrode surface along the normals of the
- * cells. size: upper bound of the distance between two points of the square, metres. */
+/* Transform the 16 cells of a square of skin to the object's frame, as lines from the electrode surface along the
+ * normals of the cells. size: upper bound of the distance between two points of the square, metres. */
 static void place_lines(struct shape_lines *lines, const struct cell *cells, double size,
                         const struct frame *object_from_bracket)
 {
@@ -116,8 +118,8 @@ static void place_lines(struct shape_lines *lines, const struct cell *cells, dou
     }
 }
 
-/* Transform the cells of a square to the object's frame. The top of each cell lies on the surface of the unloaded
- * layer, `thickness` metres above the electrode. */
+/* Transform the 16 cells of a square of skin to the object's frame: normal, half sides and top of each cell. The top
+ * lies on the surface of the unloaded layer, `thickness` metres above the electrode. */
 static void place_square(struct cover_square *square, const struct cell *cells, double thickness,
                          const struct frame *object_from_bracket)
 {
@@ -136,8 +138,8 @@ static void place_square(struct cover_square *square, const struct cell *cells, 
 }
 
 /* Return the mean pressure (Pa) on a cell in the direction of its normal: the sum over the `count` faces of the object
- * that load the cell. The factor slope / steep is 1 up to the largest inclination of COVER_STEEPEST, and smaller for a
- * steeper face. */
+ * that load the cell. slope: cosine of the angle between cell and face. steep: this cosine, at least COVER_STEEPEST.
+ * The factor slope / steep is therefore 1 for inclinations up to 60 degrees, and smaller for a steeper face. */
 static double compute_normal_pressure(const struct cover_load *faces, size_t count)
 {
     double pressure = 0.0;
@@ -206,8 +208,10 @@ static bool press_cell(struct solution *solution, const struct load_square *squa
 }
 
 /* Solve the contact of the 16 cells of a square, whose first cell has the number `first`, and add their loads to the
- * board. Writes the compression (metres, may be NULL) in the direction of the normal for each cell that touches the
- * object; other entries keep their value. Releases the other cells from the grip. Returns whether a cell touches. */
+ * board. With shear, the cells that lie wholly below one face of the object (`whole`) are computed together, which is
+ * faster; press_cell() computes the other ones. Writes the compression (metres, may be NULL) in the direction of the
+ * normal for each cell that touches the object; other entries keep their value. Releases the cells that do not touch
+ * from the grip. Returns whether a cell touches. */
 static bool press_square(struct solution *solution, const struct cell *cells, size_t first, double *compression)
 {
     const double size = solution->patch->reach, thickness = solution->thickness;
@@ -252,8 +256,9 @@ static bool press_square(struct solution *solution, const struct cell *cells, si
     return is_touching;
 }
 
-/* Write the gap (metres) to the object along the normal for each cell of a square, 0 inside the object. Gaps that
- * exceed `reach`, or that do not exist because the normal misses the object, keep their previous value. */
+/* Write the gap (metres) from the surface of the layer to the object along the normal for each of the 16 cells of a
+ * square of skin, 0 inside the object. Gaps that exceed `reach`, or that do not exist because the normal misses the
+ * object, keep their previous value. */
 static void write_gaps(const struct cell *cells, const struct shape *shape, double size,
                        const struct frame *object_from_bracket, double thickness, double reach, double *gap)
 {
@@ -327,8 +332,8 @@ static bool press_board(struct solution *solution, double reach, double *compres
     return (solution->load && press_margins(solution)) || is_touching;
 }
 
-/* Solve the contact of a board's skin with an object; contact.h describes arguments and results. Each cell is an
- * independent spring: the pressure on a cell does not depend on its neighbours. */
+/* Solve the contact of a board's skin with an object; contact.h describes arguments and results. Each cell (a sixteenth
+ * of a taxel) is an independent spring: the pressure on a cell does not depend on its neighbours. */
 bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                    double thickness, double reach, double *compression, double *gap, struct contact_load *load,
                    struct contact_grip *grip)

@@ -21,10 +21,12 @@ bool contact_load_slides(double reached, double limit)
     return reached > limit;
 }
 
-/* Add the shear of cell number `cell`, whose top is at `top`, to a force and a stiffness: a spring between the top and
- * the point where the cell sticks to the object, limited by friction. The part of the cell that touches the object only
- * since this step is not sheared: as the touched share of the cell grows, the point where the cell sticks moves towards
- * the top. area: of the cell, square metres. Updates the point if the grip advances. */
+/* Add the shear of cell number `cell`, whose top is at `top`, to a force (N) and a stiffness (N/m): a spring between
+ * the top and the point where the cell sticks to the object, limited by friction (coefficient times pressing force).
+ * The part of the cell that touches the object only since this step is not sheared: as the touched share of the cell
+ * grows, the point where the cell sticks moves towards the top. A sliding cell has no stiffness along its shear,
+ * because the friction force does not grow. area: of the cell, square metres. Updates the point if the grip
+ * advances. */
 static void add_shear_spring(const struct contact_grip *grip, size_t cell, const double top[3],
                              const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
 {
@@ -94,7 +96,8 @@ void contact_load_turn(const struct frame *object_from_bracket, struct contact_l
     }
 }
 
-/* Add force and stiffness of one cell to the load of the board. The force acts at the point r of the object's surface.
+/* Add force (N) and stiffness (N/m) of one cell to the load of the board, which is the wrench (force, moment) and the
+ * 6 x 6 stiffness about the bracket's origin. The force acts at the point r (metres) of the object's surface.
  * The stiffness is that of a spring with the 3 x 3 matrix S at r: (I, [r]) S (I, [r])^T with the cross-product matrix
  * [r]. Only the lower triangle of the board's stiffness is set. */
 static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
@@ -137,8 +140,9 @@ static double compute_depth_at_centre(const struct cover_load *face)
     return face->face.depth + face->face.change[0] * face->centre[0] + face->face.change[1] * face->centre[1];
 }
 
-/* Sum the forces of the `count` faces of the object that press on a cell. Returns direction, point and magnitude of the
- * sum, and the touched share of the cell. area: of the cell, square metres. */
+/* Sum the forces of the `count` faces of the object that press on a cell. Returns direction, magnitude (newtons) and
+ * point of the sum, and the touched share of the cell. The point `arm` is the offset from the middle of the cell in
+ * half sides, and the depth in metres. area: of the cell, square metres. */
 static struct cell_contact join_faces(const struct cover_load *faces, size_t count, double area)
 {
     struct cell_contact sum = {.share = 0.0};
@@ -162,9 +166,9 @@ static struct cell_contact join_faces(const struct cover_load *faces, size_t cou
     return sum;
 }
 
-/* Add the stiffness against a rotation of a cell, which moves the centre of pressure on the cell. rate: stiffness of
- * the cell along its normal, N/m. share: of the cell's area that lies below the face; the result is exact for a share
- * of 1. */
+/* Add the stiffness against a rotation of a cell, which moves the centre of pressure on the cell: 1/3 is the mean
+ * square offset from the middle in half sides. rate: stiffness of the cell along its normal, N/m. share: of the cell's
+ * area that lies below the face; the result is exact for a share of 1. */
 static void add_turning_stiffness(struct contact_load *load, const struct cover_cell *cell, double rate, double share)
 {
     const double *n = cell->normal;
@@ -180,7 +184,8 @@ static void add_turning_stiffness(struct contact_load *load, const struct cover_
 }
 
 /* Add the load of one cell that carries no shear to the load of the board: for each face of the object, a spring along
- * the normal of the cell in the face's centre of pressure. area: of the cell, square metres. thickness: layer above the
+ * the normal of the cell in the face's centre of pressure. The factor slope / steep (cover.h) reduces the load of a
+ * face that is inclined by more than 60 degrees. area: of the cell, square metres. thickness: layer above the
  * electrode, metres. */
 static void add_normal_springs(struct contact_load *load, const struct cover_cell *cell, double area,
                                const struct cover_load *faces, size_t count, double thickness,
@@ -205,7 +210,8 @@ static void add_normal_springs(struct contact_load *load, const struct cover_cel
 
 /* Add the load of cell number `number`, which sticks to the object, to the load of the board. The force of each face
  * has the direction of the face's normal, and its part along the cell's surface follows from the compression. The shear
- * acts at the point where the sum of these forces acts. area: of the cell, square metres. */
+ * acts at the point where the sum of these forces acts; with one face, this is the point of the face's force, and the
+ * shear is added to this force. area: of the cell, square metres. */
 static void add_sticking_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
                               const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
                               const struct contact_grip *grip)

@@ -11,7 +11,8 @@ struct square_springs {
     double spring[3][3][SHAPE_LINES]; /* stiffness, N/m; lower triangle */
 };
 
-/* Compute for each cell of a square the point at which the object loads it, relative to the bracket's origin. */
+/* Compute for each of the 16 cells of a square the point (metres) at which the object loads the cell, relative to the
+ * bracket's origin, in the object's frame: the centre of pressure, at the depth of the face there. */
 static void compute_arms(struct square_springs *springs, const struct load_square *square,
                          const struct cover_whole *whole)
 {
@@ -50,8 +51,9 @@ static void compute_shears(double shear[3][SHAPE_LINES], const struct load_squar
     }
 }
 
-/* Compute forces and stiffnesses of the cells: pressure along the normal of the face above the cell, and shear, which
- * friction limits. If the grip advances, stores where each whole cell sticks after this step. */
+/* Compute forces (N) and stiffnesses (N/m) of the 16 cells of a square: pressure along the normal of the face above the
+ * cell, and shear, which friction limits. A sliding cell has no stiffness along its shear. Cells that are not wholly
+ * below one face get 0. If the grip advances, stores where each whole cell sticks after this step. */
 static void compute_springs(struct square_springs *springs, const struct load_square *square,
                             const struct cover_whole *whole, const struct contact_grip *grip)
 {
@@ -87,8 +89,9 @@ static void compute_springs(struct square_springs *springs, const struct load_sq
     }
 }
 
-/* Add forces and stiffnesses of the 16 cells of a square to the sums. The formula is that of add_spring() in
- * contact_load.c. */
+/* Add forces and stiffnesses of the 16 cells of a square to the sums of wrench and stiffness about the bracket's
+ * origin. As in add_spring() of contact_load.c, a spring S at the point r has the stiffness (I, [r]) S (I, [r])^T,
+ * where [r] is the cross-product matrix of r. */
 static void sum_springs(struct load_sums *sums, const struct square_springs *springs)
 {
     for (int i = 0; i < SHAPE_LINES; i++) {

@@ -21,8 +21,9 @@ static double greater(double a, double b)
     return a > b ? a : b;
 }
 
-/* Complete a face whose normal is set: slope, depth and change of the depth over a cell. level: distance (metres) of
- * the middle of the cell's top from the plane of the face, positive inside the object. */
+/* Complete a face of the object over a cell, whose normal is set: slope (cosine of the angle between cell and face),
+ * depth of the face below the middle of the cell's top, and change of the depth along both half sides (metres). level:
+ * distance (metres) of the middle of the cell's top from the plane of the face, positive inside the object. */
 static void set_face(struct cover_face *face, const struct cover_cell *cell, double level)
 {
     face->slope = -dot(face->normal, cell->normal);
@@ -33,8 +34,8 @@ static void set_face(struct cover_face *face, const struct cover_cell *cell, dou
     face->change[1] = -dot(face->normal, cell->half[1]) * inverse;
 }
 
-/* Set the face to the tangent plane of a cylinder's wall at the point where the line below the middle of the cell meets
- * the wall, by Newton's method. */
+/* Set the face to the tangent plane of a cylinder's wall at the point where the line from the middle of the cell's top,
+ * against the normal of the cell, meets the wall. Newton's method finds this point. */
 static void set_wall(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell)
 {
     double depth = 0.0;
@@ -73,8 +74,9 @@ static double compute_depth_variation(const struct cover_face *face)
 }
 
 /* Find the faces of the object that determine the compression of a cell: at each point of the cell, the face with the
- * smallest depth does. Returns the number of faces; 0 if the whole cell lies outside one of the faces, so that the
- * object does not touch it. */
+ * smallest depth does. A face is kept if its smallest depth over the cell does not exceed `least`, the smallest of the
+ * faces' largest depths. Returns the number of faces; 0 if the whole cell lies outside one of the faces, so that the
+ * object does not touch the cell. */
 static size_t find_faces(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,
                          struct cover_face faces[COVER_FACES_MAX])
 {
@@ -125,9 +127,9 @@ static int choose_direction(const struct cover_face *faces, size_t count)
     return range[1] > range[0];
 }
 
-/* Add the pressure of a face on a part of a strip to the load of the face. The strip crosses the cell in direction
- * `direction` (0 or 1); `from`, `to` (along the strip) and `place` (across it) are in half sides. weight: of the strip
- * in Gauss's rule. */
+/* Add the pressure of a face on a part of a strip to the load of the face, by Gauss's rule of order 2. The strip
+ * crosses the cell in direction `direction` (0 or 1); `from`, `to` (along the strip) and `place` (across it) are in
+ * half sides. weight: of the strip in the sum over the strips of the cell. */
 static void add_piece(struct cover_load *load, int direction, double from, double to, double place, double weight)
 {
     const struct cover_face *face = &load->face;
@@ -189,8 +191,9 @@ static void press_strip(struct cover_load *loads, size_t count, int direction, d
     }
 }
 
-/* Compute the load of a face on a cell that lies wholly below it and below no other face: Gauss's rule of order 2 in
- * the direction in which the depth changes most. */
+/* Compute the load of a face on a cell that lies wholly below this face and below no other face: mean pressure, mean
+ * derivative of the pressure by the depth, and centre of pressure (in half sides). Gauss's rule of order 2 in the
+ * direction in which the depth changes most needs only two pressures. */
 static void press_wholly_covered(struct cover_load *load)
 {
     const double *change = load->face.change;
@@ -206,8 +209,8 @@ static void press_wholly_covered(struct cover_load *load)
     load->centre[1] = (below - above) / (below + above) * scale * change[1];
 }
 
-/* Compute the loads of several faces, or of one face that covers a cell only partly, by a sum over strips. Writes only
- * loads with a pressure above 0 and returns their number. */
+/* Compute the loads of several faces, or of one face that covers a cell only partly, by a sum over parallel strips of
+ * the cell. Writes only loads with a pressure above 0 and returns their number. */
 static size_t press_partly_covered(const struct cover_face *faces, size_t count,
                                    struct cover_load loads[COVER_FACES_MAX])
 {
@@ -229,8 +232,8 @@ static size_t press_partly_covered(const struct cover_face *faces, size_t count,
     return stored;
 }
 
-/* Collect the planes that the cells within `radius` of `middle` can touch, up to `deepest` metres below the surface;
- * all planes if none is so near. */
+/* Collect the planes of the object that cells within `radius` (metres) of the point `middle` can touch, up to `deepest`
+ * metres below the surface of the object; all planes if none is so near. */
 void cover_find_planes(const struct shape *shape, const double middle[3], double radius, double deepest,
                        struct cover_planes *planes)
 {
@@ -304,7 +307,7 @@ double cover_find_touched(const struct shape *shape, const struct cover_planes *
         touched[i] = margin[i] > 0.0;
         greatest = greater(greatest, margin[i]);
     }
-    return greater(-greatest, 0.0);
+    return greater(-greatest, 0.0); /* a negative margin is a distance from the object */
 }
 
 /* Compute the loads of the object's faces on a cell. Returns the number of loads written; 0 if the object does not

@@ -19,8 +19,10 @@ struct square_face {
     double depth_offset[SHAPE_LINES];
 };
 
-/* Compare a face with the least deep face found so far over each cell of a square, and store the less deep of the two
- * in `search` and `whole`. */
+/* Compare a face of the object with the least deep face found so far over each of the 16 cells of a square, and store
+ * the less deep of the two in `search` and `whole`. Depth: distance (metres) from the top of the cell down to the face;
+ * over the cell it varies by `extent`, from `high` (smallest depth) to `low` (largest depth). Without branches, so that
+ * the compiler vectorises the loop. */
 static void compare_face(const struct square_face *face, const struct cover_square *square, struct search *search,
                          struct cover_whole *whole)
 {
@@ -94,7 +96,8 @@ static void set_wall(struct square_face *face, const struct shape *shape, const 
     }
 }
 
-/* Find the least deep face of the object over each cell of a square. */
+/* Find the face of the object with the smallest depth over each of the 16 cells of a square: this face loads the
+ * cell. */
 static void find_least(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
                        struct search *search, struct cover_whole *whole)
 {
@@ -128,6 +131,7 @@ void cover_press_whole(const struct shape *shape, const struct cover_planes *pla
     find_least(shape, planes, square, &search, whole);
     whole->has_any = false;
     for (int i = 0; i < SHAPE_LINES; i++) {
+        /* the face is below the whole top of the cell, and every other face is deeper everywhere */
         whole->is_whole[i] = touched[i] && search.high[i] > 0.0 && search.other_high[i] > search.low[i];
         whole->has_any |= whole->is_whole[i];
     }

@@ -45,7 +45,8 @@ static void read_places(struct layout *layout, size_t taxels, const struct taxel
     }
 }
 
-/* Write taxel poses on a flat sheet, for worlds without taxel poses: x is distal, y is left, one pitch per line. */
+/* Write taxel poses on a flat sheet, for worlds without taxel poses: x points to the fingertip (distal), y to the left;
+ * neighbouring lines are one pitch apart. */
 static void place_flat(const struct layout *layout, struct taxel_pose *poses)
 {
     for (int tx = 0; tx < layout->rows; tx++) {
@@ -106,7 +107,8 @@ static void compute_grid_steps(struct patch *patch, const struct layout *layout,
     }
 }
 
-/* Return an upper bound (metres) of the distance between two cells of a square, also on a curved sheet. */
+/* Return an upper bound (metres) of the distance between two cells of a square, also on a curved sheet: the diagonal of
+ * the square with a reserve. The diagonal of a taxel without a stated size is 1.41 pitches. */
 static double compute_square_bound(const struct taxel_pose *pose)
 {
     const double diagonal = hypot(compute_side_length(pose, 0), compute_side_length(pose, 1));
@@ -128,7 +130,7 @@ static double compute_curvature(const struct taxel_pose *centre, const struct ta
                 normal_change[k] = sides[i]->normal[k] - centre->normal[k];
             }
             const double distance = dot(step, along);
-            if (fabs(distance) > 0.2 * TAXEL_PITCH_M) {
+            if (fabs(distance) > 0.2 * TAXEL_PITCH_M) { /* a shorter distance would amplify errors of the normals */
                 sum += dot(normal_change, along) / distance;
                 count++;
             }
@@ -155,9 +157,9 @@ static void set_sides(struct cell *cell, const double distal[3], const double si
     cell->area = sides[0] * sides[1];
 }
 
-/* Place a cell of a taxel on the curved sheet, `a` metres from the taxel in its distal direction and `b` metres in its
- * left direction. The sheet is the paraboloid with the curvatures bend[0] (distal) and bend[1] (left), 1/m. sides:
- * lengths of the cell's sides, metres. */
+/* Place a cell (a sixteenth of a taxel) on the curved sheet, `a` metres from the taxel in its distal direction and `b`
+ * metres in its left direction. The sheet is the paraboloid with the curvatures bend[0] (distal) and bend[1] (left),
+ * 1/m. sides: lengths of the cell's sides, metres. */
 static void place_cell(struct cell *cell, const struct taxel_pose *pose, const double sides[2], double a, double b,
                        const double bend[2])
 {
@@ -226,8 +228,8 @@ static void compute_bounding_sphere(struct patch *patch)
     }
 }
 
-/* Build the cells of a board from its crossing map and the poses of its taxels (NULL: flat sheet). Returns 0, or -1 if
- * out of memory. */
+/* Build the cells of a board (16 per taxel) from its crossing map, which states the crossings of TX and RX lines that
+ * are taxels, and the poses of its taxels (NULL: flat sheet). Returns 0, or -1 if out of memory. */
 int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const uint8_t *crossing_map, size_t taxel_count,
                const struct taxel_pose *poses)
 {
@@ -280,7 +282,7 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
         return -1;
     }
     patch->margin_count = count;
-    patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0;
+    patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0; /* margins lie outside the bounding sphere of the taxels */
     for (size_t square = 0; square < count; square++) {
         const double sides[2] = {compute_side_length(&poses[square], 0) / CELLS_PER_SIDE,
                                  compute_side_length(&poses[square], 1) / CELLS_PER_SIDE};

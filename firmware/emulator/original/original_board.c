@@ -10,7 +10,8 @@ static void set_status(struct original_board *board, uint16_t status)
     taxel_put_u16(board->read_buffer, status);
 }
 
-/* Set up a board before its first reset. original_settings_complete() has checked its number of words. */
+/* Set up a board before its first reset. original_settings_complete() has checked its number of words. With the fault
+ * `truncated_taxel` the board sends as many bytes as its words have: the status takes the space of the last word. */
 void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
                          const struct original_settings *settings)
 {
@@ -54,8 +55,8 @@ static void execute_command(struct original_board *board, vtime now)
     }
 }
 
-/* Reset the board (power-up or reset): clear counts and buffers, and start the first scan at `now`. conversion_time: of
- * one taxel. */
+/* Reset the board (power-up or reset): clear counts and buffers, and start the first scan at `now`. A board with
+ * accelerations always sends x = y = 0 and gravity as z. conversion_time: of one taxel. */
 void original_board_reset(struct original_board *board, vtime now, vtime conversion_time)
 {
     memset(board->counts, 0, sizeof board->counts);

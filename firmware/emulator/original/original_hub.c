@@ -4,7 +4,8 @@
 
 static const uint8_t start_command[1] = {ORIGINAL_START_COMMAND};
 
-/* Set up the hub before its first reset. baud: of the UART. clock_rate: of the hub's oscillator, relative to its
+/* Set up the hub before its first reset. With the fault `receive_buffer`, the message begins inside the memory of a
+ * long read, so that the read overwrites it. baud: of the UART. clock_rate: of the hub's oscillator, relative to its
  * nominal frequency. */
 void original_hub_init(struct original_hub *hub, const struct original_settings *settings,
                        const struct original_hub_hal *hal, double baud, double clock_rate)
@@ -18,7 +19,8 @@ void original_hub_init(struct original_hub *hub, const struct original_settings 
     original_sender_init(&hub->sender, settings, baud, clock_rate);
 }
 
-/* Add the time since the last call to one of the sums of the account. */
+/* Add the time since the last call to `sum`, one of the sums (call, read, retry, blocked, delay time) of the account,
+ * which states for what the hub uses its time. */
 static void account_time(struct original_hub *hub, vtime *sum, vtime now)
 {
     *sum += now - hub->account_mark;
@@ -60,7 +62,7 @@ static void close_cycle(struct original_hub *hub, vtime now)
     }
 }
 
-/* Begin a cycle with the general call. */
+/* Begin a cycle with the general call, an I2C write to address 0, which requests counts from all boards at once. */
 static void begin_cycle(struct original_hub *hub, vtime now)
 {
     const struct taxel_i2c_transfer call = {
@@ -153,7 +155,7 @@ static size_t build_message(struct original_hub *hub, vtime now)
 }
 
 /* Frame the message of the board that was read, and put it into the ring. With the fault `wrong_buffer` the frame
- * contains the first n + 5 bytes of the receive buffer in place of the message. */
+ * contains the first n + 5 bytes of the receive buffer (n: number of words of the board) in place of the message. */
 static void send_message(struct original_hub *hub, vtime now)
 {
     size_t size = build_message(hub, now);

@@ -101,8 +101,9 @@ static double sheet_compression(double pressure)
     return (1.0 - 0.5 * (low + high)) * LAYER_SHEET_HEIGHT_M;
 }
 
-/* Compute the tables of the layer's curve over force, pressure and compression, which replace the inversion of the
- * stress law for every cell. Call once, before any other function of this file. */
+/* Compute the tables of the layer's curve over force, pressure and compression, which replace the slow inversion of
+ * pillar_pressure(). contact_starts[] is the index in contact_depths[] at which the search for a compression starts.
+ * Call once, before any other function of this file. */
 void layer_init(void)
 {
     log_min = log(FORCE_MIN_N);
@@ -153,7 +154,7 @@ double layer_rise_at_force(double force_n)
 
 /* Return the index of a pressure >= CURVE_MIN_PA in at_pressure[], and write the fraction of the step to the next
  * entry. The exponent and the first bits of the mantissa of the pressure form the index, so that no logarithm is
- * needed. */
+ * needed; the lower CURVE_SHIFT = 45 bits are the fraction. */
 static int find_pressure_index(double pressure, double *fraction)
 {
     const double minimum = CURVE_MIN_PA;

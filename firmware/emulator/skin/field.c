@@ -8,8 +8,8 @@
 
 #define NEGLIGIBLE_PA 1.0 /* about a hundredth of a count; the pressure of a film decays without a limit */
 
-/* Return whether the world requests an effect that acts on the cells of the skin. Otherwise forces act on the front
- * ends directly, without a model of cells. */
+/* Return whether the world requests an effect that acts on the cells of the skin (4 x 4 equal parts of the skin above
+ * each taxel). Otherwise forces act on the front ends directly, without a model of cells. */
 bool field_effects_are_on(const struct effects *effects)
 {
     return spread_is_on(&effects->spread) || rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||

@@ -248,6 +248,7 @@ static void freeze_fields(struct skin *skin, vtime now)
 {
     for (size_t i = 0; i < skin->board_count; i++) {
         struct skin_board *board = &skin->boards[i];
+        /* after more than 2 unchanged steps, `before` and `after` are equal and need no interpolation */
         for (size_t taxel = 0; board->unchanged_steps <= 2u && taxel < board->patch.taxel_count; taxel++) {
             board->after[taxel] = skin_field(skin, i, taxel, now);
         }

@@ -96,8 +96,8 @@ struct crossing {
     double low_s, high_s;
 };
 
-/* Record the times at which a node passed one of the two levels in the step from `before_s` to `after_s`. before,
- * after: levels of the node at both times. */
+/* Record the times at which a node passed STAR_LOW_LEVEL or STAR_HIGH_LEVEL, between which the rise time is measured, in
+ * the step from `before_s` to `after_s`. before, after: levels of the node at both times; a time is interpolated. */
 static void record_crossing(struct crossing *crossing, double before, double after, double before_s, double after_s)
 {
     if (before < STAR_LOW_LEVEL && after >= STAR_LOW_LEVEL) {
@@ -120,8 +120,9 @@ static double compute_common_time_constant(const struct network *network)
     return farad / siemens;
 }
 
-/* Compute the rise times of all nodes from the level 0: [0] the hub, [1 + i] branch i; INFINITY for a node that stays
- * low. */
+/* Compute the rise times of all nodes, in seconds from STAR_LOW_LEVEL to STAR_HIGH_LEVEL, after a release at level 0:
+ * [0] the hub, [1 + i] branch i; INFINITY for a node that stays low. The loop ends when every node that becomes high
+ * (`rising`) has passed the high level. */
 static void solve_rise(const struct network *network, double *rise_s)
 {
     struct network final = solve_levels(network, NULL), present = *network;

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/base/hex_image.h"
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4/parts.h"
+#include "emulator/world_file/world_image.h"
 #include "emulator/world_file/world_reader.h"
 #include "emulator/world_file/world_scene.h"
 #include "emulator/world_file/world_wiring.h"
@@ -180,39 +180,6 @@ static int read_clock_start(const struct world_reader *reader)
     return 0;
 }
 
-/* Read the firmware image (Intel HEX) whose file name is word number `index` of the line. A relative path starts at the
- * folder of the world file. The next word, if there is one, names the emulated part that executes the image. *image
- * becomes a buffer of WORLD_IMAGE_SIZE bytes. Returns 0, or -1 after an error line on stderr. */
-static int read_image(const struct world_reader *reader, int index, uint8_t **image, const struct psoc_part **part)
-{
-    const struct world_line *line = &reader->line;
-    char path[4096];
-    int image_line;
-    if (index >= line->count) {
-        return world_line_report_error(line, "the file name of the image is missing");
-    }
-    const char *name = line->words[index], *folder_end = strrchr(line->path, '/');
-    const int folder = *name == '/' || !folder_end ? 0 : (int)(folder_end - line->path) + 1;
-    snprintf(path, sizeof path, "%.*s%s", folder, line->path, name);
-    free(*image);
-    *image = malloc(WORLD_IMAGE_SIZE);
-    if (!*image) {
-        return world_line_report_error(line, "out of memory");
-    }
-    *part = index + 1 < line->count ? psoc_part_find(line->words[index + 1]) : PSOC_PART_STANDARD;
-    if (!*part) {
-        return world_line_report_error(line, "unknown part; expected standard, original-palm, original-hub ...");
-    }
-    memset(*image, 0, WORLD_IMAGE_SIZE);
-    const char *error = hex_image_read(path, *image, (*part)->flash_size, &image_line);
-    if (error) {
-        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", line->path, line->number, path, image_line,
-                error);
-        return -1;
-    }
-    return 0;
-}
-
 /* Read the word after the keyword as a flag, 0 or 1. Returns 0, or -1 after an error line on stderr. */
 static int read_flag(const struct world_reader *reader, bool *flag)
 {
@@ -284,10 +251,10 @@ static int read_line(const struct world_reader *reader)
     }
     if (strcmp(keyword, "image") == 0) {
         struct board_description *board = find_addressed_board(reader);
-        return board ? read_image(reader, 2, &board->image, &board->part) : -1;
+        return board ? world_image_read(&reader->line, 2, &board->image, &board->part) : -1;
     }
     if (strcmp(keyword, "hub_image") == 0) {
-        return read_image(reader, 1, &world->hub_image, &world->hub_part);
+        return world_image_read(&reader->line, 1, &world->hub_image, &world->hub_part);
     }
     if (strcmp(keyword, "boot_listens") == 0) {
         return read_flag(reader, &world->boot_listens);
@@ -352,6 +319,9 @@ static int read_lines(struct world_reader *reader, FILE *file)
         if (!strchr(text, '\n') && !feof(file)) {
             return world_line_report_error(line, "the line is longer than 510 characters");
         }
+        if (world_line_has_control_character(text)) {
+            return world_line_report_error(line, "the line contains a control character; remove it");
+        }
         world_line_split(line, text);
         if (line->number == 1) {
             if (!is_header(line)) {
@@ -384,7 +354,7 @@ int world_file_read(struct world_description *world, const char *path)
     memset(world, 0, sizeof *world);
     world->seed = 1;
     world->wiring.hub_capacitance_pf = WIRING_HUB_CAPACITANCE_PF;
-    world->layer_thickness = 0.001;
+    world->layer_thickness = 0.001; /* metres */
     world->scl_hz = 400000.0;
     world->baud = 1000000.0;
     world->usb_latency_ms = 16.0;

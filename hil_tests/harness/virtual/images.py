@@ -11,8 +11,8 @@ from typing import Final
 from hil_tests.harness.errors import RigError
 
 ROOT: Final = Path(__file__).parents[3]
-PORT: Final = ROOT / "firmware" / "boards" / "psoc4200"
-BUILD: Final = ROOT / "build" / "psoc4200"
+PORTS: Final = ROOT / "firmware" / "boards"
+BUILDS: Final = ROOT / "build"
 BUILD_TOOLS: Final = ("arm-none-eabi-gcc", "cmake", "ninja")
 
 
@@ -31,28 +31,29 @@ def _find_program(name: str) -> str | None:
 
 
 @cache
-def build_images() -> Path:
-    """Build board-factory.hex and hub-factory.hex, and return their folder.
+def build_images(part: str = "psoc4200") -> Path:
+    """Build board-factory.hex and hub-factory.hex of a microcontroller, and return their folder.
 
-    Raises `RigError` with a one-line message.
+    part: folder of the port in firmware/boards. Raises `RigError` with a one-line message.
     """
     missing = find_missing_tool()
     if missing:
         raise RigError(f"the rig executes images, whose build needs {missing}; install it, or use --rig virtual")
-    BUILD.mkdir(parents=True, exist_ok=True)
-    with (BUILD / ".lock").open("w") as lock:
+    build = BUILDS / part
+    build.mkdir(parents=True, exist_ok=True)
+    with (build / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # parallel test processes share the build folder
-        _run_build()
-    return BUILD / "images"
+        _run_build(PORTS / part, build)
+    return build / "images"
 
 
-def _run_build() -> None:
-    """Configure and run the cross build. Raises `RigError` with the last line of its output."""
+def _run_build(port: Path, build: Path) -> None:
+    """Configure and run the cross build of a port. Raises `RigError` with the last line of its output."""
     cmake, ninja = _find_program("cmake"), _find_program("ninja")
-    configure = [f"-DCMAKE_TOOLCHAIN_FILE={PORT / 'toolchain.cmake'}", f"-DTAXEL_PYTHON={sys.executable}"]
+    configure = [f"-DCMAKE_TOOLCHAIN_FILE={port / 'toolchain.cmake'}", f"-DTAXEL_PYTHON={sys.executable}"]
     for arguments in (
-        ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}", *configure, "-S", str(PORT), "-B", str(BUILD)],
-        ["--build", str(BUILD)],
+        ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}", *configure, "-S", str(port), "-B", str(build)],
+        ["--build", str(build)],
     ):
         result = subprocess.run([str(cmake), *arguments], capture_output=True, text=True)
         if result.returncode:

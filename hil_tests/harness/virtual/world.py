@@ -68,7 +68,8 @@ def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str,
     """
     if not description.executed:
         return "", {}
-    files = {name: build_images() / name for name in ("board-factory.hex", "hub-factory.hex")}
+    images = build_images(description.part)
+    files = {name: images / name for name in ("board-factory.hex", "hub-factory.hex")}
     addresses = (address for address in _find_executed(description, text) if address != HUB)
     lines = "".join(f"image 0x{address:02X} board-factory.hex\n" for address in addresses)
     return lines + ("hub_image hub-factory.hex\n" if HUB in description.executed else ""), files

@@ -31,7 +31,7 @@ def _apply_rules(diagnosis: Diagnosis) -> str:
 
     The first rules use the share of groups of features (missing frames, noise, slow changes, onset) in the squared
     difference of the real and the simulated signals. The other rules compare the signals in the hold phase, counts, of
-    loaded and of unloaded taxels.
+    loaded taxels (simulated signal above 150 counts) and of unloaded taxels. The thresholds are chosen by hand.
     """
     layout, model, real = diagnosis.layout, diagnosis.fit_data.state.mean, np.nan_to_num(diagnosis.real.mean)
     gap2 = layout.weight[:, None] * (real - model) ** 2

@@ -93,7 +93,10 @@ def _make_board_factor_type(name: str, emulator_effect: str, max_factor: float =
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
-        """Sample a cause: up to half of the boards with a random factor each. strength: 0 (weak) to 1 (strong)."""
+        """Sample a cause: up to half of the boards with a random factor each, or its reciprocal.
+
+        strength: 0 (factor exp(0.045), 1.05) to 1 (factor exp(0.6), 1.8).
+        """
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, count_half_of_boards(hand)):
             log = log_interpolate(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))

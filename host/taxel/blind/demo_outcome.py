@@ -46,7 +46,9 @@ def judge(world: GraspWorld, sizes: Sequence[float], verdict: Mapping[str, Any])
     """Compare the verdict of a report with the hidden causes of a world.
 
     sizes: gap that each hidden cause alone produces, in floors; a cause below `SMALLEST_CAUSE` is not expected to be
-    named. verdict: verdict of the report as JSON values.
+    named. verdict: verdict of the report as JSON values. The outcome is right if the most probable effects are the
+    expected ones, or if no effect is expected and none is named. It is surely wrong if an effect that is not hidden has
+    a probability of `SURE` or more.
     """
     causes = world.hidden.causes
     expected = tuple(cause.name for cause, size in zip(causes, sizes, strict=True) if size >= SMALLEST_CAUSE)

@@ -10,12 +10,13 @@ from typing import Final
 import numpy as np
 
 from taxel.blind.catalogue_causes import EFFECT_NAMES, list_cause_types, sample_nuisance_lines
-from taxel.blind.cause_sizes import measure_change
+from taxel.blind.cause_sizes import CauseSizes
 from taxel.blind.cause_types import format_board_argument
 from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
+from taxel.campaign.performed_grasp import GraspMemory
 from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
@@ -88,7 +89,8 @@ class GraspWorldSampler:
     def sample_cause(self, number: int, loads: SimulatedLoads, strength: float) -> Cause:
         """Sample the parameters of a cause until its boards or locations are loaded, at most `MOST_SAMPLES` times.
 
-        number: index of the cause type in `types`. strength: at 1 the excess of indentations is six floors.
+        number: index of the cause type in `types`. strength: at 1, the gap that the cause produces in a campaign of
+        indentations exceeds the floor by six floors.
         """
         hand = load_hand("original")
         for _ in range(MOST_SAMPLES):
@@ -118,7 +120,8 @@ def make_small_plans(
 ) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
     """Make the plans of the emulated hand and of the simulator, with some random approaches of every object.
 
-    The hand performs each approach once in each session; the simulator performs each approach `SIM_REPEATS` times.
+    The hand performs each approach once in each session: the first repeat of the thesis plan. The simulator performs
+    each approach `SIM_REPEATS` times. A condition is a pair of object and approach.
     """
     rng = np.random.default_rng(seed)
     plan = make_thesis_plan(seed)
@@ -152,23 +155,28 @@ def simulate_grasps(campaign_seed: int, sim: Path, progress: Progress = no_progr
     run_simulated(sim, plan, SimSettings(seed=campaign_seed + 1), jobs=jobs, progress=progress)
 
 
-def emulate_grasps(world: GraspWorld, real: Path, progress: Progress = no_progress, jobs: int | None = None) -> None:
-    """Run the grasps of a world on the emulated hand with all its causes. real: file to write. Raises TaxelError."""
-    _emulate(world, world.hidden.causes, make_small_plans(world.seed)[0], real, progress, jobs)
-
-
-def emulate_first_session(
+def emulate_grasps(
     world: GraspWorld,
-    causes: Sequence[Cause],
     path: Path,
     progress: Progress = no_progress,
     jobs: int | None = None,
+    memory: GraspMemory | None = None,
+    *,
+    causes: Sequence[Cause] | None = None,
+    plan: Sequence[PlannedGrasp] | None = None,
 ) -> None:
-    """Run the grasps of a world's first session on the emulated hand with the given causes alone.
+    """Run grasps of a world on the emulated hand and write them to `path`.
 
-    path: file to write. Raises TaxelError.
+    The placeholder OBJECT in an effect line is replaced by the first object of the world's plan. jobs: number of
+    processes; None: one per core. memory: grasps that need not be performed again; None: none. causes: subset of the
+    world's causes; None: all. plan: the grasps; None: those of all sessions. Raises TaxelError.
     """
-    _emulate(world, causes, list_first_session(world.seed), path, progress, jobs)
+    whole_plan = make_small_plans(world.seed)[0]
+    hidden = world.hidden if causes is None else replace(world.hidden, causes=tuple(causes))
+    effects = tuple(line.replace(" OBJECT ", f" {whole_plan[0].object} ") for line in hidden.lines)
+    settings = UndescribedSettings(seed=world.seed, effects=effects)
+    grasps = whole_plan if plan is None else plan
+    run_emulated(path, grasps, settings, jobs=jobs, progress=progress, memory=memory)
 
 
 def list_first_session(seed: int) -> tuple[PlannedGrasp, ...]:
@@ -181,19 +189,21 @@ def list_first_session(seed: int) -> tuple[PlannedGrasp, ...]:
 def measure_sizes(
     world: GraspWorld,
     real: Path,
-    sim: Path,
     without_all: Path,
+    cause_sizes: CauseSizes,
     progress: Progress = no_progress,
     jobs: int | None = None,
+    memory: GraspMemory | None = None,
 ) -> tuple[float, ...]:
     """Measure the gap that each hidden cause alone produces, in floors.
 
-    real, sim: datasets of the world. without_all: first session without any cause; it is sufficient for a single cause.
-    For one of several causes, the grasps of the first session are repeated without this cause; all other random numbers
-    are equal. Raises TaxelError with a one-line message.
+    real: dataset of the world. without_all: first session without any cause; it is sufficient for a single cause.
+    cause_sizes: measures the sizes with the simulated dataset of the world. memory: grasps that need not be performed
+    again. For one of several causes, the grasps of the first session are repeated without this cause; all other random
+    numbers are equal. Raises TaxelError with a one-line message.
     """
     if len(world.hidden.causes) == 1:
-        return (measure_change(real, without_all, sim),)
+        return (cause_sizes.measure(real, without_all),)
     first = list_first_session(world.seed)
     total, sizes = len(world.hidden.causes) * len(first), []
     for number, cause in enumerate(world.hidden.causes):
@@ -205,25 +215,6 @@ def measure_sizes(
         others = tuple(other for other in world.hidden.causes if other is not cause)
         with TemporaryDirectory(prefix="taxel-demo-") as folder:
             without = Path(folder) / "without.h5"
-            _emulate(world, others, first, without, show, jobs)
-            sizes.append(measure_change(real, without, sim))
+            emulate_grasps(world, without, show, jobs, memory, causes=others, plan=first)
+            sizes.append(cause_sizes.measure(real, without))
     return tuple(sizes)
-
-
-def _emulate(
-    world: GraspWorld,
-    causes: Sequence[Cause],
-    plan: Sequence[PlannedGrasp],
-    path: Path,
-    progress: Progress,
-    jobs: int | None,
-) -> None:
-    """Run the planned grasps on the emulated hand with the given subset of the world's causes; write them to `path`.
-
-    The placeholder OBJECT in an effect line is replaced by the first object of the world's plan. jobs: number of
-    processes; None: one per core.
-    """
-    hidden = replace(world.hidden, causes=tuple(causes))
-    item = make_small_plans(world.seed)[0][0].object
-    effects = tuple(line.replace(" OBJECT ", f" {item} ") for line in hidden.lines)
-    run_emulated(path, plan, UndescribedSettings(seed=world.seed, effects=effects), jobs=jobs, progress=progress)

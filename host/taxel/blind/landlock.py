@@ -39,7 +39,7 @@ def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
 
     readable: files, and folders with their content, that can be read. writable: files and folders that can also be
     written. Nonexistent paths are ignored. No program can be started. Returns whether the kernel supports Landlock; if
-    not, nothing changes.
+    not, nothing changes. Bit 0 of the rights, the execution of files, is granted nowhere.
     """
     interface = version()
     if not interface:

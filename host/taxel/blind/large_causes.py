@@ -10,18 +10,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from taxel.blind.cause_sizes import estimate_change
+from taxel.blind.cause_sizes import CauseSizes
 from taxel.blind.grasp_world import (
     SESSIONS,
     SIM_REPEATS,
     STRENGTH,
     GraspWorld,
     GraspWorldSampler,
-    emulate_first_session,
+    emulate_grasps,
+    list_first_session,
 )
 from taxel.blind.hidden import Cause
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sampling import FLOORS
+from taxel.campaign.performed_grasp import GraspMemory
 from taxel.campaign.progress import Progress, no_progress
 
 LARGE_SIZE: Final = 2.0
@@ -44,38 +46,41 @@ SizeEstimate = Callable[[Cause], float]
 def sample_large_world(
     sampler: GraspWorldSampler,
     loads: SimulatedLoads,
-    sim: Path,
+    cause_sizes: CauseSizes,
     without: Path,
     progress: Progress = no_progress,
     jobs: int | None = None,
+    memory: GraspMemory | None = None,
 ) -> GraspWorld:
     """Sample a world whose causes alone produce `LARGE_SIZE` floors or more, if their types permit it.
 
-    sampler, loads: see `GraspWorldSampler.sample`. sim: simulated dataset of the world. without: file to write, the
-    first session without a cause; not written for a world without a cause. The first session is also emulated with each
-    sample of a cause. progress: called after each emulated grasp; the total grows with every further sample. Raises
+    sampler, loads: see `GraspWorldSampler.sample`. cause_sizes: estimates sizes with the simulated dataset of the
+    world. without: file to write, the first session without a cause; not written for a world without a cause. The first
+    session is also emulated with each sample of a cause. progress: called after each emulated grasp; the total grows
+    with every further sample. memory: stores the grasps of the first session, which most causes do not change. Raises
     TaxelError with a one-line message.
     """
+    memory = GraspMemory() if memory is None else memory
     world = sampler.sample(loads)
     if not world.hidden.causes:
         return world
     with TemporaryDirectory(prefix="taxel-demo-") as folder:
         first = Path(folder) / "first.h5"
-        finished = 0
+        finished, plan = 0, list_first_session(world.seed)
 
         def show(done: int, total: int) -> None:
             """Report the progress over all emulated sessions."""
             progress(finished + done, finished + total)
 
-        emulate_first_session(world, (), without, show, jobs)
+        emulate_grasps(world, without, show, jobs, memory, causes=(), plan=plan)
 
         def estimate_size(cause: Cause) -> float:
             """Return the estimated gap of a cause alone, in floors."""
             nonlocal finished
             finished += 1
             first.unlink(missing_ok=True)
-            emulate_first_session(world, (cause,), first, show, jobs)
-            return estimate_change(first, without, sim, SESSIONS, SIM_REPEATS)
+            emulate_grasps(world, first, show, jobs, memory, causes=(cause,), plan=plan)
+            return cause_sizes.estimate(first, without, SESSIONS, SIM_REPEATS)
 
         causes = tuple(
             enlarge(cause, estimate_size, partial(sampler.sample_cause, number, loads))
@@ -88,7 +93,8 @@ def enlarge(cause: Cause, estimate_size: SizeEstimate, sample: Callable[[float],
     """Return a cause with a size of at least `LARGE_SIZE`, or the largest of `MOST_TRIALS` samples.
 
     cause: the first sample. sample: returns a further sample with a given strength. The parameters of causes are
-    logarithmic in the strength, and the size is assumed to be proportional to them.
+    logarithmic in the strength, and the size is assumed to be proportional to them: from strength 0 to 1, it increases
+    by the ratio of `FLOORS`. The lower limit of the size in the logarithm keeps the step finite.
     """
     best, best_size, strength = cause, estimate_size(cause), sum(STRENGTH) / 2.0
     for _ in range(MOST_TRIALS - 1):

@@ -28,7 +28,9 @@ class SimulatedLoads:
 
     @classmethod
     def read(cls, sim: Path) -> Self:
-        """Read the loads of a simulated dataset. Raises DatasetError."""
+        """Read the loads of a simulated dataset; the baseline is the mean of the first ten frames. Raises
+        DatasetError.
+        """
         with GraspDataset(sim) as data:
             table, max_signal = data.taxels, np.zeros(len(data.taxels.sensor))
             for grasp in data:

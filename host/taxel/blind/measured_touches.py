@@ -63,7 +63,11 @@ class Frames:
 
     @classmethod
     def from_recording(cls, recording: TouchRecording) -> Frames:
-        """Detect the faults in the recording of a touch panel and build its corrected versions."""
+        """Detect the faults in the recording of a touch panel and build its corrected versions.
+
+        A frame is torn: the taxels before the first changed one (`first`) still have the values of the frame before
+        (`stale`), and the first changed value may be wrong (an impulse). Only the later taxels are valid.
+        """
         frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
         is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])
         values, time = frames[is_new], recording.time_s[is_new]
@@ -85,7 +89,11 @@ class Frames:
         return np.asarray(np.abs(self.measured - self.without_impulses) > IMPULSE_COUNTS)
 
     def summarise(self) -> dict[str, Any]:
-        """Return statistics of the faults in the recorded frames as JSON values: shares, lengths and sizes."""
+        """Return statistics of the faults in the recorded frames as JSON values: shares, lengths and sizes.
+
+        The faults are repeated frames, stale prefixes (first taxels with the values of the frame before) and impulses
+        (wrong values, at first in the taxel after the prefix).
+        """
         prefix, impulses = self.stale.sum(axis=1)[1:], self.impulses
         is_new_impulse = np.abs(self.measured - self.corrected)[np.arange(len(self.first)), self.first] > IMPULSE_COUNTS
         size = (self.measured - self.corrected)[np.arange(len(self.first)), self.first][is_new_impulse]

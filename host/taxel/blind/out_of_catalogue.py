@@ -41,7 +41,10 @@ def _make_moisture_type(variant: str) -> CauseType:
     """Make a cause type: a wet spot on a board. variant: keyword of the world file; "drying" has a time constant."""
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
-        """Sample a cause: a wet spot at a random position of a board. strength: 0 to 1, sets the amount of water."""
+        """Sample a cause: a wet spot at a random position of a board.
+
+        strength: 0 to 1, sets the water content, 0.08 to 0.3 of the pore volume.
+        """
         (board,) = sample_boards(rng, hand)
         tx, rx = rng.uniform(1, board.kind.layout_shape[0] - 2), rng.uniform(1, board.kind.layout_shape[1] - 2)
         radius_m = log_uniform(rng, 0.01, 0.025)

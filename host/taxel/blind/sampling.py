@@ -104,7 +104,9 @@ def _sample_plans(rng: np.random.Generator, count: int) -> list[WorldPlan]:
 def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> list[WorldPlan]:
     """Sample `count` plans of worlds with one cause, with every effect and each of its cause types equally often.
 
-    scale: ratio of the number of worlds to the sum of `KIND_COUNTS`.
+    scale: ratio of the number of worlds to the sum of `KIND_COUNTS`. Some worlds are withheld: their effect is removed
+    from the catalogue in a second diagnosis. Below scale 1 their number is rounded at random, so that small checks also
+    contain some.
     """
     plans = []
     order = cycle(rng.permutation(len(EFFECT_NAMES)).tolist())

@@ -186,7 +186,10 @@ def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """Compute the median relative errors of the parameters, in total and for each parameter of each emulator effect."""
+    """Compute the median relative errors of the parameters, in total and for each parameter of each emulator effect.
+
+    A parameter is required to be accurate if it has a unit of `REQUIRED_UNITS`, or is "log_std".
+    """
     groups: dict[tuple[str, str, str, str, bool], list[float]] = {}
     for parameter in (parameter for result in results if result.is_clear for parameter in result.parameters):
         name = parameter.name.split("@")[0]

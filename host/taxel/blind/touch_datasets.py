@@ -29,7 +29,7 @@ FINGER_M: Final = 0.008
 
 
 def build_panel() -> tuple[TaxelTable, SensorTable]:
-    """Build the tables of the touch panel: one sensor board of 27 x 15 taxels."""
+    """Build the tables of the touch panel: one sensor board of 27 x 15 taxels with 14 frames per second."""
     row, column = ROW_OF_TAXEL, np.arange(N_TAXELS) % COLUMNS
     position = np.column_stack([-PITCH_M * row, -PITCH_M * column, np.zeros(N_TAXELS)])
     taxels = TaxelTable(

@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Sequence
-from itertools import groupby
+from itertools import chain, groupby
 
-from taxel.campaign.processes import map_in_processes
+from taxel.campaign.performed_grasp import GraspMemory, PerformedGrasp, perform_grasp
+from taxel.campaign.processes import Workers
 from taxel.campaign.progress import Progress, no_progress
-from taxel.campaign.session import check_world, run_session
+from taxel.campaign.session import run_session
+from taxel.campaign.session_world import check_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
@@ -25,14 +27,16 @@ def run_emulated(
     overwrite: bool = False,
     resume: bool = False,
     progress: Progress = no_progress,
+    memory: GraspMemory | None = None,
 ) -> None:
     """Run the grasps of `plan` on the emulated hand and write them to the dataset `path`.
 
     setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. overwrite:
     replace an existing file. resume: keep the sessions that the file of an interrupted campaign already contains.
-    progress: called with the number of finished grasps and the total. The same plan and settings give the same grasps
-    for any `jobs`. Raises `TaxelError` with a one-line message; if the emulator rejects the effects, an existing file
-    stays unchanged.
+    progress: called with the number of finished grasps and the total. memory: performed grasps of other campaigns with
+    the same setup, which are not performed again; the grasps of this campaign are added. The same plan and settings
+    give the same grasps for any `jobs` and any memory. Raises `TaxelError` with a one-line message; if the emulator
+    rejects the effects, an existing file stays unchanged.
     """
     setup = setup or Setup()
     check_world(setup, settings)
@@ -44,12 +48,31 @@ def run_emulated(
         missing = [part for part in sessions if not finished.issuperset(grasp.id for grasp in part)]
         done = sum(len(part) for part in sessions) - sum(len(part) for part in missing)
         progress(done, len(plan))
-        for part, records in zip(missing, map_in_processes(run_session, setup, missing, settings, jobs), strict=True):
-            for planned, record in zip(part, records, strict=True):
-                if planned.id not in finished:
-                    out.add(record, planned.id)
-                done += 1
-                progress(done, len(plan))
+        with Workers(setup, jobs, len(plan)) as workers:
+            # As many sessions at a time as processes: the motions of their grasps, then the counts of the sessions.
+            for first in range(0, len(missing), workers.count):
+                batch = missing[first : first + workers.count]
+                grasps = _perform_grasps(workers, batch, settings, memory)
+                for part, records in zip(batch, workers.map(run_session, grasps, settings), strict=True):
+                    for planned, record in zip(part, records, strict=True):
+                        if planned.id not in finished:
+                            out.add(record, planned.id)
+                        done += 1
+                        progress(done, len(plan))
+
+
+def _perform_grasps(
+    workers: Workers, sessions: Sequence[Sequence[PlannedGrasp]], settings: EmulatedSettings, memory: GraspMemory | None
+) -> list[list[PerformedGrasp]]:
+    """Perform the grasps of some sessions unless the memory contains them; return them by session, in the same order.
+
+    memory: grasps of other campaigns; None: none.
+    """
+    known = GraspMemory() if memory is None else memory
+    missing = known.list_missing(chain.from_iterable(sessions), settings)
+    for grasp in workers.map(perform_grasp, missing, settings):
+        known.add(grasp, settings)
+    return [[known.get(planned, settings) for planned in session] for session in sessions]
 
 
 def _compute_poll_rate_hz(settings: EmulatedSettings) -> float:

@@ -74,8 +74,11 @@ def simulate_grasp_motion(
     periods = itertools.count()
 
     def wait_for_period() -> int:
-        """Advance the virtual hand by one control period and return the number of the period."""
-        virtual.step(PERIOD_S)
+        """Advance the virtual hand to its next report and return the number of the period.
+
+        Control periods in step with the reports halve the number of time steps: each event ends a time step.
+        """
+        virtual.step(min(virtual.next_report_s - virtual.time_s, PERIOD_S))
         return next(periods)
 
     host_bus, hand_bus = PairedBus.open_pair()

@@ -104,7 +104,8 @@ def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> 
 def _select_drawn_edges(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
     """Select the edges of a mesh to draw: sharp edges, edges of only one face, and the silhouette as seen from `VIEW`.
 
-    vertices: f64[v, 3]. faces: vertex indices i32[f, 3]. Returns pairs of vertex indices intp[e, 2].
+    An edge is sharp if the normals of its two faces differ by more than 26 degrees (cosine 0.9). vertices: f64[v, 3].
+    faces: vertex indices i32[f, 3]. Returns pairs of vertex indices intp[e, 2].
     """
     elevation, azimuth = np.radians(VIEW)
     towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
@@ -117,7 +118,10 @@ def _select_drawn_edges(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArr
             faces_of_edge.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
 
     def is_drawn(adjacent: list[int]) -> bool:
-        """Return whether an edge is drawn. adjacent: indices of the faces that contain the edge."""
+        """Return whether an edge is drawn: of one face only, sharp (cosine below 0.9), or part of the silhouette.
+
+        adjacent: indices of the faces that contain the edge.
+        """
         if len(adjacent) != 2:
             return True
         first, second = adjacent

@@ -263,7 +263,7 @@ class _HandHolder:
     """Holds the joints of the hand at target angles with a proportional and damping (PD) torque."""
 
     def __init__(self, hand: AllegroHand) -> None:
-        """Create the controller of a hand."""
+        """Create the controller, which keeps the fingers of a hand at target angles."""
         self._hand = hand
         self._angles: NDArray[np.float64] | None = None
         self._speeds = np.zeros(JOINT_COUNT)

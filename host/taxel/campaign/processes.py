@@ -7,7 +7,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache, partial
 from multiprocessing import get_context
-from typing import TypeVar
+from types import TracebackType
+from typing import Self, TypeVar
 
 from taxel.campaign.setup import Setup
 from taxel.errors import TaxelError
@@ -32,6 +33,56 @@ class ProcessLostError(TaxelError):
         )
 
 
+class Workers:
+    """Processes that compute the parts of a campaign; use it as a context manager.
+
+    Several maps share the processes, because a process takes about a second to start.
+    """
+
+    def __init__(self, setup: Setup, jobs: int | None, most_parts: int) -> None:
+        """Prepare the processes; they start with the first map.
+
+        setup: passed to every function. jobs: number of processes; None: one per core; 1: the calling process only.
+        most_parts: largest number of parts of a map; more processes would be idle.
+        """
+        self._setup, self.count = setup, max(min(jobs or os.cpu_count() or 1, most_parts), 1)
+        self._pool = ProcessPoolExecutor(self.count, mp_context=get_context("spawn")) if self.count > 1 else None
+
+    def __enter__(self) -> Self:
+        """Return the processes themselves; they end with the `with` block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the processes; parts that have not started are not computed."""
+        if self._pool:
+            self._pool.shutdown(cancel_futures=True)
+
+    def map(
+        self,
+        function: Callable[[Setup, _Part, _Settings], _Result],
+        parts: Sequence[_Part],
+        settings: _Settings,
+        chunk: int = 1,
+    ) -> Iterator[_Result]:
+        """Yield `function(setup, part, settings)` for each part, in order.
+
+        chunk: parts per task of a process. The calling process computes a single part, because a process takes longer
+        to start. Raises the errors of `function`, and `ProcessLostError` if a process is terminated from outside.
+        """
+        if not self._pool or len(parts) == 1:
+            yield from (function(self._setup, part, settings) for part in parts)
+            return
+        # The setup is not passed through the pool's initializer: a worker that is lost during a slow initializer blocks
+        # the pool.
+        task = partial(_call_with_pickled_setup, function, pickle.dumps(self._setup), settings)
+        try:
+            yield from self._pool.map(task, parts, chunksize=chunk)
+        except BrokenProcessPool:
+            raise ProcessLostError from None
+
+
 def map_in_processes(
     function: Callable[[Setup, _Part, _Settings], _Result],
     setup: Setup,
@@ -45,20 +96,8 @@ def map_in_processes(
     jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task of a process.
     Raises the errors of `function`, and `ProcessLostError` if a process is terminated from outside.
     """
-    jobs = min(jobs or os.cpu_count() or 1, len(parts))
-    if jobs <= 1:
-        yield from (function(setup, part, settings) for part in parts)
-        return
-    # The setup is not passed through the pool's initializer: a worker that is lost during a slow initializer blocks
-    # the pool.
-    task = partial(_call_with_pickled_setup, function, pickle.dumps(setup), settings)
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
-    try:
-        yield from pool.map(task, parts, chunksize=chunk)
-    except BrokenProcessPool:
-        raise ProcessLostError from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with Workers(setup, jobs, len(parts)) as workers:
+        yield from workers.map(function, parts, settings, chunk)
 
 
 def _call_with_pickled_setup(

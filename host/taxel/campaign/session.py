@@ -2,29 +2,19 @@
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.attempts import Attempt, perform_attempts
-from taxel.campaign.failure import make_grasp_check
-from taxel.campaign.free_object import FreeObject
-from taxel.campaign.hand_in_contact import HandInContact
-from taxel.campaign.motion import Motion, simulate_grasp_motion
+from taxel.campaign.performed_grasp import PerformedGrasp
 from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
+from taxel.campaign.session_world import format_session_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
-from taxel.campaign.variation import make_small_motion, sample_grasp_variation
-from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import EmulatedScene, format_scene
-from taxel.grasp.controller import GraspController
-from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.world import WorldSettings
 from taxel.link import run_emulator, write_scene
 from taxel.recording.grasp_format import NO_FAILURE
 from taxel.recording.grasp_record import GraspRecord
@@ -33,21 +23,6 @@ from taxel.stream.start_script import write_start_script
 
 LEAD_IN_S = 4.0
 """Time from power-up to the first grasp; by then the hub has found every board and has read each clock twice."""
-
-_SESSION_STREAM = 1
-
-
-@dataclass(frozen=True, eq=False)
-class _PerformedGrasp:
-    """A planned grasp and the attempt that the campaign keeps."""
-
-    planned: PlannedGrasp
-    attempt: Attempt[Motion]
-
-    @property
-    def motion(self) -> Motion:
-        """True motion of hand and object in the kept attempt."""
-        return self.attempt.motion
 
 
 class SceneMotion(NamedTuple):
@@ -64,110 +39,19 @@ class SceneMotion(NamedTuple):
     bracket_poses: NDArray[np.float64]
 
 
-def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
-    """Perform the grasps of one session on the emulated hand and return their records in the same order.
+def run_session(setup: Setup, grasps: Sequence[PerformedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
+    """Run the emulated skin during the grasps of one session and return their records in the same order.
 
-    The records depend only on the settings, the session and its grasps. Raises `TaxelError` with a one-line message,
-    for example for an unreachable pose or a world file that the emulator rejects.
+    grasps: performed grasps of one session (`perform_grasp`). The records depend only on the settings, the session and
+    its grasps. Raises `TaxelError` with a one-line message, for example for a world file that the emulator rejects.
     """
-    text = format_session_world(setup, settings, plan[0].session)
-    with SkinContact(text) as contact:
-        grasps = [_perform_grasp(setup, planned, settings, contact) for planned in plan]
+    text = format_session_world(setup, settings, grasps[0].planned.session)
     cycles = _run_session_skin(setup, grasps, text, settings)
     return [_make_record(setup, grasp, cycles, index, settings) for index, grasp in enumerate(grasps)]
 
 
-def check_world(setup: Setup, settings: EmulatedSettings) -> None:
-    """Raise `ContactLibraryError` if the emulator rejects the effects of the settings."""
-    with SkinContact(format_session_world(setup, settings, 0)):
-        pass
-
-
-def format_session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
-    """Format the emulator's world file of one session, in which every bracket is mounted with its own random offset."""
-    world = WorldSettings(
-        seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
-        parts_seed=settings.seed,
-        scl_hz=settings.scl_hz,
-        baud=settings.baud,
-        noise_counts=settings.noise_counts,
-        effects=settings.world_effect_lines(),
-    )
-    return format_scene(setup.hand, _make_scene(setup, settings, session), world)
-
-
-def _make_scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedScene:
-    """Make the scene of a session on the emulated hand: shapes of the objects, and offsets of brackets and objects.
-
-    Each bracket has a random offset, because the boards are mounted anew before each session; an offset of this bracket
-    in the settings is added to it.
-    """
-    rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
-    variation = settings.variation
-    metres, radians = variation.remount_m, variation.remount_rad
-    brackets = {board.name: _sample_motion(rng, metres, radians) for board in setup.hand.boards}
-    for name, offset in settings.offsets("bracket_offset").items():
-        brackets[name] = offset @ brackets[setup.hand.find_board(name).name]
-    shapes = {name: item.shape for name, item in setup.objects.items()}
-    return EmulatedScene(shapes, brackets, settings.offsets("object_offset"))
-
-
-def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
-    """Sample a random small motion f64[4, 4]. metres, radians: standard deviations per axis."""
-    rotation = rng.normal(size=3)
-    return make_small_motion(rng.normal(size=3), rotation, metres, radians)
-
-
-def _perform_grasp(
-    setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact
-) -> _PerformedGrasp:
-    """Simulate one grasp of the emulated hand, and repeat it with another variation if it fails.
-
-    contact: computes the contact loads. Returns the true motion of hand and object in the kept attempt. Only the kept
-    attempts become part of the session, whose duration is therefore that of its plan.
-    """
-    check = make_grasp_check(setup, planned)
-    attempt = perform_attempts(
-        lambda sample: _simulate_motion(setup, planned, settings, contact, sample),
-        lambda motion: check.find_failure(*motion.select_hold(settings.timeline)),
-        lambda number: sample_grasp_variation(settings.seed, planned.id, number),
-        settings.max_attempts,
-    )
-    return _PerformedGrasp(planned, attempt)
-
-
-def _simulate_motion(
-    setup: Setup,
-    planned: PlannedGrasp,
-    settings: EmulatedSettings,
-    contact: SkinContact,
-    sample: NDArray[np.float64],
-) -> Motion:
-    """Simulate hand and object in one attempt of a grasp. sample: unit samples f64[7] of the variation."""
-    approach, item = setup.approach(planned), setup.objects[planned.object]
-    offset, grip = settings.variation.for_object(planned.object).apply(sample)
-    true_pose = setup.object_pose(planned.object) @ offset
-    timeline = settings.timeline
-
-    def wrist_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the wrist poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp."""
-        return setup.wrist_poses(setup.arm_angles(planned, timeline, times_s))
-
-    dynamics = HandInContact(
-        setup.hand,
-        setup.wrist_robot,
-        contact,
-        list(setup.objects).index(planned.object),
-        FreeObject(item.shape, true_pose),
-        wrist_at(np.zeros(1))[0],
-        approach.open_angles,
-    )
-    controller = GraspController(approach, timeline, grip)
-    return simulate_grasp_motion(dynamics, controller, timeline, wrist_at)
-
-
 def _run_session_skin(
-    setup: Setup, grasps: Sequence[_PerformedGrasp], world: str, settings: EmulatedSettings
+    setup: Setup, grasps: Sequence[PerformedGrasp], world: str, settings: EmulatedSettings
 ) -> PollCycles:
     """Run the emulated skin during all grasps of a session and return the frames that a host decodes, by poll cycle.
 
@@ -182,6 +66,7 @@ def _run_session_skin(
         number = np.full(len(rows), names.index(grasp.planned.object))
         times = np.r_[begin, begin + motion.time_s, end]
         parts.append(SceneMotion(times, number, motion.object_poses[rows], motion.bracket_poses[rows]))
+    # 0.1 s longer than the last grasp, so that the capture contains all its frames.
     return run_emulated_skin(setup.hand, world, parts, _compute_grasp_interval(settings, len(grasps) - 1)[1] + 0.1)
 
 
@@ -211,7 +96,7 @@ def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], du
 
 
 def _make_record(
-    setup: Setup, grasp: _PerformedGrasp, cycles: PollCycles, index: int, settings: EmulatedSettings
+    setup: Setup, grasp: PerformedGrasp, cycles: PollCycles, index: int, settings: EmulatedSettings
 ) -> GraspRecord:
     """Make the dataset record of one grasp from the frames of its session.
 

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from taxel.blind.cause_sizes import CauseSizes
 from taxel.blind.demo_outcome import DemoOutcome, format_score, judge
 from taxel.blind.grasp_world import (
     GraspWorld,
@@ -24,6 +25,7 @@ from taxel.blind.large_causes import sample_large_world
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.seal import commitment, verify_commitment
+from taxel.campaign.performed_grasp import GraspMemory
 from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import Jobs
 from taxel.cli.progress import stage_bars
@@ -86,20 +88,21 @@ def _run_demonstration(
     without = out / WITHOUT_CAUSE
     for path in (real, sim, report_file, page, picture, without):
         path.unlink(missing_ok=True)
-    sampler = GraspWorldSampler(seed)
+    sampler, memory, cause_sizes = GraspWorldSampler(seed), GraspMemory(), CauseSizes(sim)
     counts = [len(plan) for plan in make_small_plans(sampler.campaign_seed)]
     console.print(f"[bold]1. {counts[1]} grasps in the simulator, without a cause[/bold]")
     with stage_bars(console) as show:
         simulate_grasps(sampler.campaign_seed, sim, partial(show, "simulator"), jobs)
     console.print("[bold]2. A cause is sampled and sealed[/bold]")
     with stage_bars(console) as show:
-        world = sample_large_world(sampler, SimulatedLoads.read(sim), sim, without, partial(show, "trial grasps"), jobs)
+        loads, progress = SimulatedLoads.read(sim), partial(show, "trial grasps")
+        world = sample_large_world(sampler, loads, cause_sizes, without, progress, jobs, memory)
     seal = commitment(world.to_json())
     console.print("SHA-256 of the cause with a salt of 256 bits:")
     console.print(seal, highlight=False)
     console.print(f"[bold]3. {counts[0]} grasps of the emulated hand with this cause[/bold]")
     with stage_bars(console) as show:
-        emulate_grasps(world, real, partial(show, "emulated hand"), jobs)
+        emulate_grasps(world, real, partial(show, "emulated hand"), jobs, memory)
     console.print("[bold]4. A separate process diagnoses the gap from the two datasets alone[/bold]")
     _diagnose(console, out, real, sim, report_file)
     report = json.loads(report_file.read_text())
@@ -108,10 +111,10 @@ def _run_demonstration(
     write_page(report, page)
     unrolled_png(report, picture)
     print_summary(console, report, str(page), str(report_file))
-    verify_commitment(0, world.to_json(), seal)
+    verify_commitment(0, world.to_json(), seal)  # 0: number of the world in the error message
     console.print("\n[bold]5. The seal is opened[/bold]; the causes have the SHA-256 printed above:")
-    with stage_bars(console) as show:
-        sizes = measure_sizes(world, real, sim, without, partial(show, "size of the cause"), jobs)
+    with stage_bars(console, hidden=len(world.hidden.causes) < 2) as show:  # a single cause needs no further grasps
+        sizes = measure_sizes(world, real, without, cause_sizes, partial(show, "size of the cause"), jobs, memory)
     without.unlink(missing_ok=True)
     return judge(world, sizes, report["verdict"]), world
 

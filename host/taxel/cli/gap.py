@@ -12,6 +12,7 @@ from taxel.cli.gap_apply import apply
 from taxel.cli.gap_benchmark import benchmark
 from taxel.cli.gap_blind import blind
 from taxel.cli.gap_export import export
+from taxel.cli.gap_map import print_gap_map
 from taxel.cli.gap_next import rank_contacts
 from taxel.cli.gap_summary import print_summary
 from taxel.cli.open_page import offer_page
@@ -24,7 +25,7 @@ from taxel.gap.effects.effect_files import add_effect_file
 from taxel.gap.fitting.priors import read_priors
 from taxel.gap.page import page_text
 from taxel.output import open_whole
-from taxel.recording.general.dataset import read_source, read_version
+from taxel.recording.general.dataset import read_hand_name, read_source, read_version
 from taxel.recording.grasp_format import REAL, SIM, VERSION
 
 gap_app = typer.Typer(
@@ -111,6 +112,8 @@ def diagnose(
     if as_json:
         print(text)
     else:
+        if console.is_terminal:
+            print_gap_map(console, json.loads(text), read_hand_name(real))
         print_summary(console, json.loads(text), str(page), str(report))
         offer_page(page, open_page)
 

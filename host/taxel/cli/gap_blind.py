@@ -54,7 +54,7 @@ def blind(
     from taxel.blind.version import compute_diagnosis_version
 
     further_runs = [(str(path), read_records(path)) for path in add_answers or ()]
-    for source, further in further_runs if minutes != 0 else ():  # checked before hours of work
+    for source, further in further_runs if minutes != 0 else ():  # before hours of work; 0 minutes: no work
         require_version({compute_diagnosis_version()}, further, source)
     console = Console(stderr=as_json, markup=False)
     sealed = seal_worlds(out, worlds, full_hand_worlds, seed)

@@ -31,10 +31,11 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
     """
     checked = CheckedReport(report)
     mark = "\N{FULL BLOCK}" if "utf" in console.encoding.lower() else "#"
-    action = recommend_action(checked, min(report_file, os.path.relpath(report_file), key=len))
+    shorter_path = min(report_file, os.path.relpath(report_file), key=len)
+    action = recommend_action(checked, shorter_path)
     beginning = [*_format_headline(checked), *_format_confidence(checked, mark)]
     end = [*_format_parameters(checked), *_format_notes(checked), *([f"report: {page}"] if page else [])]
-    for lines_of_doubt in (2, 1):
+    for lines_of_doubt in (2, 1):  # one line for each doubt only if the sentence of the verdict has no space otherwise
         later_blocks = [
             _format_action(action),
             _format_gap(checked, mark),
@@ -56,7 +57,7 @@ def _join_blocks(blocks: Sequence[Sequence[str]]) -> list[str]:
     space = MOST_LINES - sum(map(_count_rows, filled))
     lines: list[str] = []
     for number, block in enumerate(filled):
-        lines += [""] * (0 < number <= space) + block
+        lines += [""] * (0 < number <= space) + block  # the first `space` gaps between blocks get an empty line
     return lines
 
 

@@ -22,7 +22,8 @@ def check_motions(
     """Plan the motions of all grasps in their order, and print one table row for each, or a JSON list.
 
     source, is_requested, arm_start: values of the options --source, --check-motion and --arm-start. Raises TaxelError
-    for wrong options, and after the output if a motion is infeasible.
+    for wrong options, and after the output if a motion is infeasible. At least one of --check-motion and --arm-start
+    must be given.
     """
     if not is_requested:
         raise TaxelError("--arm-start: expected --check-motion, found none; a physical arm reports its own start")
@@ -77,7 +78,10 @@ def _convert_to_json(motion: PlannedMotion) -> dict[str, object]:
 
 
 def _print_table(motions: Sequence[PlannedMotion]) -> None:
-    """Print a table with grasp, number of waypoints, duration and feasibility of each motion."""
+    """Print a table with grasp, number of waypoints, duration and result of each motion.
+
+    The result is "free" for a motion without collision, else the first part of the error.
+    """
     table = Table(title="planned motions of arm and hand")
     for heading in ("grasp", "object", "approach", "waypoints", "duration, s", "result"):
         table.add_column(heading, justify="right" if heading in {"waypoints", "duration, s"} else "left")

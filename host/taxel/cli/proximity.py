@@ -105,6 +105,7 @@ def _parse_boards(skin: Skin, text: str) -> list[str]:
     """
     if text:
         return [skin.hand.find_board(name.strip()).name for name in text.split(",")]
+    # In reverse order, the first board of a kind is the last to be stored under the name of the kind.
     return list({board.kind.name: board.name for board in reversed(skin.hand.boards)}.values())[::-1]
 
 
@@ -154,7 +155,8 @@ def _take_holds(
 def _print_calibration(calibration: ProximityCalibration, path: Path, as_json: bool) -> None:
     """Print a table with the fitted response of each board kind to each target, or its values as JSON.
 
-    path: calibration file that was written.
+    path: calibration file that was written. In the JSON values, gain_spread is the relative standard deviation of the
+    taxels' gains, and curve_error that of the fitted curve between its support points.
     """
     rows = [
         {
@@ -219,6 +221,7 @@ def watch_command(
 def _print_estimates(skin: Skin, calibration: Path, horizon_s: float, seconds: float | None, as_json: bool) -> None:
     """Print the estimates with a target or contact until the end of the skin, or for `seconds` of the stream's clock.
 
+    An estimate is printed if a target is present, or in contact, with a probability above 0.5.
     calibration: calibration file. horizon_s: time within which a contact is predicted, seconds. Raises TaxelError if no
     board completed its baseline.
     """

@@ -83,6 +83,7 @@ def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, second
 
     summary: counts the frames. url: URL of the skin for the progress display.
     """
+    # A skin that sends no frames ends the recording at this time; the loop below ends it after `seconds` of frames.
     skin.end_s = None if seconds is None else time.monotonic() + seconds + LATEST_S
     notices = GapNotices(skin.link.name, skin.reconnection)
     with _open_progress(f"recording {url}", seconds) as show:

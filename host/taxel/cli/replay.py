@@ -88,7 +88,7 @@ def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: 
     grasp: id of a grasp in a dataset. speed: times real time; None: as fast as possible.
     """
     link, description = open_recording(recording, hand, grasp)
-    link.close()
+    link.close()  # only the description of the hand is needed here; the port opens the recording itself
     with VirtualPort(lambda: open_recording(recording, hand, grasp)[0], description, speed) as port:
         print(port.device, flush=True)
         start_s = time.monotonic()

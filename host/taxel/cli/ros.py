@@ -74,7 +74,8 @@ def publish_skin(
     node: ROS node; None: a new node, which is closed at the end. angles: f64[j], joint angles in radians, or measured
     angles over time. joint_topic: topic with the joint angles, used instead of `angles`. pace: delays the frames of a
     recording. has_original_topics: publish only the topics of the original ROS stack. proximity: estimators of targets
-    before contact. The times of a recording are shifted such that its first frame has the present time.
+    before contact. The times of a recording are shifted such that its first frame has the present time. With
+    `joint_topic`, joint states are not published, since another node publishes them.
     """
     publisher = open_node() if node is None else node
     try:

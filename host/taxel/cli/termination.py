@@ -41,7 +41,10 @@ def interrupted_by_sigterm(grace_s: float = GRACE_S) -> Iterator[None]:
     with _watch(grace_s) as is_handled:
 
         def interrupt(number: int, frame: FrameType | None) -> None:
-            """Stop the timers that would end the process, and raise KeyboardInterrupt; a second signal ends it."""
+            """Handle SIGTERM: stop the timers that would end the process, and raise KeyboardInterrupt.
+
+            A second SIGTERM ends the process at once.
+            """
             if is_handled.is_set():
                 os._exit(STATUS)
             is_handled.set()
@@ -60,7 +63,8 @@ def interrupted_by_sigterm(grace_s: float = GRACE_S) -> Iterator[None]:
 def _watch(grace_s: float) -> Iterator[threading.Event]:
     """Start a thread that ends the process if a SIGTERM is not handled; yield the event that the handler sets.
 
-    The interpreter writes the number of each signal to a pipe before any handler runs (`signal.set_wakeup_fd`).
+    The interpreter writes the number of each signal to a pipe before any handler runs (`signal.set_wakeup_fd`). The
+    thread therefore receives a SIGTERM even while the main thread cannot run the handler.
     """
     is_handled = threading.Event()
     reader, writer = os.pipe2(os.O_CLOEXEC)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 import typer
 from rich.console import Console
 
-from taxel.cli.options import AsJson, HandOption, Overwrite, Seconds
+from taxel.cli.options import AsJson, HandCan, HandOption, JointAngles, JointFile, JointTopic, Overwrite, Seconds
 from taxel.optional import require_packages
 
 if TYPE_CHECKING:
@@ -60,6 +60,25 @@ def twin(
             "/taxel/twin/repaired; raw counts are kept.",
         ),
     ] = False,
+    simulate: Annotated[
+        bool,
+        typer.Option(
+            "--simulate",
+            help="Predict each contact with the simulator, at poses estimated from the contact, instead of with the "
+            "mean of the reference's repeats.",
+        ),
+    ] = False,
+    joints: JointAngles = None,
+    joint_file: JointFile = None,
+    joint_topic: JointTopic = None,
+    hand_can: HandCan = None,
+    object_poses: Annotated[
+        Path | None,
+        typer.Option(help="CSV of the object's poses: time_s,x_m,y_m,z_m,qw,qx,qy,qz. Default: the reference's."),
+    ] = None,
+    object_topic: Annotated[
+        str | None, typer.Option(help="Topic of type geometry_msgs/PoseStamped with the object's pose.")
+    ] = None,
     record: Annotated[
         Path | None, typer.Option(help="MCAP file for the topics of the twin: frames, events, diagnostics (extra ros).")
     ] = None,
@@ -73,23 +92,32 @@ def twin(
     is compared with the contacts of the same object and approach; without announced contacts only the state at rest is
     compared. An alarm states a change that the reference does not explain.
 
+    With --simulate, the reference shows how far the simulator is wrong, and the poses of each contact start from the
+    joint angles and object poses of the options, of the recording, or of the reference.
+
     Example: taxel twin today.h5 --reference healthy.h5 --json
     """
     require_packages("taxel twin", "gap", "h5py", "jinja2")
+    from taxel.cli.twin_poses import PoseOptions, SimulatorMode
     from taxel.twin import Twin, read_reference
     from taxel.twin.causes import ReferenceFile
     from taxel.twin.naming import CauseNaming
     from taxel.twin.session import TwinSession
 
     console = Console(stderr=True, markup=False)
+    poses = PoseOptions(joints, joint_file, joint_topic, hand_can, object_poses, object_topic)
+    poses.require_simulation(simulate)
     known = read_reference(reference)
     with _open_source(url, hand, speed, contacts, reference) as (source, schedule):
         naming = CauseNaming(ReferenceFile.read(reference), source.is_live) if name_causes else None
         with console.status("learning the reference") if console.is_terminal else nullcontext():
-            watched = Twin(known, schedule, false_alarm_hours)
+            simulator = SimulatorMode(reference, known, url, source, hand, poses) if simulate else None
+            watched = Twin(simulator.reference if simulator else known, schedule, false_alarm_hours)
         session = TwinSession(watched, source, naming, repair)
         try:
             with ExitStack() as stack:
+                if simulator is not None:
+                    simulator.start(session, stack)
                 sinks = _open_sinks(stack, record, ros, overwrite, f"{url}, reference {reference}")
                 limited = _limit_duration(session.updates(), seconds)
                 updates = _publish_updates(limited, session, sinks, source.is_live)

@@ -76,7 +76,7 @@ def compute_mean_neighbour_distances(points: FloatArray, ks: Sequence[int], name
         if k < 2:
             raise CloudError(name, "N", "2 or more neighbours, the point itself included", str(k), "choose a larger N")
         require_points(points, name, k, ", the N of the outlier filter")
-    if max(ks) > MAX_TREE_NEIGHBOURS:
+    if max(ks) > MAX_TREE_NEIGHBOURS:  # then a partition of all distances is faster than a k-d tree
         step = max(1, BLOCK_DISTANCES // len(points))
         blocks = [points[start : start + step] for start in range(0, len(points), step)]
         return np.concatenate([_average_nearest(cdist(block, points), ks) for block in blocks], axis=1)
@@ -90,6 +90,8 @@ def _average_nearest(distances: FloatArray, ks: Sequence[int]) -> FloatArray:
     distance 0 from the point to itself.
     """
     order = sorted(set(ks))
+    # After the partition, the first k values of a row are its k smallest, for every k. Their sum is the sum of the
+    # sections between successive values of k.
     nearest = np.partition(distances, [k - 1 for k in order], axis=1)[:, : order[-1]]
     sums = np.cumsum(np.add.reduceat(nearest, [0, *order[:-1]], axis=1), axis=1)
     return np.stack([sums[:, order.index(k)] / (k - 1) for k in ks])

@@ -91,6 +91,7 @@ class Match:
 
         NaN with one model, and for a cloud without inactive points, which has no evidence.
         """
+        # None is appended for a single model, which has no second best one.
         first, second = (*(fit.evidence for fit in self.fits[:2]), None)[:2]
         return float("nan") if first is None or second is None else first - second
 

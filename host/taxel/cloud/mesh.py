@@ -172,7 +172,10 @@ class TriangleMesh:
 
 
 def _compute_barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
-    """Compute the barycentric coordinates f64[N, 3] of points f64[N, 3] in triangles f64[N, 3, 3]."""
+    """Compute the barycentric coordinates f64[N, 3] of points f64[N, 3] in triangles f64[N, 3, 3].
+
+    Row i belongs to point i and triangle i. The coordinates are NaN or infinite for a triangle without area.
+    """
     first, second, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((first, first), (first, second), (second, second)))
     pa, pb = np.einsum("ij,ij->i", arm, first), np.einsum("ij,ij->i", arm, second)

@@ -72,7 +72,10 @@ class SurfaceAlignment:
     def step(self) -> None:
         """Compute one damped Newton step of the alignment; accept it if it decreases the sum of squared distances.
 
-        A step that does not is discarded and the damping is raised; at a damping of 1, the alignment is finished.
+        The second derivative (Hessian) of the step is a mean of that for fixed nearest points, with the weight
+        `damping`, and the exact one. A step that does not decrease the sum is discarded. Then a lengthened step
+        (`step_factor` above 1) is repeated with its computed length; otherwise the damping is raised, and at a damping
+        of 1, the alignment is finished.
         """
         hessian = self.damping * self._fixed_hessian + (1.0 - self.damping) * self._exact_hessian
         # A small multiple of the identity (scaled to the size of the cloud) keeps the pose in directions in which the
@@ -98,7 +101,8 @@ class SurfaceAlignment:
     ) -> None:
         """Accept a step that decreased the sum of squared distances, and adapt damping and step factor.
 
-        decrease, predicted: actual and predicted decrease of this sum.
+        The next step is lengthened if small steps decrease the sum by more than predicted, and further as long as the
+        decreases grow. decrease, predicted: actual and predicted decrease of the sum.
         """
         is_small = decrease < SMALL_DECREASE * self.cost
         self.is_finished = decrease < self.tolerance * self.cost and self.step_factor <= 1.0 and self.damping < 0.5
@@ -116,7 +120,9 @@ class SurfaceAlignment:
         """Compute first and second derivatives of half the sum of squared distances by a small motion of the cloud.
 
         The motion is a rotation about the centre of the cloud and a shift. Two second derivatives are stored: one for
-        fixed nearest points, and the exact one.
+        fixed nearest points, and the exact one. In the exact one, a motion of a point changes the squared distance only
+        along the normal if the nearest point is inside a face, also perpendicular to the edge if it is on an edge, and
+        in all directions if it is on a corner; each of these directions is a row of the Jacobian.
         """
         self._centre = self.points.mean(axis=0)
         arms = self.points - self._centre

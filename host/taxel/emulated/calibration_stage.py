@@ -49,6 +49,7 @@ def plan_calibration(hand: Hand, boards: Sequence[str], target: str) -> tuple[li
         for millimetres in reversed(DISTANCES_MM):
             times += [now, now + HOLD_S]
             distances += [1e-3 * millimetres] * 2
+            # The hold is 0.1 s shorter at both ends, as a margin to the motions before and after it.
             holds.append(Hold(now + 0.1, now + HOLD_S - 0.1, name, target, 1e-3 * millimetres))
             now += HOLD_S + MOVE_S
         taxel = find_middle_taxel(hand, name)
@@ -82,6 +83,7 @@ def find_middle_taxel(hand: Hand, board: str) -> int:
     surface = hand.find_board(board).kind.surface
     if surface is None:
         raise HandGeometryError(hand.name)
+    # Compromise: 1 mm of distance from the middle counts as much as 0.01 in the cosine of the angle to the mean normal.
     aside = np.linalg.norm(surface.position - surface.position.mean(axis=0), axis=1)
     return int(np.argmax(surface.normal @ surface.normal.mean(axis=0) - 10.0 * aside))
 
@@ -89,7 +91,7 @@ def find_middle_taxel(hand: Hand, board: str) -> int:
 def align_to_board(hand: Hand, board: str, taxel: int) -> FloatArray:
     """Compute the rotation f64[4, 4] from the normal of a taxel to the mean normal of its board.
 
-    It is in the frame of the stage above the taxel (`make_stage_frame`). taxel: index on the board.
+    The rotation is expressed in the frame of the stage above the taxel (`make_stage_frame`). taxel: index on the board.
     """
     surface = hand.find_board(board).kind.surface
     if surface is None:

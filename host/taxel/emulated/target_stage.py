@@ -156,6 +156,7 @@ def record_target_motions(
     for motion in motions:
         dense = _resample(motion)
         in_bracket, distance = compute_target_poses(hand, shapes[motion.target], dense)
+        # The brackets are placed far apart in a row, so that the target acts on one board only.
         in_bracket[:, 0, 3] += BRACKET_SPACING_M * index_of[motion.board]
         number = list(shapes).index(motion.target)
         # Before and after the motion there is no object; a change of the object takes effect in a step.

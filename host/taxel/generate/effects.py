@@ -123,6 +123,7 @@ def _plan_reported(reported: ReportedEffect, widen: float, share: float, source:
     """
     std = np.zeros(reported.values.shape)
     for row, name in enumerate(reported.parameters):
+        # Reports contain no intervals for values of single taxels: these values are fixed.
         for column, block in enumerate(reported.blocks if reported.effect.scope != TAXEL else ()):
             std[row, column] = widen * _compute_standard_deviation(
                 reported, name, _make_label(reported, name, block), float(reported.values[row, column])
@@ -142,6 +143,7 @@ def _compute_standard_deviation(reported: ReportedEffect, name: str, label: str,
         bounds = reported.intervals.get(label.replace(name, COMMON))
         if bounds is None or sum(bounds) <= 0.0:
             return 0.0
+        # Relative half width of the interval, (high - low) / (high + low), in standard deviations.
         return value * (bounds[1] - bounds[0]) / (sum(bounds) * NORMAL_95)
     bounds = reported.intervals.get(label)
     return 0.0 if bounds is None else (bounds[1] - bounds[0]) / (2.0 * NORMAL_95)
@@ -209,7 +211,10 @@ def plan_effect(
 
 
 def _list_blocks(scope: str, hand: Hand) -> tuple[int | str, ...]:
-    """List the blocks of a scope: `HAND` alone, the addresses of the boards, or the indices of the taxels."""
+    """List the blocks (parts of the skin with one value of each parameter) of an effect with this scope.
+
+    The blocks are `HAND` alone, the addresses of the boards, or the indices of the taxels.
+    """
     if scope == HAND:
         return (HAND,)
     return tuple(board.address for board in hand.boards) if scope == BOARD else tuple(range(hand.n_taxels))

@@ -74,7 +74,10 @@ def read_dataset_holds(path: Path) -> Holds:
 
 
 def _collect_holds(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
-    """Compute the mean signal of each taxel in the hold phase of grasps, with the labels of the grasps."""
+    """Compute the mean signal of each taxel in the hold phase of grasps, with the labels of the grasps.
+
+    A taxel of a board without a valid hold frame has the signal 0.
+    """
     signals, labels = [], []
     for grasp, label in grasps:
         signals.append(np.nan_to_num(grasp.mean_hold_signal(max(count_baseline_frames(grasp), 1))))

@@ -51,7 +51,8 @@ def sample_placement(
 def shift_placement(placement: PalmPlacement, sampled: dict[str, float]) -> PalmPlacement:
     """Return a placement of the palm that is shifted by the sampled values turn_deg, reach_mm, along_mm and thumb_deg.
 
-    `press_mm` replaces the depth of the palm's indentation. The values are those of `GraspRanges`.
+    `press_mm` replaces the depth of the palm's indentation. `GraspRanges` defines the five values: turn_deg about the
+    axis of the object, reach_mm towards the fingertips, along_mm along the axis, thumb_deg of two joints of the thumb.
     """
     thumb = np.radians(sampled["thumb_deg"])
     return replace(
@@ -78,7 +79,8 @@ def shift_recorded_approach(approach: Approach, shape: Shape, nominal: Shape, sa
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     base, opened = approach.base_targets.copy(), approach.open_angles.copy()
-    thumb = slice(4 * FINGERS, 4 * FINGERS + 2)  # a joint that is not held stays NaN
+    # The joints of the thumb follow those of the fingers, 4 each. A joint without a held target stays NaN.
+    thumb = slice(4 * FINGERS, 4 * FINGERS + 2)
     base[thumb] += np.radians(sampled["thumb_deg"])
     opened[thumb] += np.where(np.isfinite(base[thumb]), np.radians(sampled["thumb_deg"]), 0.0)
     return replace(approach, palm_pose=turn @ pose, base_targets=base, open_angles=opened)

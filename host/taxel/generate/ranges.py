@@ -20,7 +20,8 @@ class Range:
     def sample(self, rng: np.random.Generator) -> float:
         """Sample one value, uniform between the bounds.
 
-        A fixed number also consumes a random number, so that later samples do not depend on it.
+        A range with equal bounds (a fixed number) also consumes a random number. The later samples of a grasp are
+        therefore the same, whether this quantity is fixed or sampled.
         """
         return self.low + (self.high - self.low) * float(rng.random())
 

@@ -222,7 +222,7 @@ def _read_ranges(defaults: Ranges, table: Key) -> Ranges:
     for name, key in table.keys(tuple(by_name)).items():
         if isinstance(by_name[name], Range):
             values[name] = key.range(*_get_bounds(name))
-        else:
+        else:  # a probability, or a standard deviation in millimetres or degrees
             values[name] = key.number(0.0, 1.0 if name.endswith("share") else 90.0)
     result = replace(defaults, **values)
     if isinstance(result, SensorRanges):

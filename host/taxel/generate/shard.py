@@ -109,7 +109,8 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
 def get_creation_time() -> str:
     """Return the creation time that shards state, in ISO format.
 
-    It is that of the environment variable `SOURCE_DATE_EPOCH`, or else the start of 1970.
+    The time is that of the environment variable `SOURCE_DATE_EPOCH` (seconds since 1970), or else the start of 1970:
+    the bytes of a shard must not depend on the time of the run.
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH

@@ -117,7 +117,7 @@ def make_default_kinds(sizes: ObjectSizes = ORIGINAL_SIZES) -> tuple[ObjectKind,
     }
     kinds = []
     for name, (shape, metres) in dimensions.items():
-        ranges = {
+        ranges = {  # 0.92 and 1.08 times the size, in millimetres
             size: Range(round(920.0 * metre, 6), round(1080.0 * metre, 6))
             for size, metre in zip(SIZES[shape], metres, strict=True)
         }

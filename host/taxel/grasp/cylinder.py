@@ -109,7 +109,9 @@ class Cylinder:
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
         """Compute depths f64[m, 3] and normals f64[m, 3, 3] of m columns below wall, bottom and top of the cylinder.
 
-        Implements `Shape.view_faces`.
+        tops, axes: upper ends and outward unit directions of columns of a soft layer, f64[m, 3]. depth: distance from
+        the top to the face against the axis, metres. min_slope: least cosine between axis and inward normal, so that a
+        side face has a finite depth. The wall is a plane tangential to the cylinder. Implements `Shape.view_faces`.
         """
         radius = np.hypot(tops[:, 0], tops[:, 1])
         outward = np.divide(

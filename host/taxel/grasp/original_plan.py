@@ -94,8 +94,9 @@ def load_original_grasps() -> dict[tuple[str, str], OriginalGrasp]:
 def make_original_approaches(
     withdraw_m: float = 0.0, setting: Setting = "simulation", torques: Setting = "hardware"
 ) -> dict[tuple[str, str], Approach]:
-    """Make the fifteen approaches by object and approach, with the mean of the measured finger bases.
+    """Make the fifteen approaches of the original experiment by (object, approach).
 
+    The finger bases, the first joints of the three fingers, are held at the mean of their measured angles.
     setting: source of the tool poses; the hardware's pose where no other was recorded. torques: source of the finger
     torques. withdraw_m: distance of the palm from the object before and after the grasp.
     """
@@ -105,6 +106,7 @@ def make_original_approaches(
 def set_finger_bases(approach: Approach, iteration: int) -> Approach:
     """Return an original approach with the finger bases that were measured in one of its iterations, from 0.
 
+    A finger base is the angle of the first of the four joints of a finger, at which the joint is held.
     Iterations beyond the number of measured ones start again from the first. Without measured angles, the approach is
     returned unchanged.
     """
@@ -119,7 +121,9 @@ def set_finger_bases(approach: Approach, iteration: int) -> Approach:
 def _make_approach(grasp: OriginalGrasp, withdraw_m: float, setting: Setting, torques: Setting) -> Approach:
     """Make the approach of one recorded grasp; arguments as for `make_original_approaches`.
 
-    A grasp without measured finger bases gets the mean of those of all grasps.
+    A grasp without measured finger bases gets the mean of those of all grasps. From the top, the fingers stay open;
+    only the pinkie closes, and only on the box. Rows of `base` and `torque`: three fingers and thumb, with four joints
+    each; NaN in `base`: a joint that closes with its torque.
     """
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))
     measured_bases = grasp.finger_bases

@@ -166,7 +166,8 @@ def compute_palm_pose(item: GraspObject, placement: PalmPlacement, surface_m: fl
 
     surface_m: x coordinate of the palm surface in the palm link frame. gap_m: from the palm surface to the object. On a
     side face the palm's y axis points up, so that the fingers close horizontally; on top the fingers point along the
-    azimuth.
+    azimuth. The placement states the azimuth of the palm, the coordinate of the object's axis along the palm's y axis
+    (`axis_y_m`), and the largest coordinate of the object along the palm's z axis (`edge_z_m`).
     """
     vertices = item.shape.mesh()[0]
     azimuth = np.array([np.cos(placement.azimuth_rad), np.sin(placement.azimuth_rad), 0.0])
@@ -195,7 +196,8 @@ def make_approach(
 
     item: object. name: of the approach. gap_m: distance from the palm surface to the object during the grasp, in
     addition to the placement's indentation. withdraw_m: distance of the palm from this position before and after the
-    grasp.
+    grasp. Rows of `base` and `torque`: three fingers and thumb, with four joints each; NaN in `base`: a joint that
+    closes with its torque.
     """
     spread, (th_j0, th_j1) = placement.spread_rad, placement.thumb_rad
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))

@@ -19,6 +19,9 @@ _MERGE = 1e-9
 _LINES_PER_BLOCK = 512
 """Number of lines that are clipped at a time, so that the intermediate arrays fit in the cache."""
 
+CONVEX_VOLUME_SHARE = 0.999
+"""Smallest ratio of the volumes of a mesh and of its convex hull at which the mesh counts as convex."""
+
 _PARALLEL = 1e-250
 """Cosine below which a line is parallel to a face; the distance along the line would overflow."""
 
@@ -128,7 +131,10 @@ class ConvexPolytope:
 
     @cached_property
     def _faces(self) -> list[npt.NDArray[np.intp]]:
-        """Vertex indices of each face, anticlockwise seen from outside; duplicate half-spaces give one face."""
+        """Vertex indices of each face, anticlockwise seen from outside; duplicate half-spaces give one face.
+
+        A vertex belongs to a face if its distance to the plane of the face is within the rounding of the vertices.
+        """
         size = np.ptp(self.vertices, axis=0).max()
         faces: dict[frozenset[int], npt.NDArray[np.intp]] = {}
         for normal, offset in zip(self.normals, self.offsets, strict=True):
@@ -215,7 +221,9 @@ class ConvexPolytope:
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
         """Compute depths f64[m, k] and normals f64[m, k, 3] of m columns below the k faces of the polytope.
 
-        Implements `Shape.view_faces`.
+        tops, axes: upper ends and outward unit directions of columns of a soft layer, f64[m, 3]. depth: distance from
+        the top to the plane of the face against the axis, metres. min_slope: least cosine between axis and inward
+        normal, so that a side face has a finite depth. Implements `Shape.view_faces`.
         """
         depths = (self.offsets - tops @ self.normals.T) / np.maximum(-axes @ self.normals.T, min_slope)
         return depths, np.broadcast_to(self.normals, (len(tops), *self.normals.shape))
@@ -278,6 +286,22 @@ class ConvexPolytope:
             for a, b in zip(face, np.roll(face, -1), strict=True)
         }
         return sorted(pairs)
+
+
+def make_convex_polytope(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> ConvexPolytope | None:
+    """Make the convex polytope of a mesh; None if the mesh is not convex or has no valid hull.
+
+    vertices: f64[v, 3], metres. faces: i32[f, 3], indices of vertices, outward orientation.
+    """
+    points = np.asarray(vertices, dtype=np.float64)
+    a, b, c = points[np.asarray(faces).T]
+    volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0  # tetrahedra of the faces and the origin
+    try:
+        if volume < CONVEX_VOLUME_SHARE * ConvexHull(points).volume:
+            return None
+        return ConvexPolytope.from_mesh(points)
+    except (QhullError, ShapeError):
+        return None
 
 
 def _compute_vertices(normals: FloatArray, offsets: FloatArray) -> FloatArray:

@@ -198,6 +198,7 @@ def fit_pose(
     transform = solve_kabsch(a, b, w)
     cofactor, _ = compute_cofactors(transform, a, w)
     residuals = b - apply(transform, a)
+    # Degrees of freedom: three coordinates of each point minus the six parameters of the pose.
     estimated = np.sqrt((w[:, np.newaxis] * residuals**2).sum() / (3 * len(a) - 6))
     sigma = float(estimated if sigma_m is None else sigma_m)
     points = MeasuredPoints(labels, a, b, w)

@@ -111,6 +111,8 @@ class Timeline:
     def get_grip_fraction(self, t: float) -> float:
         """Return the share of the closing motion and torque at time t: 0 for the open hand, 1 in the hold.
 
+        In the closing phase, the palm first advances to the object (until `ADVANCE_END` of the phase); then the share
+        rises linearly until `GRIP_START_END`. In the release phase the share falls linearly until `RELEASE_END`.
         t: seconds after the start of the grasp.
         """
         if t >= self.get_start_s(Phase.RELEASE):
@@ -121,6 +123,8 @@ class Timeline:
     def get_tightening(self, t: float) -> float:
         """Return the permitted part of the planned finger torque at time t, `CONTACT_TORQUE` to 1.
 
+        The part is smaller until the fingers have closed (`CLOSING_END` of the closing phase), so that they touch the
+        object gently, and then rises linearly until `TIGHTENING_END`.
         t: seconds after the start of the grasp.
         """
         progress = self.get_phase_progress(Phase.CLOSING, t)
@@ -130,6 +134,7 @@ class Timeline:
     def get_closing_fraction(self, t: float) -> float:
         """Return how far fingers without an obstacle have closed at time t: 0 (open) to 1 (closed).
 
+        They start when the palm is at the object (`ADVANCE_END` of the closing phase) and end at `CLOSING_END`.
         t: seconds after the start of the grasp.
         """
         progress = self.get_phase_progress(Phase.CLOSING, t)
@@ -138,6 +143,8 @@ class Timeline:
     def get_withdrawal(self, t: float) -> float:
         """Return how far the palm is withdrawn at time t: 1 in baseline and recovery, 0 at the object.
 
+        The palm advances until `ADVANCE_END` of the closing phase and withdraws from `WITHDRAW_START` of the release
+        phase on.
         t: seconds after the start of the grasp.
         """
         if t >= self.get_start_s(Phase.RELEASE):

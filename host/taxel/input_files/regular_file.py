@@ -20,6 +20,8 @@ _KINDS: Final = (
     (stat.S_ISBLK, "a device"),
 )
 _CHUNK_BYTES: Final = 1 << 20
+_NAME_SHOWN: Final = 200
+"""Characters of a file name that is too long for the system, in an error message."""
 
 
 class InputFileError(OSError):
@@ -38,6 +40,11 @@ def check_regular_file(path: Path) -> os.stat_result:
         status = os.stat(path)
     except ValueError as error:  # a zero byte, or a character that a file name cannot have
         raise InputFileError(errno.EINVAL, f"is no file name ({error})", ascii(os.fspath(path))) from None
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        # A file name in a damaged file may have many thousand characters, which an error message must not contain.
+        raise InputFileError(errno.ENAMETOOLONG, error.strerror, f"{os.fspath(path)[:_NAME_SHOWN]}...") from None
     _check_kind(status, path)
     return status
 

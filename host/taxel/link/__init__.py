@@ -41,7 +41,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the emulator's link at its first use: the sandbox of a sealed diagnosis does not contain that module."""
+    """Import the emulator's link at its first use, because `taxel.link` must also work without that module.
+
+    The blind check diagnoses its sealed worlds in a sandbox that does not contain the emulator.
+    """
     if name not in ("EmulatorLink", "run_emulator"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module("taxel.link.emulator"), name)

@@ -46,7 +46,7 @@ class ByteFileLink:
         if not data:
             raise EOFError
         self._position += len(data)
-        return Chunk(data, round(self._position * 10e9 / self.baud))
+        return Chunk(data, round(self._position * 10e9 / self.baud))  # ns; a byte takes 10 bits on the wire
 
     def write(self, data: bytes) -> None:
         """Raise `CaptureError`: a file accepts no commands."""

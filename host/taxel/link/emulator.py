@@ -144,7 +144,7 @@ class EmulatorLink:
 
     def apply(self, forces_n: ArrayLike) -> None:
         """Apply `forces_n` [n], newtons, to the taxels from now on. Only for a link with `live_taxels`."""
-        try:
+        try:  # a record with a negative time takes effect at once
             self._stimulus_socket.sendall(make_stimulus_records([-1.0], np.asarray(forces_n)[None, :]))
         except OSError:
             raise PortVanishedError(self.name, "the emulator has ended, or has no live stimulus") from None
@@ -178,7 +178,7 @@ class EmulatorLink:
     def close(self) -> None:
         """End the emulator process and delete its temporary files."""
         self.stop()
-        if self._stderr_path.exists():
+        if self._stderr_path.exists():  # keep the message and the statistics, whose files are deleted below
             self._get_exit_message(self._process.returncode)
             with contextlib.suppress(LinkError):
                 self.statistics()

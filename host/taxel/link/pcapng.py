@@ -70,6 +70,7 @@ def _make_start(header: dict[str, object], name: str) -> bytes:
     parts = [text[start : start + COMMENT_MAX] for start in range(0, len(text), COMMENT_MAX)]
     options = b"".join(make_option(OPTION_COMMENT, part) for part in parts)
     options += make_option(OPTION_APPLICATION, APPLICATION) + make_option(0, b"")
+    # Version 1.0, length of the section unknown (-1); resolution 9: arrival times in units of 10**-9 s.
     section = struct.pack("<IHHq", BYTE_ORDER, 1, 0, -1) + options
     interface = struct.pack("<HHI", LINK_TYPE, 0, 0) + make_option(OPTION_NAME, b"hub")
     interface += make_option(OPTION_RESOLUTION, b"\x09") + make_option(0, b"")

@@ -170,6 +170,7 @@ class PcapngLink:
         if len(content) < _INTERFACE_HEAD:
             raise self._make_damage_error(self._block_offset)
         options = dict(self._iterate_options(content[_INTERFACE_HEAD:]))
+        # The time unit is 10**-n s, or 2**-n s if the highest bit is set; microseconds without the option.
         resolution = options.get(OPTION_RESOLUTION, b"\x06")[:1] or b"\x06"
         exponent = resolution[0] & 0x7F
         unit = 1 << exponent if resolution[0] & 0x80 else 10**exponent

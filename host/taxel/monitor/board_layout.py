@@ -68,7 +68,9 @@ def _compute_block_height(board: Board, scale: int) -> int:
 def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
     """Place the palm side and the back of the default hand next to each other, each as seen from outside.
 
-    scale: width of a taxel in characters; a taxel is half as high. Returns None for a hand with other boards.
+    The columns of the palm side are followed, after a wider gap, by those of the back. The boards of a row are aligned
+    at the bottom. The topmost board of each finger has the name of the finger as heading. scale: width of a taxel in
+    characters; a taxel is half as high. Returns None for a hand with other boards.
     """
     by_name = {board.name: board for board in hand.boards}
     rows = [(*palm, *back) for palm, back in zip(PALM_SIDE, (("", "", ""), *BACK), strict=True)]

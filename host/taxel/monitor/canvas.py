@@ -69,6 +69,7 @@ class Canvas:
         has_upper, has_lower = upper != NOTHING, lower != NOTHING
         if self._has_colour:
             glyphs = np.where(has_upper, _UPPER, _LOWER)
+            # One style number for each pair of steps; `_get_style` splits it again. NOTHING is -1, so 1 is added.
             numbers = _FIRST_PAIR + (upper + 1) * _STEP_VALUES + lower + 1
         else:
             active_upper, active_lower = active[: 2 * height : 2, :width], active[1 : 2 * height : 2, :width]

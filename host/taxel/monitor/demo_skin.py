@@ -55,7 +55,11 @@ class MovingContacts:
         self._tours = tours or [[board.name for board in hand.boards]]
 
     def compute_forces(self, elapsed_s: float) -> FloatArray:
-        """Compute the force on each taxel, newtons, f64[n]. elapsed_s: time since the first contact."""
+        """Compute the force on each taxel, newtons, f64[n]. elapsed_s: time since the first contact.
+
+        Each contact moves over one board in `BOARD_S`, from the first row to the last; its force rises to `FORCE_N` in
+        the middle of the board. The contacts are shifted in time against each other.
+        """
         forces = np.zeros(self._hand.n_taxels)
         if elapsed_s < 0.0:
             return forces

@@ -51,7 +51,11 @@ class Screen:
         self.shows_table = False
 
     def draw(self, reading: SkinReading, width: int, height: int, has_colour: bool = True) -> Canvas:
-        """Draw a reading of the hand on a new text canvas of `width` x `height` characters."""
+        """Draw a reading of the hand on a new text canvas of `width` x `height` characters.
+
+        If map and table do not fit together, `shows_table` selects the table; without space for a map, it is always
+        the table.
+        """
         canvas = Canvas(width, height, has_colour)
         top = self._scale.update(reading.largest_signal, reading.watched_s)
         self._draw_header(canvas, reading, top, has_colour)
@@ -90,7 +94,10 @@ class Screen:
             canvas.write(3, 0, KEYS, DIM)
 
     def _draw_legend(self, canvas: Canvas, first_column: int, top_text: str) -> None:
-        """Draw the colour scale from 0 through the threshold to `top_text`, beginning at a column of line 2."""
+        """Draw the colour scale from 0 through the threshold to `top_text`, beginning at a column of line 2.
+
+        The legend is drawn as taxels of all steps. None of them is active (`> STEPS` is always False).
+        """
         inactive_width = LEGEND_WIDTH // 4
         bar = np.concatenate(
             [

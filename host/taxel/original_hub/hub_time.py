@@ -60,6 +60,9 @@ class HubTime:
     def take(self, timestamp_ms: int | None, position: int, has_discarded: bool) -> Tick:
         """Compute the time of the next message, and detect a restart of the hub or an interruption before it.
 
+        The position in the stream predicts the time. A timestamp far from this prediction is suspect: the prediction
+        replaces it. If the next timestamp agrees with the suspect one, both are used; otherwise it was damaged.
+
         timestamp_ms: modulo 2^32; None for a format without timestamps. position: position of its first byte in the
         stream. has_discarded: directly before the message there are bytes that belong to no message.
         """

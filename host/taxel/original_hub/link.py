@@ -80,7 +80,7 @@ class OriginalLink:
         self._messages: Counter[int] = Counter()
         self._unknown: Counter[int] = Counter()
         self._reads = ReadSequence(self._lengths)
-        self._clock = HubTime(10e3 / self.baud)
+        self._clock = HubTime(10e3 / self.baud)  # ms per byte: 10 bits on the wire
         self._pending: list[tuple[OriginalMessage, int]] = []  # with the discarded bytes before each
         self._message_end = 0
         self._sequence = 0
@@ -224,7 +224,7 @@ class OriginalLink:
             return
         self._sequence = (self._sequence + lost) % _SEQUENCES
         statistics.frames += lost
-        self._output += _FILLER * discarded
+        self._output += _FILLER * discarded  # the reader of the link counts them as discarded bytes
         self._send_status_if_due(tick.time_us)
         counts = np.array(message.counts, dtype=np.uint16)
         frame = TaxelFrame(address, cycle % _SEQUENCES, cycle % _SEQUENCES, 0.0, tick.time_us % (1 << 32), 0, counts)

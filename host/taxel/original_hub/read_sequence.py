@@ -186,7 +186,9 @@ class ReadSequence:
 
         following: later messages that have already arrived. is_final: no more messages will arrive. Returns None if the
         location depends on messages that have not arrived; then call again later. A message of a board that is not in
-        the order belongs to the present cycle.
+        the order belongs to the present cycle. A message is doubtful if its position does not fit a stream with all
+        boards, or if the hub skipped its board before; then the later messages decide whether its address is damaged,
+        or whether the hub has read the board again.
         """
         last, is_first = self._last, self._last is None or self._last.address not in self._ranks
         discarded = 0 if last is None else message.start - self._last_end
@@ -247,7 +249,7 @@ class ReadSequence:
         """Return whether the positions of two messages fit a stream with all boards, to within `TOLERANCE` bytes."""
         if second.address not in self._ranks:
             return False
-        step = self._compute_step(first, second) + TOLERANCE
+        step = self._compute_step(first, second) + TOLERANCE  # shifted, so that deviations of both signs are small
         return step >= 0 and step % self.size <= 2 * TOLERANCE
 
     def _count_cycles(self, last: Placed, message: Placed) -> int:
@@ -296,7 +298,7 @@ class ReadSequence:
         lengths = [self._lengths[address] for address in absent]
         if len(absent) > SUBSET_MAX:
             return min(len(absent), round(discarded * len(absent) / sum(lengths)))
-        counts = {0: 0}
+        counts = {0: 0}  # number of messages by their total length, for every subset of the absent boards
         for length in lengths:
             counts |= {total + length: count + 1 for total, count in counts.items()} | counts
         return counts[min(counts, key=lambda total: abs(total - discarded))]

@@ -209,7 +209,10 @@ class BodyModel:
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
     def _is_within_hand(self, i: int, j: int) -> bool:
-        """Return whether two bodies are parts of the hand or of the flange, which the arm moves as a whole."""
+        """Return whether two bodies are parts of the hand or of the flange, which the arm moves as a whole.
+
+        Criterion: the last moving joint of the arm is on the path from the root to each of the two links.
+        """
         wrist = [joint for joint in self._paths[WRIST_LINK] if joint.axis is not None][-1:]
         return all(
             self.bodies[k].link in self._paths and set(map(id, wrist)) <= set(map(id, self._paths[self.bodies[k].link]))
@@ -233,7 +236,10 @@ class BodyModel:
 
 
 def compute_board_vertices(hand: Hand, board: Board) -> FloatArray:
-    """Compute the vertices f64[v, 3] of the hull of a board with bracket and soft layer, bracket frame, metres."""
+    """Compute the vertices f64[v, 3] of the hull of a board with bracket and soft layer, bracket frame, metres.
+
+    The hull contains the square of each taxel at the surface of the layer, and `BACKING_M` below the electrodes.
+    """
     sheet = build_sheet(hand)
     on_board = sheet.board_index == hand.boards.index(board)
     position, normal, distal = sheet.position[on_board], sheet.normal[on_board], sheet.distal[on_board]

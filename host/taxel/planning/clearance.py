@@ -113,6 +113,7 @@ class Clearances:
                 continue
             subset, at_low, at_high = subset[is_open], at_low[is_open], at_high[is_open]
             middle = (low + high) / 2
+            # From this distance in the middle on, the bound shows that both halves of the interval are free.
             limit = 2 * floor[subset] + motion[subset] * (high - low) / 2 - np.minimum(at_low, at_high)
             distance = self.measure(start + middle * step, np.maximum(required[subset], limit), pairs[subset])
             if (worst := _find_worst(distance, required[subset])) is not None:

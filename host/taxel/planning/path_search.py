@@ -184,6 +184,7 @@ class PathSearch:
             """Prepend the arm angles to hand angles f64[..., j - 6]."""
             return np.concatenate([np.broadcast_to(arm, (*angles.shape[:-1], ARM_JOINTS)), angles], axis=-1)
 
+        # Joint limits, extended to start and target: the measured start may be slightly outside its limits.
         low, high = (
             bound(bound(limits[ARM_JOINTS:], hand), target)
             for bound, limits in ((np.minimum, self._lower), (np.maximum, self._upper))

@@ -191,7 +191,8 @@ class MotionPlanner:
     def _make_requirement(self, clearances: Clearances, start: FloatArray) -> FloatArray:
         """Make the required distance of each pair, f64[p], metres: the clearance of a plan, or the start distance.
 
-        The smaller of the two is required, so that the arm can leave a narrow start posture.
+        The smaller of the two is required, so that the arm can leave a narrow start posture. A tenth of
+        `START_CLEARANCE_M` is subtracted from the start distance, so that rounding does not reject the start posture.
         """
         wanted = clearances.bodies.clearance
         return np.minimum(wanted, clearances.measure(start, wanted) - START_CLEARANCE_M / 10)

@@ -51,7 +51,7 @@ class _Tree:
         return int(np.argmin(np.sum((np.stack(self.postures) - posture) ** 2, axis=1)))
 
     def add(self, posture: FloatArray, parent: int) -> int:
-        """Add a node and return its index."""
+        """Add a posture f64[n] as a node and return its index. parent: index of the node that its edge leads to."""
         self.postures.append(posture)
         self.parents.append(parent)
         return len(self.postures) - 1
@@ -69,6 +69,9 @@ def find_path(
     start: FloatArray, goals: Sequence[FloatArray], space: SearchSpace, rng: np.random.Generator, iterations: int
 ) -> FloatArray | None:
     """Find a path f64[k, n] from `start` f64[n] to one of `goals`; None if the search finds none.
+
+    Method: RRT-Connect. A tree from the start and a tree from all goals grow in turn: one tree extends towards a random
+    posture, the other then towards the new node, until the trees meet.
 
     iterations: largest number of random postures. The ends are copied exactly. Every edge is free by
     `space.is_free`. The straight segments are tried first, in the order of `goals`.

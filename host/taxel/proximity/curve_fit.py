@@ -70,7 +70,7 @@ def _fit_support_points(
     """Fit the values of the curve at the distances `knots` (f64[k], metres) by least squares over all taxels.
 
     gaps: f64[n, 9] of each signal. On a curved board the taxels have different gaps at the same distance: a signal
-    constrains the values at all support points between which its gaps lie.
+    constrains the values at all support points between which its gaps lie. `to_axis` returns a logarithmic distance.
     """
     decay = 3.0
     for _ in range(3):  # the decay beyond the last support point follows from the last two of them

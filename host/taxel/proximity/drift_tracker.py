@@ -54,7 +54,10 @@ class DriftTracker:
             self.baseline = self._sum / self._count
 
     def advance(self, dt_s: float) -> FloatArray:
-        """Extrapolate the baseline by `dt_s` seconds and return it, f64[n], counts."""
+        """Extrapolate the baseline by `dt_s` seconds and return it, f64[n], counts.
+
+        The rate of drift decays with the time constant `SLOPE_TIME_S`; `travel` is its integral for a rate of 1.
+        """
         assert self.baseline is not None  # the estimator calls start() first
         decay = float(np.exp(-dt_s / SLOPE_TIME_S))
         travel = SLOPE_TIME_S * (1.0 - decay)
@@ -68,8 +71,9 @@ class DriftTracker:
     def follow(self, raw_counts: FloatArray, dt_s: float) -> None:
         """Correct the baseline and the rate of drift with a frame f64[n] without a target.
 
-        The mean error over the taxels is corrected by the Kalman gain, the deviation of each taxel from the mean with
-        the time constant `LEVEL_TIME_S`. dt_s: time since the frame before.
+        The mean error over the taxels is corrected by the Kalman gain, but not faster than with the time constant
+        `LEVEL_TIME_S`; the deviation of each taxel from the mean with this time constant. dt_s: time since the frame
+        before.
         """
         assert self.baseline is not None
         error = raw_counts - self.baseline

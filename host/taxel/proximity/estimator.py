@@ -164,7 +164,8 @@ class BoardEstimator:
     def _filter_frame(self, signal: FloatArray, dt_s: float) -> None:
         """Advance the filter by one frame, and update the misfits; create the filter if it does not exist.
 
-        signal: f64[n], counts. dt_s: time since the frame before.
+        signal: f64[n], counts. dt_s: time since the frame before. The misfit is the squared residual per taxel of the
+        best hypothesis, in variances, averaged over `MISFIT_TIME_S`.
         """
         likelihood, prior = self._get_likelihood(self._centre)
         if self._filter is None:
@@ -224,7 +225,10 @@ class BoardEstimator:
 
 
 def _make_neighbour_means(points: SkinPoints) -> FloatArray:
-    """Make the matrix f64[n, n] that averages the signal of each taxel and of its neighbours with a similar normal."""
+    """Make the matrix f64[n, n] that averages the signal of each taxel and of its neighbours with a similar normal.
+
+    Similar normals differ by less than 60 degrees. The taxel itself has the weight `OWN_SHARE`.
+    """
     distance = np.linalg.norm(points.centre[:, None] - points.centre[None], axis=2)
     near = (distance <= NEIGHBOUR_RADIUS_M) & (points.normal @ points.normal.T > 0.5)
     np.fill_diagonal(near, False)

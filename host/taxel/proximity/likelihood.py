@@ -62,6 +62,7 @@ class WindowLikelihood:
         self.taxels = window.taxels
         self.noise = calibration.noise_counts
         mean = np.concatenate([window.predict(target.curve.make_table(), CENTRES_M) for target in targets])
+        # A uniform distance within a bin has the standard deviation width / sqrt(12).
         slope = np.gradient(mean, CENTRES_M, axis=1) * (WIDTHS_M / np.sqrt(12.0))[:, None]
         self.shape = mean.shape[:2]
         self._mean, self._slope = (
@@ -83,7 +84,8 @@ class WindowLikelihood:
         """Compute the log-likelihoods of the signals f64[n] of the window, counts.
 
         offset_counts: standard deviation of the offset that all taxels share. Returns the log-likelihoods of the K
-        hypotheses at each of G distances, f64[K, G], that of no target, and that of a contact.
+        hypotheses at each of G distances, f64[K, G], that of no target, and that of a contact. A log-likelihood is -1/2
+        times the weighted squared residuals, less the part that offset, gain error and place in the bin explain.
         """
         weight = self._compute_weight(signal)
         m1, s1, my, sy, mm, ms, ss = self._compute_sums(weight, signal)
@@ -147,8 +149,10 @@ class _Directions:
         sy: FloatArray,
         ss: FloatArray,
     ) -> None:
-        """Compute the Cholesky factors of 1 + U^T W U for all templates and distances (U: three directions, W:
-        weights).
+        """Compute the Cholesky factors of 1 + U^T W U for all templates and distances.
+
+        U: changes of the signals by one standard deviation of offset, gain, and position within the bin (3 columns). W:
+        weights of the taxels.
         """
         one, total, square = sums
         self._offset, self._gain = offset, gain

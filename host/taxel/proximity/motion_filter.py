@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, Transition, compute_speed_widths
+from taxel.proximity.motion_grid import ARRIVAL_TIME_S, CENTRES_M, SPEEDS_M_S, Transition, compute_speed_widths
 from taxel.types import FloatArray, IntArray
 
 KEPT_SHARE = 1e-3
@@ -58,7 +58,8 @@ class MotionFilter:
         present = (transition.speed.T @ flat).reshape(moved.shape)
         leaving, arriving = transition.leaving_share, transition.arrival_share
         disappeared = float(present.sum()) * leaving
-        released = self.contact * min(1.0, RESUME_PROBABILITY_S * arriving * 10.0)
+        # `arriving` times the mean arrival time is approximately the interval in seconds.
+        released = self.contact * min(1.0, RESUME_PROBABILITY_S * arriving * ARRIVAL_TIME_S)
         arrived = self.far * arriving
         present *= 1.0 - leaving
         prior = self._prior[self.template]
@@ -112,8 +113,9 @@ class MotionFilter:
         self.template = np.arange(len(self._prior))
 
     def _prune_templates(self) -> None:
-        """Leave out templates with negligible probability if a target is present; use all templates again if none
-        is.
+        """Leave out templates with negligible probability if a target is present; use all templates again if none is.
+
+        Templates are left out only if at least a fifth of them is negligible, because the arrays are copied.
         """
         weight = self.present.sum(axis=(0, 2))
         if float(weight.sum()) < NO_TARGET:

@@ -35,7 +35,11 @@ class ResponseCurve:
     decay: float
 
     def make_table(self) -> FloatArray:
-        """Tabulate the curve at multiples of `TABLE_STEP_M` from 0 to `TABLE_END_M`, f64[t], counts."""
+        """Tabulate the curve at multiples of `TABLE_STEP_M` from 0 to `TABLE_END_M`, f64[t], counts.
+
+        Below the first support point the curve is extrapolated linearly on the logarithmic axis of `to_axis`; beyond
+        the last one it decays with the power `decay`.
+        """
         distance = np.arange(0.0, TABLE_END_M, TABLE_STEP_M)
         axis, knots = to_axis(distance), to_axis(self.distance_m)
         values = interpolate_monotone(knots, self.signal_counts, np.clip(axis, knots[0], knots[-1]))

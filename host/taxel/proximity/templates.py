@@ -112,7 +112,7 @@ def make_window(points: SkinPoints, centre: int) -> Window:
         heights += members
         weights += [FAMILY_WEIGHTS[family] / len(members)] * len(members)
     gap = np.stack(heights) - local[..., 2]
-    gap -= gap.min(axis=(1, 2), keepdims=True)
+    gap -= gap.min(axis=(1, 2), keepdims=True)  # each template touches the skin at its nearest point
     # To first order, a target at the height g above a point has the gap g / cosine along the point's normal.
     gap = np.where(faces & (gap < 0.5 * NO_GAP_M), gap * rate, NO_GAP_M)
     radius = np.linalg.norm(points.centre[taxels] - origin, axis=1)

@@ -79,7 +79,7 @@ def _split_by_board(rows: NDArray[np.void], time_s: FloatArray, counts: CountArr
     blocks: list[dict[int, BoardFrames]] = [{}]
     for index in np.split(order, borders):
         address, size = int(rows["address"][index[0]]), int(rows["size"][index[0]])
-        windows = np.lib.stride_tricks.sliding_window_view(counts, size)
+        windows = np.lib.stride_tricks.sliding_window_view(counts, size)  # row k: counts[k : k + size]
         frames = BoardFrames(
             time_s[index], windows[rows["offset"][index]], rows["board_sequence"][index], rows["cycle"][index]
         )

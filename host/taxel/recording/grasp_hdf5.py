@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
-import os
-import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import prod
@@ -15,27 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.input_files import open_regular_file
-from taxel.input_files.numpy_archive import ArchiveError, check_expansion
 from taxel.optional import optional_import
 from taxel.recording.grasp_checks import Location, check_header, convert_type
-from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LONGEST_TEXT, STRING, ArraySpec
+from taxel.recording.grasp_format import LONGEST_TEXT, STRING, ArraySpec
+from taxel.recording.hdf5_storage import DAMAGED, check_heaps, check_layout, check_names, read_values
 
 with optional_import("h5py", "a grasp dataset (.h5)"):
     import h5py  # type: ignore[import-untyped, unused-ignore]
 
 _LARGEST_ATTRIBUTE = 2**20
 """Largest number of values of an attribute. The longest attribute, baseline_counts, has one value for each taxel."""
-
-_HEAP_SIGNATURE = b"GCOL\x01\0\0\0"
-_HEAP_HEADER = struct.Struct("<8xQ")
-"""Header of a global heap: signature, version, and size of the heap with its header, bytes."""
-_HEAP_OBJECT = struct.Struct("<H6xQ")
-"""Header of an object in a heap: number of the object, and size of its data, bytes. The size of object 0 (the free
-space) includes its header.
-"""
-
-_DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
 
 @contextmanager
@@ -47,7 +33,7 @@ def convert_hdf5_errors(location: Location) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, OverflowError, MemoryError) as error:
-        location.fail("readable HDF5 data", format_value(str(error).partition("\n")[0]), _DAMAGED)
+        location.fail("readable HDF5 data", format_value(str(error).partition("\n")[0]), DAMAGED)
 
 
 def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> Any:
@@ -60,7 +46,7 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
     if not path.is_file():
         location.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
     if mode != "w":
-        _check_heaps(path, location)
+        check_heaps(path, location)
     with convert_opening_errors(location):
         return h5py.File(path, mode, libver=libver)
 
@@ -75,46 +61,10 @@ def convert_opening_errors(location: Location) -> Iterator[None]:
         if "signature not found" in text:
             location.fail("an HDF5 file", "another kind of file", "give a grasp dataset")
         if "truncated file" in text:
-            location.fail("a complete HDF5 file", "a truncated one", _DAMAGED)
+            location.fail("a complete HDF5 file", "a truncated one", DAMAGED)
         if "unable to lock" in text:
             location.fail("a file that no program is writing", "one that is open elsewhere", "wait until it is closed")
-        location.fail("a readable HDF5 file", format_value(text.partition("\n")[0]), _DAMAGED)
-
-
-def _check_heaps(path: Path, location: Location) -> None:
-    """Raise DatasetError for a damaged global heap (storage of strings), over which HDF5 would loop without end.
-
-    A heap consists of objects, each with its size; the object 0 is the free space at the end. The library advances by
-    the size without checking that it is not 0 (HDF5 File Format Specification 3.0, section III.E, Global Heap).
-    """
-    with open_regular_file(path) as file:
-        if not os.fstat(file.fileno()).st_size:
-            return
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            start = data.find(_HEAP_SIGNATURE)
-            while start >= 0:
-                if not _is_complete_heap(data, start):
-                    location.fail("undamaged heaps of texts", f"a damaged one at byte {start}", _DAMAGED)
-                start = data.find(_HEAP_SIGNATURE, start + 1)
-
-
-def _is_complete_heap(data: mmap.mmap, start: int) -> bool:
-    """Whether the objects of the heap at byte `start` end exactly at the end of the heap.
-
-    False also for a heap that extends beyond the data, and for free space with a size below that of its header.
-    """
-    if start + _HEAP_HEADER.size > len(data):
-        return False
-    (size,) = _HEAP_HEADER.unpack_from(data, start)
-    place, end = start + _HEAP_HEADER.size, start + size
-    if end > len(data):
-        return False
-    while place + _HEAP_OBJECT.size <= end:
-        index, length = _HEAP_OBJECT.unpack_from(data, place)
-        if index == 0 and length < _HEAP_OBJECT.size:
-            return False
-        place += length if index == 0 else _HEAP_OBJECT.size + (length + 7) // 8 * 8
-    return bool(place <= end)
+        location.fail("a readable HDF5 file", format_value(text.partition("\n")[0]), DAMAGED)
 
 
 class Node:
@@ -130,9 +80,11 @@ class Node:
         self._open_datasets: dict[tuple[str, ArraySpec], Any] = {}
 
     def names(self) -> list[str]:
-        """Return the names of all members of the HDF5 group, sorted."""
+        """Return the names of all members of the HDF5 group, sorted. Raises DatasetError for a name in another code."""
         with convert_hdf5_errors(self.location):
-            return sorted(self._group)
+            names = list(self._group)
+        check_names(names, self.location)
+        return sorted(names)
 
     def has(self, name: str) -> bool:
         """Whether the HDF5 group has a member of this name."""
@@ -154,7 +106,7 @@ class Node:
         if dataset is None:
             dataset = self._get_checked_dataset(name, spec, sizes)
         with convert_hdf5_errors(location):
-            values = dataset[()]
+            values = read_values(dataset, location)
         return list(values) if spec.dtype == STRING else convert_type(values, spec, location)
 
     def attribute(self, name: str) -> Any:
@@ -211,35 +163,21 @@ class Node:
             location.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
         return child
 
-    @staticmethod
-    def _check_expansion(dataset: Any, location: Location) -> None:
-        """Raise DatasetError for a large array whose stored bytes are far fewer than its bytes in memory."""
-        with convert_hdf5_errors(location):
-            size, stored_size = dataset.nbytes, dataset.id.get_storage_size()
-        try:
-            check_expansion(size, stored_size)
-        except ArchiveError as error:
-            location.fail("an array of bounded size", str(error), "store the array without compression")
-
     def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Return a dataset of the HDF5 group after a check of its type, shape and storage; values are not read."""
         dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
         with convert_hdf5_errors(location):
-            shape, dtype, chunks = dataset.shape, dataset.dtype, dataset.chunks
-            is_external = dataset.is_virtual or dataset.external is not None
+            shape, dtype = dataset.shape, dataset.dtype
             text = h5py.check_string_dtype(dtype)
         if shape is None:
             location.fail("an array", "an empty dataset", "store the array")
-        if is_external:
-            location.fail("data in this file", "data in another file", "store the data itself; links are not followed")
         if spec.dtype == STRING and text is None:
             location.fail("texts", f"type {dtype}", "store strings")
         if spec.dtype == STRING and text.length is not None and text.length > 4 * LONGEST_TEXT:
             location.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
         check_header(shape, dtype, spec, sizes, location)
-        self._check_expansion(dataset, location)
-        if chunks is not None and prod(chunks) * dtype.itemsize > LARGEST_ARRAY_BYTES:
-            location.fail(f"chunks of at most {LARGEST_ARRAY_BYTES} bytes", f"{list(chunks)}", "use smaller chunks")
+        with convert_hdf5_errors(location):
+            check_layout(dataset, location)
         return dataset
 
 

@@ -183,7 +183,9 @@ class InvariantChecker:
     def _find_lawless_forces(self, grasp: Grasp, force: FloatArray, separation: FloatArray) -> list[Violation]:
         """Find taxels whose force contradicts the dataset's forces at equal depths by more than `MAX_LAW_RATIO`.
 
-        Empty if the dataset has too few samples for a force law.
+        The permitted range of a force is that of the force law (`_learn_law`). Its upper end applies to every taxel,
+        its lower end only to a taxel that touches the object together with all its neighbours. Empty if the dataset has
+        too few samples for a force law.
         """
         if self._law is None:
             return []
@@ -251,7 +253,9 @@ def _make_violation(grasp: Grasp, frame: int, kind: str, taxel: int | None, text
 def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
     """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`.
 
-    In the hold, also frames whose total force is smaller than in both neighbouring frames by this ratio.
+    In the hold, also frames whose total force is smaller than in both neighbouring frames by this ratio. In the closing
+    phase, where the fingers hit the object, only the hold is compared, with the larger `MAX_IMPACT_RATIO`. Total forces
+    of less than ten times `MIN_FORCE_N` are not compared, because their ratios are not reliable.
     """
     total, phase = force.sum(axis=1), grasp.phase
     hold = total[phase == Phase.HOLD]

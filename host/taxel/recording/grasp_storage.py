@@ -108,7 +108,8 @@ def create_group(parent: Any, name: str | None) -> Any:
 def create_grasps_group(parent: Any) -> None:
     """Create the group ``/grasps`` with all links in its object header.
 
-    The group is the first one of the file, so that its header is within the first page.
+    A new link then changes the file by one write, and a program that is killed leaves a readable file. The group is the
+    first one of the file, so that its header is within the first page.
     """
     properties = _group_properties()
     # h5py does not offer these two calls, but its HDF5 library has them. If they cannot be called, HDF5's default

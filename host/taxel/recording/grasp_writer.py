@@ -191,8 +191,8 @@ class GraspDatasetWriter:
     def close(self) -> None:
         """Close the grasp dataset. A second call has no effect.
 
-        Raises DatasetError if the system refused a write. Complete grasps then stay in the file, and so does a file
-        that this dataset has replaced.
+        Raises DatasetError if the system refused a write. The complete grasps are then still in the file, and the
+        file that this dataset replaces is kept as `.NAME.previous`.
         """
         if self._output.file.closed:
             return
@@ -201,7 +201,7 @@ class GraspDatasetWriter:
                 self._file.close()
                 self._output.close()
         finally:
-            self._output.fail()
+            self._output.fail()  # does nothing after a successful close
 
     def __enter__(self) -> GraspDatasetWriter:
         return self

@@ -48,7 +48,7 @@ class SourceTouches:
         is_touched = np.asarray(self.active.any(axis=1))
         is_onset = is_touched & ~np.append(False, is_touched[:-1])
         self.touch_of_row = np.where(is_touched, np.cumsum(is_onset) - 1, -1)
-        self.onset_s = self.time_s[np.flatnonzero(is_onset) - 1]
+        self.onset_s = self.time_s[np.flatnonzero(is_onset) - 1]  # - 1: row 0 is the state before the first frame
 
     @property
     def n_touches(self) -> int:

@@ -63,7 +63,7 @@ class SpinningNode:
     """A node whose callbacks run in a separate thread during a `with` block, at whose end the node is closed."""
 
     def __init__(self, node: Node) -> None:
-        """Wrap an open node; the thread starts with the context."""
+        """Wrap an open node. The thread that runs the node's callbacks starts at the beginning of the `with` block."""
         self._node = node
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -71,6 +71,10 @@ class SpinningNode:
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         """Call `callback(names, angles)` in the thread for each sensor_msgs/JointState message. Angles in radians."""
         self._node.listen_to_joints(topic, callback)
+
+    def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
+        """Call `callback(message)` in the thread for each message of a topic. type_name: "package/Name"."""
+        self._node.listen(topic, type_name, callback)
 
     def _run(self) -> None:
         """Run the callbacks until the context ends or ROS shuts down."""

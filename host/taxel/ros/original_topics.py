@@ -46,7 +46,10 @@ class OriginalTopics:
     """
 
     def __init__(self, hand: Hand, epoch_offset_ns: int = 0) -> None:
-        """Create a converter. epoch_offset_ns: Unix time minus stream time, nanoseconds."""
+        """Create a converter from taxel frames to messages of the original ROS stack.
+
+        epoch_offset_ns: Unix time minus stream time, nanoseconds.
+        """
         self._topics = {board.address: make_original_topic(board.address) for board in hand.boards}
         self._offset_ns = epoch_offset_ns
         self._last_us: int | None = None
@@ -90,7 +93,8 @@ class OriginalFrames:
     def convert(self, message: Any, time_ns: int) -> TaxelFrame:
         """Return the taxel frame of a message with the fields data, timestamp and sensor_num.
 
-        time_ns: time of arrival, nanoseconds. Raises OriginalMessageError for values that are not raw counts.
+        A new poll cycle begins when a board sends a second message; the sequence number equals the cycle. time_ns: time
+        of arrival, nanoseconds. Raises OriginalMessageError for values that are not raw counts.
         """
         data = np.asarray(message.data, np.float64)
         is_count = (data >= 0) & (data <= _COUNT_MAX) & (data == np.trunc(data))

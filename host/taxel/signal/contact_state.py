@@ -100,7 +100,9 @@ class ContactState:
     def update(self, interval: Interval) -> ContactState:
         """Return the state after a further interval; the state itself is not changed.
 
-        A taxel without data keeps its contact probability and levels.
+        A taxel without data keeps its contact probability and levels. Four joint densities of state and count are
+        compared: the contact continues with its force (`stays`), the contact begins or changes its force (`moves`),
+        there is no contact (`free`), and there is no contact but the count at rest has risen (`risen`).
         """
         known = np.isfinite(interval.mean)
         count, residual = np.where(known, interval.mean, 0.0), np.where(known, interval.residual, 0.0)
@@ -179,7 +181,10 @@ def _normal_density(value: FloatArray, variance: FloatArray) -> FloatArray:
 
 
 def _signal_density(signal: FloatArray) -> FloatArray:
-    """Compute the probability density of a contact's signal, per count; 0 for a negative signal."""
+    """Compute the probability density of a contact's signal, per count; 0 for a negative signal.
+
+    The distribution is a gamma distribution of shape 2 with the mean `USUAL_SIGNAL`.
+    """
     scale = USUAL_SIGNAL / 2.0
     positive = np.maximum(signal, 0.0)
     return np.asarray(positive / scale**2 * np.exp(-positive / scale))

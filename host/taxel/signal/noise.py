@@ -172,6 +172,7 @@ def _compute_common_mode(residual: FloatArray, mask: BoolArray) -> float:
     if taxels < 2 or frames < MIN_SAMPLES:
         return np.nan
     rows = residual[is_complete]
+    # Sum of the products of all pairs. The fits of mean and drift remove two degrees of freedom of each taxel.
     pairs = (rows.sum(axis=1) ** 2).sum() - (rows**2).sum()
     covariance = pairs / (taxels * (taxels - 1) * (frames - 2))
     return float(np.sqrt(max(covariance, 0.0)))

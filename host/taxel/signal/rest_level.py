@@ -102,8 +102,9 @@ class RestLevel:
         """Find the boards on which a taxel is active without an announced contact; return their taxels, bool[n].
 
         mean, lowest: f64[n], mean and lowest count of each taxel in the step. threshold: signal above which a taxel is
-        active, counts. A board whose common change exceeds the threshold is not returned: such a change is one of the
-        board and no contact.
+        active, counts. The common change of the board, multiplied by the loading of the taxel (its relative response
+        to this change), does not count as signal. A board whose common change exceeds the threshold is not returned:
+        such a change is one of the board and no contact.
         """
         usable = self.is_known & np.isfinite(mean)
         common = self.find_common(np.where(usable, self.level - mean, 0.0), usable)
@@ -116,6 +117,10 @@ class RestLevel:
         self, mean: FloatArray, count: IntArray, skip: BoolArray, common: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Update the levels with the means of a step; return (prediction errors, their variances), f64[n] each.
+
+        A level is expected to change by the common change of its board times the loading of the taxel. A Kalman filter
+        corrects level and loading by the deviation from the expected mean, which is clipped at `CLIPPED` standard
+        deviations.
 
         mean: f64[n], NaN without data. count: i64[n], number of averaged frames. skip: bool[n], taxels that only follow
         the common change of their board, such as taxels in contact. common: f64[s], common change of the boards; None:

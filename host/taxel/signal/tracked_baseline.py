@@ -171,7 +171,7 @@ class TrackedBaseline:
         self._contact, have_ended = self._find_contact(mean, count, elapsed_s)
         is_contact = self._contact.is_contact
         self._contact_s = np.where(is_contact, self._contact_s + elapsed_s, 0.0)
-        level.forget(self._contact.has_risen)
+        level.forget(self._contact.has_risen)  # the count at rest was wrong; the next free interval defines a new one
         ceased = self._contact.has_ceased
         level.level[ceased], level.variance[ceased] = (
             self._contact.free_level[ceased],
@@ -213,6 +213,7 @@ class TrackedBaseline:
             (none, JOINT_CONTACT, joint),
         ):
             states.append(state := self._compute_contact(mean, count, common, elapsed_s, begin))
+            # log density of the common change: Student t distribution with the scale of the usual drift
             density = -0.5 * (COMMON_FREEDOM + 1.0) * np.log1p((common / scale) ** 2 / COMMON_FREEDOM)
             posterior.append(prior + density + np.bincount(level.board, state.log_evidence, len(common)))
         chosen = np.argmax(posterior, axis=0)
@@ -239,8 +240,8 @@ class TrackedBaseline:
         """Compute the error variance of each count at rest by drift since the taxel was last free, f64[n], counts^2.
 
         common: f64[s], common change of the boards in this interval, counts. count: i64[n], number of frames. The error
-        of a taxel's loading is multiplied by the whole drift, and so is the error of the median loading of the free
-        taxels, from which the drift is computed.
+        of a taxel's loading (its change relative to the common change of its board) is multiplied by the whole drift,
+        and so is the error of the median loading of the free taxels, from which the drift is computed.
         """
         level = self._rest
         drift = level.unchecked + common[level.board]

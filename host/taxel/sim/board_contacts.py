@@ -120,7 +120,7 @@ def find_board_contacts(
     pose = inverse(object_poses)[frame] @ sensor_poses[frame, board]
     group, taxel = _find_load_bearing_taxels(hand, shape, pose, board, approach)
     has_taxels = np.bincount(group, minlength=len(frame)) > 0
-    group = (np.cumsum(has_taxels) - 1)[group]
+    group = (np.cumsum(has_taxels) - 1)[group]  # boards without such taxels are removed, the others renumbered
     frame, board, force_n = frame[has_taxels], board[has_taxels], force_n[has_taxels]
     moment, approach, pose = moment[has_taxels], approach[has_taxels], pose[has_taxels]
     surface = _compute_surface_points(hand, taxel)
@@ -162,6 +162,7 @@ def _list_taxels(hand: Hand | Sheet, board: IndexArray) -> tuple[IndexArray, Ind
     first = np.searchsorted(hand.board_index[order], np.arange(len(hand.boards) + 1))
     size = np.diff(first)[board]
     group = np.repeat(np.arange(len(board)), size)
+    # Position in `order`: first taxel of the board, plus rank of the taxel among those of the same entry of `board`.
     return group, order[np.arange(len(group)) - np.repeat(np.cumsum(size) - size - first[board], size)]
 
 

@@ -199,7 +199,7 @@ class _Run:
         self.scene.place_object(self.data, object_pose)
         if self._push is not None:
             self._push.place_stand(object_pose)
-        palm_pose = self.nominal_pose @ self.controller.approach.compute_palm_pose_at(1.0)
+        palm_pose = self.nominal_pose @ self.controller.approach.compute_palm_pose_at(1.0)  # 1: fully withdrawn
         self._set_body_pose(self.scene.link_bodies[0], palm_pose)
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 

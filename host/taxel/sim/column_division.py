@@ -40,12 +40,14 @@ def divide_squares(depth: FloatArray, depth_change: FloatArray) -> Parts:
     depth: f64[m, k], depths of the middles of the squares below the planes of the faces, metres. depth_change:
     f64[m, k, 2], change of these depths from the middle of a square along each of its two half sides, metres.
     """
+    # A face is a candidate if it may have the smallest depth (that of the solid) somewhere in the square.
     extent = np.abs(depth_change).sum(axis=2)
     upper = (depth + extent).min(axis=1)
     is_candidate = (depth - extent <= upper[:, None]) & (upper[:, None] > 0.0)
     is_whole = (is_candidate.sum(axis=1) == 1) & ((depth - extent).min(axis=1) >= 0.0)
     whole = np.flatnonzero(is_whole)
     only = is_candidate[whole].argmax(axis=1)
+    # Standard deviation of a linear function over a square: each coordinate in half sides has the variance 1 / 3.
     deviation = np.sqrt((depth_change[whole, only] ** 2).sum(axis=1) / 3.0)
     undivided = Parts(whole, only, np.ones(len(whole)), np.zeros((len(whole), 2)), depth[whole, only], deviation)
     rows: list[tuple[int, int, float, FloatArray, float, float]] = []
@@ -113,6 +115,8 @@ def _measure_polygon(
     if share < _MIN_SHARE:
         return share, np.zeros(2), 0.0, 0.0
     depths = depth + corners @ depth_change
+    # Integrals over the triangles of a fan: of a linear function with the corner values d, area * sum(d) / 3; of its
+    # square, area * (sum(d^2) + sum(d)^2) / 12.
     mean = float(area @ depths.mean(axis=1)) / total
     square = float(area @ ((depths**2).sum(axis=1) + depths.sum(axis=1) ** 2)) / (12.0 * total)
     return share, area @ corners.mean(axis=1) / total, mean, float(np.sqrt(max(square - mean * mean, 0.0)))

@@ -107,6 +107,7 @@ class MessageRecorder:
         self._scene = scene
         self._settings = settings
         self._period = 0
+        # Body of each geom, as in `PairEntry.bodies`: index of the board, `OBJECT`, or a number of its own.
         self._body = np.where(scene.board_of_geom >= 0, scene.board_of_geom, FIRST_OTHER - np.arange(scene.model.ngeom))
         self._body[scene.model.geom("object").id] = OBJECT
         self._entries: list[PairEntry] = []

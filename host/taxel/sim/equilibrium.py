@@ -96,7 +96,7 @@ def solve_rest_positions(springs: Springs) -> FloatArray:
 
 def _estimate_first_contact(springs: Springs) -> FloatArray:
     """Estimate board coordinates f64[G, 3] without tilt at which each board's first touching spring bears its load."""
-    reach = np.maximum(springs.rows[:, 0], 1e-3)
+    reach = np.maximum(springs.rows[:, 0], 1e-3)  # compression per metre of approach, limited against division by 0
     approach = springs.gap / reach + springs.load[springs.group, 0] / (springs.stiffness * reach**2)
     x = np.zeros((len(springs.load), 3))
     x[:, 0] = np.minimum.reduceat(approach, springs.starts)

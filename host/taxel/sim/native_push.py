@@ -196,7 +196,7 @@ class NativePush(SoftPush):
         """Set how firmly the experimenter holds the object, 0 to 1; see `SoftPush.set_firmness`."""
         super().set_firmness(firmness)
         steadying = self._native.steadying
-        if steadying.firmness == 0.0:
+        if steadying.firmness == 0.0:  # a new hold begins at the pose of the object in the next step
             steadying.has_rest = 0
         steadying.firmness = firmness
 
@@ -209,7 +209,7 @@ class NativePush(SoftPush):
             self._point_to(data)
         model, inertia = self._model, self._inertia
         remaining = 1.0
-        while remaining > 1e-9:
+        while remaining > 1e-9:  # fraction of the time step; a smaller one is a rounding error of the subtractions
             mujoco.mj_fwdPosition(model, data)
             mujoco.mj_fwdVelocity(model, data)
             mujoco.mj_fullM(model, data, inertia)

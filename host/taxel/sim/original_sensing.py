@@ -219,7 +219,7 @@ class OriginalContact(NamedTuple):
 def sense_messages(
     hand: Hand, sensor_poses: FloatArray, time_s: FloatArray, messages: Iterable[ContactMessage], rules: OriginalRules
 ) -> OriginalContact:
-    """Apply the plug-in at every sample, as if it saved at this time.
+    """Compute the taxels that the plug-in would find active at every sample, if it saved its results at this time.
 
     sensor_poses: f64[T, s, 4, 4], brackets in the world. time_s: f64[T], ascending. messages: in ascending order of
     time; a message that ends after a sample does not act on it.

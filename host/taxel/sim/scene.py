@@ -175,7 +175,7 @@ def _write_scene(
 
     heights_m: height of each board's surface over its electrodes, metres.
     """
-    dimensions = 3 if friction > 0 else 1
+    dimensions = 3 if friction > 0 else 1  # of a contact force: with or without friction (attribute condim)
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{friction!r} 0 0"'
     # The controller compensates the weight of the hand (gravcomp).

@@ -112,7 +112,7 @@ class SimSensor:
         counts = self.baseline_counts - self.predict_signal(force, hand.area_share)
         if self.noise_counts:
             counts += generator.normal(scale=self.noise_counts, size=force.shape)
-        if self.noise_line_counts:
+        if self.noise_line_counts:  # all taxels of an RX line share this noise
             line = _number_rx_lines(hand)
             shared = generator.normal(scale=self.noise_line_counts, size=(len(force), line.max() + 1))
             counts += shared[:, line]

@@ -210,6 +210,7 @@ class SoftContact:
         wrench, total = np.zeros((len(sensor_poses), 6)), np.zeros((len(sensor_poses), 6, 6))
         for index in np.unique(board):
             on_board = board == index
+            # [m, 6, 3]: converts a force on each column to force and moment about the bracket's origin in the world.
             motion = np.concatenate([np.tile(np.eye(3), (on_board.sum(), 1, 1)), _make_cross(arm[on_board])], axis=1)
             motion = np.kron(np.eye(2), rotation) @ motion
             wrench[index] = np.einsum("mij,mj->i", motion, force[on_board])

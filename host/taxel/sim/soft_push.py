@@ -96,7 +96,7 @@ class SoftPush:
         current.
         """
         remaining = 1.0
-        while remaining > 1e-9:
+        while remaining > 1e-9:  # fraction of the time step; a smaller one is a rounding error of the subtractions
             mujoco.mj_fwdPosition(self._model, data)
             mujoco.mj_fwdVelocity(self._model, data)
             share = min(self._choose_step(data), remaining)

@@ -38,6 +38,7 @@ class StandContact:
         """Prepare the contact. shape: the object. pose: f64[4, 4] of the stand in the world; its z axis is upward."""
         self.corners = _find_corners(shape)
         is_bottom = self.corners[:, 2] < self.corners[:, 2].min() + 1e-6
+        # The corners of an upright object together have the stiffness of the stand.
         self.stiffness_n_per_m = STAND_N_PER_M / max(int(is_bottom.sum()), 1)
         self.up, self.origin = pose[:3, 2].copy(), pose[:3, 3].copy()
         self._across = np.outer(self.up, self.up)

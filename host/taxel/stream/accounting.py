@@ -64,6 +64,7 @@ class LossAccount:
     @property
     def boards(self) -> dict[int, BoardCount]:
         """Frame counts by board address, for the boards that have sent a frame."""
+        # Rows: received, missing, damaged, undecoded frames.
         table: NDArray[np.uint64] = self._decoder.totals[4:].reshape(4, ADDRESSES)
         addresses = np.flatnonzero(table[0] + table[2] + table[3])
         return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in addresses.tolist()}
@@ -75,6 +76,7 @@ class LossAccount:
         A few such frames occur when a host joins a running stream or a board is replaced. Boards without any are
         omitted.
         """
+        # Rows: received, missing, damaged, undecoded frames.
         table: NDArray[np.uint64] = self._decoder.totals[4:].reshape(4, ADDRESSES)
         return {int(a): int(table[3, a]) for a in np.flatnonzero(table[3]).tolist()}
 

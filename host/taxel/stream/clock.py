@@ -125,7 +125,7 @@ class ClockMap:
         baud: bits per second of the hub's port. has_arrivals: whether arrival times are real; if not, hub time is the
         time base of the result. The arrays with 128 elements have one element per 7-bit board address.
         """
-        self._byte_us = 10e6 / baud
+        self._byte_us = 10e6 / baud  # a byte on the UART has 10 bits: start bit, 8 data bits, stop bit
         self._has_arrivals = has_arrivals
         self._hub_us = 0  # latest hub time, unwrapped
         self._envelope = LowerEnvelope()
@@ -218,6 +218,7 @@ class ClockMap:
         if not len(rows):
             return np.zeros(0)
         address = rows["address"].astype(np.intp)  # indexing with intp is ten times faster in numpy
+        # Signed difference of clocks modulo 2^32: correct across a wrap, up to 35 minutes in both directions.
         since = (rows["board_time_us"] - self._board_0[address]).view(np.int32)
         mapped: NDArray[np.float64] = self._hub_0[address] + self._rate[address] * since
         read = self._unwrap(rows["hub_time_us"])
@@ -268,7 +269,8 @@ class ClockMap:
     ) -> None:
         """Update the estimated time to read each board on the bus, from the times between successive transfers.
 
-        taxels, syncs: rows of dtype `ROW`. read_start, sync_us: their unwrapped hub times, microseconds.
+        taxels, syncs: rows of dtype `ROW`. read_start, sync_us: their unwrapped hub times, microseconds. A TIME_SYNC
+        frame has the address 0 here: it ends the read of the board before it, but is no read of a board itself.
         """
         sequence, times, address = taxels["sequence"], read_start, taxels["address"]
         if len(syncs):

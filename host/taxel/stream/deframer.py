@@ -51,7 +51,7 @@ class Deframer:
         """Create a decoder of hub frames with its C state and memory; library: C codec, None: the package's own."""
         self._library = load_codec_library() if library is None else library
         self._state = ctypes.create_string_buffer(_STATE_SIZE)
-        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
+        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))  # two largest frames, as the C code requires
         self._body = ctypes.create_string_buffer(BODY_MAX)
         self._handler = _HANDLER(self._append_frame)
         memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))

@@ -34,7 +34,7 @@ from taxel_protocol.frames import (
 )
 from taxel_protocol.layout import pack
 from taxel_protocol.limits import REGISTER_FAULT
-from taxel_protocol.names import StartFlag
+from taxel_protocol.names import FrontEnd, StartFlag
 
 REPLY_TIMEOUT_S = 1.0
 """Longest wait for a reply before the request is repeated, seconds."""
@@ -255,10 +255,15 @@ class HubClient:
             return None
         return parse_fault_register(address, self.transfer(address, bytes([REGISTER_FAULT]), REGISTER_SIZE))
 
-    def set_scan_settings(self, settings: dict[str, int], address: int = 0) -> None:
-        """Set scan settings (fields of `taxel_protocol.registers.ScanSettings`) of one board; address 0: all boards."""
+    def set_scan_settings(self, settings: dict[str, int], address: int = 0, front_end: int = FrontEnd.CAPSENSE) -> None:
+        """Set scan settings (fields of `taxel_protocol.registers.ScanSettings`) of one board; address 0: all boards.
+
+        front_end: converter for which the settings are. Boards with another converter reject them: `HubError`.
+        """
         fields = {"address": address} | {f"settings_{name}": value for name, value in settings.items()}
-        self.command(Command.SET_SCAN_SETTINGS, pack(SetScanSettingsArguments, fields))
+        arguments = pack(SetScanSettingsArguments, fields | {"front_end": front_end})
+        # Hubs of earlier versions accept the arguments only without the last byte.
+        self.command(Command.SET_SCAN_SETTINGS, arguments if front_end else arguments[:-1])
 
     def reboot(self) -> None:
         """Restart the hub and wait for its restart message; the handshake must then be repeated.

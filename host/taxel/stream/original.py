@@ -102,6 +102,10 @@ class NativeOriginalDecoder:
         library: ctypes.CDLL | None = None,
         capacity: int = BUFFER_MIN,
     ) -> None:
+        """Create the decoder with its C state and buffer.
+
+        message_format: fields and boards of the messages. library, capacity: as for the class. Raises ValueError.
+        """
         self.format = message_format
         self._library = load_codec_library() if library is None else library
         self._messages: list[OriginalMessage] = []

@@ -78,7 +78,11 @@ def _read_by_hub_time(link: Link) -> Iterator[TimedBytes]:
 
 
 def find_stream_start(link: Link, search_bytes: int = 1 << 22) -> StreamStart | None:
-    """Find the first taxel frame of a recording; None if its first `search_bytes` bytes contain none."""
+    """Find the first taxel frame of a recording; None if its first `search_bytes` bytes contain none.
+
+    The result contains the end of the last message before this frame, bytes of the stream, and the frame's sequence
+    number.
+    """
     decoder = StreamDecoder()
     skip = size = 0
     for data, _ in _read_chunks(link):

@@ -53,13 +53,16 @@ def compute_removed_share(result: ObjectResult, threshold: int) -> float:
 
 
 def is_denser(result: ObjectResult) -> Outcome:
-    """Test whether the real cloud has more points than the simulated cloud. Number: ratio of the points."""
+    """Test whether the real cloud has more points than the simulated cloud. Returned number: ratio of the points."""
     ratio = result.cad[REAL].points / max(result.cad[SIM].points, 1)
     return ratio, ratio > 1.0
 
 
 def is_noisier(result: ObjectResult) -> Outcome:
-    """Test whether the standard deviation of the distances to CAD is much larger for the real cloud. Number: ratio."""
+    """Test whether the standard deviation of the distances to CAD is much larger for the real cloud.
+
+    Returned number: ratio.
+    """
     ratio = result.cad[REAL].std_m / result.cad[SIM].std_m
     return ratio, ratio >= SIGNIFICANT
 
@@ -67,14 +70,17 @@ def is_noisier(result: ObjectResult) -> Outcome:
 def is_sim_nearer(result: ObjectResult) -> Outcome:
     """Test whether mean and RMS distance to CAD are significantly smaller for the simulated cloud.
 
-    Number: the smaller of the two ratios of the real to the simulated distance.
+    Returned number: the smaller of the two ratios of the real to the simulated distance.
     """
     ratio = min(getattr(result.cad[REAL], key) / getattr(result.cad[SIM], key) for key in KEYS)
     return ratio, ratio >= SIGNIFICANT
 
 
 def has_outliers(result: ObjectResult) -> Outcome:
-    """Test whether the real cloud has points farther from CAD than any simulated point. Number: ratio of the maxima."""
+    """Test whether the real cloud has points farther from CAD than any simulated point.
+
+    Returned number: ratio of the maxima.
+    """
     ratio = result.cad[REAL].max_m / result.cad[SIM].max_m
     return ratio, ratio > 1.0
 
@@ -92,9 +98,10 @@ def _list_steps(result: ObjectResult, key: str) -> dict[int, float]:
 
 
 def falls_at_first(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS to CAD decrease from 150 to 190 counts, without an increase in any step.
+    """Test whether mean and RMS distance to the CAD model decrease without an increase in any step up to 190 counts.
 
-    Number: decrease of the mean, percent.
+    A step is one step of the threshold of the force filter; the first threshold is 150 counts.
+    Returned number: decrease of the mean, percent.
     """
     first, last = result.force[min(result.force)], result.force[FORCE_FILTER]
     steps = [step for key in KEYS for threshold, step in _list_steps(result, key).items() if threshold <= FORCE_FILTER]
@@ -103,9 +110,10 @@ def falls_at_first(result: ObjectResult) -> Outcome:
 
 
 def surges(result: ObjectResult) -> Outcome:
-    """Test whether the step from 190 to 200 counts increases mean and RMS to CAD more than any other step.
+    """Test whether the step from 190 to 200 counts increases mean and RMS distance to the CAD model most of all steps.
 
-    Number: increase of the mean, percent.
+    A step is one step of the threshold of the force filter.
+    Returned number: increase of the mean, percent.
     """
     steps = {key: _list_steps(result, key) for key in KEYS}
     is_largest = all(step[AFTER_SURGE] > 0.0 and step[AFTER_SURGE] == max(step.values()) for step in steps.values())
@@ -115,7 +123,8 @@ def surges(result: ObjectResult) -> Outcome:
 def loses_most_at_surge(result: ObjectResult) -> Outcome:
     """Test whether the step from 190 to 200 counts removes more points than every earlier step.
 
-    Number: share of the points that this step removes, percent.
+    A step is one step of the threshold of the force filter.
+    Returned number: share of the points that this step removes, percent.
     """
     thresholds = [threshold for threshold in sorted(result.force) if threshold <= AFTER_SURGE]
     removed = [
@@ -126,26 +135,36 @@ def loses_most_at_surge(result: ObjectResult) -> Outcome:
 
 
 def is_smallest_above(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS to CAD are smallest at a threshold above 190 counts. Number: threshold for the mean."""
+    """Test whether mean and RMS distance to the CAD model are smallest at a threshold above 190 counts.
+
+    Returned number: threshold for the mean.
+    """
     best = {key: min(result.force, key=lambda t: getattr(result.force[t], key)) for key in KEYS}
     return float(best["mean_m"]), all(threshold > FORCE_FILTER for threshold in best.values())
 
 
 def loses_majority(result: ObjectResult) -> Outcome:
-    """Test whether the force filter removes the majority of the points at the largest threshold. Number: percentage."""
+    """Test whether the force filter removes the majority of the points at the largest threshold.
+
+    Returned number: percentage.
+    """
     removed = compute_removed_share(result, LARGEST_THRESHOLD)
     return removed, removed > 50.0
 
 
 def keeps_majority(result: ObjectResult) -> Outcome:
-    """Test whether the majority of the points has a signal above 190 counts. Number: percentage of the points."""
+    """Test whether the majority of the points has a signal above 190 counts.
+
+    Returned number: percentage of the points.
+    """
     kept = 100.0 - compute_removed_share(result, FORCE_FILTER)
     return kept, kept > 50.0
 
 
 def does_sor_improve(result: ObjectResult) -> Outcome:
-    """Test whether SOR lowers mean and RMS to CAD of the force-filtered cloud. Number: decrease of the mean,
-    percent.
+    """Test whether SOR (statistical outlier removal) lowers mean and RMS distance to CAD of the force-filtered cloud.
+
+    Returned number: decrease of the mean, percent.
     """
     before, after = result.cad[FILTERED], result.cad[CLEANED]
     return compute_decrease(before.mean_m, after.mean_m), all(
@@ -161,7 +180,11 @@ def _get_best_settings(evidence: Evidence) -> dict[str, Setting] | None:
 
 
 def do_best_settings_vary(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether the best SOR settings differ between objects. Number: how many objects have other settings."""
+    """Test whether the best settings of SOR (statistical outlier removal) differ between objects.
+
+    Returned number: how many objects have other settings. Returns None if an object has no results for several
+    settings.
+    """
     best = _get_best_settings(evidence)
     if best is None:
         return None
@@ -172,7 +195,8 @@ def do_best_settings_vary(evidence: Evidence) -> Mapping[str, Outcome] | None:
 def is_prism_n_larger(evidence: Evidence) -> Mapping[str, Outcome] | None:
     """Test whether the best N is 20, the smallest, for rectangular prism and cylinder, and larger for triangular prism.
 
-    Number: N in percent of the cloud's points.
+    N is the number of neighbours that SOR compares. Returns None if an object has no results for several settings.
+    Returned number: N in percent of the cloud's points.
     """
     best = _get_best_settings(evidence)
     if best is None:
@@ -187,7 +211,11 @@ def is_prism_n_larger(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_box_sigma_lower(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether the best nSigma of the rectangular prism is below those of the other two objects."""
+    """Test whether the best nSigma of the rectangular prism is below those of the other two objects.
+
+    nSigma is the threshold of SOR in standard deviations. Returned number: best nSigma of the object. Returns None if
+    an object has no results for several settings.
+    """
     best = _get_best_settings(evidence)
     if best is None:
         return None
@@ -199,9 +227,10 @@ def is_box_sigma_lower(evidence: Evidence) -> Mapping[str, Outcome] | None:
 
 
 def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether one SOR setting lowers the RMS to CAD of all objects; None if no setting is printed for all objects.
+    """Test whether one setting of SOR (statistical outlier removal) lowers the RMS distance to CAD of all objects.
 
-    Number: decrease of the RMS, percent.
+    Returns None if no setting is printed for all objects.
+    Returned number: decrease of the RMS, percent.
     """
     common = find_common_setting(evidence.results)
     if common is None:
@@ -216,7 +245,7 @@ def is_one_setting_possible(evidence: Evidence) -> Mapping[str, Outcome] | None:
 def propagation_adds_points(result: ObjectResult) -> Outcome:
     """Test whether contact propagation brings the number of simulated points nearer to that of the real points.
 
-    Number: simulated points after propagation divided by unfiltered real points.
+    Returned number: simulated points after propagation divided by unfiltered real points.
     """
     real, before, after = (result.cad[name].points for name in (REAL, SIM, SPREAD))
     distance = [abs(float(np.log(max(points, 1) / max(real, 1)))) for points in (before, after)]
@@ -224,19 +253,19 @@ def propagation_adds_points(result: ObjectResult) -> Outcome:
 
 
 def propagation_worsens(result: ObjectResult) -> Outcome:
-    """Test whether contact propagation increases mean and RMS to CAD of the simulated cloud.
+    """Test whether contact propagation increases mean and RMS distance to the CAD model of the simulated cloud.
 
-    Number: mean after propagation divided by mean before.
+    Returned number: mean after propagation divided by mean before.
     """
     before, after = result.cad[SIM], result.cad[SPREAD]
     return after.mean_m / before.mean_m, all(getattr(after, key) > getattr(before, key) for key in KEYS)
 
 
 def propagation_nears_reality(result: ObjectResult) -> Outcome:
-    """Test whether contact propagation brings mean and RMS to CAD of the simulated cloud nearer to the treated real
-    cloud.
+    """Test whether contact propagation brings the distances of the simulated cloud nearer to those of the real cloud.
 
-    Number: mean of the treated real cloud divided by that of the simulated cloud after propagation.
+    Compared are mean and RMS distance to the CAD model, with those of the treated real cloud.
+    Returned number: mean of the treated real cloud divided by that of the simulated cloud after propagation.
     """
     real, before, after = (result.cad[name] for name in (CLEANED, SIM, SPREAD))
     holds = all(
@@ -247,15 +276,15 @@ def propagation_nears_reality(result: ObjectResult) -> Outcome:
 
 
 def loses_outliers(result: ObjectResult) -> Outcome:
-    """Test whether both filters together lower the largest distance to CAD. Number: decrease, percent."""
+    """Test whether both filters together lower the largest distance to CAD. Returned number: decrease, percent."""
     decrease = compute_decrease(result.cad[REAL].max_m, result.cad[CLEANED].max_m)
     return decrease, decrease > 0.0
 
 
 def is_propagation_prevalent(evidence: Evidence) -> Mapping[str, Outcome] | None:
-    """Test whether contact propagation changes more grasps than each filter. Number: percentage of changed grasps.
+    """Test whether contact propagation changes more grasps than each filter.
 
-    Returns None for results without prevalence.
+    Returned number: percentage of changed grasps. Returns None for results without prevalence.
     """
     if any(not result.prevalence for result in evidence.results):
         return None
@@ -271,7 +300,7 @@ def is_propagation_prevalent(evidence: Evidence) -> Mapping[str, Outcome] | None
 def are_outliers_on_lines(evidence: Evidence) -> Mapping[str, Outcome] | None:
     """Test whether points removed by SOR share electrode lines with contacts more often than inactive taxels do.
 
-    Number: ratio of the two shares; 0 if it is undefined. Returns None for results without line shares.
+    Returned number: ratio of the two shares; 0 if it is undefined. Returns None for results without line shares.
     """
     if any(result.line_shares is None for result in evidence.results):
         return None
@@ -299,7 +328,8 @@ def is_smallest_for_prism(compute: Callable[[ObjectResult], float]) -> Test:
 def has_own_model_nearest(result: ObjectResult) -> Outcome:
     """Test whether mean and RMS of the treated real and simulated clouds are smallest for the object's own CAD model.
 
-    Number: smallest distance to another model divided by that to the own model, smallest over clouds and statistics.
+    Returned number: smallest distance to another model divided by that to the own model, smallest over clouds and
+    statistics.
     """
     margins = []
     for side in (REAL, SIM):
@@ -312,8 +342,8 @@ def has_own_model_nearest(result: ObjectResult) -> Outcome:
 def are_shapes_identified(group: str, percent: float) -> Test:
     """Return a test of whether at least `percent` of the clouds of all objects together are identified correctly.
 
-    group: `WHOLE_CLOUDS` or `SINGLE_APPROACHES`. The candidate models are the three objects. Number: percentage of the
-    object's clouds that are identified.
+    group: `WHOLE_CLOUDS` or `SINGLE_APPROACHES`. The candidate models are the three objects. Returned number:
+    percentage of the object's clouds that are identified.
     """
 
     def test(evidence: Evidence) -> Mapping[str, Outcome] | None:

@@ -30,7 +30,7 @@ def decline(result: ObjectResult, step: int, key: str = "mean_m") -> float:
 def sor_removes_farther_points(result: ObjectResult) -> Outcome:
     """Test whether SOR lowers the largest real-to-sim distance more than the force filter does.
 
-    Number: decrease by SOR, percent.
+    Returned number: decrease by SOR, percent.
     """
     largest = [result.to_sim[stage].max_m for stage in STAGES]
     by_force, by_sor = compute_decrease(largest[0], largest[1]), compute_decrease(largest[1], largest[2])
@@ -38,8 +38,9 @@ def sor_removes_farther_points(result: ObjectResult) -> Outcome:
 
 
 def decreases_continuously(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS real-to-sim decrease at every treatment step. Number: total decrease of the mean,
-    percent.
+    """Test whether mean and RMS real-to-sim decrease at every treatment step.
+
+    Returned number: total decrease of the mean, percent.
     """
     holds = all(decline(result, step, key) > 0.0 for step in range(3) for key in KEYS)
     return compute_decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m), holds
@@ -53,7 +54,7 @@ def _get_shares(result: ObjectResult, key: str) -> list[float]:
 def has_same_trend(result: ObjectResult) -> Outcome:
     """Test whether the three treatment steps have the same order by decrease of the mean and by decrease of the RMS.
 
-    Number: largest difference between the shares by mean and by RMS, percent.
+    Returned number: largest difference between the shares by mean and by RMS, percent.
     """
     declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
     mean, rms = (_get_shares(result, key) for key in KEYS)
@@ -64,7 +65,7 @@ def has_same_trend(result: ObjectResult) -> Outcome:
 def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
     """Test whether the same of the two filters, SOR or force filter, contributes more as in Tables I-10 to I-12.
 
-    Number: decrease of the mean real-to-sim distance by SOR minus that by the force filter, millimetres.
+    Returned number: decrease of the mean real-to-sim distance by SOR minus that by the force filter, millimetres.
     """
 
     def compare(result: ObjectResult) -> float:
@@ -81,7 +82,7 @@ def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
 def is_propagation_largest(result: ObjectResult) -> Outcome:
     """Test whether contact propagation decreases mean and RMS of the real-to-sim distance more than each filter does.
 
-    Number: share of propagation in the decrease of the mean, percent.
+    Returned number: share of propagation in the decrease of the mean, percent.
     """
     declines = [[decline(result, step, key) for step in range(3)] for key in KEYS]
     return _get_shares(result, KEYS[0])[-1], all(steps[-1] > max(0.0, *steps[:-1]) for steps in declines)
@@ -90,7 +91,7 @@ def is_propagation_largest(result: ObjectResult) -> Outcome:
 def is_prism_force_step_small(evidence: Evidence) -> Mapping[str, Outcome]:
     """Test whether the force filter decreases the mean real-to-sim distance much less for the triangular prism.
 
-    Number: decrease, millimetres. For another object, the statement holds if its decrease is much larger.
+    Returned number: decrease, millimetres. For another object, the statement holds if its decrease is much larger.
     """
     declines = {result.printed_name: decline(result, FORCE_STEP) for result in evidence.results}
     prism = declines["triangular"]

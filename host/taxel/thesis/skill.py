@@ -112,7 +112,11 @@ class Skill:
 
 
 def compute_skill(entries: Sequence[Entry]) -> Skill:
-    """Compute the skill of one or more entries of the same statistic."""
+    """Compute the skill of one or more entries of the same statistic.
+
+    The skill compares the mean |ln(reproduced / printed)| with the mean |ln(constant / printed)| of the best constant,
+    the median of the printed values on a logarithmic scale. 1: perfect; 0: as good as the constant.
+    """
     logarithms = np.log([entry.printed for entry in entries])
     constant = float(np.median(logarithms))
     error = float(np.mean([entry.log_ratio for entry in entries]))
@@ -139,6 +143,8 @@ class SkillReport:
 def compute_skills(results: Sequence[ObjectResult]) -> SkillReport:
     """Compute the skills of all groups of tables and of all single tables.
 
+    A skill is 1 for a perfect reproduction of the printed values, and 0 if the reproduced values are as good as one
+    constant for all printed values.
     The skill of a group uses one constant for all its tables and objects, and contains every quantity once. The skill
     of a table uses a separate constant, and contains all rows but copies, even rows that another table repeats.
     """
@@ -160,7 +166,10 @@ def compute_skills(results: Sequence[ObjectResult]) -> SkillReport:
 
 
 def select_counted(entries: Sequence[Entry]) -> list[Entry]:
-    """Return the entries without those of copied rows, and with only the first entry of each quantity."""
+    """Return the entries without those of copied rows, and with only the first entry of each quantity.
+
+    A quantity is one statistic of one cloud to one target, which several tables may print.
+    """
     result, seen = [], set()
     for entry in entries:
         if not entry.is_copy and entry.quantity not in seen:
@@ -215,7 +224,12 @@ def list_entries(results: Sequence[ObjectResult]) -> list[Entry]:
 def _make_entries(
     place: _Place, name: str, stats: DistanceStats, printed: DistanceStats, is_copy: bool
 ) -> Iterator[Entry]:
-    """Yield the entries of one printed row of an object. is_copy: whether the row repeats an earlier one."""
+    """Yield the entries of one printed row of an object, one for each column.
+
+    place: position of the row in the tables. name: name of the object. stats, printed: reproduced and printed
+    statistics. is_copy: whether the row repeats an earlier one. The key of a quantity does not contain the table, so
+    that the same quantity in two tables has one key.
+    """
     for column in place.columns:
         target = None if column == POINTS else place.target
         quantity = (name, place.cloud, target, column)

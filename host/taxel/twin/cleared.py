@@ -33,7 +33,8 @@ class ClearedTest:
         """Add the estimates of a step relative to the reference; return whether the fault has been removed.
 
         level: i64[P], level of each place. elapsed_s: seconds since the step before. The result is False for a step
-        without information on the quantity and place of the alarm.
+        without information on the quantity and place of the alarm. Method: statistic of Shiryaev and Roberts (see
+        `detector.py`) of the usual value against the changed value; the fault has been removed at 1.
         """
         quantity = QUANTITIES[self.hypothesis.quantity]
         if quantity.name not in estimates:

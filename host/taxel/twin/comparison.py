@@ -29,7 +29,7 @@ from taxel.twin.statistics import (
     compute_rest_scores,
     sum_over_places,
 )
-from taxel.twin.steps import HOLD, Step, StepBuilder
+from taxel.twin.steps import BEFORE, HOLD, Step, StepBuilder
 from taxel.twin.unannounced import UnannouncedContacts
 from taxel.twin.variance_factors import VarianceFactors
 from taxel.types import BoolArray, CountArray, FloatArray
@@ -125,6 +125,17 @@ class Twin:
         self._exchanged |= self.reference.places.board == board
         self._relearn(self._exchanged)
 
+    def begin_session(self, time_s: float) -> list[StepResult]:
+        """Expect another level without contact and other deviations of the contacts from now on: a new session.
+
+        Returns the results of the steps that have ended by `time_s`, seconds, the time of the session's first frame.
+        """
+        results = [self._process(step) for step in self._builder.advance(time_s)]
+        self.level.forget(np.ones(self.reference.taxels.n, dtype=bool))
+        self.live.begin()
+        self.unannounced = UnannouncedContacts(self.reference.noise_variance, self.reference.places.board)
+        return results
+
     def _relearn(self, taxels: BoolArray) -> None:
         """Discard what the session has learnt about the taxels bool[n]."""
         self.noise.forget(taxels)
@@ -135,6 +146,18 @@ class Twin:
     def contact(self) -> Contact | None:
         """The announced contact of the current step; None outside a contact."""
         return self._builder.contact
+
+    def compute_baseline(self) -> FloatArray:
+        """Return the raw count without contact at the newest time, f64[n], counts.
+
+        It is the mean of the current contact's baseline, or without one the tracked count, or that of the reference.
+        """
+        level = np.where(self.level.is_known, self.level.level, self.reference.rest)
+        step = self._builder.current
+        if step is None or step.contact is None:
+            return np.asarray(level)
+        before = step.compute_means()[BEFORE]
+        return np.asarray(np.where(np.isfinite(before), before, level))
 
     def finish(self) -> list[StepResult]:
         """Return the results of the steps that end with the stream."""
@@ -164,10 +187,10 @@ class Twin:
         signals = None
         novelty = self._compute_novelty(step)
         if step.contact is not None:
+            known = self.reference.expect(step)
             found = compute_contact_scores(step, self.reference, self.live, self._exchanged | touched)
-            if found is not None:
+            if found is not None and known is not None:
                 scores.update(found[0])
-                known = self.reference.conditions[step.contact.condition]
                 self.live.add(step.contact.condition, known.mean, np.where(touched, np.nan, found[1]))
             signals = compute_signals(step)
         condition = step.contact.condition if step.contact is not None else None
@@ -194,9 +217,9 @@ class Twin:
         of the reference's conditions.
         """
         places = self.reference.places
-        if step.contact is None or step.contact.condition not in self.reference.conditions:
+        known = self.reference.expect(step)
+        if step.contact is None or known is None:
             return np.zeros(len(places))
-        known = self.reference.conditions[step.contact.condition]
         _, factor = self.live.predict(step.contact.condition, known.mean, known.repeats)
         usual = 1.0 + self.reference.session_ratio[HOLD].mean() + 1.0 / known.repeats
         members = places.members
@@ -325,9 +348,10 @@ class Twin:
 
     def _is_loaded(self, step: Step, place: int) -> bool:
         """Whether the contact of a step is expected to load the boards of a place."""
-        if step.contact is None or step.contact.condition not in self.reference.conditions:
+        known = self.reference.expect(step)
+        if known is None:
             return False
-        expected = self.reference.conditions[step.contact.condition].mean[HOLD].mean(axis=0)
+        expected = known.mean[HOLD].mean(axis=0)
         board = self.reference.places.board
         boards = np.bincount(board, self._find_members(place), self.reference.sensors.s) > 0
         return bool((expected > ACTIVE_SIGNAL_COUNTS)[boards[board]].any())

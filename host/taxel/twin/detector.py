@@ -56,16 +56,17 @@ class ChangeDetector:
     def update(self, elapsed_s: float, log_ratios: dict[str, FloatArray]) -> float:
         """Add a step; return the sum of the statistics of all hypotheses. A sum of at least 1 is an alarm.
 
-        elapsed_s: time since the step before. log_ratios: log likelihood ratios of the step, f64[P, G] (P places, G
-        alternatives), by quantity. The step does not change the evidence for a quantity that it does not contain, apart
-        from the elapsed time.
+        Statistic of Shiryaev and Roberts: (old value + prior * elapsed / T) * likelihood ratio of the step. elapsed_s:
+        time since the step before. log_ratios: log likelihood ratios of the step, f64[P, G] (P places, G alternatives),
+        by quantity. The step does not change the evidence for a quantity that it does not contain, apart from the
+        elapsed time.
         """
         share = elapsed_s / self._period_s
         total = 0.0
         for name, evidence in self.evidence.items():
             evidence += self._prior[name] * share
             if name in log_ratios:
-                evidence *= np.exp(np.minimum(log_ratios[name], 400.0))
+                evidence *= np.exp(np.minimum(log_ratios[name], 400.0))  # the limit avoids an overflow
                 np.minimum(evidence, LARGEST, out=evidence)
             total += float(evidence.sum())
         return total

@@ -46,6 +46,7 @@ class Alarm:
         }
 
     def __str__(self) -> str:
+        """Format the alarm as one line: time, quantity, place, amplitude, and onset with its 95 % interval."""
         size = f", {self.size_counts:+.0f} counts" if self.size_counts is not None else ""
         low, high = self.onset_ci95
         return (
@@ -62,7 +63,7 @@ class Alarm:
             return f"{100 * self.amplitude:+.0f} %"
         if self.unit == "s":
             return f"{1e3 * self.amplitude:+.0f} ms"
-        if self.unit == "ln":
+        if self.unit == "ln":  # logarithm of a variance ratio; its half is that of the standard deviation
             return f"x {2.718281828 ** (0.5 * self.amplitude):.2g}"
         return f"{self.amplitude:+.0f} {self.unit}"
 
@@ -86,7 +87,7 @@ class Cleared:
 class InputFault:
     """A fault of the input that interrupts the comparison but is no change of the skin.
 
-    kind: "gap", "clock", "board" (a board was exchanged) or "cause".
+    kind: "gap", "clock", "board" (a board was exchanged), "pose", "joints" or "cause".
     """
 
     time_s: float
@@ -132,6 +133,7 @@ class CauseEvent:
         }
 
     def __str__(self) -> str:
+        """Format the diagnosis as one line: time, verdict, remedy, and the three most probable causes."""
         best = sorted(self.probabilities.items(), key=lambda item: -item[1])[:3]
         shown = ", ".join(f"{name.replace('_', ' ')} {100 * value:.0f} %" for name, value in best)
         return (

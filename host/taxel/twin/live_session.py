@@ -34,13 +34,15 @@ class LiveSession:
         """Start a session of n taxels. session_ratio: f64[BINS], variance ratio of the reference."""
         return cls(np.repeat(session_ratio[:, None], n, axis=1))
 
-    def predict(self, condition: Condition, mean: FloatArray, repeats: int) -> tuple[FloatArray, FloatArray]:
+    def predict(self, condition: Condition, mean: FloatArray, repeats: float) -> tuple[FloatArray, FloatArray]:
         """Return the expected signals of the next contact, f64[BINS, n], counts, and their relative variance f64[BINS,
         n].
 
         The relative variance is the variance of the next contact about the expectation, divided by the variance between
         contacts. mean: f64[BINS, n], mean signals of the condition in the reference. repeats: number of contacts in it.
         """
+        # Normal model: prior N(mean, ratio) of the session's expectation, relative to the variance between contacts,
+        # updated with `number` contacts.
         ratio = self.ratio + 1.0 / repeats
         if condition not in self._sums:
             return mean, 1.0 + ratio
@@ -56,6 +58,10 @@ class LiveSession:
         number, deviation = self._sums.setdefault(condition, (np.zeros_like(mean), np.zeros_like(mean)))
         number += usable
         deviation += np.where(usable, signal - mean, 0.0)
+
+    def begin(self) -> None:
+        """Begin another session: what was learnt about changed taxels stays, the deviations of contacts do not."""
+        self._sums.clear()
 
     def relearn(self, taxels: BoolArray) -> None:
         """Discard what is known about the taxels bool[n] that have changed: their next contacts define the

@@ -72,6 +72,7 @@ class MissingFrames:
         """
         level = LEVELS[int(self.places.level[place])]
         columns = np.arange(len(self.share)) if level == "skin" else np.array([self._find_board(place)])
+        # Half a missing frame is added (Jeffreys prior), so that the share is never 0.
         self.share[columns] = (missing[columns] + 0.5) / (expected[columns] + 1.0)
 
     def _find_board(self, place: int) -> int:

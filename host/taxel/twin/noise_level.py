@@ -46,6 +46,7 @@ class NoiseLevel:
         """
         usable = ~skip & (pairs > PAIRS_PER_SQUARE) & (self.pairs > PAIRS_PER_SQUARE)
         ratio = np.log(_compute_variance(squares, pairs) / self.variance)
+        # The log of a variance estimated from m differences has the variance PAIRS_PER_SQUARE / m.
         error = PAIRS_PER_SQUARE / np.maximum(pairs, 1) + PAIRS_PER_SQUARE / np.maximum(self.pairs, 1)
         return np.where(usable, ratio, 0.0), np.where(usable, 1.0 / error, 0.0)
 

@@ -103,6 +103,7 @@ def _fit(quantity: Quantity, estimate: FloatArray, information: FloatArray, rng:
         """Return the negative log posterior of the logarithms of scale, common variance and degrees of freedom."""
         scale, common, degrees_of_freedom = np.exp(parameters)
         spread = scale * (variance + common)
+        # Log-normal priors: scale 1 (log variance 2 / PRIOR_STATISTICS), degrees of freedom 8 (4 / PRIOR_STATISTICS).
         prior = 0.5 * PRIOR_STATISTICS * (parameters[0] ** 2 / 2.0 + (parameters[2] - np.log(8.0)) ** 2 / 4.0)
         return float(prior - log_density(value, np.sqrt(spread), float(degrees_of_freedom)).sum())
 
@@ -148,6 +149,7 @@ def compute_log_ratios(
         if len(places):
             deviation = model.compute_deviation(information[places])
             degrees = model.degrees_of_freedom + (np.zeros(len(places)) if repeats is None else repeats[places])
+            # Log densities of Student t distributions; their equal constants cancel in the ratio.
             base = (estimate[places] / deviation) ** 2 / degrees
             moved = ((estimate[places, None] - amplitudes) / deviation[:, None]) ** 2 / degrees[:, None]
             half = 0.5 * (degrees + 1.0)

@@ -94,6 +94,7 @@ class StepHistory:
         starts, ends, value, weight = (np.array(column) for column in zip(*chosen, strict=True))
         # A hypothesis without a fixed amplitude takes it from the latest step: such a change is clear in one step.
         latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
+        # The amplitude is uncertain by a factor of two: the likelihoods of a grid of amplitudes are added.
         found = hypothesis.amplitude if np.isfinite(hypothesis.amplitude) else latest or 1.0
         grid = found * np.geomspace(0.5, 2.0, AMPLITUDE_STEPS)
         usable = weight > 0.0

@@ -42,6 +42,7 @@ class Place:
         return found
 
     def __str__(self) -> str:
+        """Format the place as words in a message, such as "taxel 3 of palm (0x20)"."""
         if self.level == "skin":
             return "the whole skin"
         board = f"{self.name} ({format_address(self.address)})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Final
 
@@ -16,11 +16,12 @@ from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import SensorTable, TaxelTable
 from taxel.signal.rest_level import RestLevel, estimate_settings
 from taxel.twin.errors import TwinInputError
+from taxel.twin.live_session import LiveSession
 from taxel.twin.noise_level import ROUNDING, NoiseLevel
 from taxel.twin.places import Places
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
-from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
-from taxel.types import BoolArray, FloatArray, IntArray
+from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder, find_bin_position
+from taxel.types import FloatArray, IntArray
 
 PRIOR_DEGREES_OF_FREEDOM: Final = 6.0
 """Weight of the variance that all conditions share in the estimated variance of one condition, as degrees of freedom.
@@ -47,7 +48,7 @@ class ConditionReference:
 
     mean: FloatArray
     squares: FloatArray
-    repeats: int
+    repeats: float
     scale: FloatArray
 
 
@@ -78,17 +79,58 @@ class Reference:
     rest_level: RestLevel
     noise_level: NoiseLevel
 
-    @property
-    def is_tested(self) -> BoolArray:
-        """Whether each of the K conditions, in order, has at least `LEAST_REPEATS` repeats, bool[K]."""
-        return np.array([one.repeats >= LEAST_REPEATS for one in self.conditions.values()])
+    def has_variance(self, known: ConditionReference) -> bool:
+        """Whether the variance of a condition's contacts is known, so that its contacts are tested."""
+        return known.repeats >= LEAST_REPEATS
 
-    def compute_variance(self, condition: Condition, step: Step) -> FloatArray:
+    def expect(self, step: Step) -> ConditionReference | None:
+        """Return the statistics of a step's condition; None without a contact, or for an unknown condition."""
+        return self.conditions.get(step.contact.condition) if step.contact is not None else None
+
+    def expect_frame(
+        self, live: LiveSession, contact: Contact, time_s: float, measured: FloatArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Predict the signals of one frame of a contact: f64[n], counts, and their variance without noise, f64[n].
+
+        live: earlier contacts of the session. measured: f64[n], signals of the frame, counts, which only a subclass
+        uses; NaN: not measured. Returns None for an unknown condition.
+        """
+        known = self.conditions.get(contact.condition)
+        if known is None:
+            return None
+        mean, _ = live.predict(contact.condition, known.mean, known.repeats)
+        position = find_bin_position(contact, time_s)
+        low = int(np.clip(np.floor(position), 0, len(mean) - 2))
+        share = float(np.clip(position - low, 0.0, 1.0))
+        predicted = (1.0 - share) * mean[low] + share * mean[low + 1]
+        return predicted, np.asarray(self.relative_variance[low] * known.scale[low] ** 2)
+
+    def leave_out(self, step: Step) -> Reference:
+        """Return the condition of a contact as the only condition, with the statistics of its other repeats.
+
+        step: a contact of this reference. The reference is returned unchanged for a step without contact, and for a
+        condition with a single repeat.
+        """
+        known = self.expect(step)
+        if step.contact is None or known is None or known.repeats < 2:
+            return self
+        deviation = np.nan_to_num(compute_signals(step)) - known.mean
+        others = known.repeats - 1
+        others_only = ConditionReference(
+            known.mean - deviation / others,
+            np.maximum(known.squares - deviation**2 * known.repeats / others, 0.0),
+            others,
+            known.scale,
+        )
+        return replace(self, conditions={step.contact.condition: others_only})
+
+    def compute_variance(self, known: ConditionReference, step: Step) -> FloatArray:
         """Compute the variance of a contact's signals about the true mean of its condition, f64[BINS, n], counts^2.
 
-        step: the contact; its numbers of averaged frames determine the part of the variance that is noise.
+        The variance between contacts is a weighted mean of the variance of this condition and of the variance that all
+        conditions share, relative to their scale. known: statistics of the condition. step: the contact; its numbers of
+        averaged frames determine the part of the variance that is noise.
         """
-        known = self.conditions[condition]
         shared = PRIOR_DEGREES_OF_FREEDOM * self.relative_variance[:, None] * known.scale**2
         between = (shared + known.squares) / (PRIOR_DEGREES_OF_FREEDOM + known.repeats - 1)
         return np.asarray(between + self.compute_noise(step))
@@ -161,7 +203,7 @@ def learn_reference(
     least `LEAST_REPEATS` repeats.
     """
     contacts = [(session, step) for session, step in steps if step.contact is not None]
-    near = _find_neighbours(taxels, sensors.index_of(taxels))
+    near = find_neighbours(taxels, sensors.index_of(taxels))
     pairs = np.sum([step.pairs for _, step in contacts], axis=0)
     squares = np.sum([step.squared_difference for _, step in contacts], axis=0)
     noise = squares / np.maximum(2 * pairs, 1) + ROUNDING
@@ -182,8 +224,7 @@ def learn_reference(
         )
     received = sum((step.received for _, step in contacts), np.zeros(sensors.s, np.int64))
     expected = sum((step.expected for _, step in contacts), np.zeros(sensors.s, np.int64))
-    # A mean of m frames has 1/m of the noise variance of one frame.
-    mean_noise = noise * float(np.mean([np.nanmean(1.0 / np.maximum(step.count[HOLD], 1)) for _, step in contacts]))
+    mean_noise = compute_mean_noise(noise, [step for _, step in contacts])
     baselines_s = [step.contact.start_s - step.start_s for _, step in contacts if step.contact is not None]
     return Reference(
         taxels=taxels,
@@ -192,7 +233,7 @@ def learn_reference(
         rest=np.asarray(totals / np.maximum(counts, 1)),
         noise_variance=np.asarray(noise),
         conditions=conditions,
-        relative_variance=_compute_relative_variance(tested.values(), mean_noise),
+        relative_variance=compute_relative_variance(tested.values(), mean_noise),
         session_ratio=_compute_session_ratio([by_condition[key] for key in tested]),
         missing=np.column_stack([expected - received, expected]).astype(np.float64),
         steps=tuple(contacts),
@@ -252,13 +293,23 @@ def _learn_condition(signals: Sequence[tuple[int, FloatArray]], near: list[IntAr
     """
     values = np.stack([np.nan_to_num(value) for _, value in signals])
     mean = values.mean(axis=0)
+    return ConditionReference(mean, ((values - mean) ** 2).sum(axis=0), len(signals), compute_scale(mean, near))
+
+
+def compute_scale(mean: FloatArray, near: list[IntArray]) -> FloatArray:
+    """Compute the scale of the deviations from mean signals f64[BINS, n], counts: see `ConditionReference`.
+
+    near: for each taxel, the indices of its neighbours and of the taxel itself. Small errors of position and force
+    change a signal in proportion to the signals around the taxel, small errors of time in proportion to the change
+    between time bins.
+    """
     largest = np.stack([np.abs(mean[:, taxels]).max(axis=1) for taxels in near], axis=1)
     padded = np.vstack([mean[:1], mean, mean[-1:]])
     change = 0.5 * np.abs(padded[2:] - padded[:-2])
-    return ConditionReference(mean, ((values - mean) ** 2).sum(axis=0), len(signals), largest + change)
+    return np.asarray(largest + change)
 
 
-def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
+def find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
     """Return for each taxel the indices of its neighbours on the same board and of the taxel itself."""
     found: list[IntArray] = [np.array([taxel]) for taxel in range(taxels.n)]
     for column in np.unique(board).tolist():
@@ -274,7 +325,17 @@ def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
     return found
 
 
-def _compute_relative_variance(conditions: Iterable[ConditionReference], mean_noise: FloatArray) -> FloatArray:
+def compute_mean_noise(noise_variance: FloatArray, contacts: Sequence[Step]) -> FloatArray:
+    """Return the noise variance of the mean count of a time bin of the hold phase, f64[n], counts^2.
+
+    noise_variance: f64[n], of one frame: a mean of m frames has 1/m of this variance.
+    """
+    return np.asarray(
+        noise_variance * float(np.mean([np.nanmean(1.0 / np.maximum(step.count[HOLD], 1)) for step in contacts]))
+    )
+
+
+def compute_relative_variance(conditions: Iterable[ConditionReference], mean_noise: FloatArray) -> FloatArray:
     """Compute the variance between contacts, without the noise of the frames, relative to `scale` squared, f64[BINS].
 
     mean_noise: f64[n], noise variance of the mean count of a time bin of the hold phase, counts^2. A signal is the

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from taxel.signal.rest_level import RestLevel
 from taxel.twin.live_session import LiveSession
 from taxel.twin.null_model import fit_null_models
-from taxel.twin.reference import ConditionReference, Reference, compute_signals
+from taxel.twin.reference import Reference
 from taxel.twin.schedule import Condition
 from taxel.twin.statistics import Estimates, compute_contact_scores, compute_rest_scores, sum_over_places
-from taxel.twin.steps import BINS, Step
+from taxel.twin.steps import BINS
 from taxel.twin.variance_factors import VarianceFactors
 
 
@@ -47,7 +46,7 @@ def fit_reference_models(reference: Reference, progress: Callable[[int, int], No
         if session_level is None or session_level[0] != session:
             session_level = (session, make_rest_level(reference))
         scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), no_taxel)
-        others = _leave_out(reference, step)
+        others = reference.leave_out(step)
         found = compute_contact_scores(step, others, LiveSession.start(np.zeros(BINS), n), no_taxel)
         scores.update(found[0] if found else {})
         condition = step.contact.condition if step.contact is not None else None
@@ -56,24 +55,3 @@ def fit_reference_models(reference: Reference, progress: Callable[[int, int], No
             progress(number + 1, len(reference.steps))
     models = fit_null_models([estimates for _, estimates in samples], reference.places.level)
     return VarianceFactors.learn(samples, models, reference.places.level)
-
-
-def _leave_out(reference: Reference, step: Step) -> Reference:
-    """Return the condition of one contact as the reference's only condition, with the statistics of its other repeats.
-
-    The reference is returned unchanged for a step without contact and for a condition with a single repeat.
-    """
-    if step.contact is None:
-        return reference
-    known = reference.conditions[step.contact.condition]
-    if known.repeats < 2:
-        return reference
-    deviation = np.nan_to_num(compute_signals(step)) - known.mean
-    others = known.repeats - 1
-    others_only = ConditionReference(
-        known.mean - deviation / others,
-        np.maximum(known.squares - deviation**2 * known.repeats / others, 0.0),
-        others,
-        known.scale,
-    )
-    return replace(reference, conditions={step.contact.condition: others_only})

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
+from os import PathLike, fspath
 from typing import Final
 
+from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError
+from taxel.input_files.csv_rows import parse_float, read_csv_table
 from taxel.recording.grasp_format import Phase
 from taxel.twin.errors import TwinInputError
 
@@ -22,8 +23,6 @@ COLUMNS: Final = (*TIME_COLUMNS, "object", "approach")
 
 MAX_ROWS: Final = 1_000_000
 """Largest number of contacts of a file: 4 contacts a second for three days."""
-
-MAX_BYTES: Final = 200_000_000
 
 
 @dataclass(frozen=True, order=True)
@@ -90,47 +89,36 @@ class ContactSchedule:
 
 def read_schedule(path: str | PathLike[str]) -> ContactSchedule:
     """Read a CSV file of contacts with the columns of `COLUMNS`. Raises TwinInputError with file and line."""
-    name = str(path)
-    if not Path(path).is_file():
-        raise TwinInputError(name, "a CSV file of contacts", "no such file", "correct the name")
-    if Path(path).stat().st_size > MAX_BYTES:
-        raise TwinInputError(name, f"at most {MAX_BYTES} bytes", "a larger file", "divide the file")
+    name = format_path(fspath(path))
     try:
-        with Path(path).open(encoding="utf-8", newline="") as file:
-            return ContactSchedule(_read_rows(csv.DictReader(file), name), name)
-    except UnicodeDecodeError as error:
-        raise TwinInputError(name, "UTF-8 text", f"byte {error.start}", "save the file as UTF-8") from None
-    except csv.Error as error:
-        raise TwinInputError(name, "CSV", str(error), "correct the file") from None
+        rows = read_csv_table(path, COLUMNS, MAX_ROWS)
+        return ContactSchedule((_parse_row(row, f"{name}: line {number}") for number, row in rows), name)
+    except OSError as error:
+        raise TwinInputError(name, "a CSV file of contacts", error.strerror or "an error", "correct the path") from None
+    except TextError as error:
+        raise TwinInputError(f"{name}: {error.position}", error.expected, error.found, "correct the line") from None
 
 
-def _read_rows(rows: csv.DictReader[str], name: str) -> Iterator[Contact]:
-    """Yield the contacts of a CSV file. name: path in messages. Raises TwinInputError with file and line."""
-    missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
-    if missing:
-        found = ", ".join(rows.fieldnames or ()) or "no header"
-        raise TwinInputError(f"{name}: line 1", f"the columns {', '.join(COLUMNS)}", found, "add the header")
-    for number, row in enumerate(rows):
-        if number >= MAX_ROWS:
-            raise TwinInputError(name, f"at most {MAX_ROWS} contacts", "more", "divide the file")
-        yield _parse_row(row, f"{name}: line {rows.line_num}")
+def _parse_row(row: list[str], place: str) -> Contact:
+    """Parse the entries of one row in the order of `COLUMNS`.
 
-
-def _parse_row(row: dict[str, str | None], place: str) -> Contact:
-    """Parse one row of a CSV file. place: file and line in messages. Raises TwinInputError for an invalid value."""
+    place: file and line in messages. Raises TwinInputError for an invalid value.
+    """
     times = []
-    for column in TIME_COLUMNS:
+    for column, text in zip(TIME_COLUMNS, row[: len(TIME_COLUMNS)], strict=True):
         try:
-            times.append(float(row[column] or ""))
+            times.append(parse_float(text))
         except ValueError:
             times.append(math.nan)
         if not math.isfinite(times[-1]):
-            raise TwinInputError(f"{place}: {column}", "seconds", repr(row[column]), "correct the value")
+            raise TwinInputError(f"{place}: {column}", "seconds", format_value(text), "correct the value")
     if sorted(times) != times or times[0] == times[-1]:
         found = " ".join(f"{time:g}" for time in times)
         raise TwinInputError(place, f"increasing times {', '.join(TIME_COLUMNS)}", found, "correct the times")
-    names = (row["object"] or "", row["approach"] or "")
-    if not all(names):
-        raise TwinInputError(place, "an object and an approach", repr(names), "add both names")
+    for column, text in zip(COLUMNS[len(TIME_COLUMNS) :], row[len(TIME_COLUMNS) :], strict=True):
+        if not text or not text.isprintable() or text != text.strip():
+            raise TwinInputError(
+                f"{place}: {column}", "a name without surrounding spaces", format_value(text), "correct the name"
+            )
     first, second, third, fourth, last = times
-    return Contact((first, second, third, fourth, last), names)
+    return Contact((first, second, third, fourth, last), (row[-2], row[-1]))

@@ -45,7 +45,7 @@ class TwinSession:
     """
 
     def __init__(self, twin: Twin, source: Source, naming: CauseNaming | None, repairs: bool = False) -> None:
-        """Create a session."""
+        """Create a session that compares the poll cycles of `source` with the twin; arguments as for the class."""
         self.twin = twin
         self._repair = plan_repair(twin.reference, ()) if repairs else None
         self._source = source
@@ -53,8 +53,14 @@ class TwinSession:
         poses = naming.reference.poses if naming is not None else {}
         self._recorder = ContactRecorder(twin.schedule, poses)
         self._last_s = -np.inf
+        self._sessions = 0
         self._unique_ids: dict[int, bytes] = {}
         self.skipped = 0
+        self._faults: list[tuple[str, str]] = []
+
+    def report_fault(self, kind: str, message: str) -> None:
+        """Report a fault of an input with the next update; may be called by another thread. kind: as `InputFault`."""
+        self._faults.append((kind, message))
 
     def updates(self) -> Iterator[Update]:
         """Yield the results of each block of the source, and of the end of the stream."""
@@ -72,7 +78,9 @@ class TwinSession:
     def take(self, block: Block) -> Update:
         """Process one block of poll cycles; return its results."""
         events: list[Event] = [*self._find_gaps(block), *self._find_exchanged_boards(float(block.time_s[0]))]
-        results = self.twin.take(*block)
+        results = [*self._begin_session(float(block.time_s[0])), *self.twin.take(*block)]
+        faults, self._faults = self._faults, []
+        events += [InputFault(float(block.time_s[-1]), kind, message) for kind, message in faults]
         events += [event for result in results for event in result.events]
         if self._naming is not None:
             self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
@@ -84,6 +92,14 @@ class TwinSession:
         if results:
             events += self._plan_repair(results[-1].step.end_s)
         return Update(tuple(results), tuple(events), frame, len(block.time_s), self._repair, skipped)
+
+    def _begin_session(self, time_s: float) -> list[StepResult]:
+        """Begin a session of the source if one has begun by the start of a block; return the results of older steps."""
+        starts = self._source.session_starts_s
+        if self._sessions == len(starts) or time_s < starts[self._sessions]:
+            return []
+        self._sessions += 1
+        return self.twin.begin_session(time_s)
 
     def _plan_repair(self, time_s: float) -> Iterator[Repaired]:
         """Derive the corrections from the active alarms; yield an event if they have changed."""

@@ -53,6 +53,14 @@ class Source(Protocol):
         """Whether the stream runs in real time."""
         ...
 
+    @property
+    def session_starts_s(self) -> tuple[float, ...]:
+        """Times at which a later session begins, seconds: the skin was mounted anew or has rested.
+
+        No block extends over such a time.
+        """
+        ...
+
     def blocks(self) -> Iterator[Block]:
         """Yield the poll cycles in order of time."""
         ...
@@ -68,6 +76,7 @@ class SkinSource:
 
     skin: Skin
     is_continuous: bool = True
+    session_starts_s: tuple[float, ...] = ()
 
     @property
     def is_live(self) -> bool:
@@ -143,12 +152,13 @@ class DatasetSource:
 
     A grasp keeps its recorded times, unless they overlap those of the grasp before: it is then moved behind that grasp.
     schedule: the contacts at the times of the stream. offsets: stream time minus recorded time of each grasp, seconds,
-    by grasp identifier.
+    by grasp identifier. session_starts_s: start of each session after the first on the clock of the stream, seconds.
     """
 
     path: Path
     schedule: ContactSchedule
     offsets: Mapping[str, float]
+    session_starts_s: tuple[float, ...] = ()
     is_live: bool = False
     is_continuous: bool = False
 
@@ -158,15 +168,20 @@ class DatasetSource:
         schedule = ContactSchedule(name=str(path))
         offsets: dict[str, float] = {}
         end = -np.inf
+        starts: list[float] = []
+        session: int | None = None
         with GraspDataset(path) as data:
             for grasp in data:
                 first = float(grasp.timestamp[0])
                 offset = offsets[grasp.id] = max(0.0, end - first)
+                if session not in (None, grasp.session):
+                    starts.append(first + offset)
+                session = grasp.session
                 contact = find_contact(grasp)
                 one, two, three, four, last = (time + offset for time in contact.times_s)
                 schedule.announce(Contact((one, two, three, four, last), contact.condition))
                 end = last
-        return cls(Path(path), schedule, offsets)
+        return cls(Path(path), schedule, offsets, tuple(starts))
 
     def get_unique_ids(self) -> Mapping[int, bytes]:
         """Return nothing: a dataset contains no unique ids."""

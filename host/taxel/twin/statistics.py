@@ -17,7 +17,7 @@ from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 from taxel.signal.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.live_session import LiveSession
 from taxel.twin.noise_level import NoiseLevel
-from taxel.twin.reference import LEAST_REPEATS, Reference, compute_signals
+from taxel.twin.reference import Reference, compute_signals
 from taxel.twin.steps import CLOSING, HOLD, RECOVERY, RELEASE, REST, Step
 from taxel.types import BoolArray, FloatArray, IntArray
 
@@ -91,19 +91,18 @@ def compute_contact_scores(
 ) -> tuple[Scores, FloatArray] | None:
     """Compare a contact with the reference; return its scores by quantity, and its signals f64[BINS, n], counts.
 
-    The result is None if the step has no contact, if the reference does not contain its condition, or if the condition
-    has fewer than `LEAST_REPEATS` repeats there. live: earlier contacts of this session. excluded: bool[n], taxels that
-    are not tested; their information is 0.
+    A score is a pair for each taxel: pattern times residual divided by the variance, and pattern squared divided by the
+    variance (information). Their sums over a place give the weighted least-squares estimate of the amplitude there.
+    The result is None if the step has no contact, if the reference does not contain its condition, or if the variance
+    of the condition is unknown. live: earlier contacts of this session. excluded: bool[n], taxels that are not tested;
+    their information is 0.
     """
-    if step.contact is None or step.contact.condition not in reference.conditions:
-        return None
-    condition = step.contact.condition
-    known = reference.conditions[condition]
-    if known.repeats < LEAST_REPEATS:
+    known = reference.expect(step)
+    if step.contact is None or known is None or not reference.has_variance(known):
         return None
     signal = compute_signals(step)
-    expected, factor = live.predict(condition, known.mean, known.repeats)
-    variance = reference.compute_variance(condition, step) * factor
+    expected, factor = live.predict(step.contact.condition, known.mean, known.repeats)
+    variance = reference.compute_variance(known, step) * factor
     usable = np.isfinite(signal) & np.isfinite(variance) & ~excluded
     weight = np.where(usable, 1.0 / np.where(usable, variance, 1.0), 0.0)
     residual = np.where(usable, signal - expected, 0.0)
@@ -226,7 +225,7 @@ def _fit_board_size(signal: FloatArray, expected: FloatArray, weight: FloatArray
     boards = int(board.max()) + 1
     product = np.bincount(board, pattern * value * hold_weight, boards)
     square = np.bincount(board, pattern**2 * hold_weight, boards)
-    return np.asarray((product + 1.0) / (square + 1.0))
+    return np.asarray((product + 1.0) / (square + 1.0))  # 1.0: weak prior for the factor 1
 
 
 def _compute_delay(
@@ -262,7 +261,7 @@ def _compute_shape(
     boards = len(loaded)
     used = np.bincount(board, weight > 0.0, boards)
     square = np.bincount(board, residual**2 * weight, boards)
-    value = np.log((square + 1.0) / (used + 1.0))
+    value = np.log((square + 1.0) / (used + 1.0))  # 1.0: weak prior for the usual value 1
     information = np.where(loaded & (used > 1), 1.0 / SHAPE_VARIANCE, 0.0)
     return _put_on_first_taxels(value * information, information, board)
 

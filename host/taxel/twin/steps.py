@@ -7,6 +7,7 @@ arrive: a live skin and a replay at any speed give the same bits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -144,8 +145,23 @@ class StepBuilder:
         done, self._finished = self._finished, []
         return done
 
+    def advance(self, time_s: float) -> list[Step]:
+        """Return the steps that have ended by a time, seconds, at which the stream continues after an interruption.
+
+        The interval without contact that is not complete is left out.
+        """
+        while self._current is not None and self._current.expected.any() and self._limit(self._current) <= time_s:
+            self._close(self._current)
+        self._current = self._earlier = self._previous = self._previous_valid = None
+        done, self._finished = self._finished, []
+        return done
+
     def finish(self) -> list[Step]:
-        """Return the steps that end with the stream; an incomplete contact is left out."""
+        """Return the steps that end with the stream.
+
+        A contact that continues at the end is left out. A step without contact is kept if a contact was expected in it,
+        because it shows a missed contact.
+        """
         step = self._current
         if step is not None and step.contact is None and step.expected.any():
             self._close(step)
@@ -161,6 +177,11 @@ class StepBuilder:
         """The announced contact of the current step; None outside a contact."""
         return self._current.contact if self._current else None
 
+    @property
+    def current(self) -> Step | None:
+        """The current step, which is not complete."""
+        return self._current
+
     def _open(self, time_s: float) -> Step:
         """Return the current step; without one, start a step at `time_s` and skip contacts that have begun by then."""
         if self._current is None:
@@ -170,7 +191,9 @@ class StepBuilder:
         return self._current
 
     def _limit(self, step: Step) -> float:
-        """Return the end of a step, seconds."""
+        """Return the end of a step, seconds: that of its contact; without contact, the earlier of the start of the next
+        announced contact and `REST_S` after the start of the step.
+        """
         if step.contact is not None:
             return step.contact.end_s
         due = self.schedule[self._next].start_s if self._next < len(self.schedule) else np.inf
@@ -271,3 +294,13 @@ def find_bins(contact: Contact | None, time_s: FloatArray) -> IntArray:
     for begin, end, parts in zip(contact.times_s[:-1], contact.times_s[1:], BINS_PER_PHASE[1:], strict=True):
         edges += [begin + (end - begin) * part / parts for part in range(parts)]
     return np.asarray(np.searchsorted(edges, time_s, side="right"), np.int64)
+
+
+def find_bin_position(contact: Contact, time_s: float) -> float:
+    """Return the position of a time among the middles of a contact's time bins: 2.5 is midway between bins 2 and 3."""
+    edges = [contact.times_s[0] - 1e-9]
+    for begin, end, parts in zip(contact.times_s[:-1], contact.times_s[1:], BINS_PER_PHASE[1:], strict=True):
+        edges += [begin + (end - begin) * (part + 1) / parts for part in range(parts)]
+    # The bin before the first edge is the baseline; the start of the contact stands for its middle.
+    middles = [edges[0], *(0.5 * (low + high) for low, high in pairwise(edges))]
+    return float(np.interp(time_s, middles, np.arange(len(middles))))

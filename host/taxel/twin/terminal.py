@@ -64,6 +64,7 @@ class TwinScreen:
             steps += f", {self._session.skipped} frames not shown"
         lines = [head, Text(steps, style="dim"), self._draw_header()]
         lines += [self._draw_board(number, frame) for number in range(self._session.twin.reference.sensors.s)]
+        # 18: width of the label, and one character of margin.
         lines.append(Text.assemble(("residual, floors ", "dim"), self._draw_history(width - 18)))
         lines += [Text(text[: 2 * width]) for text in self._events]
         return Group(*lines)

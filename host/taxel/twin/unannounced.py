@@ -30,7 +30,8 @@ class UnannouncedContacts:
     def find_pressed(self, step: Step) -> tuple[BoolArray, BoolArray]:
         """Find the taxels pressed in the part of a step without announced contact, and all taxels of their boards.
 
-        Returns bool[n] for each of the two. Both are all False until every taxel has delivered a frame.
+        A count that stays low for longer than `LONGEST_S` is a change of the taxel and no contact. Returns two arrays
+        bool[n], which are all False until every taxel has delivered a frame.
         """
         found = np.zeros(len(self.board), dtype=bool)
         if self._tracked is None:

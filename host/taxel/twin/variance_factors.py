@@ -74,6 +74,7 @@ class VarianceFactors:
             corrected = information.copy()
             if condition is not None and (key := (name, condition)) in self.squares:
                 for places, model in self._split_by_level(name, information):
+                    # Mean of the variance factor: `nu` statistics of the null model and those of this condition.
                     nu = model.degrees_of_freedom
                     factor = (nu + self.squares[key][places]) / (nu + self.number[key][places])
                     # The null model adds its common variance once; only the excess over it is added here.

@@ -68,6 +68,7 @@ class TwinPage:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Stop the server and disconnect its clients."""
         self._is_ended.set()
         self._server.shutdown()
         self._server.server_close()

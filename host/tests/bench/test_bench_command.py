@@ -135,6 +135,7 @@ def test_tests_within_one_second_have_separate_folders(run, folder):
 
 
 def test_the_report_contains_the_history_of_the_serial_number(run, folder):
+    """In the third test of FT-0001, a line has the capacitance of a stub, which the report marks as moved."""
     for _ in range(2):
         run()
     run(serial="FT-0002")
@@ -143,7 +144,7 @@ def test_the_report_contains_the_history_of_the_serial_number(run, folder):
     first_page, *_, last_page = (pages[name] for name in sorted(pages) if name.startswith("FT-0001"))
     assert "Earlier tests" in last_page
     assert "moved" in last_page.split("Earlier tests")[1]
-    assert "moved" not in first_page.split("</header>")[1] or "Earlier tests" not in first_page
+    assert "Earlier tests" not in first_page
 
 
 def test_the_history_can_be_in_another_folder(run, folder):

@@ -21,6 +21,7 @@ def make_curve(loading, unloading=None, taxels=10):
 
 @pytest.mark.parametrize("slope", [-300.0, 0.0, 90.0])
 def test_the_slope_of_the_board_and_the_deviating_taxel_are_recovered(slope):
+    """slope: drift of all taxels, counts per minute. Taxel 11 drifts by 5 counts per second (300 per minute) more."""
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 13.0, 1.0 / 60.0)
     counts = 2400.0 + slope / 60.0 * time[:, None] + rng.normal(0.0, 4.0, (len(time), 27))
@@ -29,10 +30,12 @@ def test_the_slope_of_the_board_and_the_deviating_taxel_are_recovered(slope):
     assert drift.board == pytest.approx(slope, abs=4.0 * drift.error + 2.0)
     assert drift.error < 5.0
     assert (drift.worst_taxel, drift.worst) == (11, pytest.approx(300.0, rel=0.1))
+    # The record of 13 s is averaged over steps of 0.5 s: first and last step are 12.5 s apart.
     assert drift.change[-1] - drift.change[0] == pytest.approx(slope * 12.5 / 60.0, abs=4.0)
 
 
 def test_autocorrelation_increases_the_standard_error_of_a_slope():
+    """Steps of 0.5 s, each correlated by 0.9 with the one before, are compared with the same steps in random order."""
     rng = np.random.default_rng(3)
     steps = np.zeros(26)
     for i in range(1, 26):
@@ -58,9 +61,10 @@ def test_a_gap_in_the_frames_does_not_change_the_slope():
 
 
 def test_an_ideal_curve_is_monotonic_without_hysteresis_and_saturates_at_the_computed_force():
-    ideal = make_curve(1.0 - 0.6 * FORCE / (FORCE + 5.0))
+    ideal = make_curve(1.0 - 0.6 * FORCE / (FORCE + 5.0))  # relative count; half of the largest signal 0.6 at 5 N
     assert (ideal.hysteresis, ideal.area, ideal.spread) == (0.0, 0.0, pytest.approx(0.0, abs=1e-12))
     assert ideal.is_monotonic
+    # The curve saturates at the force with 95 % of the signal at 50 N, the largest force.
     signal_at_50_n = 0.6 * 50.0 / 55.0
     assert ideal.saturation_n == pytest.approx(5.0 * 0.95 * signal_at_50_n / (0.6 - 0.95 * signal_at_50_n), rel=0.03)
 
@@ -141,7 +145,7 @@ def test_wraps_of_a_counter_are_removed():
 
 
 def test_a_capture_has_a_rate_and_counts_missed_scans():
-    sequence = np.array([3, 4, 7, 8])
+    sequence = np.array([3, 4, 7, 8])  # scans 5 and 6 are missing; the rate is that of the received frames
     capture = Capture(np.zeros((4, 2), np.uint16), np.array([0.0, 0.1, 0.4, 0.5]), np.zeros(4), sequence)
     assert (capture.seconds, capture.rate_hz, capture.missed_scans) == (0.5, 6.0, 2)
     empty = Capture(np.zeros((0, 2), np.uint16), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))

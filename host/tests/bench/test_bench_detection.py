@@ -69,4 +69,5 @@ def test_cases_are_deterministic_and_cover_all_families(tool, monkeypatch):
     cases = tool.detection.sample_cases(2 * len(fast_families), 5, 1, SEED)
     assert cases == tool.detection.sample_cases(2 * len(fast_families), 5, 1, SEED)
     assert {case.family for case in cases} == {family.name for family in fast_families} | {"healthy"}
+    # The first 5 cases are healthy boards; the last ones, of a severity curve, are weaker faults.
     assert all(1.5 <= case.severity <= 10.0 for case in cases[5 : 5 + 2 * len(fast_families)])

@@ -92,7 +92,7 @@ def test_the_blocks_of_the_guide_run_in_order(guide, tmp_path, capsys):
             exec(compile(text, str(GUIDE), "exec"), {})
             lines = capsys.readouterr().out.splitlines()
             assert [line.split()[:2] for line in lines[:2]] == [["FT-0001", "pass"], ["FT-0002", "fail"]]
-            assert all(600 < int(line.split()[2]) < 800 for line in lines)
+            assert all(600 < int(line.split()[2]) < 800 for line in lines)  # median response to 1 N, counts
     assert len(outputs) == 7
 
 

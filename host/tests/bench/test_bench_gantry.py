@@ -63,12 +63,13 @@ def test_a_gantry_indents_every_taxel_of_a_board(benches, pty_gantries):
     record = bench.run(make_short_plan("presses"))
     bench.board.probe.close()
     assert (record.outcome, list_faults(record)) == (Outcome.PASS, [])
-    assert find_value(record, "presses", "response") == pytest.approx(730.0, rel=0.15)
-    assert gantry.deepest == pytest.approx(TOUCH_Z - 1.0 / SPRING)
+    assert find_value(record, "presses", "response") == pytest.approx(730.0, rel=0.15)  # counts
+    assert gantry.deepest == pytest.approx(TOUCH_Z - 1.0 / SPRING)  # 1 N
     assert gantry.position["Z"] > TOUCH_Z
 
 
 def test_an_indentation_gives_the_expected_g_code(gantries):
+    """Touch at Z = 2 mm, clear 5 mm above, spring of 10 N/mm, first taxel at (10, 20) mm, pitch 5 mm."""
     gantry = gantries()
     probe = open_probe(gantry)
     taxel = np.flatnonzero((KIND.tx == 3) & (KIND.rx == 2))[0]
@@ -131,7 +132,7 @@ def test_forces_beyond_the_limits_are_refused(gantries):
         probe.press(0, float("nan"), 3e-3)
     assert gantry.deepest > TOUCH_Z
     probe.press(0, 40.0, 3e-3)
-    assert gantry.deepest == pytest.approx(TOUCH_Z - 4.0)
+    assert gantry.deepest == pytest.approx(TOUCH_Z - 4.0)  # 40 N at 10 N/mm: the whole travel is permitted
 
 
 def test_the_operator_changes_the_tip_while_the_gantry_is_clear_of_the_board(gantries):
@@ -144,7 +145,7 @@ def test_the_operator_changes_the_tip_while_the_gantry_is_clear_of_the_board(gan
     probe.press(0, 1.0, 12e-3)
     probe.press(1, 1.0, 12e-3)
     assert operator.texts == ["insert the 12 mm tip into the holder of the gantry"]
-    assert heights == [TOUCH_Z + 5.0]
+    assert heights == [TOUCH_Z + 5.0]  # 5 mm clear of the board, mm
 
 
 def test_a_tip_change_without_an_operator_is_an_error_of_the_phase(benches, gantries):
@@ -210,7 +211,7 @@ def test_a_failing_gantry_is_an_error_of_the_phase(benches, gantries):
     bench = benches()
     gantry = gantries(on_press=press_with(bench.board.kind, bench.emulated_probe))
     bench.board.probe = open_probe(gantry, kind=bench.board.kind)
-    gantry.answer = lambda line: b"error:2\r\n" if "X20" in line else b"ok\r\n"
+    gantry.answer = lambda line: b"error:2\r\n" if "X20" in line else b"ok\r\n"  # fails at the third row of taxels
     record = bench.run(make_short_plan("presses", "loading", "frames"))
     bench.board.probe.close()
     outcomes = {phase.name: phase.outcome for phase in record.phases}

@@ -44,6 +44,7 @@ def test_a_healthy_board_has_no_fault_and_no_crosstalk(kind, seed):
     rng = np.random.default_rng(seed)
     indentations = measure_indentations(kind, sample_responses(kind, rng), rng)
     assert find_response_faults(indentations, LIMIT) == []
+    # The largest crosstalk is below 0.5 % of the response, and 400 to 1200 counts are permitted for the median.
     assert abs(measure_crosstalk(indentations, np.zeros(kind.taxel_count, bool))[0].share) < 0.005
     assert find_gain_fault(indentations, indentations.median_response, 400.0, 1200.0) is None
 
@@ -110,6 +111,7 @@ def test_a_board_without_response_has_one_fault(kind, seed):
 
 @pytest.mark.parametrize(("counts", "name", "severity"), [(100.0, "low gain", 4.0), (2400.0, "high gain", 2.0)])
 def test_a_median_response_outside_its_range_is_a_gain_fault(counts, name, severity):
+    """Permitted are 400 to 1200 counts. The severity is the factor by which the response is beyond this limit."""
     rng = np.random.default_rng(1)
     kind = KINDS["palm"]
     response = sample_responses(kind, rng, counts, spread=0.02)
@@ -161,6 +163,7 @@ def test_crosstalk_caused_by_noise_is_not_significant():
 
 
 def test_the_gain_of_a_board_is_that_of_its_healthy_taxels():
+    """RX lines 1 and 2 are shorted: each measures half of the response of 700 counts."""
     kind, rng = KINDS["medial_front"], np.random.default_rng(1)
     response = apply_to_rows(with_shorted_lines, kind, sample_responses(kind, rng), Axis.RX, 1)
     indentations = measure_indentations(kind, response, rng)

@@ -39,6 +39,7 @@ def test_an_open_line_detected_twice_is_reported_once():
 
 
 def test_swapped_lines_explain_missing_crossings():
+    """The missing crossing at rest lies on one of the lines that are swapped according to the indentations."""
     taxel = int(np.flatnonzero(KIND.tx == 0)[0])
     response_faults = [make_fault("swapped lines", "TX 0 and TX 7")]
     assert merge_to_pairs([make_fault("missing crossing", f"taxel {taxel}")], response_faults) == [
@@ -59,6 +60,7 @@ def test_a_constant_taxel_is_dead_regardless_of_its_count():
 
 
 def test_low_gain_explains_a_deviating_level_at_rest():
+    """Arguments of `merge_to_pairs`: faults at rest, then faults found by indentations."""
     assert merge_to_pairs([make_fault("rest level", "board")], [make_fault("low gain", "board")]) == [
         ("low gain", "board")
     ]
@@ -66,6 +68,7 @@ def test_low_gain_explains_a_deviating_level_at_rest():
 
 
 def test_a_short_at_rest_is_reported_only_if_indentations_show_a_fault_of_its_lines():
+    """Arguments of `merge_to_pairs`: faults at rest, then faults found by indentations."""
     assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], []) == []
     assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], [make_fault("open line", "TX 3")])[0] == (
         "short",

@@ -95,11 +95,12 @@ def test_1_f_noise_shared_by_the_board_is_recovered():
 def test_impulses_are_found_and_excluded_from_other_components(seed):
     components = separate_components(sample_record(np.random.default_rng(seed), white=4.0, impulse=60.0))
     assert components.impulse == pytest.approx(60.0, rel=0.2)
-    assert components.impulses_per_s == pytest.approx(40 / (FRAMES / RATE_HZ), rel=0.1)
+    assert components.impulses_per_s == pytest.approx(40 / (FRAMES / RATE_HZ), rel=0.1)  # 40 impulses in the record
     assert components.white == pytest.approx(4.0, rel=0.05)
 
 
 def test_changes_of_a_random_walk_grow_faster_with_the_lag_than_1_f_noise():
+    """`mean_change_exponent`: exponent of the growth of the squared change with the lag. Drift has more than 0.6."""
     drift = separate_components(sample_record(np.random.default_rng(1), white=4.0, walk=3.0))
     steps = 0.25 * RATE_HZ  # `mean_change` is the change within 0.25 s
     assert drift.mean_change == pytest.approx(3.0 * np.sqrt(steps), rel=0.3)

@@ -78,6 +78,7 @@ def test_a_loading_curve_can_be_recorded_manually(benches):
     record = bench.run(make_short_plan("loading"))
     assert record.outcome is Outcome.PASS
     assert find_value(record, "loading", "fall") == pytest.approx(0.66, abs=0.03)
+    # Two taxels are loaded and unloaded in 4 steps, whose forces grow with the square of their number up to 50 N.
     forces = [force for _, _, force in operator.requests]
     assert forces == pytest.approx(2 * [3.125, 12.5, 28.1, 50.0, 28.1, 12.5, 3.12], rel=0.01)
     assert operator.operator.texts.count("release the probe") == 2

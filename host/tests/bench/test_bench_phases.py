@@ -22,6 +22,7 @@ BOARD = f"board=0x{ADDRESS:02X}"
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_a_healthy_board_passes_with_the_values_of_the_emulator(benches, wire):
+    """Values of the emulated board: noise 4 counts, count at rest 2440, response 730 counts at 1 N."""
     bench = benches(wire=wire)
     bench.board.draws_pictures = True
     record = bench.run(make_short_plan())

@@ -43,6 +43,7 @@ def test_a_healthy_board_passes_a_soak(benches):
 
 @pytest.mark.parametrize("wire", ["hub", "i2c"])
 def test_a_restart_is_counted_and_reported(benches, wire):
+    """The board restarts after 40 % of the soak. `list_counts`: number of silences, number of restarts."""
     record = run_soak(benches(wire=wire), {0.4: "restart"})
     assert list_counts(record) == (0.0, 1.0)
     assert list_faults(record) == [("unsteady", "board")]
@@ -56,6 +57,7 @@ def test_a_replugged_board_counts_as_one_silence_and_one_restart(benches, wire):
 
 
 def test_a_board_that_stays_unplugged_is_reported(benches):
+    """The board is unplugged after 30 % of the soak. `list_counts`: number of silences, number of restarts."""
     record = run_soak(benches(), {0.3: "unplug"}, minutes=0.25)
     assert list_counts(record) == (1.0, 0.0)
     assert list_faults(record) == [("unsteady", "board")]
@@ -68,6 +70,7 @@ def make_clock(seconds):
 
 
 def test_a_clock_wrap_is_not_a_restart():
+    """The board's 32-bit clock, in microseconds, wraps every 4295 s; it is 2 % faster than the host's clock."""
     soak_log = SoakLog()
     for time_s in range(0, 9000, 5):
         soak_log.add_clock(float(time_s), make_clock(1.02 * time_s + 4000.0))

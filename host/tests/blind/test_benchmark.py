@@ -31,6 +31,9 @@ def answer(truth, kind, ratio=3.0, **probabilities):
 
 
 def test_single_causes_are_scored_by_first_name_and_exact_set_in_clear_worlds():
+    """Three worlds are clear (gap of at least two floors). The most probable effect is the true cause in two of them,
+    and the effects with at least 0.5 are exactly the true cause in one. Two of four statements at 0.8 are wrong.
+    """
     answers = [
         answer(["noise"], "single", noise=0.9, unknown=0.1),
         answer(["noise"], "single", noise=0.9, unknown=0.6),

@@ -55,6 +55,7 @@ def test_no_named_cause_is_right_if_all_hidden_causes_are_below_half_a_floor():
 
 
 def test_score_states_number_share_interval_and_wrong_statements():
+    """Of ten demonstrations, the first is not right, and one is surely wrong. The interval is that of 9 of 10."""
     outcomes = [DemoOutcome(1, (), (), (), (), {}, number > 0, number == 3) for number in range(10)]
     assert format_score(outcomes) == (
         "9 of 10 right (90 %, interval 55 to 100 %), wrong with a probability of 0.8 or more: 1"

@@ -1,6 +1,7 @@
 """The world of the demonstration: one hidden cause, and a few grasps on both sides."""
 
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,27 +96,32 @@ def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path,
 
 
 def test_size_of_a_single_cause_is_measured_without_further_grasps(monkeypatch, tmp_path):
+    """The size is the change from the dataset without any cause to the real dataset; no emulation can be run."""
     world = grasp_world.GraspWorld(3, HiddenCauses("single", (Cause("noise", "noise", ("noise x=1",)),), ()), "")
-    real, sim, without = (tmp_path / f"{name}.h5" for name in ("real", "sim", "without"))
-    sizes = {(real, without, sim): 2.5}
-    monkeypatch.setattr(grasp_world, "measure_change", lambda *paths: sizes[paths])
+    real, without = tmp_path / "real.h5", tmp_path / "without.h5"
+    sizes = {(real, without): 2.5}
+    cause_sizes = SimpleNamespace(measure=lambda *paths: sizes[paths])
     monkeypatch.delattr(grasp_world, "run_emulated")
-    assert grasp_world.measure_sizes(world, real, sim, without) == (2.5,)
+    assert grasp_world.measure_sizes(world, real, without, cause_sizes) == (2.5,)
 
 
 def test_size_of_each_of_several_causes_is_measured_by_repeating_the_first_session_without_it(monkeypatch, tmp_path):
+    """Each run has the other cause and the nuisance (a deviation that is no cause), and the seed of the world.
+
+    A run has the 6 grasps of the first session (number 0); the progress counts 12 grasps of two runs.
+    """
     causes = tuple(Cause(name, name, (f"{name} x=1",)) for name in ("noise", "latency"))
     world = grasp_world.GraspWorld(3, HiddenCauses("several", causes, ("gain electrode log_std=0.01",)), "")
     runs, shown = [], []
 
-    def emulate(path, plan, settings, jobs, progress):
+    def emulate(path, plan, settings, jobs, progress, memory):
         runs.append((settings.effects, {planned.session for planned in plan}, settings.seed))
         progress(len(plan), len(plan))
 
     monkeypatch.setattr(grasp_world, "run_emulated", emulate)
-    monkeypatch.setattr(grasp_world, "measure_change", lambda real, without, sim: float(len(runs)))
+    cause_sizes = SimpleNamespace(measure=lambda real, without: float(len(runs)))
     sizes = grasp_world.measure_sizes(
-        world, tmp_path / "real.h5", tmp_path / "sim.h5", tmp_path / "without.h5", lambda *done: shown.append(done)
+        world, tmp_path / "real.h5", tmp_path / "without.h5", cause_sizes, lambda *done: shown.append(done)
     )
     assert sizes == (1.0, 2.0)
     nuisance = "gain electrode log_std=0.01"

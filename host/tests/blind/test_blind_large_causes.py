@@ -8,7 +8,7 @@ from taxel.blind.cause_types import CauseType
 from taxel.blind.hidden import Cause
 from taxel.blind.large_causes import LARGE_SIZE, MAX_STRENGTH, MOST_TRIALS, enlarge
 from taxel.blind.world_datasets import UndescribedSettings
-from taxel.campaign.session import check_world
+from taxel.campaign.session_world import check_world
 from taxel.campaign.setup import Setup
 from taxel.hand import load_hand
 
@@ -34,6 +34,7 @@ def test_a_large_cause_is_kept():
 
 
 def test_a_small_cause_is_sampled_again_with_a_larger_strength():
+    """A cause of 1.5 floors is below `LARGE_SIZE` (2 floors); the next sample, of 2.4 floors, is large enough."""
     strengths = []
 
     def sample(strength: float) -> Cause:
@@ -46,6 +47,7 @@ def test_a_small_cause_is_sampled_again_with_a_larger_strength():
 
 
 def test_the_largest_of_all_samples_is_used_if_none_is_large_enough():
+    """All samples (0.3, 1.2 and 0.4 floors) are below `LARGE_SIZE`, 2 floors."""
     sizes = iter([1.2, 0.4])
     strengths = []
 

@@ -93,6 +93,7 @@ def test_simulated_datasets_are_bit_identical(folders):
 
 
 def test_real_datasets_differ_only_in_counts(folders):
+    """Compare the same world without a cause and with two causes: no other content may reveal the causes."""
     for (key, value), (other_key, other) in zip(
         read_content(folders["none"] / "real.h5"), read_content(folders["several"] / "real.h5"), strict=True
     ):
@@ -150,7 +151,7 @@ def test_file_sizes_are_equal_after_all_counts_are_set_to_zero(folders, tmp_path
 
 
 def test_counts_of_boards_without_a_cause_are_equal(folders):
-    """Causes on other boards must not consume random numbers of these boards."""
+    """The causes act on board 0x53. They must not consume random numbers of the other boards."""
     with h5py.File(folders["none"] / "real.h5") as file:
         is_unaffected = np.asarray(file["taxels"]["sensor"]) != 0x53
     counts_without_cause, counts_with_causes = (

@@ -101,6 +101,7 @@ def test_one_of_several_causes_is_unobservable_if_none_of_its_locations_is_loade
 
 
 def test_location_of_a_single_cause_that_is_not_loaded_is_not_expected_in_the_report(folder):
+    """No contact loads the broken line, so the data do not show the fault, and its location is not scored (None)."""
     causes = (Cause("dropout", "line open", (), (FaultLocation(0x50, "tx", 0),)),)
     (result,) = read_results(folder, [World(0, "rig4", 1, HiddenCauses("single", causes, ()), "00")])
     assert result.unobservable_causes == ()

@@ -107,6 +107,10 @@ def test_commitments_are_older_than_every_dataset(check):
 
 
 def test_each_world_has_the_diagnoses_that_it_was_sampled_with(check):
+    """World 0 hides a latency. Its reports: all effects; the catalogue without latency; another analysis seed; the
+    simulated conditions exchanged (shuffled). World 1 has no cause; its decoy report lacks an effect that is not
+    hidden.
+    """
     reports = {path.name: {file.name for file in path.glob("*.json")} for path in (check / "worlds").iterdir()}
     assert reports == {
         "0000": {"report.json", "without.json", "seed1.json", "shuffled.json"},
@@ -142,6 +146,7 @@ def test_all_datasets_state_the_same_creation_time(check):
 
 
 def test_score_of_the_two_worlds_is_written(check):
+    """World 0 (single cause, withheld) is named first; world 1 (no cause) is the only one for false alarms: 0 of 1."""
     score = read_json(check / "score.json")
     assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
     assert score["rig4"]["false_alarms"] == {
@@ -189,6 +194,7 @@ def test_results_of_another_version_are_rejected_before_a_world_is_made(check, t
 
 
 def test_interrupted_world_is_repeated_with_the_same_datasets(check, interrupted):
+    """The resumed check makes the same bytes of both datasets, and replaces the report of the interrupted run."""
     interrupted_world, resumed_world = (folder / "worlds" / "0000" for folder in (interrupted, check))
     assert {path.name for path in interrupted_world.iterdir()} == {"real.h5", "sim.h5", "report.json"}
     for name in ("real.h5", "sim.h5"):

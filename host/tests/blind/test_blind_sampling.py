@@ -12,7 +12,7 @@ from taxel.blind.hidden import UNKNOWN, Cause, HiddenCauses
 from taxel.blind.out_of_catalogue import OUT_OF_CATALOGUE
 from taxel.blind.sampling import FLOORS, INDENTATIONS, KIND_COUNTS, WITHHELD_PER_EFFECT, sample_worlds
 from taxel.campaign.indentation import indentation_settings
-from taxel.campaign.session import format_session_world
+from taxel.campaign.session_world import format_session_world
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
 from taxel.gap.effects.catalogue import OWN_EFFECTS
@@ -76,6 +76,9 @@ def test_each_effect_is_withheld_from_the_catalogue_equally_often(all_worlds):
 
 
 def test_as_many_worlds_of_all_kinds_have_a_decoy_that_is_not_hidden_as_worlds_are_withheld(all_worlds):
+    """Withheld: a hidden effect is removed from the catalogue. Decoy: an effect that is not hidden is removed, so that
+    a removal reveals nothing about the cause.
+    """
     decoys = [world for world in all_worlds if world.decoy]
     assert len(decoys) == sum(world.is_withheld for world in all_worlds)
     assert {world.hidden.kind for world in decoys} == set(KIND_COUNTS)
@@ -152,6 +155,7 @@ def test_every_world_has_the_same_kinds_of_nuisances(all_worlds):
 
 
 def test_true_gain_variation_includes_the_variance_of_the_nuisance_of_the_same_emulator_effect():
+    """The variances of cause and nuisance (a deviation that is no cause) add up: sqrt(0.3^2 + 0.4^2) = 0.5."""
     cause = Cause("gain_mismatch", "gain electrode", ("gain electrode log_std=0.3",), (), {"log_std": 0.3})
     board_gain = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.2 board=0x20",), (), {"scale@32": 1.2})
     hidden = HiddenCauses(

@@ -132,6 +132,11 @@ def test_named_effect_or_unknown_cause_in_a_world_without_a_cause_is_a_false_ala
 
 
 def test_only_an_unknown_cause_is_correct_for_causes_outside_or_removed_from_the_catalogue():
+    """Six clear worlds: four with a cause outside the catalogue, two with the hidden effect removed (withheld).
+
+    Correct: the answer contains "unknown" (3 of 6). Misnamed: the answer names effects without it (2 of 6). The last
+    result is not counted, because its gap is below two floors.
+    """
     outside = make_world(0, "outside", "unknown", effect="stuck_bit")
     figures = score_on_rig(
         make_result(outside, "unknown", status="unknown"),
@@ -152,6 +157,7 @@ def test_only_an_unknown_cause_is_correct_for_causes_outside_or_removed_from_the
 
 
 def test_decoy_is_scored_by_whether_the_first_effect_is_still_the_hidden_cause():
+    """Decoy verdict: the diagnosis without an effect of the catalogue that is not the hidden cause."""
     figures = score_on_rig(
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("noise",))),
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("latency",))),
@@ -216,6 +222,7 @@ def test_parameter_errors_are_medians_by_emulator_effect_and_parameter_with_a_li
 
 
 def test_coverage_is_the_share_of_true_parameters_within_their_interval_without_parameters_lacking_one():
+    """The true value is 1.0, in the last row -1.0. The second interval lacks the true value; the third row has none."""
     rows = (
         make_parameter(1.0, low=0.9, high=1.1),
         make_parameter(2.0, low=1.5, high=2.5),
@@ -227,6 +234,7 @@ def test_coverage_is_the_share_of_true_parameters_within_their_interval_without_
 
 
 def test_error_of_the_shrink_is_in_percentage_points():
+    """The predicted and the measured shrink differ by 6 and by 2 percentage points: 4 on average."""
     figures = score_on_rig(
         make_single_result("noise", "noise", shrink=(0.80, 0.74)),
         make_single_result("noise", "noise", shrink=(0.5, 0.52)),

@@ -109,12 +109,18 @@ def test_the_motion_is_recorded_every_three_periods_from_before_closing_to_the_e
     assert motion.bracket_poses.shape == (count, 17, 4, 4)
 
 
+def test_each_control_period_is_one_step_of_the_dynamics_that_ends_with_a_report(grasp_motion):
+    dynamics, motion, _ = grasp_motion
+    lengths = np.diff(dynamics.ends)[-len(motion.joints.time_s) + 1 :]
+    assert lengths == pytest.approx(PERIOD_S)
+
+
 def test_encoder_angles_match_the_true_angles_within_half_a_count_and_one_period(grasp_motion):
     dynamics, motion, _ = grasp_motion
     log = motion.joints
     for time_s, angles in zip(log.time_s[1:].tolist(), log.angles[1:], strict=True):
         true_angles = np.array(dynamics.angle_log[dynamics.select_steps(time_s - PERIOD_S, log)])
-        assert np.abs(true_angles - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT
+        assert np.abs(true_angles - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT  # 0.5 and rounding errors
 
 
 def test_applied_torques_differ_from_the_commanded_torques_by_at_most_half_a_pwm_count(grasp_motion):
@@ -123,10 +129,11 @@ def test_applied_torques_differ_from_the_commanded_torques_by_at_most_half_a_pwm
     assert len(controller.commanded) == len(log.time_s)
     for time_s, commanded in zip(log.time_s.tolist(), controller.commanded, strict=True):
         for torque in dynamics.torques[dynamics.select_steps(time_s, log)]:
-            assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)
+            assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)  # 0.5 and rounding errors
 
 
 def test_the_mean_commanded_torques_at_the_end_of_the_hold_are_those_of_the_plan(grasp_motion, timeline):
+    """Joints that the plan holds at an angle (`is_held`) have no planned torque."""
     _, motion, controller = grasp_motion
     end_s = timeline.get_end_s(Phase.HOLD)
     hold = (motion.joints.time_s > end_s - 0.1) & (motion.joints.time_s < end_s)
@@ -206,7 +213,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
     with hand:
         with pytest.raises(KeyboardInterrupt):
             control_grasp(hand, controller, 0.0, 3.0, make_wait_for_period(virtual), on_period)
-        assert virtual.torque_command.any()
+        assert virtual.torque_command.any()  # the hand receives the command to clear the torques in its next step
         virtual.step(0.001)
         assert not virtual.torque_command.any()
 
@@ -214,7 +221,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
 def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
     virtual, hand = free_hand
     with hand:
-        control_grasp(hand, controller, 0.9, 1.4, make_wait_for_period(virtual))
+        control_grasp(hand, controller, 0.9, 1.4, make_wait_for_period(virtual))  # from 0.9 s to 1.4 s of a grasp
         virtual.step(0.001)
         assert not virtual.torque_command.any()
 

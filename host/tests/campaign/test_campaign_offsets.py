@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.session import _make_scene
+from taxel.campaign.session_world import _make_scene
 from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
@@ -22,6 +22,7 @@ LINES = (
 
 
 def test_offset_lines_move_the_scene_and_other_lines_are_effects():
+    """`LINES`: an effect, the palm shifted by 1 mm in x and turned by 0.02 rad, the cylinder shifted by 2 mm in y."""
     settings = EmulatedSettings(variation=NO_VARIATION, effects=LINES)
     scene = _make_scene(Setup(), settings, session=0)
     assert settings.world_effect_lines() == [LINES[0]]

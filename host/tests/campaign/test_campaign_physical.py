@@ -101,6 +101,7 @@ def test_most_frames_of_an_untouched_skin_are_valid_with_counts_above_1000_and_a
 
 
 def test_the_arm_is_withdrawn_in_the_baseline_and_at_the_object_at_the_end_of_the_hold(finished_campaign, setup, plan):
+    """The withdrawal of a pose of the palm is 1 for the withdrawn arm, and 0 at the object."""
     with GraspDataset(finished_campaign[0]) as data:
         for planned, grasp in zip(plan, data, strict=True):
             approach, object_pose = setup.approach(planned), setup.object_pose(planned.object)

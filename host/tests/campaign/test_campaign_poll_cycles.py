@@ -88,6 +88,7 @@ def test_the_frames_of_a_cycle_are_grouped_with_the_time_of_the_first_scan():
 
 
 def test_a_missing_frame_repeats_the_latest_counts_and_is_not_valid():
+    """The counts of the incomplete board are 500 + cycle, and 0 before its first frame; a cycle takes 0.05 s."""
     complete, incomplete = ADDRESSES[:2]
     frames = [make_frame(complete, cycle) for cycle in range(5)]
     frames += [make_frame(incomplete, cycle, 500 + cycle) for cycle in (1, 3)]
@@ -125,6 +126,7 @@ def test_a_board_whose_first_frame_arrives_after_the_wrap_is_in_the_correct_cycl
 
 
 def test_boards_without_a_common_cycle_keep_their_order():
+    """The second board sends 200 cycles after the first one; the 16-bit cycle number wraps between them."""
     first_board, second_board = ADDRESSES[:2]
     first_cycle = CYCLE_MODULUS - 100
     cycles = [*range(first_cycle, first_cycle + 5), *range(first_cycle + 200, first_cycle + 205)]
@@ -138,6 +140,7 @@ def test_boards_without_a_common_cycle_keep_their_order():
 
 
 def test_frames_of_a_restarted_hub_overwrite_no_earlier_frames():
+    """After the first five frames the hub restarts, so that its cycle numbers begin at 0 again."""
     address = ADDRESSES[0]
     frames = [make_frame(address, cycle) for cycle in range(1000, 1005)]
     frames += [make_frame(address, cycle)._replace(cycle=cycle - 1005) for cycle in range(1005, 1010)]
@@ -152,6 +155,7 @@ def test_the_time_of_a_board_continues_across_a_wrap_and_steps_back_at_a_restart
         frames = [make_frame(address, cycle, 1, clock_us) for cycle, clock_us in enumerate(clocks_us)]
         return read_board_columns(group_by_poll_cycle(HAND, frames), address)[2]
 
+    # times of the board's 32-bit clock, without wraps
     wrapping = [CLOCK_MODULUS_US - 50_000, CLOCK_MODULUS_US, CLOCK_MODULUS_US + 50_000]
     assert read_board_clock(wrapping) == pytest.approx(np.array(wrapping) * 1e-6)
     assert read_board_clock([9_000_000, 40_000]) == pytest.approx([9.0, 0.04])
@@ -168,6 +172,7 @@ def test_between_selects_poll_cycles_by_time():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_random_losses_agree_with_the_frame_by_frame_reference(seed):
+    """One board starts 20 cycles late. A clock step of 53 s in each cycle makes many of the 32-bit clocks wrap."""
     rng = np.random.default_rng(seed)
     print(f"seed {seed}")
     first_cycle, clocks = int(rng.integers(0, 2 * CYCLE_MODULUS)), rng.integers(0, CLOCK_MODULUS_US, len(ADDRESSES))

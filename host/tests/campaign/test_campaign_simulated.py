@@ -78,7 +78,8 @@ def test_counts_agree_with_the_stated_sensor_model_and_noise(complete_file):
         signal = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
         noise = grasp.raw_counts - (model.baseline_counts - signal)
     assert noise.mean() == pytest.approx(0.0, abs=0.1)
-    assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
+    rounding = 12**-0.5  # standard deviation of the rounding to whole counts
+    assert noise.std() == pytest.approx(np.hypot(model.noise_counts, rounding), rel=0.03)
 
 
 def test_taxels_with_force_are_indented_and_indented_taxels_have_force(complete_file):

@@ -51,6 +51,10 @@ def test_seed_and_name_determine_the_signs():
 
 
 def test_repeated_attempts_have_new_samples_and_the_first_attempt_has_those_of_the_grasp():
+    """The random generator of a first attempt has the seed [seed of the campaign, 2, id of the grasp].
+
+    The samples of a balanced design are signs, +1 or -1.
+    """
     samples = [sample_grasp_variation(1, "s0_00", attempt) for attempt in range(3)]
     np.testing.assert_array_equal(samples[0], np.random.default_rng([1, 2, *b"s0_00"]).normal(size=FACTORS))
     assert len({sample.tobytes() for sample in samples}) == 3

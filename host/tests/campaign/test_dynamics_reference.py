@@ -58,6 +58,7 @@ def random_object(rng, setup):
 
 
 def test_support_and_motion_of_an_object_agree_with_the_reference(random_object, rng):
+    """The velocities (m/s, rad/s) are random, with a mean of 0.01 m/s downwards, towards the support."""
     _, item, reference = random_object
     for _ in range(40):
         velocity = rng.normal(scale=[0.02, 0.02, 0.02, 0.3, 0.3, 0.3]) - [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
@@ -69,6 +70,7 @@ def test_support_and_motion_of_an_object_agree_with_the_reference(random_object,
 
 
 def test_the_load_of_the_steadying_hand_agrees_with_the_reference(random_object, rng):
+    """The firmness is 1 for a hand that steadies the object fully, 0 for none; it is withdrawn and applied again."""
     _, item, reference = random_object
     for firmness in (1.0, 0.4, 0.0, 0.0, 0.7, 1.0):
         velocity = rng.normal(scale=[0.5, 0.5, 0.5, 20.0, 20.0, 20.0])

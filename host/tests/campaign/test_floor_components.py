@@ -51,6 +51,7 @@ def test_only_the_source_noise_has_noise_and_all_sources_have_the_other_effects(
 
 
 def test_one_grasp_of_each_condition_and_session_is_selected_with_equal_finger_bases():
+    """Two conditions in six sessions give 12 grasps. Grasps of one iteration have equal finger bases."""
     plan = make_thesis_plan(1)
     grasps = select_grasps(plan, KEYS, "grip")
     assert len(grasps) == len({(grasp.object, grasp.session) for grasp in grasps}) == 12
@@ -74,6 +75,10 @@ def write_signals(path, signals: np.ndarray) -> None:
 
 
 def test_floors_of_sources_are_standard_errors_of_the_mean_over_sessions(tmp_path):
+    """The signals of the sessions deviate by +d and -d in turn; `scale` times d is the standard error of their mean.
+
+    The deviations 30 and 40 add up in squares to 50, so the sum of the components equals the total.
+    """
     deviations = {"object pose": 30.0, "grip": 40.0, "mounting": 0.0, "finger bases": 0.0, "noise": 0.0, ALL: 50.0}
     signs = np.array([1.0, -1.0, 1.0, -1.0])
     paths = {source: tmp_path / f"{source}.h5" for source in deviations}
@@ -100,4 +105,4 @@ def test_floors_of_conditions_are_pooled_by_their_root_mean_square():
     assert pooled.taxels == 30
     assert pooled.components["grip"] == pytest.approx(np.sqrt(12.5))
     assert pooled.total == pytest.approx(np.sqrt(50.0))
-    assert pooled.interval[0] > 0.7 * pooled.total
+    assert pooled.interval[0] > 0.7 * pooled.total  # 0.67 with the degrees of freedom of a single condition

@@ -141,7 +141,7 @@ def test_halving_the_time_step_hardly_changes_the_final_forces(open_hand, approa
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
-    dynamics, robot = open_hand(-1), setup.wrist_robot
+    dynamics, robot = open_hand(-1), setup.wrist_robot  # -1: the skin touches no object
     limit = robot.upper if direction > 0 else robot.lower
     for _ in range(700):
         dynamics.step(np.full(16, 0.3 * direction), PERIOD_S)
@@ -153,7 +153,7 @@ def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
 
 
 def test_without_torque_and_contact_neither_hand_nor_object_moves(open_hand, setup):
-    dynamics = open_hand(-1)
+    dynamics = open_hand(-1)  # -1: the skin touches no object
     initial_angles = dynamics.angles
     dynamics.step(np.zeros(16), 0.3)
     assert dynamics.angles == pytest.approx(initial_angles, abs=1e-12)

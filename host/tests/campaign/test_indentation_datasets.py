@@ -90,7 +90,7 @@ def test_counts_decrease_in_hold_and_return_to_the_baseline(pair):
                 grasp.raw_counts[grasp.phase == phase].mean(axis=0)
                 for phase in (Phase.BASELINE, Phase.HOLD, Phase.RECOVERY)
             )
-            assert 4 <= (baseline - hold > 150).sum() <= 60
+            assert 4 <= (baseline - hold > 150).sum() <= 60  # of 190 taxels
             assert baseline == pytest.approx(recovery, abs=6.0)
 
 
@@ -124,6 +124,7 @@ def test_the_simulated_counts_follow_the_stated_sensor_model(pair):
 
 
 def test_without_effects_the_mean_signals_agree_within_the_variance_of_repeats(pair):
+    """A gap is a mean squared difference of mean signals; a floor is the variance of a mean over the repeats."""
     signals_by_dataset: list[dict[str, list[np.ndarray]]] = []
     for path in pair:
         by_approach: dict[str, list[np.ndarray]] = {}

@@ -133,12 +133,13 @@ def test_drift_moves_the_baseline_further_in_each_indentation(plan, ideal):
 
 def test_saturation_clips_large_signals_and_leaves_small_ones_unchanged(plan, ideal, loaded):
     result = run_session_with(plan, "saturation clip counts=300")
-    assert ideal.hold.max() > 600.0 > 302.0 > result.hold.max()
+    assert ideal.hold.max() > 600.0 > 302.0 > result.hold.max()  # 300 counts and the rounding of two means
     is_unclipped = loaded & (ideal.hold < 250.0)
     assert result.hold[is_unclipped] == pytest.approx(ideal.hold[is_unclipped], abs=2.0)
 
 
 def test_proximity_changes_the_counts_before_contact(plan, ideal):
+    """The effect reaches 10 mm. The baseline is taken farther away, and hardly changes."""
     result = run_session_with(plan, "proximity image share=0.3 reach_m=0.01")
     assert compute_rms(result.baseline - ideal.baseline) < 10.0
     for index, record in enumerate(result.records):
@@ -149,14 +150,14 @@ def test_proximity_changes_the_counts_before_contact(plan, ideal):
 
 
 def test_an_open_line_has_no_signal_and_leaves_the_other_boards_unchanged(plan, hand, ideal):
-    result = run_session_with(plan, f"line open board=0x{SLEEVE:02X} axis=0 index=2")
+    result = run_session_with(plan, f"line open board=0x{SLEEVE:02X} axis=0 index=2")  # axis 0: TX lines
     line = (hand.sensor == SLEEVE) & (hand.tx == 2)
     assert ideal.hold[:, line].max() > 100.0 > 10.0 > result.hold[:, line].max()
     assert result.hold[:, hand.sensor != SLEEVE] == pytest.approx(ideal.hold[:, hand.sensor != SLEEVE], abs=2.0)
 
 
 def test_a_displaced_bracket_changes_only_the_indentations_of_its_board(plan, hand, ideal):
-    result = run_session_with(plan, "bracket_offset sleeve 0.002 0 0 0 0 0")
+    result = run_session_with(plan, "bracket_offset sleeve 0.002 0 0 0 0 0")  # 2 mm in x
     is_on_sleeve = np.array([indentation.approach.boards == ("sleeve",) for indentation in plan.indentations])
     sleeve = hand.sensor == SLEEVE
     assert np.abs(result.hold - ideal.hold)[is_on_sleeve][:, sleeve].max() > 50.0

@@ -8,7 +8,7 @@ from taxel.campaign.indentation.emulated_equilibrium import EmulatedEquilibrium
 from taxel.campaign.indentation.errors import EquilibriumError
 from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
 from taxel.campaign.indentation.simulated_equilibrium import LEVELS, SimulatedEquilibrium
-from taxel.campaign.session import format_session_world
+from taxel.campaign.session_world import format_session_world
 from taxel.campaign.variation import NO_VARIATION
 from taxel.emulated.contact import SkinContact
 from taxel.hand import load_hand
@@ -61,6 +61,7 @@ def compute_mount_displacement(plan, approach, pose):
 def test_the_emulated_skin_balances_the_mount_and_the_travel_includes_the_compression_of_its_spring(
     plan, contact, number
 ):
+    """The mount applies `force_n` along the direction of the approach, and is a spring in the lateral directions."""
     approach = plan.approaches[number]
     path = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     load = contact.compute_load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
@@ -101,6 +102,7 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
     with SkinContact(format_session_world(plan.setup, settings, 0)) as skin:
         displaced = build_emulated_equilibrium(plan, skin, approach).solve_path(approach.force_n)
     nominal = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
+    # The sleeve (board 3) is displaced by 1 mm along its normal; the skin is soft and curved, hence the tolerance.
     cosine = -(plan.bracket_poses[3, :3, 2] @ approach.direction)
     assert nominal.travel_m[0] - displaced.travel_m[0] == pytest.approx(1e-3 * cosine, abs=4e-4)
 

@@ -161,7 +161,7 @@ def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(ha
 
 
 def test_the_i2c_clock_gives_the_expected_rate_and_the_baseline_has_enough_frames():
-    for name, rate_hz in (("rig4", 26.7), ("allegro", 19.5)):
+    for name, rate_hz in (("rig4", 26.7), ("allegro", 19.5)):  # poll cycles per second
         described_hand = load_hand(name)
         assert compute_poll_rate(described_hand, choose_scl_frequency(described_hand)) == pytest.approx(
             rate_hz, abs=0.1
@@ -176,7 +176,10 @@ def test_indentation_settings_accept_values_of_other_fields(hand):
 
 @pytest.mark.parametrize(("touch_m", "end_m"), [(0.0, 0.006), (-0.004, -0.002)])
 def test_the_mount_moves_in_holds_and_returns_along_the_same_travel(touch_m, end_m):
-    """In the second case the true first contact precedes the nominal one."""
+    """In the second case the true first contact precedes the nominal one.
+
+    The stroke starts at the clearance before the nominal contact, or 0.5 mm before an earlier true contact.
+    """
     stroke = Stroke.through(Timeline(1.0, 1.2, 1.2, 0.8, 0.8), touch_m, end_m)
     assert stroke.start_m == pytest.approx(min(-CLEARANCE_M, touch_m - 0.0005))
     times = np.linspace(0.0, stroke.timeline.duration_s, 501)

@@ -75,7 +75,7 @@ def test_a_motion_check_prints_the_plan_and_names_an_infeasible_start(capsys):
     (motion,) = json.loads(capsys.readouterr().out)
     assert motion["feasible"]
     assert motion["duration_s"] > 0
-    assert len(motion["waypoints_rad"][0]) == 22
+    assert len(motion["waypoints_rad"][0]) == 22  # 6 joints of the arm, 16 of the hand
     assert run_taxel(*arguments, "--arm-start", "0,0,0,0,0,0") == 1
     captured = capsys.readouterr()
     assert not json.loads(captured.out)[0]["feasible"]

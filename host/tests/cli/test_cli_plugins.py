@@ -114,6 +114,7 @@ def test_the_link_of_the_guide_plays_a_compressed_capture(tmp_path, capsys):
     boards, states = zip(*outputs, strict=True)
     assert boards[0] == boards[1]
     assert [state.partition(",")[0] for state in states] == ["0 active", "0 active"]
+    # Without the installed package, the scheme gz: is unknown.
     refusal = run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
     assert "one of i2c:, serial:, emulator:, file:" in refusal
 

@@ -55,6 +55,7 @@ def test_the_dissector_shows_the_same_frames_and_losses(folder, expected, kind):
         """Return the values of a field in the expected lines that contain it."""
         return [line.partition(f" {name}=")[2].partition(" ")[0] for line in frames if f" {name}=" in line]
 
+    # `expected` contains the lines of the Python decoder, which the fields of the dissector must equal.
     assert columns[0] == pick("sequence")
     assert columns[1] == pick("lost")
     assert [int(value, 16) for value in columns[2]] == [int(value) for value in pick("flags")]

@@ -28,7 +28,7 @@ def cut_before_last_delimiter(path):
 @pytest.mark.parametrize("language", programs.LANGUAGES)
 def test_the_example_prints_one_line_for_each_taxel_frame(language, is_cut, tmp_path, monkeypatch):
     captures.record_capture(tmp_path / "skin.bin", 0.2, "compact")
-    if is_cut:
+    if is_cut:  # the delimiter of the last taxel frame is missing
         cut_before_last_delimiter(tmp_path / "skin.bin")
     monkeypatch.chdir(programs.CLIENTS / language)
     lines = run_client(language, str(tmp_path / "skin.bin"), name="print_frames")

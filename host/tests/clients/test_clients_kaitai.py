@@ -39,6 +39,7 @@ def without_data(lines):
 
 def test_every_frame_and_stream_is_decoded(parse):
     for stream in reference.list_streams():
+        # Frames (both directions) and compact streams; a separate test decodes the damaged streams.
         if stream.directions == reference.TO_HOST | reference.TO_HUB or "compact" in stream.name:
             expected = reduced(reference.format_stream(stream, has_wire=False))
             assert without_data(kaitai_frames.format_frames(parse, stream.data, stream.directions)) == expected, (
@@ -48,6 +49,7 @@ def test_every_frame_and_stream_is_decoded(parse):
 
 def test_the_intact_frames_of_every_damaged_stream_are_decoded(parse):
     for vector in json.loads((reference.VECTORS / "damaged.json").read_text())["streams"]:
+        # Bit 7 of the type is set in frames to the hub. With one direction, only frames of this direction are expected.
         mask = {reference.TO_HOST: 0, reference.TO_HUB: 0x80}
         entries = parse(bytes.fromhex(vector["stream"]), None).frames.entries
         found = [(int(getattr(e.body.type, "value", e.body.type)), e.body.sequence) for e in entries if e.is_known]
@@ -70,12 +72,12 @@ def test_compact_snapshots_are_divided_into_their_fields(parse):
         key_frame = pending = None
         for entry, step in zip(entries, board["snapshots"], strict=True):
             found, data = entry.body.payload.compact, bytes.fromhex(step["bytes"])
-            if step["acknowledged"]:
+            if step["acknowledged"]:  # from now on, delta frames are coded against the last key frame
                 key_frame, pending = pending, None
             decoded = compact.decode(board["address"], len(step["counts"]), data, [key_frame] if key_frame else [])
             pending = decoded.key_frame or pending
             assert found.crc32 == int.from_bytes(data[-4:], "little")
-            if found.width:
+            if found.width:  # a packed frame, which is decoded without a key frame; 0: a delta frame
                 assert (found.packed.counts, found.timestamp_us) == (step["counts"], step["timestamp_us"])
                 continue
             assert found.key_frame == key_frame.id
@@ -107,7 +109,7 @@ def test_every_message_of_the_original_hub_is_decoded(open_description):
         arguments = (
             len(counts),
             len(accelerations),
-            not layout.record_size,
+            not layout.record_size,  # whether the message is framed
             layout.has_timestamp,
             layout.is_big_endian,
         )

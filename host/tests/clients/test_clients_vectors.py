@@ -36,7 +36,7 @@ def without_wire(line):
 
 @pytest.mark.parametrize("language", programs.LANGUAGES)
 def test_every_frame_and_stream_is_decoded_and_encoded(language, streams, expected):
-    has_encoder = language != "lua"
+    has_encoder = language != "lua"  # without an encoder, the lines lack the re-encoded frame (" wire=")
     lines = iter(run_client(language, "vectors", text=reference.format_requests(streams, [])))
     for stream, wanted in zip(streams, expected, strict=True):
         found = [next(lines) for _ in wanted]

@@ -21,6 +21,10 @@ def accumulate_file(path, name="cylinder", *arguments, **options):
 
 
 def test_cloud_has_the_active_taxels_of_all_grasps_in_the_object_frame(dataset):
+    """Taxel k of a board lies in row k // 5 and column k % 5 of a 5 mm grid; board 1 begins at x = 0.1 m.
+
+    The second grasp belongs to another object.
+    """
     path = dataset(
         {"signals": ((7, 400), (8, 151))},
         {"object_name": "rectangular_prism", "signals": ((1, 400),)},
@@ -43,10 +47,11 @@ def test_only_taxels_above_the_threshold_are_active(dataset):
 
 
 def test_boards_that_the_thesis_does_not_use_are_left_out_by_default(dataset):
+    """Of the four boards of the dataset, the thesis does not use the boards 2 and 3."""
     path = dataset({"signals": ((0, 400), (2 * BOARD, 400), (3 * BOARD, 400))})
     cloud = accumulate_file(path)
     assert cloud.taxel.tolist() == [0]
-    assert len(cloud.inactive_points) == 2 * BOARD - 1
+    assert len(cloud.inactive_points) == 2 * BOARD - 1  # one taxel of the boards 0 and 1 is active
     with_all_boards = accumulate_file(path, taxels=np.ones(4 * BOARD, bool))
     assert with_all_boards.taxel.tolist() == [0, 2 * BOARD, 3 * BOARD]
 
@@ -89,6 +94,7 @@ def test_progress_counts_the_grasps_of_the_object(dataset):
 
 
 def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest_active_one(dataset):
+    """Two taxels of row 2 are active, in the columns 2 and 4; column 4 is the edge of the board."""
     strongest = 2 * COLUMNS + 2
     cloud = accumulate_file(
         dataset({"signals": ((strongest, 400), (strongest + 2, 300))}, source="sim"), propagation=Propagation()
@@ -124,7 +130,7 @@ def test_selected_approach_has_the_active_and_inactive_taxels_of_its_grasps_only
     path = dataset({"signals": ((0, 400),)}, {"approach": "top", "signals": ((1, 400), (2, 400))})
     top_cloud = accumulate_file(path).select_approach("top")
     assert top_cloud.taxel.tolist() == [1, 2]
-    assert len(top_cloud.inactive_points) == 2 * BOARD - 2
+    assert len(top_cloud.inactive_points) == 2 * BOARD - 2  # of the two used boards, two taxels are active
 
 
 def test_selection_of_an_unknown_approach_is_refused_in_one_line(dataset):

@@ -37,6 +37,7 @@ def test_more_than_nine_in_ten_adjacent_taxels_of_the_original_hand_are_layout_n
 
 
 def test_adjacent_taxels_of_the_palm_are_less_than_9_5_mm_apart_although_its_board_has_gaps() -> None:
+    """Nearest taxels of the palm are 4.3 to 5.3 mm apart; 9.5 mm is less than twice the larger distance."""
     hand = load_hand("original")
     board = hand.find_board("palm")
     adjacent = Propagation().find_neighbours(make_table(hand)).toarray()

@@ -67,6 +67,7 @@ def test_every_command_has_help_with_an_example(run, name):
 def test_cloud_is_made_from_a_dataset_and_filtered(run, dataset_file, tmp_path):
     raw, clean = tmp_path / "raw.ply", tmp_path / "deep" / "clean.pcd"
     result = json.loads(run("make", dataset_file, "--object", "cylinder", "--out", raw, "--json"))
+    # In each of the 4 grasps of the file, all taxels of the two used boards are active.
     assert result == {"file": str(raw), "points": 4 * 2 * BOARD, "grasps": 4}
     out = run("filter", raw, "--out", clean, "--threshold-counts", 190, "--sor-points", 6, "--sor-sigma", 2)
     cloud = read_cloud(clean)
@@ -78,7 +79,7 @@ def test_fused_cloud_of_one_approach_has_at_most_one_point_for_each_taxel(run, d
     out = tmp_path / "top.xyz"
     options = ("--approach", "top", "--fuse", "--threshold-counts", 300, "--propagate-mm", 5.5)
     result = json.loads(run("make", dataset_file, "--object", "cylinder", "--out", out, *options, "--json"))
-    assert result["points"] == len(read_cloud(out)) <= 2 * BOARD
+    assert result["points"] == len(read_cloud(out)) <= 2 * BOARD  # two boards are used
 
 
 def test_mean_distance_to_a_shape_is_that_of_the_noise(run, cylinder_file):
@@ -107,7 +108,7 @@ def test_aligned_cloud_is_the_moved_cloud_mapped_by_the_reported_transform(run, 
     moved_file = tmp_path / "moved.ply"
     write_cloud(replace(cloud, points=cloud.points + np.array([0.003, -0.002, 0.001])), moved_file)
     result = json.loads(run("align", moved_file, "cylinder", "--out", out, "--json", *options))
-    assert result["rms_m"] < 0.0006
+    assert result["rms_m"] < 0.0006  # the points of the cloud have noise of 0.5 mm
     assert result["converged"]
     transform = np.array(result["transform"])
     expected = read_cloud(moved_file).points @ transform[:3, :3].T + transform[:3, 3]
@@ -148,7 +149,7 @@ def test_sweep_writes_eleven_rows_for_the_force_filter_and_for_the_outlier_filte
 ):
     out = tmp_path / "sweep"
     result = json.loads(run("sweep", dataset_file, "--object", "cylinder", "--out", out, "--json"))
-    for name in ("force_filter", "sor"):
+    for name in ("force_filter", "sor"):  # both tables of the thesis have 11 rows for the cylinder
         header_and_rows = list(csv.reader((out / f"{name}.csv").open()))
         assert len(result[name]) == len(header_and_rows) - 1 == 11
     assert "outlier filter" in run("sweep", dataset_file, "--object", "cylinder", "--out", out, "--overwrite")
@@ -257,6 +258,7 @@ def test_mesh_that_is_a_thousand_times_larger_than_the_cloud_is_refused_with_the
     write_mesh(TriangleMesh("cloud", 1e3 * mesh.vertices, mesh.faces), tmp_path / "model.obj")
     for name in ("distance", "align"):
         message = refused(name, cylinder_file, tmp_path / "model.obj")
+        # 222 m: diagonal of the enlarged cylinder's bounding box, 40 x 40 x 215 m
         expected = r"expected a mesh of about the size of the cloud, found mesh 222 m, cloud 0\.\d+ m"
         assert re.search(expected, message)
         assert message.endswith("give the unit of the mesh with --unit")

@@ -77,7 +77,7 @@ def test_distance_bins_agree_with_the_signed_distance_within_0_2_mm_rms_and_1_mm
 
 
 def test_active_and_inactive_points_are_rotated_shifted_and_counted_separately():
-    mesh = build_sphere(0.03)
+    mesh = build_sphere(0.03)  # rests on the plane z = 0: centre at z = 0.03, top at z = 0.06
     grid = DistanceGrid.from_mesh(mesh)
     points = np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], np.float32)
     rotation = from_rotation_vector(np.array([0.0, np.pi / 2.0, 0.0]))[:3, :3]
@@ -177,6 +177,10 @@ def test_log_likelihood_of_a_grasp_without_an_active_taxel_is_zero():
 
 
 def test_evidence_averages_over_reach_and_blur_and_multiplies_over_grasps():
+    """Each row of `by_grasp` is a grasp, each column a pair of reach and blur.
+
+    The evidence is the log of the mean over the columns of the product over the rows. A grasp of weight 2 counts twice.
+    """
     by_grasp = np.log(np.array([[0.5, 0.1], [0.2, 0.4]]))
     assert compute_evidence(by_grasp) == pytest.approx([np.log(0.5 * (0.5 * 0.2 + 0.1 * 0.4))])
     grasp_weights = np.array([[2.0, 0.0], [1.0, 1.0]])
@@ -187,7 +191,7 @@ def test_distant_inactive_taxels_do_not_change_the_likelihood():
     cloud = simulate_grasps(get_builtin_models()["cylinder"], 0.001, grasps=1)
     extended = replace(
         cloud,
-        inactive_points=np.concatenate([cloud.inactive_points, np.full((50, 3), 1.0)]),
+        inactive_points=np.concatenate([cloud.inactive_points, np.full((50, 3), 1.0)]),  # 50 taxels more than 1 m away
         inactive_grasp=np.zeros(len(cloud.inactive_points) + 50, np.int64),
     )
     likelihood = get_shape_likelihood(get_builtin_models()["cylinder"])

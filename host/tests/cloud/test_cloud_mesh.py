@@ -75,11 +75,12 @@ def test_samples_are_uniform_and_determined_by_the_seed():
     mesh = build_box()
     points = mesh.sample(20_000, seed=7)
     assert (points == mesh.sample(20_000, seed=7)).all()
-    on_top = (points[:, 2] > 0.1 - 1e-12).mean()
+    on_top = (points[:, 2] > 0.1 - 1e-12).mean()  # share on the top face of 60 x 40 mm
     assert on_top == pytest.approx(0.06 * 0.04 / mesh.areas.sum(), abs=0.01)
 
 
 def test_nearest_points_are_classified_as_points_on_faces_edges_and_corners():
+    """The box extends to x = 0.03, y = 0.02 and z = 0.1 m: each point lies outside in one, two or three directions."""
     before_face, beside_edge, beside_corner = [0.05, 0.003, 0.041], [0.04, 0.03, 0.04], [0.04, 0.03, 0.12]
     mesh = build_box()
     edge, direction, corner = mesh.find_edges_and_corners(

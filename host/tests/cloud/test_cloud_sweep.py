@@ -39,7 +39,7 @@ def test_outlier_filter_sweep_filters_the_force_filtered_cloud(surface_cloud):
     cloud, mesh = surface_cloud("triangular_prism", 900), get_builtin_models()["triangular_prism"]
     filtered = filter_by_force(cloud, 190.0)
     rows = sweep_outlier_filter(cloud, mesh, "triangular_prism")
-    assert len(rows) == 12
+    assert len(rows) == 12  # settings (N, nSigma) in the table of the triangular prism; the first six are checked
     for row in rows[:6]:
         assert row.points == find_inliers(filtered.points, row.n_neighbors, row.n_sigma).sum()
         assert row.filtered_out_percent == pytest.approx(100.0 * (1.0 - row.points / len(filtered)))

@@ -57,7 +57,7 @@ def test_states_are_read_and_written(cortex, cpu):
     assert (read_back["r"] == state["r"]).all()
     for name in ("xpsr", "psp", "primask", "control"):
         assert read_back[name] == state[name]
-    state["control"] = 2
+    state["control"] = 2  # selects the process stack: r13 and psp are then the same register
     cpu.state = state
     assert cpu.state["control"] == 2
     assert cpu.state["psp"] == cpu.state["r"][0, 13]
@@ -77,6 +77,7 @@ def test_each_case_runs_one_instruction_and_reports_its_end_fault_and_cycles(cor
 
 
 def test_invalid_addresses_and_sizes_are_rejected(cortex, cpu):
+    """The processor `cpu` has 1 KiB of flash, so 0x400 is the first invalid address, and 512 bytes of RAM."""
     with pytest.raises(ValueError, match="0x00000400"):
         cpu.write_memory(0x400, b"x")
     with pytest.raises(ValueError, match="513 bytes"):
@@ -88,8 +89,8 @@ def test_invalid_addresses_and_sizes_are_rejected(cortex, cpu):
 def test_two_processors_share_no_state(cortex):
     with cortex.bare_cpu.BareCpu(1024, 512) as first, cortex.bare_cpu.BareCpu(1024, 512) as second:
         for cpu, add in ((first, 0x3001), (second, 0x3002)):
-            cpu.write_memory(0, np.array([0x20000200, 0x101], "<u4").tobytes())
-            cpu.write_memory(0x100, encode_halfwords(add, 0xE7FD))
+            cpu.write_memory(0, np.array([0x20000200, 0x101], "<u4").tobytes())  # initial stack pointer, reset vector
+            cpu.write_memory(0x100, encode_halfwords(add, 0xE7FD))  # a loop of 4 cycles: ADDS r0, #1 or #2; B
             cpu.reset()
         for until in range(4, 401, 4):
             first.run(until)

@@ -113,7 +113,7 @@ def test_the_stack_pointer_keeps_its_two_lowest_bits_unlike_a_cortex_m0(cortex, 
     states["r"][0, 1], states["r"][0, 13], states["r"][0, 15], states["xpsr"] = 3, 0x20001000, 0x100, 0x01000000
     oracle.write_memory(0x100, encode_halfwords(0x448D))  # ADD SP, r1
     reference = states.copy()
-    oracle.run_case(reference, 2)
+    oracle.run_case(reference, 2)  # one instruction of 2 bytes
     assert reference["r"][0, 13] == 0x20001003
     with cortex.bare_cpu.BareCpu(halt_on_fault=True) as cpu:
         cpu.write_memory(0x100, encode_halfwords(0x448D))

@@ -108,6 +108,10 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("page", RUN_HERE, ids=relative_name)
 def test_the_blocks_of_a_page_run_in_their_order(page, tmp_path, monkeypatch):
+    """A block with a file name is written to the temporary folder, and Python blocks share one namespace.
+
+    Blocks of the mode "root" run in the repository, and "root" and "long" blocks run only in `make docs-test`.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
@@ -131,6 +135,7 @@ def test_the_blocks_of_a_page_run_in_their_order(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("page", list_pages(), ids=relative_name)
 def test_every_block_has_a_valid_mode_and_passes_the_static_checks(page):
+    """The mode states how a block runs or why it does not. The text above a block for hardware states the need."""
     text = page.read_text().splitlines()
     for block in read_blocks(page):
         assert not block.mode or block.mode in ("long", "root", *REASONS_NOT_TO_RUN), block

@@ -68,10 +68,10 @@ def test_force_rises_more_than_linearly_with_depth(flat8):
 
 def test_there_is_no_load_without_contact_or_without_object(flat8):
     for index, pose in (
-        (0, place_block(-1e-5)),
+        (0, place_block(-1e-5)),  # 10 um above the skin
         (0, make_translation(z=1.0)),
-        (0, make_translation(x=0.2)),
-        (-1, place_block(5e-4)),
+        (0, make_translation(x=0.2)),  # beside the board
+        (-1, place_block(5e-4)),  # -1: no object
     ):
         load = flat8.compute_load(index, pose, BRACKET_POSES)
         assert load.touched_board_count == 0
@@ -109,7 +109,7 @@ def test_stiffness_is_symmetric_positive_semidefinite_and_the_negative_derivativ
 
 def test_rod_loads_only_the_strip_of_taxels_below_it(flat8):
     rod_pose = from_rotation_vector([np.pi / 2, 0.0, 0.0])  # rod axis along -y of the board
-    rod_pose[:3, 3] = 0.0, 0.05, LAYER_M + 0.008 - 3e-4
+    rod_pose[:3, 3] = 0.0, 0.05, LAYER_M + 0.008 - 3e-4  # radius 8 mm, indentation 0.3 mm
     forces = flat8.compute_forces(1, rod_pose, BRACKET_POSES)
     is_below_rod = np.abs(FLAT8.position[:, 0]) < 0.004
     assert (forces[is_below_rod] > 0).all()
@@ -139,6 +139,7 @@ def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():
         nominal = offset_contact.compute_load(0, place_block(2e-4), BRACKET_POSES)
         expected = ideal_contact.compute_load(0, place_block(2e-4) @ object_offset, bracket_offset[None])
         assert nominal.wrench == pytest.approx(expected.wrench, rel=1e-6, abs=1e-9)
+        # The offset of -0.1 mm along z presses the object deeper into the skin.
         assert nominal.wrench[0, 2] < ideal_contact.compute_load(0, place_block(2e-4), BRACKET_POSES).wrench[0, 2]
 
 

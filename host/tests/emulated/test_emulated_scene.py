@@ -31,7 +31,7 @@ def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     hand = load_hand("flat8")
     scene = EmulatedScene({"block": ConvexPolytope.box(0.02, 0.02, 0.05)})
     raised_pose, lowered_pose = np.eye(4), np.eye(4)
-    raised_pose[2, 3], lowered_pose[2, 3] = 0.05, hand.layer_m - 4e-4
+    raised_pose[2, 3], lowered_pose[2, 3] = 0.05, hand.layer_m - 4e-4  # 5 cm above; 0.4 mm into the layer
     write_scene(
         tmp_path / "scene",
         hand.n_taxels,
@@ -47,6 +47,7 @@ def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
         frames = list(skin)
     counts_before = np.mean([frame.raw_counts for frame in frames if 0.5 < frame.time_s < 0.9], axis=0)
     counts_after = np.mean([frame.raw_counts for frame in frames if frame.time_s > 1.2], axis=0)
+    # The block covers |x|, |y| < 10 mm; taxels at its border are not checked.
     is_below_block = np.abs(hand.position[:, :2]).max(axis=1) < 0.0075
     is_outside_block = np.abs(hand.position[:, :2]).max(axis=1) > 0.0125
     assert (counts_before - counts_after)[is_below_block].min() > 150

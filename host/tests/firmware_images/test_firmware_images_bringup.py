@@ -104,7 +104,7 @@ def test_the_capacitance_is_measured(flash, capacitance_pf):
     result = evaluate_counts(counts)
     assert result.follows_law
     assert result.capacitance_pf == pytest.approx(capacitance_pf, rel=0.02)
-    assert result.compute_step_ua(capacitance_pf) == pytest.approx(1.2, rel=0.02)
+    assert result.compute_step_ua(capacitance_pf) == pytest.approx(1.2, rel=0.02)  # uA per code of the current source
 
 
 def test_without_a_known_capacitor_the_current_is_not_judged(flash):

@@ -85,6 +85,7 @@ def test_a_missed_conversion_interrupt_is_reported_and_ends_in_a_reset_by_the_wa
     status = read_status(world)
     assert status["reset_cause"] == ResetCause.WATCHDOG
     assert status["scans"] > 0, "the board scans again"
+    # no exception, one fault, no registers of interrupted code
     assert read_fault(world) == FaultRecord(FaultCode.NOT_SCANNING, 0, 1, 0, 0)
 
 
@@ -95,7 +96,7 @@ def test_a_hard_fault_preserves_pc_and_lr_over_the_reset(open_world):
     assert read_status(world)["reset_cause"] == ResetCause.WATCHDOG
     fault = read_fault(world)
     assert fault is not None
-    assert (fault.code, fault.exception, fault.count) == (FaultCode.EXCEPTION, 3, 1)
+    assert (fault.code, fault.exception, fault.count) == (FaultCode.EXCEPTION, 3, 1)  # exception 3: HardFault
     begin = LAYOUTS[BootDevice.BOARD].slot_address(0)
     if (fault.program_counter, fault.link_register) != (0x1234, 0x1235):  # an executed image stores its own registers
         end = begin + LAYOUTS[BootDevice.BOARD].slot_size
@@ -132,7 +133,7 @@ def test_the_hub_reports_its_own_fault_and_the_fault_of_a_board(open_world):
     hub.wait(WATCHDOG_MAX_S + 1.0)
     board_fault = hub.read_board_fault(ADDRESS)
     assert board_fault is not None
-    assert board_fault.exception == 3
+    assert board_fault.exception == 3  # HardFault
     world.inject("hub_hard_fault", 0, 0x4321, 0x4323)
     hub.wait(WATCHDOG_MAX_S + 1.0)
     hub.handshake()

@@ -111,7 +111,7 @@ def test_a_snapshot_contains_the_taxels_in_the_order_of_the_rx_lines(start_board
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_identity_states_kind_version_and_a_crossing_map_of_at_most_16_columns(start_board, kind):
     _, bus, _ = start_board(kind)
-    identity, _ = unpack(Identity, bus.read(read_pins(kind)["address"], 58, b"\0"))
+    identity, _ = unpack(Identity, bus.read(read_pins(kind)["address"], 58, b"\0"))  # 58 bytes of register 0
     described = next(board.kind for board in load_hand("first_generation").boards if board.kind.name == kind)
     assert (identity["kind"], identity["taxel_count"]) == (described.code, described.taxel_count)
     version = tuple(identity[f"firmware_{part}"] for part in ("major", "minor", "patch"))
@@ -131,7 +131,7 @@ def test_conversions_use_both_capacitors_and_the_bits_of_the_original_driver(sta
 def test_the_address_of_a_physical_board_is_written_into_its_image(start_board):
     _, bus, _ = start_board("finger_small", address=0x1A)
     assert bus.read(read_pins("finger_small")["address"], 1, b"\0") is None
-    identity, _ = unpack(Identity, bus.read(0x1A, 58, b"\0"))
+    identity, _ = unpack(Identity, bus.read(0x1A, 58, b"\0"))  # 58 bytes of register 0
     assert identity["address"] == 0x1A
 
 
@@ -153,11 +153,11 @@ def test_an_image_behind_the_original_bootloader_starts_with_any_stack_pointer(b
         flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE] = data
     struct.pack_into("<II", flash, 0, 0x20000400, image.entry)  # a bootloader that jumps with its own stack pointer
     part = Part(POWER_ON, bytes(flash))
-    part.speed = 20
+    part.speed = 20  # cycles per instruction: time passes faster
     bus, front_end = SlaveBus(part), TwoCapacitors(part, "finger_small")
     part.run_until(lambda: front_end.conversions > 12)
     assert bus.read(read_pins("finger_small")["address"], 1, b"\0") is not None
-    assert part.sp > RAM + 0x800
+    assert part.sp > RAM + 0x800  # the image has set its own, higher stack pointer
     assert part.pc >= FIRST_ROW * BOOT_ROW_SIZE
 
 
@@ -176,7 +176,7 @@ def test_an_image_that_the_writer_sends_to_the_original_bootloader_starts(
     metadata = StockMetadata.parse(bytes(model.flash[-METADATA_OFFSET:]))
     struct.pack_into("<II", model.flash, 0, 0x20000400, metadata.entry)  # instead of the bootloader's own vectors
     part = Part(POWER_ON, bytes(model.flash))
-    part.speed = 20
+    part.speed = 20  # cycles per instruction: time passes faster
     bus, front_end = SlaveBus(part), TwoCapacitors(part, "finger_small")
     part.run_until(lambda: front_end.conversions > 12)
     identity, _ = unpack(Identity, bus.read(0x1A, 58, b"\0"))
@@ -186,7 +186,7 @@ def test_an_image_that_the_writer_sends_to_the_original_bootloader_starts(
 def test_the_metadata_describe_the_image_to_the_original_bootloader(build_behind_bootloader, tools):
     image = tools.original_image.read_original_image(tools.firmware_elf.read_linked_image(build_behind_bootloader))
     rows = dict(image.list_rows())
-    metadata = StockMetadata.parse(rows[127][64:])
+    metadata = StockMetadata.parse(rows[127][64:])  # second half of the last row of the flash
     data = b"".join(rows[row] for row in sorted(rows) if row != 127)
     assert list(rows) == [*range(FIRST_ROW, FIRST_ROW + len(rows) - 1), 127]
     assert {len(row) for row in rows.values()} == {BOOT_ROW_SIZE}
@@ -203,7 +203,7 @@ def test_an_image_that_does_not_fit_behind_the_bootloader_is_not_linked(build_im
 def test_the_files_contain_the_rows_of_the_image(build_folder, build_behind_bootloader, tools, tmp_path):
     tools.original_image.write_files(build_behind_bootloader, "finger_small", tmp_path, 0x1A, SILICON_ID)
     lines = (tmp_path / "finger_small.cyacd").read_text().splitlines()
-    assert lines[0] == "04FA11930000"
+    assert lines[0] == "04FA11930000"  # silicon id, revision 0, type 0 of the checksum
     rows = {int(line[3:7], 16): bytes.fromhex(line[11:-2]) for line in lines[1:]}
     image = tools.original_image.read_original_image(
         tools.firmware_elf.read_linked_image(build_behind_bootloader), 0x1A

@@ -92,7 +92,7 @@ def test_an_executed_board_measures_the_counts_of_a_native_board(build_folder, k
 
 
 def test_an_image_of_another_kind_reads_full_scale_because_its_capacitors_are_on_other_pins(build_folder):
-    """The image of FingerSmall runs on a part that is wired as FingerBig."""
+    """The image of FingerSmall (6 taxels) runs on a part that is wired as FingerBig; the full scale is 4000 counts."""
     files = {"board.hex": build_folder / "images" / "original" / "finger_small.hex"}
     text = format_board_world("finger_small", "original-finger_big")
     with VirtualWorld(text, "none", files=files) as world:
@@ -120,7 +120,7 @@ def test_the_original_hub_reads_original_boards(build_folder):
 
 
 def test_wiring_of_the_emulated_parts_equals_the_pins_of_the_original_boards():
-    text = (ROOT / "firmware" / "emulator" / "psoc4200" / "parts.c").read_text()
+    text = (ROOT / "firmware" / "emulator" / "psoc4" / "parts.c").read_text()
     for kind in KINDS:
         pins = read_pins(kind)
         part = text.split(f'"original-{kind}"')[1].split(".name")[0]

@@ -62,7 +62,7 @@ def test_a_bootloader_without_an_image_keeps_running(flash_with):
     part = Part(POWER_ON, flash_with("board", ""))
     part.run(SLICES_200_MS)
     assert part.pc < BOOTLOADER_END
-    assert part.calls == []
+    assert part.calls == []  # no write to the flash
     assert part.enabled == BUS_INTERRUPT
 
 
@@ -104,7 +104,7 @@ def test_an_image_reads_its_vectors_from_ram(flash_with, device, slot):
     run_to_image(part, device, slot)
     run_to_main_loop(part)
     first_byte = get_slot_address(device, slot)
-    assert part.words[CPUSS_CONFIG] & 1
+    assert part.words[CPUSS_CONFIG] & 1  # the processor reads the vectors from RAM
     stack_pointer = part.flash(first_byte + 32, 4)  # after the header of the image
     assert int.from_bytes(stack_pointer, "little") == 0x20001000
     assert all(
@@ -121,7 +121,7 @@ def test_an_image_runs_at_48_mhz_with_the_flash_at_24_mhz(flash_with, device):
     assert part.words[CLK_SELECT] >> 18 & 1  # the flash clock is divided by two
 
 
-@pytest.mark.parametrize("cause", [POWER_ON, 1 << 0, 1 << 1, SOFTWARE])
+@pytest.mark.parametrize("cause", [POWER_ON, 1 << 0, 1 << 1, SOFTWARE])  # bits of the register RES_CAUSE
 def test_the_bootloader_clears_the_reset_cause_and_passes_it_to_the_image(flash_with, cause):
     part = Part(cause, flash_with("board", "a", make_metadata(confirmed=0, pending=NONE, tries=(3, 3))))
     part.run(5)
@@ -141,7 +141,7 @@ def test_the_serial_block_is_disabled_before_the_image_starts(flash_with):
 
 def test_the_start_is_independent_of_the_ram_contents(flash_with):
     flash = flash_with("board", "a", make_metadata(confirmed=0, pending=NONE, tries=(3, 3)))
-    part = Part(SOFTWARE, flash, bytes([0xA5]) * 0x1000)
+    part = Part(SOFTWARE, flash, bytes([0xA5]) * 0x1000)  # any pattern in the 4 KiB of RAM
     run_to_image(part, "board", 0)
     run_to_main_loop(part)
     assert part.enabled == BUS_INTERRUPT | SENSOR_INTERRUPT

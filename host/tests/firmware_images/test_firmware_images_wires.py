@@ -148,7 +148,7 @@ def test_an_update_over_the_bus_starts_the_new_image(build_folder, listening_boa
 
 def test_a_row_with_word_sum_zero_is_written_in_two_steps(listening_board):
     part, bus = listening_board
-    row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)
+    row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)  # the words 1 and 0xFFFFFFFF add up to 0 modulo 2^32
     send_request(part, bus, BootCommand.ENTER)
     part.calls.clear()
     write_image(part, bus, 32, row)
@@ -169,7 +169,7 @@ def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
     part.on_write[SYSREQ] = call
     send_request(part, bus, BootCommand.ENTER)
     write_image(part, bus, 40, bytes(range(128)))
-    assert enabled == [False, False]
+    assert enabled == [False, False]  # the two system calls of a write: load the latch, write the row
     assert bus.is_enabled
 
 
@@ -222,7 +222,7 @@ def test_an_unconfigured_board_responds_at_the_default_address(scanning_board):
 )
 def test_an_image_reports_the_reset_cause(flash_with, reset_bits, cause):
     part = Part(reset_bits, flash_with("board", "a", CONFIRMED_A, CONFIGURATION))
-    part.speed = 20
+    part.speed = 20  # cycles per instruction: time passes faster
     bus, front_end = SlaveBus(part), create_front_end(part)
     part.run_until(lambda: front_end.conversions > 0)
     status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
@@ -315,7 +315,7 @@ class Host:
 def test_a_hub_sends_its_handshake_and_searches_for_boards(flash_with):
     host = Host(flash_with("hub", "a", CONFIRMED_A), {})
     host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
-    assert host.select_payloads(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
+    assert host.select_payloads(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND  # byte 4: reset cause
     assert not host.part.was_reset
 
 
@@ -337,9 +337,9 @@ def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(fla
     host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)))
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(host.select_payloads(FrameType.HUB_HANDSHAKE)) == 2)
-    host.send_frame(FrameType.COMMAND, bytes([2, Command.START]))
+    host.send_frame(FrameType.COMMAND, bytes([2, Command.START]))  # 2: tag, which the reply repeats
     host.run_until(lambda: len(host.select_payloads(FrameType.TAXELS)) == 5)
-    payload = host.select_payloads(FrameType.TAXELS)[-1]
+    payload = host.select_payloads(FrameType.TAXELS)[-1]  # headers of 8 and 6 bytes, counts, CRC
     assert payload[0] == ADDRESS
     assert np.frombuffer(payload[14:-4], "<u2").tolist() == compute_expected_counts(FINGERTIP)
     host.run_until(lambda: read_metadata(host.part) == CONFIRMED_A)

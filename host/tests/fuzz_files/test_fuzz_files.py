@@ -155,6 +155,7 @@ def test_a_planted_error_of_a_reader_is_found(tmp_path, change, text):
 
 
 def test_a_difference_without_a_changed_field_is_found(tmp_path):
+    """The data of this reader depend on the number of the read, not only on the file: `n` changes at the third read."""
     numbers = iter(range(10**6))
 
     def read(path):
@@ -177,8 +178,27 @@ def test_equal_numbers_give_equal_mutants(targets, tmp_path):
 
 
 def test_bytes_of_every_operation_differ():
+    """Every mutation of bytes changes the bytes with at least one of 20 seeds."""
     from fuzz_files.byte_mutation import OPERATIONS
 
     for operation in OPERATIONS:
         changed = [operation(bytes(range(256)) * 4, Random(number)) for number in range(20)]
         assert any(each != bytes(range(256)) * 4 for each in changed), operation.__name__
+
+
+def test_elements_that_only_move_in_a_sorted_list_are_no_finding():
+    from fuzz_files.document import flatten
+    from fuzz_files.mutant import find_moved
+    from fuzz_files.oracle import Change, find_silent_error
+    from fuzz_files.target import Rules
+
+    before = flatten({"boards": [{"name": "dome", "x": 0.0}, {"name": "slab", "x": 1.0}]})
+    after = flatten({"boards": [{"name": "slab", "x": 1.0}, {"name": "dome", "x": 7.0}]})
+    paths = ["boards[0].name", "boards[0].x", "boards[1].name", "boards[1].x"]
+    moved = find_moved(before, after, paths)
+    assert moved == {"boards[0].name", "boards[0].x", "boards[1].name"}
+    read = flatten({"boards": [{"name": "dome", "x": 7.0}, {"name": "slab", "x": 1.0}]})  # the reader sorts by name
+    assert not find_silent_error(Rules(), before, read, Change(after, tuple(paths), moved=moved))
+    assert "'slab' of the file is not in the data" in find_silent_error(
+        Rules(), before, read, Change(after, tuple(paths))
+    )

@@ -59,6 +59,10 @@ def test_halves_of_the_repeats_have_no_gap(tool, frames, tmp_path):
 
 @pytest.mark.parametrize("missing", ["both", "stale prefixes", "impulses"])
 def test_corrected_faults_are_reported_on_the_torn_rows(tool, repeats, tmp_path, missing):
+    """The first taxels of a torn frame (rows 0 to 11) have the values of the frame before, most often in row 0.
+
+    The recordings are compared with a version in which this fault, the impulses, or both are corrected.
+    """
     comparison = next(item for item in tool.capfingerid.COMPARISONS if item.name == missing)
     result = tool.capfingerid.compare_versions(tmp_path, repeats, comparison)
     assert set(result["effects"]) <= {"unknown", *tool.capfingerid.SIMILAR_EFFECTS}
@@ -72,6 +76,7 @@ def test_corrected_faults_are_reported_on_the_torn_rows(tool, repeats, tmp_path,
 
 
 def test_fault_statistics_of_the_recordings_equal_the_documented_ones(frames):
+    """The values are those of docs/gap-diagnosis.md: repeated frames, stale prefixes (taxels) and impulses."""
     for recording in frames:
         figures = recording.summarise()
         assert figures["repeat_share"] == pytest.approx(0.177, abs=0.003)
@@ -100,6 +105,7 @@ def test_stale_prefix_and_impulse_are_detected_and_corrected(tool):
 
 
 def test_every_repeat_has_one_frame_of_each_block_and_no_frame_is_used_twice(tool, frames):
+    """The repeats of a touch are random subsets of its frames: each frame of a block goes to a different repeat."""
     repeats = tool.capfingerid.sample_repeats(frames, SEED, 1)
     for recording in frames:
         recording_repeats = [repeat for repeat in repeats if repeat.touch.frames is recording]

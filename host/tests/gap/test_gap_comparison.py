@@ -160,6 +160,17 @@ def test_a_logistic_model_predicts_the_frequencies_and_is_unchanged_by_json():
     assert restored.predict(inputs[0]) == pytest.approx(model.predict(inputs[0]), abs=1e-4)
 
 
+def test_a_statement_of_weight_2_counts_as_two_statements():
+    rng = np.random.default_rng(5)
+    inputs, labels = rng.normal(size=(40, 3)), rng.random(40) < 0.5
+    weights = np.where(np.arange(40) < 10, 2.0, 1.0)
+    weighted = Logistic.fit(inputs, labels.tolist(), weights.tolist())
+    repeated = Logistic.fit(np.vstack([inputs, inputs[:10]]), [*labels.tolist(), *labels[:10].tolist()])
+    assert weighted.mean == pytest.approx(repeated.mean)
+    assert weighted.std == pytest.approx(repeated.std)
+    assert weighted.coefficients == pytest.approx(repeated.coefficients, abs=1e-4)
+
+
 def test_the_packaged_calibration_gives_strong_evidence_a_larger_probability_than_weak_evidence():
     effect = load_calibration().effect
     remainder = np.array([0.0, 0.0, 0.0, -1.0, -1.0, 1.0])
@@ -238,6 +249,7 @@ def set_repeat_variance(fit_data: FitData, standard_error_counts: float) -> FitD
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_the_share_of_the_variance_between_simulated_repeats_is_estimated(fit_data, share, seed):
+    """The prediction has an error with the variance of the sessions and `share` times that of simulated repeats."""
     rng, bins, counts = np.random.default_rng(seed), slice(0, fit_data.layout.bins), 40.0
     varied = set_repeat_variance(fit_data, counts)
     error = np.sqrt(fit_data.sessions.mean_variance[:, bins] + share * counts**2)
@@ -278,6 +290,7 @@ def make_random_gains(fit_data: FitData, slope: float, seed: int) -> FittedEffec
 
 @pytest.mark.parametrize("seed", range(3))
 def test_gains_that_depend_on_the_load_are_less_probable(fit_data, seed):
+    """The load trend is the absolute t value of the regression of the gains on the logarithm of the load."""
     search = CandidateSearch(fit_data, {}, BlockDensity(fit_data, DEFAULT_SETTINGS), DEFAULT_SETTINGS)
     independent, dependent = make_random_gains(fit_data, 0.0, seed), make_random_gains(fit_data, -0.2, seed)
     assert compute_load_trend(fit_data.state, independent) < 3.5

@@ -104,7 +104,7 @@ def test_a_softer_layer_spreads_the_same_net_force_over_more_taxels():
     assert soft.shape == (len(LEVELS), 49)
     for now in (soft, hard):
         np.testing.assert_allclose(now.sum(axis=1), 12.0 * LEVELS, rtol=1e-8)
-    hold, middle = int(np.flatnonzero(LEVELS == 1.0)[0]), 24
+    hold, middle = int(np.flatnonzero(LEVELS == 1.0)[0]), 24  # taxel 24 is in the middle of 7 x 7 taxels
     assert soft[hold, middle] < simulated[hold, middle] < hard[hold, middle]
     assert (soft[hold] > 1e-9).sum() > (simulated[hold] > 1e-9).sum() >= (hard[hold] > 1e-9).sum()
 
@@ -124,6 +124,10 @@ def state(write_world, tmp_path_factory):
 
 
 def test_force_changes_are_interpolated_between_net_force_levels(state):
+    """A change has for each taxel and level of the net force a factor (index 0) and an added force in N (index 1).
+
+    The added force is 0.01 N at the level 1, the hold, and 0 without contact.
+    """
     change = make_neutral_change(state)
     np.testing.assert_allclose(apply_change(state, state.base, change).force, state.base.force, rtol=1e-12)
     change[:, 1] += (0.01 * LEVELS**2)[:, None]

@@ -42,6 +42,10 @@ def find_dead(response, expected):
 
 
 def test_a_dead_patch_with_weakly_loaded_taxels_is_found_completely_and_is_not_a_line():
+    """The first grid has the measured signal relative to the expected one (1.0: healthy); t0r4 is TX line 0, RX line 4.
+
+    The second grid has the expected signal in counts, which is small on two taxels of the patch.
+    """
     patch = {"t0r4": 0.0, "t0r5": 0.0, "t1r4": 0.0, "t1r5": 0.0}
     dead, evident, lines = find_dead(grid(1.0, **patch), grid(500.0, t0r4=60.0, t1r5=50.0))
     assert dead == {(0, 4), (0, 5), (1, 4), (1, 5)}
@@ -66,6 +70,7 @@ def test_one_condition_suffices_if_neighbouring_taxels_respond_fully():
 
 
 def test_a_dead_edge_line_is_evident_only_beside_a_fully_responding_line():
+    """The grids have the measured signal relative to the expected one, and the expected signal in counts."""
     last_line = {f"t{tx}r5": 0.0 for tx in range(SIZE)}
     _, evident, lines = find_dead(grid(1.0, **last_line), grid(300.0))
     assert lines == [(0, "rx", 5)]

@@ -150,6 +150,7 @@ def test_the_report_has_the_documented_schema(get_report, tmp_path):
     for name, rows in report["where"].items():
         share = [row["share"] for row in rows]
         assert share == sorted(share, reverse=True), name
+        # Each taxel lies on a TX and on an RX line, so the shares of the lines count it twice.
         assert sum(share) == pytest.approx(2.0 if name == "lines" else 1.0)
         assert all(0.0 <= row["p_value"] <= 1.0 for row in rows)
     assert len(report["where"]["taxels"]) == N

@@ -43,6 +43,21 @@ def test_every_effect_at_neutral_values_changes_no_feature(state, name, form):
     np.testing.assert_array_equal(CompositeModel((FittedEffect(form, neutral),)).predict_features(state), state.mean)
 
 
+@pytest.mark.parametrize("has_force", [True, False])
+def test_a_limit_of_the_signal_limits_the_predicted_mean_of_all_simulated_contacts(state, has_force):
+    """The mean of all contacts is 1.3 times the signal of the contacts on which effects act, as for a large hand."""
+    bins = state.layout.bins
+    mean = state.mean.copy()
+    mean[:, :bins] = 1.3 * state.average_bins(state.signal_counts)
+    signal_only = replace(state.base, force=None, separation=None, signal_counts=state.signal_counts)
+    few = replace(state, mean=mean, base=state.base if has_force else signal_only)
+    (clip,) = (form for name, form in FORMS if name == "saturation" and form.variant == "clip")
+    limit = 0.5 * float(mean[:, :bins].max())
+    limited = CompositeModel((FittedEffect(clip, np.array([[limit]])),)).predict_features(few)
+    assert limited[:, :bins].max() == pytest.approx(limit, rel=1e-6)
+    assert few.predict_features(few.base) is few.mean
+
+
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
 def test_parameters_have_units_bounds_and_a_start_within_them(state, name, form):
     for parameter in form.parameters():

@@ -174,6 +174,7 @@ def rewrite_dataset(module: ModuleType, sim: str, out: Path) -> None:
 
 
 def test_the_three_lines_of_the_page_change_the_counts_of_a_simulator(get_case, tmp_path, monkeypatch):
+    """The diagnosed saturation limits the signal to 700 counts."""
     case = get_case("saturation")
     action = recommend_action(CheckedReport(case.report), str(case.path))
     monkeypatch.chdir(tmp_path)
@@ -341,7 +342,7 @@ def test_delay_before_the_simulator_is_exact_in_recordings_and_zero_in_streams(s
             FrameStates(data).build_state(grasp), grasp, read_report(path).effects, RandomStreams(0, 0, 0, 1)
         )[0]
         np.testing.assert_allclose(apply_module(effects, grasp, 0), expected, atol=1.0)
-        start_s = float(grasp.timestamp[110])
+        start_s = float(grasp.timestamp[110])  # first frame after the baseline
         effects.reset(0, start_s)
         stream = [
             effects.apply(*one) for one in zip(grasp.timestamp, grasp.raw_counts, grasp.contact_force, strict=True)
@@ -468,7 +469,8 @@ def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulation, tmp_path):
     )
     export_report(path, "mujoco", tmp_path / "noise.xml")
     text = (tmp_path / "noise.xml").read_text()
-    slope = MODEL["full"] / MODEL["half"]
+    slope = MODEL["full"] / MODEL["half"]  # counts per newton at small forces
+    # Two components of the noise, 30 and 40 counts, add up to 50 counts.
     np.testing.assert_allclose(compile_mjcf(text).sensor_noise, 50.0 / slope, rtol=1e-5)
     assert "has not added it since version 3.1.4" in text
     assert load_module(tmp_path / "noise.py").SkinEffects().parameters["noise"]
@@ -501,7 +503,7 @@ def test_mujoco_reads_a_delayed_sensor_late_by_the_delay(simulation, tmp_path):
         values.append(data.sensordata[[0, N - 1]].copy())
     delayed, exact = np.array(values).T
     assert exact.max() > 0.0
-    np.testing.assert_allclose(delayed[10:], exact[:-10], atol=1e-6)
+    np.testing.assert_allclose(delayed[10:], exact[:-10], atol=1e-6)  # 0.1 s are 10 steps of 0.01 s
 
 
 class RecordedArguments:
@@ -526,6 +528,7 @@ def isaac_names(monkeypatch):
 
 
 def test_isaac_filter_reproduces_the_hysteresis(simulation, tmp_path, isaac_names):
+    """The signal of one contact passes the exported filter A, B and the Python module, which rounds to whole counts."""
     name, variant, values = CREEP
     path = simulation.write_report(tmp_path, find_form(name, variant), values)
     export_report(path, "isaac", tmp_path / "isaac.py", step_s=FRAME_S)
@@ -551,7 +554,7 @@ def test_isaac_configuration_has_the_diagnosed_numbers(simulation, tmp_path, isa
     path = simulation.write_report(tmp_path, drift, np.array([[40.0], [6.0]]))
     assert "slope" in export_report(path, "isaac", tmp_path / "drift.py").approximated["baseline_drift"]
     bias = load_module(tmp_path / "drift.py").NOISE[33].bias_noise_cfg
-    assert (bias.mean, bias.std, bias.operation) == (20.0, 6.0, "abs")
+    assert (bias.mean, bias.std, bias.operation) == (20.0, 6.0, "abs")  # a drift from 0 to 40 counts has the mean 20
     path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.05, 0.0]]))
     export_report(path, "isaac", tmp_path / "delay.py", step_s=0.02)
     np.testing.assert_allclose(load_module(tmp_path / "delay.py").MODIFIERS[32][0].B, [0.0, 0.0, 0.5, 0.5])
@@ -583,6 +586,7 @@ def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
     assert options["noise"] == pytest.approx(50.0 * MODEL["half"] / MODEL["full"])
     assert "correlation" in done.approximated["noise"]
     options, _ = read_genesis(simulation, tmp_path, find_form("baseline_drift", ""), np.array([[40.0], [0.0]]))
+    # A drift from 0 to 40 counts has the mean 20 counts, expressed as a force.
     assert options["bias"] == pytest.approx(20.0 * MODEL["half"] / MODEL["full"])
     dead = np.isin(np.arange(N), (3,))
     missing = np.array([0.0, 0.3])  # share of the frames of each board
@@ -630,7 +634,7 @@ def test_without_the_simulated_dataset_effects_on_signals_remain(get_case, tmp_p
     assert "give --sim" in done.notes[0]
     effects = load_module(tmp_path / "skin.py").SkinEffects()
     np.testing.assert_array_equal(effects.apply(0.0, np.full(N, 30_000.0)), 30_000.0)
-    assert effects.apply(0.1, np.full(N, 28_000.0)).min() > 29_000.0
+    assert effects.apply(0.1, np.full(N, 28_000.0)).min() > 29_000.0  # a signal of 2000 counts is limited to about 700
     done = export_report(report, "python", tmp_path / "skin2.py", sim=get_case("saturation").sim)
     assert done.notes == ()
 

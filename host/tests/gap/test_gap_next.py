@@ -114,6 +114,7 @@ def test_grasps_at_three_times_the_force_increase_the_angle_between_stiffness_an
 
 
 def test_separation_and_variances_after_a_new_grasp_equal_a_fit_to_all_grasps(small_force_pair):
+    """Reference: a linear fit whose rows are the recorded features, those of the new grasp, and the priors."""
     fit_data = small_force_pair[1]
     findings = make_confounded_findings(fit_data)
     found, other = (

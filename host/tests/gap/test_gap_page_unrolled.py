@@ -167,6 +167,7 @@ def test_a_long_name_is_shortened_and_escaped() -> None:
 
 
 def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> None:
+    """A quarter of the largest excess has the middle of the colours q0, q1 ... The scale spans both pictures."""
     report = make_report("rig4")
     report["taxel_excess"]["before"][1] = LARGEST / 4
     before, after = list_classes(unrolled_svg(report, "before")), list_classes(unrolled_svg(report, "after"))
@@ -190,6 +191,7 @@ def test_a_taxel_without_data_is_empty() -> None:
 
 
 def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
+    """They are marked in the picture of the gap before the effects are added, not in the picture after that."""
     report = make_report("rig4")
     address = report["sensors"][1]["address"]
     report["where"]["sensors"] = [
@@ -207,6 +209,7 @@ def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
 
 
 def test_unexplained_locations_are_marked_after() -> None:
+    """They are marked in the picture of the gap after the effects are added, if its remainder is significant."""
     report = make_report("rig4")
     address = report["sensors"][2]["address"]
     locations = [{"address": address, "axis": "rx", "index": 1}, {"address": address}, "somewhere"]

@@ -42,6 +42,7 @@ def test_share_is_1_minus_the_negative_correlation_of_both_repeats(layout, oppos
 
 
 def test_share_of_one_family_does_not_depend_on_the_others(layout):
+    """Repeats of a pair deviate in opposite directions (share 0), except in the onset features (share 1)."""
     features = make_features(layout, 1.0)
     features[:, layout.onset] = make_features(layout, 0.0)[:, layout.onset]
     shares = dict(zip(("signal", "noise", "missing", "onset", "drift"), estimate(features, layout), strict=True))
@@ -50,6 +51,7 @@ def test_share_of_one_family_does_not_depend_on_the_others(layout):
 
 
 def test_repeats_without_a_partner_are_omitted(layout):
+    """The repeats 2 k and 2 k + 1 deviate in opposite directions, so the share is 0; repeat 2 has no partner 3."""
     features = make_features(layout, 1.0)
     condition, iteration = np.repeat(np.arange(CONDITIONS), REPEATS), np.tile(np.arange(REPEATS), CONDITIONS)
     kept = iteration != 3  # for example a faulty grasp

@@ -101,7 +101,7 @@ def test_a_board_without_a_baseline_is_excluded_from_its_grasp(write_world, tmp_
     def remove_one_baseline(raw, valid, rng):
         valid = valid.copy()
         if next(grasp_numbers) == 3:
-            valid[:105, 1] = False
+            valid[:105, 1] = False  # the frames of the baseline, second board
         return raw, valid
 
     report = diagnose(

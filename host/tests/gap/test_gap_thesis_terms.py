@@ -77,8 +77,9 @@ def test_the_four_steps_are_in_the_order_of_the_thesis(get_fit_data, get_steps):
     assert entries[0]["gap"] == pytest.approx(
         measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout).gap.value
     )
-    assert entries[1]["gap"] is entries[2]["gap"] is None
+    assert entries[1]["gap"] is entries[2]["gap"] is None  # the filters change only clouds, not signals
     real, sim = ([entry["points"][side] for entry in entries] for side in ("real", "sim"))
+    # The filters remove points of both clouds; contact propagation adds points to the simulated cloud.
     assert real[0] > real[1] >= real[2] == real[3]
     assert sim[0] > sim[1] >= sim[2] < sim[3]
     json.dumps(entries, allow_nan=False)
@@ -98,6 +99,7 @@ def test_contact_propagation_closes_a_gap_caused_by_contact_propagation(get_step
     entries = get_steps(effect=spread_force)
     before, force_filtered, outlier_filtered, after = list_distances_mm(entries)
     assert after < 0.3 * before
+    # Both filters together reduce the distance by less than half of the reduction by contact propagation.
     assert before - min(force_filtered, outlier_filtered) < 0.5 * (outlier_filtered - after)
     assert entries[3]["gap"] < 0.3 * entries[0]["gap"]
 

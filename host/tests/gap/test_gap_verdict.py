@@ -60,6 +60,7 @@ def make_verdict(probabilities, sessions=5, warnings=(), remaining_excess=NO_EXC
     ],
 )
 def test_status_and_effects_follow_from_the_probabilities(probabilities, status, effects):
+    """A cause is named from a probability of 0.5 on. The probabilities are independent and need not sum to 1."""
     verdict = make_verdict(probabilities)
     assert (verdict.status, verdict.effects) == (status, effects)
     assert verdict.effects == list_causes(probabilities)
@@ -102,6 +103,7 @@ def test_too_few_sessions_give_neither_no_gap_nor_explained():
 
 @pytest.mark.parametrize(("low", "status"), [(6.0, "explained"), (7.0, "partly_explained"), (None, "explained")])
 def test_a_remaining_excess_of_more_than_half_the_floor_is_stated(low, status):
+    """Half the floor of 5 counts, squared, is 6.25. low: lower end of the interval of the excess, counts squared."""
     verdict = make_verdict(
         {"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, remaining_excess=Interval(100.0, low, 200.0, 10.0)
     )
@@ -120,6 +122,7 @@ def test_the_sentence_has_the_gap_and_the_shrink_of_held_out_sessions():
     probabilities = {"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}
     line = make_verdict(probabilities).one_line
     assert "from 20.0 to 8.0 counts, by 60 %; the rest agrees with the floor of 5.0 counts" in line
+    # With the interval of the remaining excess above 0, the rest does not agree with the floor.
     line = make_verdict(probabilities, remaining_excess=Interval(39.0, 2.0, 76.0, 18.0)).one_line
     assert "from 20.0 to 8.0 counts, by 60 %; the floor is 5.0 counts" in line
 

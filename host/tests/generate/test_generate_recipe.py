@@ -106,6 +106,11 @@ def test_default_hand_of_a_recipe_is_the_original_one():
 
 
 def test_recorded_grasp_keeps_the_palms_distance_from_a_wider_object_and_is_shifted_by_the_samples():
+    """The axes of the palm are x towards the object, y upwards along the axis of the object, z towards the fingertips.
+
+    A sample `press_mm` shifts the palm along x, `reach_mm` against z, `along_mm` against y; `turn_deg` turns the grasp
+    about the vertical axis of the object.
+    """
     setup = Setup()
     approach = setup.approach(PlannedGrasp("", "cylinder", "side_1", 0, 0))
     zero = dict.fromkeys(("turn_deg", "reach_mm", "along_mm", "thumb_deg"), 0.0) | {"press_mm": 1e3 * RECORDED_PRESS_M}

@@ -173,7 +173,7 @@ def test_periods_are_set_on_entry_and_by_command(bench: Bench) -> None:
         hand.set_period(10, imu_ms=20, temperature_ms=50)
         bench.run(hand, 0.06)
         poses = [m for m in bench.read_messages() if isinstance(m, FingerPose)]
-        assert len(poses) == 4 * 6
+        assert len(poses) == 4 * 6  # four fingers, 60 ms at a period of 10 ms
         assert hand.imu is not None
         assert hand.temperatures_c == dict.fromkeys(range(4), 35)
         with pytest.raises(ValueError):

@@ -191,7 +191,7 @@ def test_flat8_lies_on_the_plate() -> None:
     hand = load_hand("flat8")
     assert (hand.robot, hand.boards[0].link_name, hand.n_taxels) == ("plate", "plate", 64)
     np.testing.assert_array_equal(hand.normal, np.broadcast_to([0.0, 0.0, 1.0], (64, 3)))
-    assert np.ptp(hand.position, axis=0) == pytest.approx([0.035, 0.035, 0.0])
+    assert np.ptp(hand.position, axis=0) == pytest.approx([0.035, 0.035, 0.0])  # 7 pitches of 5 mm
     np.testing.assert_allclose(hand.position.mean(axis=0), 0.0, atol=1e-15)
 
 

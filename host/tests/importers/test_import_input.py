@@ -8,6 +8,7 @@ import pytest
 
 from host.tests.command_line import run_refused_command
 from host.tests.importers.files import make_time, make_values, number_columns, write_csv, write_lerobot
+from taxel.recording.importers.source_csv import open_file
 
 
 def write_ragged(path):
@@ -87,3 +88,17 @@ def test_a_damaged_lerobot_folder_gives_one_error_line(tmp_path, capsys, case):
     folder = write_lerobot(tmp_path / "robot", "v2.1", [make_values(8), make_values(8)])
     damage(folder)
     assert message in run_refused_command(capsys, "import", "inspect", folder)
+
+
+@pytest.mark.parametrize("entry", ["\x1c8.25", "8.25\x1f", "\u0668.25", "8_2.5", "\u20038.25"])
+@pytest.mark.parametrize("rows", [5, 9000])
+def test_an_entry_that_python_would_accept_as_a_number_stays_text(tmp_path, entry, rows):
+    """A table of 9,000 rows is read by NumPy, which also accepts control characters around a number."""
+    lines = ["t,p", *(f"{number},{number}.5" for number in range(rows))]
+    lines[3] = f"2,{entry}"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    values = open_file(path).fields["p"].load()
+    assert values.dtype.kind == "U"
+    assert values[2] == entry
+    assert open_file(path).fields["t"].load()[2] == 2.0

@@ -29,6 +29,7 @@ def import_by_proposal(folder, *files):
 
 
 def test_the_proposal_for_a_plain_npz_works_unchanged(tmp_path):
+    """The import accepts the mapping that `taxel import inspect` proposes. The first time becomes 0."""
     values = make_values(16)
     np.savez(tmp_path / "pad.npz", t=make_time() + 5.0, pressure=values)
     (contact,) = import_by_proposal(tmp_path, tmp_path / "pad.npz")
@@ -88,6 +89,7 @@ def test_the_proposal_for_vectors_has_three_components(tmp_path):
 
 
 def test_the_proposal_for_a_bag_works_unchanged(tmp_path):
+    """The import of a ROS 2 bag accepts the mapping that `taxel import inspect` proposes."""
     values = make_values(8).round()
     bag = write_bag2(tmp_path / "bag", values)
     (contact,) = import_by_proposal(tmp_path, bag)

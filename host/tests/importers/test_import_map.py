@@ -1,6 +1,7 @@
 """`taxel import map`: every kind of file, every rule of the mapping, and the error line of each wrong mapping."""
 
 import json
+import sqlite3
 
 import h5py
 import numpy as np
@@ -12,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from host.tests.command_line import run_refused_command, run_taxel
 from host.tests.importers.files import (
     FRAMES,
+    START_NS,
     make_time,
     make_values,
     number_columns,
@@ -20,7 +22,9 @@ from host.tests.importers.files import (
     write_csv,
     write_map,
 )
+from taxel.recording.errors import DatasetError
 from taxel.recording.general import GeneralDataset
+from taxel.recording.importers.sources import open_source
 
 PLAIN = '[time]\nfield = "time"\n[values]\nfield = "values"\n'
 
@@ -110,6 +114,31 @@ def test_values_of_a_file_of_arrays_are_unchanged(tmp_path, write):
     np.testing.assert_allclose(contact.time, make_time())
 
 
+def test_a_zarr_store_with_a_damaged_array_is_refused_and_an_empty_group_is_not(tmp_path):
+    path = write_zarr(tmp_path, make_values(6))
+    group = pytest.importorskip("zarr").open_group(str(path), mode="a").create_group("sub")
+    group.create_group("empty")
+    group.create_array("extra", data=np.arange(3.0))
+    assert "sub/extra" in open_source(path).fields
+    metadata = path / "sub" / "extra" / "zarr.json"
+    metadata.write_text(metadata.read_text().replace("node_type", "no_type"))
+    with pytest.raises(DatasetError, match=r"a\.zarr: "):
+        open_source(path)
+
+
+@pytest.mark.parametrize("key", ["dtype", "zarr_format"])
+@pytest.mark.parametrize("name", ["time", "values"])
+def test_a_zarr_store_of_format_2_whose_array_has_lost_a_key_is_refused(tmp_path, name, key):
+    zarr = pytest.importorskip("zarr")
+    root = zarr.open_group(str(tmp_path / "a.zarr"), mode="w", zarr_format=2)
+    for each in ("time", "values"):
+        root.create_array(each, data=np.arange(4.0))
+    metadata = tmp_path / "a.zarr" / name / ".zarray"
+    metadata.write_text(metadata.read_text().replace(key, "another"))
+    with pytest.raises(DatasetError, match=f"/{name}: expected a readable array or group, found damaged metadata"):
+        open_source(tmp_path / "a.zarr")
+
+
 def test_a_zarr_store_without_the_package_zarr_gives_one_error_line(tmp_path, capsys, monkeypatch):
     (tmp_path / "a.zarr").mkdir()
     (tmp_path / "a.zarr/zarr.json").write_text("{}")
@@ -136,6 +165,22 @@ def test_a_topic_of_a_third_party_in_a_bag_is_imported_with_exact_times(tmp_path
         (contact,) = data
     np.testing.assert_array_equal(contact.values, values)
     np.testing.assert_allclose(contact.time, make_time(), rtol=0, atol=1e-12)
+
+
+def test_a_bag_with_a_damaged_index_is_refused(tmp_path):
+    """SQLite uses the index on the time stamps without a check, and would return the messages in another order."""
+    path = write_bag2(tmp_path / "bag", make_values(8), StoragePlugin.SQLITE3)
+    (database,) = path.glob("*.db3")
+    with sqlite3.connect(database) as connection:
+        connection.execute("CREATE INDEX IF NOT EXISTS timestamps ON messages (timestamp)")
+        (root,) = connection.execute("SELECT rootpage FROM sqlite_master WHERE type = 'index'").fetchone()
+        (size,) = connection.execute("PRAGMA page_size").fetchone()
+    data = bytearray(database.read_bytes())
+    entry = data.index((START_NS + 5).to_bytes(8, "big"), (root - 1) * size)
+    data[entry + 7] ^= 1
+    database.write_bytes(data)
+    with pytest.raises(DatasetError, match="with an undamaged SQLite database"):
+        open_source(path)
 
 
 def test_a_damaged_bag_gives_one_error_line(tmp_path, capsys):

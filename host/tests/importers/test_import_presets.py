@@ -190,6 +190,7 @@ def model_arguments(simulated):
 
 
 def test_mujoco_touch_sensor_gives_one_value_in_newtons(simulated, model_arguments, import_preset):
+    """The touch sensor "tip" is number 3 of the sensor data, after the three numbers of a gyroscope."""
     _, data = simulated
     header, (contact,) = import_preset(*model_arguments, "--sensors", "tip")
     np.testing.assert_array_equal(contact.values, data[:, 3:4])
@@ -200,6 +201,7 @@ def test_mujoco_touch_sensor_gives_one_value_in_newtons(simulated, model_argumen
 def test_mujoco_touch_grid_gives_a_vector_of_each_taxel_with_the_normal_component_last(
     simulated, model_arguments, import_preset
 ):
+    """In the sensor data, the grid has the numbers 4 to 39: normal and two tangential forces of 12 taxels each."""
     _, data = simulated
     _, (contact,) = import_preset(*model_arguments, "--sensors", "grid")
     normal, first_tangential, _ = data[:, 4:40].reshape(FRAMES, 3, 12).swapaxes(0, 1)

@@ -46,6 +46,12 @@ def test_a_special_file_is_refused_without_waiting(tmp_path, kind):
         assert caught.value.strerror == f"is a {kind}, no regular file; copy the data to a file, and give the file"
 
 
+def test_a_file_name_too_long_for_the_system_is_shortened_in_the_error():
+    with pytest.raises(InputFileError, match="name too long") as caught:
+        read_regular_file("/a/" + "b" * 100_000, 10)
+    assert len(str(caught.value)) < 300
+
+
 def test_a_file_of_the_permitted_size_is_read_and_a_larger_one_is_refused(tmp_path):
     path = tmp_path / "a"
     path.write_bytes(b"0123456789")
@@ -125,7 +131,7 @@ def test_brackets_in_strings_are_no_nesting():
 
 
 def test_half_of_a_character_is_refused_where_a_text_must_be_encoded_again():
-    data = rb'{"hand": "\ud800"}'
+    data = rb'{"hand": "\ud800"}'  # JSON encodes a character above 0xFFFF as two halves (surrogates)
     with pytest.raises(TextError, match="file: expected texts of whole characters"):
         parse_json(data)
     assert parse_json(data, permits_surrogates=True) == {"hand": "\ud800"}
@@ -133,6 +139,10 @@ def test_half_of_a_character_is_refused_where_a_text_must_be_encoded_again():
 
 
 def test_rows_of_a_table_are_read_with_the_numbers_of_their_lines(tmp_path):
+    """The table has a byte order mark, a byte that is no UTF-8, an empty line, and a field of two lines.
+
+    A field of more than 131,072 characters is refused.
+    """
     path = tmp_path / "a.csv"
     path.write_bytes(b'\xef\xbb\xbfa,b\r\n1,\xff\n\n"2\n3",4\n')
     assert list(read_csv_rows(path)) == [(1, ["a", "b"]), (2, ["1", "\ufffd"]), (3, []), (5, ["2\n3", "4"])]
@@ -141,7 +151,7 @@ def test_rows_of_a_table_are_read_with_the_numbers_of_their_lines(tmp_path):
         list(read_csv_rows(path))
 
 
-@pytest.mark.parametrize("text", ["1_0", "１", "", "x", "0x10"])
+@pytest.mark.parametrize("text", ["1_0", "１", "", "x", "0x10", "\x1c1", "1\x1f"])
 def test_an_entry_that_is_no_plain_number_is_refused(text):
     for parse in (parse_float, parse_integer):
         with pytest.raises(ValueError):
@@ -169,7 +179,7 @@ def test_a_small_archive_that_expands_to_gigabytes_is_refused(tmp_path, monkeypa
     monkeypatch.setattr("taxel.input_files.numpy_archive.EXPANDED_BYTES_MAX", 1000)
     with (
         NumpyArchive(write_archive(tmp_path / "a.npz", a=np.zeros(1_000_000))) as archive,
-        pytest.raises(ArchiveError, match=r"\d+ stored bytes expand to 8000128"),
+        pytest.raises(ArchiveError, match=r"\d+ stored bytes expand to 8000128"),  # with a header of 128 bytes
     ):
         archive.read("a", 10**9)
 

@@ -36,6 +36,7 @@ INVALID_WORLDS = {  # case: (world text, regular expression of the error)
     "another file": ("another format\n", "line 1: expected 'taxel-world 1'"),
     "another version": ("taxel-world 2\n", "line 1: expected 'taxel-world 1'"),
     "no board": ("taxel-world 1\n", "no board is described"),
+    "control character": ("taxel-world 1\nscl\x0bhz 1\n", "line 2: the line contains a control character; remove it"),
     "unknown keyword": ("taxel-world 1\nbored 1\n", "line 2: unknown keyword 'bored'"),
     "not a number": ("taxel-world 1\nscl_hz fast\n", "line 2: scl_hz: expected a number .* found 'fast'"),
     "out of range": ("taxel-world 1\n\nbaud 10\n", "line 3: baud: expected a number from 1000 .* found '10'"),

@@ -42,6 +42,10 @@ def split_messages(stream: bytes) -> list[bytes]:
 
 
 def test_the_stream_contains_a_message_of_every_board_in_the_read_order_of_the_hub():
+    """A message has 8 bytes besides its counts: 0x01, length, address, 4 bytes of timestamp, 0x0A.
+
+    The 17 messages after the first 17 contain every board once, in the read order, beginning with any board.
+    """
     messages = split_messages(read_stream("emulator:?protocol=original&speed=max", 5000))
     taxels = {board.address: board.kind.taxel_count for board in ORIGINAL.boards}
     order = list_polled_addresses(ORIGINAL)

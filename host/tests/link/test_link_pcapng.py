@@ -93,7 +93,7 @@ def test_a_big_endian_file_is_read(tmp_path):
         return struct.pack(">I", kind) + size + content + size
 
     section = make_big_endian_block(0x0A0D0D0A, struct.pack(">IHHq", 0x1A2B3C4D, 1, 0, -1))
-    interface = make_big_endian_block(1, struct.pack(">HHI", 147, 0, 0))
+    interface = make_big_endian_block(1, struct.pack(">HHI", 147, 0, 0))  # link type 147: USER0
     packet = make_big_endian_block(6, struct.pack(">IIIII", 0, 0, 3, 2, 2) + b"a\0\0\0")  # 3 us, 2 bytes
     (tmp_path / "x.pcapng").write_bytes(section + interface + packet)
     assert read_all(tmp_path / "x.pcapng")[1] == [(b"a\0", 3000)]

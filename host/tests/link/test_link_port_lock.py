@@ -119,6 +119,7 @@ def test_holder_without_a_lock_is_found_by_its_open_file(tmp_path, holder):
 
 
 def test_other_openings_are_refused_except_on_a_pseudo_terminal(terminal, monkeypatch):
+    """On a pseudo-terminal, the refusal of the kernel would outlive a killed program."""
     requests = []
     monkeypatch.setattr(port_lock.fcntl, "ioctl", lambda descriptor, request: requests.append(request))
     port_lock.refuse_other_openings(0, terminal.name)

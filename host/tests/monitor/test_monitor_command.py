@@ -40,7 +40,7 @@ def test_once_prints_one_reading_without_losses_of_the_emulated_hand(capsys):
     assert reading["boards_streaming"] == 17
     assert reading["baseline"] == 1.0
     assert reading["active"] == 0
-    assert 18.0 < reading["scans_hz"] < 20.0
+    assert 18.0 < reading["scans_hz"] < 20.0  # a poll cycle of 17 boards at 400 kHz takes about 53 ms
     assert reading["lost_on_wire"] == reading["missing"] == reading["damaged"] == 0
 
 

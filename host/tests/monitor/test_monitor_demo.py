@@ -21,7 +21,7 @@ def test_contacts_of_limited_force_move_over_the_boards_of_any_hand(name):
     for elapsed_s in np.arange(0.0, 6 * BOARD_S, 0.1):
         forces = contacts.compute_forces(float(elapsed_s))
         assert forces.min() >= 0.0
-        assert forces.sum() <= 4 * FORCE_N
+        assert forces.sum() <= 4 * FORCE_N  # at most one contact on each of 4 fingers
         touched |= forces > 0.0
         loaded_boards.append(frozenset(b.name for b in hand.boards if forces[hand.get_slice(b.address)].any()))
     assert touched.sum() > 10

@@ -53,7 +53,7 @@ def test_board_connected_later_has_its_own_baseline(fake_skin):
     assert reading.boards[-1].state == "no frame yet"
     assert np.isnan(reading.signal_counts[skin.hand.get_slice(late_board.address)]).all()
     skin.pass_time(0.1)
-    assert skin.read().boards[-1].baseline_progress == pytest.approx(2 / 3)
+    assert skin.read().boards[-1].baseline_progress == pytest.approx(2 / 3)  # 0.1 s: 2 frames of a baseline of 3
     skin.pass_time(0.1)
     reading = skin.read()
     assert reading.boards[-1].state == "streaming"
@@ -83,7 +83,7 @@ def test_restarted_baseline_contains_only_frames_after_the_request(fake_skin):
     assert skin.read().active.all()
     skin.monitor.restart_baseline()
     skin.pass_time(0.05)
-    assert skin.read().baseline_progress == pytest.approx(1 / 3)
+    assert skin.read().baseline_progress == pytest.approx(1 / 3)  # 0.05 s: the first frame of a baseline of 3
     skin.pass_time(0.2)
     reading = skin.read()
     assert reading.is_measuring

@@ -28,6 +28,7 @@ def capture(tmp_path):
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])
 def test_chunks_arrive_at_their_recorded_times_divided_by_the_speed(clock, capture, speed):
+    """The capture contains ten chunks, the bytes 0 to 9, at intervals of 10 ms; `clock` begins at 1000 s."""
     link = PacedLink(open_link(capture), speed)
     arrivals = []
     while len(arrivals) < 10:
@@ -44,6 +45,7 @@ def test_chunks_arrive_at_their_recorded_times_divided_by_the_speed(clock, captu
 
 
 def test_a_late_reader_gets_all_due_chunks_without_waiting(clock, capture):
+    """The chunks, the bytes 0 to 9, have intervals of 10 ms: after 35 ms, the chunks 1, 2 and 3 are due."""
     link = PacedLink(open_link(capture))
     link.read(0.0)
     clock[0] += 0.035

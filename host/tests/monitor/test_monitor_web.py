@@ -84,6 +84,7 @@ def test_browser_shows_colours_texts_and_banners_and_its_buttons_work(browser):
     active, inactive = (TABLE[colour_steps(np.array([signal]), 150.0, 500.0)[0]] for signal in (450.0, 0.0))
 
     def is_shown(least_active, most_active):
+        """Whether the number of pixels in the colour of an active taxel is between the two limits."""
         picture = browser.page.take_picture()
         return least_active < count_pixels(picture, active) < most_active and count_pixels(picture, inactive) > 1000
 

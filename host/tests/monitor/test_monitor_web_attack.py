@@ -84,7 +84,7 @@ def test_hostile_requests_are_refused(serve):
     served = serve()
     results = asyncio.run(attack_requests(served.request, 105, SEED))
     assert count_accepted(results) == 0
-    assert all(sum(counts.values()) == 15 for counts in results.values())
+    assert all(sum(counts.values()) == 15 for counts in results.values())  # 105 requests of 7 kinds
     assert {Refusal.FOREIGN_HOST, Refusal.FOREIGN_ORIGIN, Refusal.NO_TOKEN, Refusal.OTHER_CLIENT} <= set(
         served.view.refusals.counts
     )

@@ -34,7 +34,7 @@ def test_unplugged_board_is_missing_until_it_returns_and_nothing_else_is_lost() 
         cycles = [frame.cycle for frame in frames if frame.address == 0x09]
         missing = {address: count.missing for address, count in skin.losses.boards.items() if count.missing}
         assert missing == {0x09: cycles[-1] - cycles[0] + 1 - len(cycles)}
-        assert missing[0x09] == pytest.approx(3.0 * 5.2, abs=3)
+        assert missing[0x09] == pytest.approx(3.0 * 5.2, abs=3)  # 3 s at 5.2 poll cycles per second
         assert skin.losses.lost_on_wire == 0
 
 
@@ -52,13 +52,13 @@ def test_restart_of_the_hub_is_counted_and_the_stream_continues() -> None:
     with open_faulty(["5 hub_restart 0"]) as skin:
         frames = list(skin)
         assert skin.losses.restarts == 1
-        assert frames[-1].hub_time_us < 8_000_000
+        assert frames[-1].hub_time_us < 8_000_000  # the hub's clock began again at 5 s of the 12 s
         assert skin.hub.has_handshake
         assert len(frames) == skin.link.decoder.messages  # type: ignore[attr-defined]
 
 
 def test_contact_activates_loaded_taxels_only(tmp_path: Path) -> None:
-    contact = Indentation("palm", 6.0, 5.0, 8.0, 8.0)
+    contact = Indentation("palm", tx=6.0, rx=5.0, force_n=8.0, start_s=8.0)
     times, forces = compute_indentation_forces(HAND, (contact,))
     path = tmp_path / "contact.stm"
     write_stimulus(path, times, forces)

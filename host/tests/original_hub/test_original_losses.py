@@ -154,6 +154,7 @@ def test_messages_of_whole_cycles_lost_in_an_interruption_are_counted_as_missing
 
 
 def test_pause_of_the_hub_is_not_counted_as_a_loss() -> None:
+    """The hub sends 30 poll cycles from 120 s on its clock, nothing for 5 s, and 30 further cycles."""
     first = synthesise_messages(30)
     sent = first + synthesise_messages(30, 2, time_ms=120_000.0 + len(join_messages(first)) * BYTE_MS + 5_000.0)
     _, skin = read_frames(join_messages(sent))

@@ -55,6 +55,7 @@ def test_conversion_on_a_full_disk_keeps_the_old_file(tmp_path, capture, name):
     convert(capture, tmp_path / name)
     files = [tmp_path / name] if (tmp_path / name).is_file() else sorted((tmp_path / name).iterdir())
     contents = [file.read_bytes() for file in files]
+    # `run_taxel` limits the size of a file to less than the conversion needs, as a full disk does.
     status, errors = run_taxel("convert", capture, tmp_path / name, "--overwrite")
     assert (status, errors.count("\n")) == (1, 0), errors
     assert name in errors

@@ -123,7 +123,7 @@ def test_a_recording_without_records_does_not_replace_an_existing_one(tmp_path):
     write_whole(tmp_path / "x", "old")
     output = LiveOutput(tmp_path / "x", overwrite=True)
     output.file.write(b"heading")
-    output.begin()
+    output.begin()  # publishes the file only if there is no file to replace
     assert (tmp_path / "x").read_text() == "old"
     output.discard()
     assert list_names(tmp_path) == ["x"]
@@ -216,5 +216,5 @@ def test_a_signal_during_a_conversion_removes_the_temporary_file(tmp_path, captu
         assert list_names(tmp_path / "new")[0].startswith(f".{name}.part")
         process.send_signal(number)
         errors = process.communicate(timeout=30)[1]
-    assert process.returncode == 130, errors
+    assert process.returncode == 130, errors  # an interrupted command, for both signals
     assert list_names(tmp_path) == []

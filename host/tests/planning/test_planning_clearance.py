@@ -55,6 +55,7 @@ def test_pairs_within_the_hand_need_less_clearance(clearances):
 
 
 def test_an_object_above_the_table_stands_on_a_stand(setup):
+    """The table is at 0.02 m, the object at 0.12 m: the stand is 0.1 m high and has the base of the object."""
     item = GraspObject("box", ConvexPolytope.box(0.06, 0.04, 0.1), "box")
     pose = make_pose([0.5, 0.0, 0.12], [1.0, 0.0, 0.0, 0.0])
     model = BodyModel(setup.kinematics.robot, setup.hand, Surroundings(0.02, item, pose))
@@ -105,6 +106,7 @@ def test_a_collision_between_two_free_ends_of_a_segment_is_found(clearances, upr
 
 @pytest.mark.parametrize("index", range(3))
 def test_free_segments_keep_the_floor_at_a_fine_resolution(clearances, setup, upright, index):
+    """An accepted segment guarantees the floor, `FLOOR_SHARE` of the required clearance, also between its samples."""
     rng = np.random.default_rng([SEED, index])
     print(f"seed {[SEED, index]}")
     required = clearances.bodies.clearance

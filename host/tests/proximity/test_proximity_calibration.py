@@ -41,7 +41,7 @@ def test_interpolation_agrees_with_scipy_between_inner_points():
 
 def test_tabulated_curve_passes_through_its_support_points_and_decays_beyond_them():
     distance = np.array([0.5, 1.0, 2.0, 4.0, 8.0]) * 1e-3
-    curve = ResponseCurve(distance, np.array([-200.0, -150.0, -90.0, -40.0, -10.0]), 3.0)
+    curve = ResponseCurve(distance, np.array([-200.0, -150.0, -90.0, -40.0, -10.0]), 3.0)  # 3: exponent of the decay
     table = curve.make_table()
     np.testing.assert_allclose(look_up(table, distance), curve.signal_counts, atol=0.5)
     beyond = look_up(table, np.array([0.012, 0.02, 0.1]))
@@ -80,7 +80,7 @@ def test_calibration_recovers_curve_and_noise_of_flat_and_curved_boards_in_spite
     result = calibrate(hand, make_counts(hand, name, law, drift=0.5))
     kind = result.kinds[hand.find_board(name).kind.name]
     response = kind.targets["grounded"]
-    assert kind.noise_counts == pytest.approx(4.0, rel=0.1)
+    assert kind.noise_counts == pytest.approx(4.0, rel=0.1)  # the noise of `make_counts`
     inner = response.curve.distance_m[1:-1]
     np.testing.assert_allclose(response.curve.signal_counts[1:-1], law(inner), rtol=0.06, atol=1.0)
     assert response.gain_spread < 0.05

@@ -85,6 +85,7 @@ def test_drift_of_a_warm_up_neither_biases_the_distance_nor_remains_as_a_target(
         return np.where((times > 20.0) & (times < 40.0), 0.002, 0.05)
 
     times, raw = make_frames(path, 60.0)
+    # Drift of 120 counts in all, with a time constant of 180 s.
     warm_up = 120.0 * sign * -np.expm1(-times / 180.0)
     estimates = run(hand, board, calibration, (times, np.round(raw + warm_up[:, None])))
     near = [each for each in estimates if 36.0 < each.time_s < 39.5]

@@ -9,7 +9,7 @@ from taxel.proximity.motion_grid import CENTRES_M, SPEEDS_M_S, get_transition
 
 @pytest.mark.parametrize("dt_s", [0.002, 0.054, 0.5, 20.0])
 def test_prediction_conserves_the_total_probability_and_keeps_all_probabilities_positive(dt_s):
-    state = MotionFilter(np.array([1.0, 2.0, 1.0]))
+    state = MotionFilter(np.array([1.0, 2.0, 1.0]))  # prior weights of three templates
     for _ in range(50):
         state.predict(get_transition(dt_s))
         total = float(state.present.sum()) + state.far + state.contact
@@ -26,6 +26,9 @@ def test_mean_distance_decreases_by_speed_times_interval():
 
 
 def test_left_out_template_returns_instead_of_a_contact_when_it_fits():
+    """The filter discards improbable templates (shapes and kinds of targets). Likelihoods are logarithms: of a target
+    by template and distance, of no target, and of a contact.
+    """
     state = MotionFilter(np.ones(3))
     likelihood = np.zeros((3, len(CENTRES_M)))
     likelihood[1:] = -12.0  # only the first template fits

@@ -120,11 +120,13 @@ def test_forces_and_sensor_model_of_a_simulated_file_are_read(tmp_path):
         model = data.sensor_model
         assert (model.baseline_counts, model.noise_counts, model.layer) == (30_000.0, 0.0, "uncoupled")
         assert model.contact_stiffness_n_per_m is None
+        # Signal of a force F (newtons): full scale 4000 counts * F / (F + 2 N).
         assert model.predict_signal([0.0, 2.0, 6.0]).tolist() == [0.0, 2000.0, 3000.0]
         data.check()
 
 
 def test_sensor_model_subtracts_the_signal_of_a_force_and_clips_the_counts_at_0():
+    """The half force, 2 N, gives half of the full scale; a huge force gives the full scale, more than the baseline."""
     model = SensorModel(baseline_counts=1000.4, full_scale_drop_counts=900.0, half_force_n=2.0)
     assert model.counts(np.array([[0.0, 2.0]]), np.random.default_rng(0)).tolist() == [[1000, 550]]
     model = SensorModel(baseline_counts=1000.4, full_scale_drop_counts=2000.0, half_force_n=2.0)
@@ -132,6 +134,7 @@ def test_sensor_model_subtracts_the_signal_of_a_force_and_clips_the_counts_at_0(
 
 
 def test_line_noise_of_the_sensor_model_is_equal_on_the_taxels_of_one_receive_line():
+    """Taxels 0 and 2 are on one line, taxel 1 is on another; the standard deviation is 50 counts."""
     model = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
     rx_line = np.array([0, 1, 0])
     counts = model.counts(np.zeros((400, 3)), np.random.default_rng(1), rx_line)
@@ -177,6 +180,7 @@ def test_file_without_grasps_is_readable(tmp_path):
 
 
 def test_baseline_is_the_mean_of_the_first_valid_frames_of_the_taxels_own_sensor(real_file):
+    """Taxel 0: mean of 100 to 400. Taxel 3, whose board has no valid frame 1: mean of 10, 30, 40 and 50."""
     counts, valid = read_counts(real_file)
     counts[:6, 0] = (100, 200, 300, 400, 999, 999)
     counts[:6, 3] = (10, 999, 30, 40, 50, 60)
@@ -188,6 +192,7 @@ def test_baseline_is_the_mean_of_the_first_valid_frames_of_the_taxels_own_sensor
 
 
 def test_signal_equal_to_the_threshold_is_not_active(real_file):
+    """The default threshold is 150 counts. Taxel 1 has a mean signal slightly above it, taxel 2 slightly below it."""
     counts, _ = read_counts(real_file)
     baseline_counts = np.array([30_000, 30_001, 30_000])  # the mean is not representable as a float
     counts[:3] = baseline_counts[:, None]
@@ -229,6 +234,7 @@ def test_grasp_without_a_hold_phase_has_no_known_taxel(real_file):
 
 
 def test_invalid_hold_frames_are_ignored(real_file):
+    """The signal in hold is 1000 counts; the first hold frame, with raw count 0, is invalid."""
     counts, valid = read_counts(real_file)
     first = HOLD_FRAMES[0]
     counts[first] = 0
@@ -240,6 +246,7 @@ def test_invalid_hold_frames_are_ignored(real_file):
 
 
 def test_too_few_baseline_frames_are_refused(real_file):
+    """Every grasp of the file has six baseline frames; one frame of the second grasp is then marked invalid."""
     with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/phase: expected 7 baseline frames.*found 6"):
         GraspDataset(real_file, baseline_frames=7)
     _, valid = read_counts(real_file, "0002")
@@ -270,6 +277,7 @@ def test_board_without_any_frame_is_missing_not_short_of_baseline_frames(real_fi
 
 
 def test_reading_one_grasp_does_not_read_another(real_file):
+    """The stored counts of the first grasp are damaged, which is an error only when these counts are read."""
     with h5py.File(real_file) as file:
         chunk = file["grasps/0001/raw_counts"].id.get_chunk_info(0)
     with open(real_file, "r+b") as file:
@@ -278,7 +286,9 @@ def test_reading_one_grasp_does_not_read_another(real_file):
     with GraspDataset(real_file) as data:
         assert data["0002"].raw_counts[0, 0] == 30_001
         assert data["0001"].phase[0] == 0
-        with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/raw_counts: expected readable") as caught:
+        with pytest.raises(
+            DatasetError, match=r"real\.h5: /grasps/0001/raw_counts: expected complete chunks"
+        ) as caught:
             _ = data["0001"].raw_counts
         assert "\n" not in str(caught.value)
         with pytest.raises(DatasetError, match="/grasps/0001/raw_counts"):
@@ -309,3 +319,10 @@ def test_a_pickled_dataset_error_keeps_its_text_and_field(real_file):
     copy = pickle.loads(pickle.dumps(caught.value))
     assert str(copy) == str(caught.value)
     assert copy.field == "/grasps/0001/phase"
+
+
+def test_a_name_that_is_not_utf8_is_refused(real_file):
+    with h5py.File(real_file, "r+") as file:
+        h5py.h5g.create(file["objects"].id, b"cu\xe2e")  # "cube" with one damaged byte
+    with pytest.raises(DatasetError, match="/objects: expected names in UTF-8"):
+        GraspDataset(real_file)

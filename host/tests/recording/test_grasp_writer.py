@@ -190,6 +190,7 @@ def test_profiler_that_keeps_stack_frames_does_not_change_the_bytes(tmp_path):
 
 
 def test_direct_calls_of_hdf5_hold_the_lock_of_h5py(tmp_path, monkeypatch):
+    """HDF5 is not safe for threads: every call needs the lock of h5py, `phil`, also calls that bypass h5py."""
     lock_states = []
 
     def is_free():
@@ -260,6 +261,7 @@ def check_first_grasps(path, last=None):
 
 
 def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, monkeypatch):
+    """The content of the file before and after each write is what a kill at this moment would leave."""
     first_count, last_count = 7, 10  # by default HDF5 keeps 8 links in a header, and more links in several places
     path = write_dataset(tmp_path / "x.h5", first_count)
     states = []
@@ -299,6 +301,7 @@ def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, m
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_killed_writer_leaves_the_completed_grasps(tmp_path):
+    """A child process that writes grasps is killed at a random time; its file is readable and can be extended."""
     print("seed", SEED)
     generator = np.random.default_rng(SEED)
     lengths = []
@@ -345,6 +348,7 @@ def test_interruption_of_the_creation_leaves_no_file(tmp_path, monkeypatch):
 
 
 def test_first_page_of_a_file_has_space_for_the_links_of_all_reserved_grasps(tmp_path):
+    """Up to the reserved number, a grasp is added by one write: the header of /grasps needs no further block."""
     path = write_dataset(tmp_path / "x.h5", 1)
     with h5py.File(path) as file:
         info = h5py.h5o.get_info(file["grasps"].id)

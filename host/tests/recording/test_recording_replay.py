@@ -22,6 +22,7 @@ def make_touch_recording(touched_frames, frames=40, period_s=0.1):
 
 @pytest.mark.parametrize("name", list_recordings())
 def test_measured_touches_are_decoded_without_error(name):
+    """Only touches between two samples are missed. Few samples lie at a step of the source, where both values count."""
     score = replay_touches(load_recording(name), ALLEGRO, ReplayOptions(start_s=30.0, seconds=10.0))
     assert score.boards == 17
     assert score.true_positives > 100
@@ -42,6 +43,7 @@ def test_clock_errors_of_the_boards_do_not_change_the_score(seed):
 
 
 def test_synthetic_touches_are_found_at_their_taxels_and_times():
+    """Three touches (frames 5 to 9, 20 to 21, and 30) of panel rows 10 to 12 and columns 6 to 9, 240 counts each."""
     score = replay_touches(make_touch_recording([*range(5, 10), *range(20, 22), 30]), ALLEGRO)
     assert (score.touches, score.touches_found, score.touches_spurious) == (3, 3, 0)
     assert score.f1 == 1.0
@@ -66,6 +68,7 @@ def test_kept_capture_gives_the_same_score_and_a_lower_one_for_another_source(tm
     repeated = score_replay(SourceTouches(recording.time_s, tiling.to_taxels(recording.values), 150.0), boards)
     assert str(repeated) == str(score)
 
+    # The same capture does not agree with a source moved by two columns, or delayed by five frames.
     moved = np.roll(recording.values, 2, axis=2)
     wrong_position = score_replay(SourceTouches(recording.time_s, tiling.to_taxels(moved), 150.0), boards)
     assert wrong_position.f1 < 0.6

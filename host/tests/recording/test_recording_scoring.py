@@ -76,6 +76,9 @@ def test_exact_decoding_has_precision_recall_and_f1_of_one(two_touches):
 
 
 def test_each_sample_is_counted_as_true_or_false_and_positive_or_negative():
+    """In the source, only taxel 0 is touched, from 0.1 to 0.2 s. The second of four scans finds the touch, the third
+    misses it, and the third and the fourth find a false touch of taxel 1.
+    """
     source = make_source([[0, 0], [200, 0], [0, 0]])
     sampled_s = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
     active = np.array([[False, False], [True, False], [False, True], [False, True]])
@@ -103,6 +106,7 @@ def test_a_sample_at_a_step_of_the_source_is_accepted_with_either_value(is_activ
 
 
 def test_a_sample_outside_the_step_tolerance_is_scored():
+    """The source steps at 0.1 s and 0.2 s; the first and the last sample are 2 ms away, the tolerance is 1.5 ms."""
     source = make_source([[0], [200], [0]])
     sampled_s = np.array([[0.098], [0.15], [0.202]])
     score = score_replay(
@@ -125,6 +129,7 @@ def test_decoding_shifted_by_one_taxel_has_a_low_score(two_touches):
 
 
 def test_decoding_one_frame_late_has_a_low_score(two_touches):
+    """The touches last two and three frames, so that a delay of one frame moves up to half of their samples."""
     score = score_replay(two_touches, [decode_exactly(two_touches, delay_s=FRAME_S)])
     assert score.f1 < 0.8
     assert score.false_positives > 0
@@ -158,6 +163,7 @@ def test_touch_between_two_samples_is_counted_as_unsampled(two_touches):
 
 
 def test_boards_are_scored_together(two_touches):
+    """The maps show the poll cycle with the most active taxels: 3 and 4. Taxel 5 is at the threshold, not active."""
     parts = [
         decode_exactly(two_touches, taxels=slice(0, 3)),
         decode_exactly(two_touches, taxels=slice(3, 6), first_s=0.0202),

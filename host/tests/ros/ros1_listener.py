@@ -3,6 +3,7 @@
 import json
 import struct
 import sys
+import threading
 
 import genpy.dynamic
 import rospy
@@ -11,6 +12,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 received = {"clouds": [], "scans": {}, "joints": [], "transforms": {}}
 classes = {}
+generation = threading.Lock()  # each topic has its own thread, and genpy generates one class at a time only
 
 
 def store_cloud(message):
@@ -23,8 +25,9 @@ def store_scan(message):
     """Store a message of any type. The class is generated from the connection header, as rostopic and rosbag do."""
     header = message._connection_header
     type_name = header["type"]
-    if type_name not in classes:
-        classes[type_name] = genpy.dynamic.generate_dynamic(type_name, header["message_definition"])[type_name]
+    with generation:
+        if type_name not in classes:
+            classes[type_name] = genpy.dynamic.generate_dynamic(type_name, header["message_definition"])[type_name]
     scan = classes[type_name]().deserialize(message._buff)
     if scan.valid:
         received["scans"].setdefault(header["topic"], []).append([scan.sequence, *scan.raw_counts])

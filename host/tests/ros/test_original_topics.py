@@ -162,6 +162,11 @@ def test_published_topics_are_read_back_from_mcap_for_random_frames(tmp_path):
 
 
 def test_time_stamps_in_milliseconds_continue_after_the_wrap_of_the_hub_microseconds():
+    """The clock wraps after 2^32 us = 4294967.296 ms.
+
+    5000 us after the wrap is 4294972 ms. The second and the last time lie after the wrap, the others before it (late
+    frames).
+    """
     topics = OriginalTopics(load_hand("original"))
     times_us = [2**32 - 1000, 5000, 2**32 - 2000, 2**31, 2**32 - 1, 0]
     frames = [TaxelFrame(8, 0, 0, 0.0, 0, time_us, np.zeros(65, np.uint16)) for time_us in times_us]
@@ -253,6 +258,7 @@ def test_joint_angles_before_a_damaged_chunk_are_read(tmp_path):
             writer.add_message(channel, seconds, data, seconds)
         writer.finish()
     content = path.read_bytes()
+    # Each message is in a chunk of its own; the magic number of the second chunk is overwritten by zeros.
     last_frame_at = [match.start() for match in re.finditer(re.escape(ZSTD_MAGIC), content)][1]
     path.write_bytes(content[:last_frame_at] + bytes(4) + content[last_frame_at + 4 :])
     history = read_mcap_joints(path, ["j0"])
@@ -314,6 +320,7 @@ def test_messages_of_the_live_topics_are_frames_of_a_skin_and_the_node_is_closed
         assert skin.hand.name == "original"
         frames = list(skin)
     assert node.is_closed
+    # The node subscribes to the topics of all 22 addresses, also of boards that the hand does not have.
     assert sorted(node.callbacks) == sorted(f"/sensor_{address}_readings" for address in range(8, 30))
     for frame, (_, address, _, counts) in zip(frames, messages, strict=True):
         assert frame.address == address

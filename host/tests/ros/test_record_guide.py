@@ -57,7 +57,7 @@ def test_commands_of_the_guide_and_of_the_help_run(tmp_path, monkeypatch, capsys
         status = run_taxel(*arguments)
         assert status == 0, (line, capsys.readouterr().err)
     with GraspDataset("active.h5") as data:
-        assert data["0001"].active_taxels()[0].sum() == 4
+        assert data["0001"].active_taxels()[0].sum() == 4  # those of `add_active_taxels`
     for command in ("record", "replay", "convert"):
         arguments = read_example(command)
         assert arguments[0] == command

@@ -120,7 +120,7 @@ def test_dataset_is_valid_and_has_the_poses_and_rates_of_the_boards(converted, r
         (grasp,) = data
         assert (data.source, data.hand, grasp.object, grasp.approach) == ("real", "rig4", "unknown", "recording")
         assert (grasp.phase == Phase.BASELINE).sum() == 100
-        assert np.array_equal(grasp.joint_position[0], [0.3])
+        assert np.array_equal(grasp.joint_position[0], [0.3])  # radians, the constant angle in the recording's header
         poses = build_kinematics(recorded_rig.hand).compute_sensor_poses(grasp.joint_position[0])
         assert np.allclose(grasp.sensor_pose, poses)
         times_of_board = {board.address: [] for board in recorded_rig.hand.boards}

@@ -240,6 +240,7 @@ def test_flipped_bytes_raise_an_error_of_one_line(tmp_path, mcap, seed):
 
 def test_mcap_file_that_is_truncated_before_its_header_is_refused(tmp_path):
     path = tmp_path / "short.mcap"
+    # signature of MCAP, then a record "data end" (0x0F) of 4 bytes
     path.write_bytes(b"\x89MCAP0\r\n" + b"\x0f" + (4).to_bytes(8, "little") + bytes(4))
     with pytest.raises(CaptureError, match="truncated"):
         taxel.open(f"file:{path}")

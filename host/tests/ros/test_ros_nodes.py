@@ -1,5 +1,6 @@
 """ROS nodes: ROS 1 with a real master, rospy and tf2; ROS 2 with a substitute for rclpy; and without any ROS."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -7,7 +8,9 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 import types
+import xmlrpc.client
 
 import numpy as np
 import pytest
@@ -64,6 +67,22 @@ def find_missing_ros1_part():
     return check.stderr.strip().splitlines()[-1] if check.returncode else ""
 
 
+def wait_for_core(uri: str, limit_s: float = 30.0) -> None:
+    """Wait until the node /rosout, the last one that roscore starts, is registered at the ROS master `uri`.
+
+    The master is queried, because roscore announces its nodes late if its output is a pipe.
+    """
+    deadline_s = time.monotonic() + limit_s
+    with xmlrpc.client.ServerProxy(uri) as proxy:
+        while time.monotonic() < deadline_s:
+            with contextlib.suppress(OSError):
+                code, _, _ = proxy.lookupNode("/test", "/rosout")
+                if code == 1:
+                    return
+            time.sleep(0.1)
+    pytest.fail(f"roscore at {uri}: no node /rosout within {limit_s:g} s")
+
+
 @pytest.fixture(scope="module")
 def master(tmp_path_factory):
     """Environment variables with which a program uses the roscore that this fixture starts on a free loopback port."""
@@ -81,13 +100,10 @@ def master(tmp_path_factory):
         "ROS_LOG_DIR": home,
     }
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | variables
-    core = subprocess.Popen(
-        ["roscore", "-p", str(port)], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    core = subprocess.Popen(["roscore", "-p", str(port)], env=environment, **quiet)
     try:
-        for line in core.stdout:
-            if "started core service" in line:
-                break
+        wait_for_core(variables["ROS_MASTER_URI"])
         yield environment
     finally:
         core.send_signal(signal.SIGINT)
@@ -95,7 +111,6 @@ def master(tmp_path_factory):
             core.wait(timeout=10.0)
         except subprocess.TimeoutExpired:
             core.kill()
-        core.stdout.close()
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +160,7 @@ def test_tf2_gives_the_bracket_poses_of_the_kinematics(received, recorded):
 def test_subscriber_receives_a_cloud_at_taxels_of_the_indented_board(received, recorded):
     points = np.array(received["clouds"][-2])  # the recording ends within the last poll cycle
     assert len(points) > 3
-    assert (points[:, 6] > 150.0).all()
+    assert (points[:, 6] > 150.0).all()  # column 6: signal in counts; 150 counts make a taxel active
     centres = build_kinematics(recorded.hand).compute_taxel_positions(np.linspace(-0.2, 0.2, 22))
     palm = centres[recorded.hand.get_slice(recorded.hand.find_board("palm").address)]
     assert np.linalg.norm(points[:, None, :3] - palm, axis=2).min(axis=1).max() < 1e-6
@@ -253,7 +268,7 @@ def test_ros_2_node_publishes_only_the_original_topics(rclpy, recorded):
     with open_skin(f"file:{recorded.path}") as skin:
         publish_skin(skin, node, None, None, seconds=0.5, pace=Pace(None), has_original_topics=True)
     assert {topic for topic, _, _ in rclpy} == {f"/sensor_{board.address}_readings" for board in recorded.hand.boards}
-    palm = 21
+    palm = 21  # I2C address
     frame = next(frame for frame in recorded.frames if frame.address == palm)
     _, _, message = next(each for each in rclpy if each[0] == f"/sensor_{palm}_readings")
     assert message.data == frame.raw_counts.tolist()

@@ -53,7 +53,7 @@ def test_a_saturated_taxel_can_be_active():
 def test_the_saturation_floor_is_per_taxel():
     activation = Activation([1000.0] * 3, saturation_floor_counts=[400, 300, 0])
     frame = activation([400, 400, 400])
-    assert frame.saturated.tolist() == [True, False, False]
+    assert frame.saturated.tolist() == [True, False, False]  # a count at or below the floor of its taxel
     assert frame.active.all()
 
 
@@ -71,6 +71,7 @@ def test_a_touch_through_the_whole_baseline_makes_the_baseline_suspect_after_its
     touched[:, 1] -= 400
     baseline = compute_baseline(touched)
     assert not baseline.disturbed.any()
+    # The count of the released taxel 1 exceeds its baseline by 400, but contact can only lower a count.
     released = Activation(baseline.mean)(np.full(2, 30_000, np.uint16))
     assert released.suspect_baseline.tolist() == [False, True]
 

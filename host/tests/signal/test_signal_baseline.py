@@ -79,6 +79,7 @@ def test_the_default_baseline_is_ready_after_100_samples():
 
 
 def test_sums_are_exact_for_the_largest_counts_and_the_longest_baseline():
+    """46,340 samples of u16 counts are the most whose sums fit in 63 bits (`MAX_BASELINE_SAMPLES`)."""
     raw = np.full((46_340, 1), 65_535, np.uint16)
     raw[0] = 65_534
     result = compute_baseline(raw, samples=46_340)

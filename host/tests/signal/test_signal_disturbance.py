@@ -89,6 +89,7 @@ def test_a_touch_that_ends_during_the_baseline_is_detected():
 
 
 def test_missing_frames_do_not_hide_a_touch(rng):
+    # A touch of 300 counts from frame 20 on, for 40 of 200 frames, about 30 % of which are missing (count 0).
     raw = to_counts(add_touch(make_untouched(rng), np.full(SKIN_TAXELS, 20), 40, 300))
     raw = np.concatenate([raw, to_counts(make_untouched(rng))])
     valid = rng.random(raw.shape) > 0.3
@@ -113,7 +114,7 @@ def test_a_touch_through_all_samples_is_not_detected(rng):
 
 def test_the_smallest_detected_touch_is_a_parameter():
     values = np.full((SAMPLES, 1), BASELINE_COUNTS)
-    values[:40] -= 60
+    values[:40] -= 60  # counts; less than the default limit of 90
     raw = to_counts(values)
     assert not find_disturbed_taxels(raw).any()
     assert find_disturbed_taxels(raw, max_disturbance_counts=50).all()

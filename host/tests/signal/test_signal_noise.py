@@ -28,7 +28,7 @@ def to_counts(values):
 @pytest.mark.parametrize("sigma", [1.0, 2.5, 7.0, 28.0])
 def test_white_and_total_noise_are_correct_down_to_one_count(rng, sigma):
     report = measure_noise(to_counts(make_white_noise(rng, sigma)))
-    sigma_with_rounding = (sigma**2 + 1 / 12) ** 0.5
+    sigma_with_rounding = (sigma**2 + 1 / 12) ** 0.5  # rounding to whole counts adds the variance 1/12
     assert report.white_sigma == pytest.approx(sigma_with_rounding, rel=0.1)
     assert report.white_sigma.mean() == pytest.approx(sigma_with_rounding, rel=0.05 if sigma < 2 else 0.02)
     assert report.total_std == pytest.approx(sigma_with_rounding, rel=0.05)
@@ -38,6 +38,7 @@ def test_drift_increases_the_total_noise_but_not_the_white_noise(rng):
     drift = np.linspace(0, 400, FRAMES)[:, None]
     report = measure_noise(to_counts(make_white_noise(rng, 10.0) + drift))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
+    # A linear drift over 400 counts has the variance of a uniform distribution, 400^2 / 12.
     assert report.total_std == pytest.approx((10.0**2 + 400**2 / 12) ** 0.5, rel=0.05)
     assert report.drift_slope == pytest.approx(400 / (FRAMES - 1), rel=0.02)
 
@@ -47,7 +48,7 @@ def test_rare_impulses_do_not_increase_the_white_noise(rng):
     values[rng.random(values.shape) < 0.01] -= 256
     report = measure_noise(to_counts(values))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
-    assert (report.total_std > 20).all()
+    assert (report.total_std > 20).all()  # expected: sqrt(10^2 + 0.01 * 256^2) = 27 counts
 
 
 def test_the_drift_slope_is_exact_without_noise():

@@ -74,6 +74,7 @@ def compute_icp_error(points, prism, iterations):
 
 
 def test_registration_is_at_most_2_percent_above_the_minimum_of_icp(tool):
+    """The reference is 60 iterations of standard ICP (iterative closest point) from the same starting poses."""
     samples = tool.clouds.sample_unit_cube(128, SEED)
     shapes = make_prisms(tool)
     distribution = tool.clouds.ContactDistribution(top_share=0.2, offset_mm=1.5, std_mm=0.5)

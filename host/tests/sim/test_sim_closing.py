@@ -71,7 +71,7 @@ def test_in_every_side_grasp_two_fingers_the_thumb_and_the_palm_touch_the_object
 
 @pytest.mark.parametrize("key", APPROACHES)
 def test_in_every_approach_the_palm_and_a_finger_or_the_thumb_carry_load(key):
-    """In an approach from the top, the thumb can miss the object, or fingers can close without contact."""
+    """In an approach from the top, the thumb can miss the object, or fingers can close without contact. Limits in N."""
     force = compute_hold_forces(key)
     assert 3.0 < force.pop("palm") < 150.0
     assert 3.0 < max(force.values()) < 15.0

@@ -82,6 +82,10 @@ INVALID_CONTACTS = {  # case: (file content, expected part of the error)
         "line 2, column time: expected a finite number, found 'soon'",
     ),
     "NaN": (CONTACTS.replace(",0.5,", ",nan,"), "line 2, column time"),
+    "enormous number": (
+        CONTACTS.replace(",0.5,", ",1e308,"),
+        "line 2, column time: expected a number of at most 1e+15, found '1e308'",
+    ),
     "header only": (CONTACT_HEADER, "c.csv: file: expected rows"),
     "empty file": ("", "line 1: expected a column grasp"),
     "not UTF-8": (b"grasp\xff\n", "UTF-8"),

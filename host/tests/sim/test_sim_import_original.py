@@ -115,6 +115,7 @@ def test_an_active_point_far_from_every_taxel_is_refused(folder, capsys):
         ("1,2,3\n1,2,3,4\n", "line 2: expected 3 values"),
         ("1,2,3,-4\n", "line 1: expected a force of 0 or more"),
         ("1,2,three\n", "line 1: expected x, y, z or"),
+        ("x,2,3\n1,2,3\n", "line 1: expected x, y, z or x, y, z, force, found x,2,3"),
     ],
 )
 def test_a_damaged_file_gives_one_line_with_the_place(text, message, tmp_path):

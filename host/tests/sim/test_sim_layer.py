@@ -100,6 +100,7 @@ def test_an_off_centre_force_is_spread_linearly():
 
 
 def test_forces_across_a_rod_follow_its_circular_profile():
+    """A force is stiffness times penetration, which decreases from the middle by the height of the circle."""
     hand = make_flat_hand()
     result = press_on(hand, ROD, place_beside_rod(), make_wrench(8.0))
     force = result.contact_force[0].reshape(5, 5)
@@ -218,6 +219,7 @@ def test_no_taxel_force_decreases_with_the_net_force():
 
 
 def test_a_force_beside_the_board_tilts_to_the_bound_and_leaves_a_moment_residual():
+    """The force acts 30 mm from the centre, the outermost taxels 10 mm: they cannot balance its moment."""
     result = press_on(make_flat_hand(), PLANE, place_above_box(0.0), make_wrench(2.0, (0.03, 0.0)))
     assert result.contact_force.sum() == pytest.approx(2.0, rel=3 * MAX_TILT_RAD**2)
     assert abs(result.force_residual_n[0, 0]) < 1e-12
@@ -228,6 +230,7 @@ def test_a_force_beside_the_board_tilts_to_the_bound_and_leaves_a_moment_residua
 
 
 def test_a_force_between_two_rows_of_a_bent_board_loads_both_rows():
+    """The force acts at x = 2 mm; the rows 2 and 3 are at 0 and 5 mm."""
     hand = make_curved_hand(radius=0.05)
     result = press_on(hand, PLANE, place_above_box(0.0), make_wrench(0.05, (0.002, 0.0)))
     row_forces = result.contact_force[0].reshape(5, 5).sum(axis=1)

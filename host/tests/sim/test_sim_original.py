@@ -60,6 +60,7 @@ def test_the_packaged_coded_centres_agree_with_the_tool_that_extracts_them():
     [("proximal_front", 2.29, 3.03), ("medial_front", 2.14, 3.25), ("fingertip", 2.88, 4.77), ("palm", 0.05, 5.72)],
 )
 def test_coded_centres_have_the_extracted_distance_from_the_true_centres(kind, mean_mm, max_mm):
+    """The original programs contain taxel centres as numbers, which differ from the true centres by some mm."""
     distance = 1e3 * np.linalg.norm(load_coded_centres(ORIGINAL) - ORIGINAL.position, axis=1)
     is_kind = np.concatenate([np.full(board.kind.taxel_count, board.kind.name == kind) for board in ORIGINAL.boards])
     assert distance[is_kind].mean() == pytest.approx(mean_mm, abs=0.006)
@@ -113,6 +114,7 @@ def test_of_taxels_at_one_position_only_the_first_is_active():
 
 @pytest.mark.parametrize("stale", [True, False])
 def test_contact_points_are_kept_after_an_empty_message_unless_the_rule_is_off(stale):
+    """In the original program, a message without contacts does not delete the points of the message before."""
     memory = ContactMemory(replace(GENERAL, stale_contacts=stale))
     memory.receive(ContactMessage(0.2, 0, (make_entry((0, OBJECT), [0, 0, 1]),)))
     memory.receive(ContactMessage(0.4, 0, ()))
@@ -122,6 +124,7 @@ def test_contact_points_are_kept_after_an_empty_message_unless_the_rule_is_off(s
 
 
 def test_only_the_first_entry_of_a_pair_counts_in_either_order_of_its_bodies():
+    """The original program ignores further entries of the same two bodies (rule `first_entry_only`)."""
     entries = (make_entry((0, OBJECT), [0, 0, 1]), make_entry((OBJECT, 0), [0, 0, 2]))
     for only_first, heights in ((True, [1]), (False, [1, 2])):
         memory = ContactMemory(replace(GENERAL, first_entry_only=only_first))
@@ -130,6 +133,7 @@ def test_only_the_first_entry_of_a_pair_counts_in_either_order_of_its_bodies():
 
 
 def test_contacts_with_the_hand_itself_count_unless_the_rule_is_off():
+    """The original program does not check with which body a board is in contact (rule `any_partner`)."""
     entries = (make_entry((FIRST_OTHER - 3, 0), [0, 0, 1]), make_entry((0, OBJECT), [0, 0, 2]))
     for any_partner, heights in ((True, [1, 2]), (False, [2])):
         memory = ContactMemory(replace(GENERAL, any_partner=any_partner))
@@ -138,6 +142,7 @@ def test_contacts_with_the_hand_itself_count_unless_the_rule_is_off():
 
 
 def test_a_message_is_stored_under_the_name_of_its_last_pair():
+    """In the original program, all points of a message belong to the board of its last pair (rule `last_name_wins`)."""
     entries = (make_entry((0, OBJECT), [0, 0, 1]), make_entry((1, 0), [0, 0, 2]))
     for last_name, board in ((True, 1), (False, 0)):
         memory = ContactMemory(replace(GENERAL, last_name_wins=last_name))

@@ -90,6 +90,7 @@ def test_a_board_without_load_has_no_taxel_forces(level):
 
 
 def test_rigid_taxel_forces_sum_to_half_or_more_but_not_all_of_the_board_load():
+    """Level "rigid" balances the load with springs at the taxels only; where no taxel can carry it, load is missing."""
     net, load = sum_board_forces(sense_grasp("rigid").contact_force), compute_board_loads()
     assert (net <= load + ROUNDING_N).all()
     hold = simulate_rigid_grasp().phase == Phase.HOLD

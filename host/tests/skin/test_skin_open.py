@@ -209,9 +209,9 @@ def test_commands_are_answered_while_frames_are_streamed(flat8):
         for _ in range(3):
             next(frames)
         assert skin.hub.scan_bus() == [0x40]
-        assert skin.hub.transfer(0x40, bytes([0]), 1) == b"T"
+        assert skin.hub.transfer(0x40, bytes([0]), 1) == b"T"  # register 0: the first letter of the identity
         with pytest.raises(HubError, match="nack"):
-            skin.hub.transfer(0x41, b"", 1)
+            skin.hub.transfer(0x41, b"", 1)  # no board has this address
         with pytest.raises(HubError, match="bad arguments"):
             skin.hub.transfer(0x40, b"", 255)
         skin.hub.read_status()

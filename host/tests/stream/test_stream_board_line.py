@@ -35,16 +35,16 @@ def test_the_line_is_the_least_squares_fit_of_the_latest_readings(count):
 
 def test_a_damaged_reading_does_not_change_the_line():
     line, readings = BoardLine(), make_readings(2 * SYNC_WINDOW, 2)
-    readings[20] = readings[20][0] ^ 512, readings[20][1]
+    readings[20] = readings[20][0] ^ 512, readings[20][1]  # one flipped bit: the board time is wrong by 512 us
     for index, (board_us, hub_us) in enumerate(readings):
         line.add(board_us, hub_us)
-        if index == 30:
+        if index == 30:  # the damaged reading is among the latest ones: the robust Theil-Sen line is used
             relative = np.array(readings[:31]) - readings[30]
             slope, offset, _, _ = theilslopes(relative[:, 1], relative[:, 0])
             assert line.fit() == pytest.approx((offset, slope), rel=1e-12)
     offset, slope = line.fit()
     assert abs(offset) < 5.0
-    assert slope == pytest.approx(1.0 / 0.98, rel=1e-5)
+    assert slope == pytest.approx(1.0 / 0.98, rel=1e-5)  # hub time per board time; the board runs at 0.98
 
 
 def test_readings_with_the_same_board_time_give_no_line():

@@ -77,6 +77,7 @@ def list_contents(batches):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_decoding_by_block_equals_decoding_by_record(tmp_path, hub, monkeypatch, seed):
+    """The size of a block (bytes read at once) and the largest size of a record are random, also below one frame."""
     rng = random.Random(seed)
     monkeypatch.setattr(capture_decoder, "BLOCK", rng.choice([12, 100, 1000, 1 << 18]))
     path = write_capture(tmp_path / "a.bin", make_stream(hub), rng, rng.choice([20, 62, 70, 4096, 1 << 16]))
@@ -97,7 +98,7 @@ def test_a_damaged_or_truncated_capture_gives_the_frames_before_the_error_and_th
     if rng.random() < 0.5:
         del data[rng.randrange(40, len(data)) :]
     else:
-        i = rng.randrange(40, len(data) - 4)
+        i = rng.randrange(40, len(data) - 4)  # the new bytes may be the length of a record, and are then too large
         data[i : i + 4] = rng.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x01", b"\x01\x00\x00\x01"])
     path.write_bytes(data)
     (batches, _, end), (expected, _, problem) = decode_by_block(path), decode_by_record(path)
@@ -112,6 +113,7 @@ def test_batches_carry_the_records_and_their_arrival_times(tmp_path, hub):
 
 
 def test_the_block_decoder_counts_losses_and_reads_the_header(tmp_path, hub):
+    # The second of three frames is incomplete and therefore lost.
     data = hub.encode_taxels(0x20, 0) + hub.encode_taxels(0x20, 1)[:-3] + hub.encode_taxels(0x20, 2)
     decoder = CaptureDecoder(write_capture(tmp_path / "a.bin", data, random.Random(4), 62))
     assert sum(len(batch.taxel_rows) for batch, _ in decoder) == 2
@@ -123,6 +125,7 @@ def test_a_record_length_beyond_the_end_of_the_file_allocates_no_memory(tmp_path
     path = tmp_path / "a.bin"
     with CaptureWriter(path) as writer:
         writer.write(b"x", 0)
+    # Append the head of a record that claims 16 MiB (time, length), and 3 bytes of its data.
     path.write_bytes(path.read_bytes() + struct.pack("<QI", 0, 1 << 24) + b"few")
     memory_before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(CaptureError, match="cut short in a record at byte 31"):

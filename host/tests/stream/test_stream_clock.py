@@ -160,6 +160,7 @@ def test_two_early_arrivals_give_a_slope_within_the_oscillator_tolerance(delays_
     for x_us, delay_s in zip((0.0, 60_000.0), delays_s, strict=True):
         envelope.add(x_us, x_us * 1e-6 + delay_s)
     x0, y0, slope = envelope.line
+    # Extrapolation to 0.5 s: error of at most the delay plus the tolerance of 2.5 % of the oscillator's rate.
     assert y0 + slope * (500_000.0 - x0) == pytest.approx(0.5, abs=0.016 + 0.025 * 0.5)
 
 
@@ -208,6 +209,8 @@ def test_a_restart_inside_a_large_batch_does_not_change_the_times_of_earlier_fra
     # Large batches occur in recordings, and if the reader was busy.
     board = {0x20: [(-1.0, Board(5_000, begin_us=3_000_000_000)), (12.0, Board(5_000, boot_s=12.04))]}
     sent = simulate_stream(hub, board, 24.0, 0.0)
+    # A cycle takes about 3 ms and has two chunks, a taxel frame and a clock reading. The step between chunks is odd, so
+    # both kinds remain, each about once in `period_s`.
     chunks = sent.chunks if not period_s else sent.chunks[:: round(period_s / 3e-3) | 1]
     rows = measure_errors(make_prepared_link(chunks), sent.find_true_time, HOST_OFFSET_S)
     assert np.abs(rows[:, 1]).max() < 60.0  # the other clock would give an error of an hour
@@ -219,6 +222,7 @@ def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, 
     first_hub, second_hub = make_hub(100), make_hub(0)
     before_restart = simulate_stream(first_hub, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
     restart = Chunk(second_hub.encode_handshake(tag=0, uptime_us=50), before_restart.chunks[-1].arrival_ns + 10_000_000)
+    # The boards have the same rate errors (ppm) as before, but they booted earlier in the time of the second stream.
     boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
     after_restart = simulate_stream(second_hub, boards, 5.0, 2e-3, host_offset_s=1005.0)
     has_restarted = False
@@ -226,7 +230,7 @@ def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, 
     def find_true_time(frame):
         """Find the true time in the stream before or after the restart, which sets the hub's clock to 0."""
         nonlocal has_restarted
-        has_restarted |= frame.hub_time_us < 49_000_000
+        has_restarted |= frame.hub_time_us < 49_000_000  # the first hub's clock begins at 50 s
         return (after_restart if has_restarted else before_restart).find_true_time(frame)
 
     rows = measure_errors(
@@ -242,6 +246,7 @@ def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, 
 
 def test_without_arrival_times_the_frames_have_times_on_the_clock_of_the_hub(hub, make_prepared_link):
     sent = simulate_stream(hub, {0x20: [(-1.0, Board(-20_000))], 0x21: [(-1.0, Board(9_000))]}, 6.0, 0.0)
+    # The link declares no real arrival times, so the constant time of 7 ns must not be used.
     link = make_prepared_link([Chunk(chunk.data, 7) for chunk in sent.chunks], has_pacing=False)
     link.is_recorded = False
     rows = measure_errors(link, lambda frame: sent.find_true_time(frame) - HOST_OFFSET_S, 0.0)
@@ -297,6 +302,7 @@ def test_a_restarted_board_of_the_emulator_is_mapped_again(tmp_path, reader):
     rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
 
     def find_true_time(frame):
+        # The board restarts at 4 s, and answers again only after its boot.
         restarted = frame.address == 0x22 and frame.hub_time_us > 4_030_000
         boot = 4.0 + settings.boot_ms * 1e-3 if restarted else settings.boot_ms * 1e-3
         return boot + frame.board_time_us * 1e-6 / rates[frame.address]

@@ -136,6 +136,7 @@ def test_frames_of_quiet_boards_shrink_to_a_third_of_the_uncompressed_size(skin)
             skin.poll(address)
         skin.world.run(0.016)
     for address in ADDRESSES:
+        # Bytes; an uncompressed snapshot has 10 + 2 * TAXELS.
         assert skin.sizes[address] < 12 + 0.45 * TAXELS[address], hex(address)
         assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
     assert skin.stream.losses.undecoded_frames == {}
@@ -179,7 +180,7 @@ def test_a_restarted_board_starts_with_a_new_key_frame(skin):
         received += skin.poll(address)
         skin.world.run(0.016)
     assert len(received) > 30
-    assert skin.sizes[address] < size_before_restart + 6
+    assert skin.sizes[address] < size_before_restart + 6  # bytes: delta frames again, not full key frames
     assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
 
 
@@ -190,7 +191,7 @@ def test_writing_the_pointer_again_repeats_the_last_frame_after_a_damaged_read(s
     first_read = skin.read(address, bytes([REGISTER_COMPACT]))
     assert first_read
     assert skin.read(address, bytes([REGISTER_COMPACT])) == first_read
-    assert skin.read(address) == b""
+    assert skin.read(address) == b""  # without the pointer a read gives only a new scan, and the scan is stopped
 
 
 def test_boards_stop_encoding_compact_frames_that_no_host_reads(skin):

@@ -170,7 +170,7 @@ def test_discarded_bytes_are_the_bytes_outside_frames(hub):
 
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
 def test_a_push_of_more_frames_than_a_table_holds_gives_every_frame(hub, size):
-    count = 9_000
+    count = 9_000  # frames; each table of the decoder has 4096 rows
     data = bytearray()
     for i in range(count):
         data += (
@@ -179,6 +179,7 @@ def test_a_push_of_more_frames_than_a_table_holds_gives_every_frame(hub, size):
             else hub.encode_log(bytes([65 + i % 20]) * 60)
         )
     taxels, messages, discarded = decode([bytes(data)])
+    # taxel[0]: sequence number; taxel[6]: counts; message[1]: sequence number.
     assert [taxel[0] for taxel in taxels] == [i for i in range(count) if i % 3]
     assert all(taxel[6] == [taxel[0]] * size for taxel in taxels)
     assert [message[1] for message in messages] == list(range(0, count, 3))
@@ -204,4 +205,4 @@ def test_a_frame_with_a_wrong_board_crc_is_flagged_as_damaged(hub):
     taxels, _, _ = decode(
         [hub.encode_taxels(0x20, 1), hub.encode_taxels(0x20, 2, damage=0x80), hub.encode_taxels(0x20, 3)]
     )
-    assert [taxel[7] for taxel in taxels] == [False, True, False]
+    assert [taxel[7] for taxel in taxels] == [False, True, False]  # is_damaged

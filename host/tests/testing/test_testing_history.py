@@ -103,6 +103,7 @@ def test_hostile_text_is_stored_as_text(path, make_board_record):
 
 
 def test_text_and_new_measurements_are_not_compared(path, full_record, make_board_record):
+    """The record also has a text (firmware), and values that were not finite (TX 5) or missing (TX 6) before."""
     with History(path) as history:
         history.add(full_record)
         later = dataclasses.replace(full_record, started_utc="2027-01-31T09:30:00.000Z")
@@ -132,6 +133,7 @@ def test_a_value_that_is_missing_or_not_finite_has_moved():
 
 
 def test_with_five_earlier_tests_their_spread_is_the_scale():
+    """A value has moved if it is more than five robust standard deviations from the median."""
     earlier = [10.0, 10.2, 9.8, 10.1, 9.9]  # Median absolute deviation 0.1, robust standard deviation 0.148.
     assert not has_moved(10.7, earlier)
     assert has_moved(10.75, earlier)
@@ -143,6 +145,7 @@ def test_an_earlier_outlier_does_not_widen_the_spread():
 
 
 def test_identical_earlier_values_permit_a_change_of_five_percent():
+    """The standard deviation is assumed to be at least 1 % of the median, of which five are permitted."""
     assert not has_moved(104.0, [100.0] * 5)
     assert has_moved(106.0, [100.0] * 5)
     assert has_moved(1.0, [0.0] * 5)
@@ -150,6 +153,7 @@ def test_identical_earlier_values_permit_a_change_of_five_percent():
 
 
 def test_with_fewer_earlier_tests_the_distance_to_the_limit_is_the_scale():
+    """A value has moved if it differs by more than a quarter of the distance from the median to the bound, here 4."""
     limit = Limit(None, 8.0)
     assert not has_moved(4.9, [4.0], limit)
     assert has_moved(5.1, [4.0], limit)

@@ -252,6 +252,8 @@ def test_earlier_tests_and_moved_values_are_shown(make_record, tmp_path):
 
 
 def test_moved_values_are_sorted_by_shift(make_record, tmp_path):
+    """With one earlier value, 4.0, and the limit 8, values have moved from 5.0 on: those of TX 0 and TX 2."""
+
     def make_values_record(*values):
         def measure(log):
             for line, value in enumerate(values):

@@ -43,6 +43,7 @@ def test_a_plan_contains_its_name_version_digest_and_stop_condition(make_plan):
 
 
 def test_a_kind_changes_only_the_keys_in_its_table(make_plan):
+    """Kind `fingertip`: other seconds, a higher limit of white, no upper limit of gain. `palm` has no table."""
     noise = make_plan(PLAN).enabled_phases("fingertip")[1]
     assert noise.options == {"seconds": 2.0}
     assert noise.limits == {"white": Limit(None, 10.0), "gain": Limit(5.0, None)}

@@ -71,7 +71,7 @@ def test_every_figure_is_drawn(campaign, tmp_path):
 
 def test_every_statement_is_reported_as_a_finding_with_numbers_and_a_reason_if_not_reproduced(output):
     summary = json.loads((output / "thesis.json").read_text())
-    by_key = {finding["key"]: finding for finding in summary["findings"]}
+    by_key = {finding["key"]: finding for finding in summary["findings"]}  # "denser": real over simulated points
     assert len(by_key) == len(STATEMENTS)
     assert by_key["denser"]["numbers"]["cylindrical"] > 1.0
     assert set(by_key["simulation_nearer"]["holds"]) == {"rectangular", "cylindrical", "triangular"}
@@ -93,7 +93,7 @@ def test_identified_shapes_are_reported_for_whole_clouds_and_single_approaches_a
         (item["group"], item["models"]): item for item in json.loads((output / "thesis.json").read_text())["shapes"]
     }
     assert set(shapes) == {(group, models) for group in ("whole clouds", "single approaches") for models in (3, 4)}
-    assert shapes["single approaches", 3]["median"] >= 65.0
+    assert shapes["single approaches", 3]["median"] >= 65.0  # percent; chance gives 33
     assert "single approaches, 3 models" in (output / "thesis.html").read_text()
 
 

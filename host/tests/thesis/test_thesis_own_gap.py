@@ -185,6 +185,7 @@ def test_contact_after_the_saving_time_activates_no_taxel():
 
 
 def test_plugin_uses_coded_centres_for_activation_and_position():
+    """Coded centres are the taxel positions in the original programs; they differ from the true ones by millimetres."""
     row = find_row("fingertip_index", 45)
     grasp = make_plugin_grasp(0, [make_message(row, SETS.coded_centres[row], 1.0)])
     coded = collect_plugin_points(HAND, [grasp], SETS, turn_on("coded_simulation"))["cylinder"]
@@ -222,6 +223,7 @@ def test_points_without_effects_are_those_of_the_accumulated_cloud(dataset):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_distance_of_each_object_is_the_mean_after_alignment_as_in_the_thesis_tables(seed):
+    """The real cloud is a part of the simulated one, turned by 0.02 rad, with noise of 1 mm."""
     rng = np.random.default_rng(seed)
     sim = rng.uniform(-0.03, 0.03, (300, 3))
     real = apply(from_rotation_vector(np.array([0.0, 0.0, 0.02])), sim[:200] + rng.normal(0.0, 0.001, (200, 3)))
@@ -281,6 +283,7 @@ def diagnose_tool():
 
 
 def test_dropped_taxels_are_the_listed_taxels_and_those_of_the_listed_lines_and_boards(diagnose_tool):
+    # A line is stated as address of the board, axis and number.
     values = {"taxels": [3], "lines": [[0x08, "tx", 5], [0x15, "rx", 0]], "sensors": [0x0C]}
     dropped = diagnose_tool.find_dropped_taxels({name: {"value": value} for name, value in values.items()})
     expected = (HAND.sensor == 0x0C) | ((HAND.sensor == 0x08) & (HAND.tx == 5))

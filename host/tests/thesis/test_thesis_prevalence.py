@@ -26,6 +26,7 @@ def get_taxel(tx, rx):
 
 
 def test_prevalence_of_a_step_is_the_share_of_grasps_whose_number_of_points_it_changes():
+    """Pairs are (grasp, taxel). The filter removes a point of one of two grasps; propagation adds points to both."""
     raw = make_cloud([(0, 1), (0, 2), (1, 3)])
     filtered = make_cloud([(0, 1), (1, 3)])
     spread = make_cloud([(0, 1), (0, 2), (0, 9), (1, 3), (1, 4)])
@@ -35,7 +36,10 @@ def test_prevalence_of_a_step_is_the_share_of_grasps_whose_number_of_points_it_c
 
 @pytest.mark.parametrize(("isolated", "removed"), [(get_taxel(1, 7), 1.0), (get_taxel(6, 7), 0.0)])
 def test_line_shares_state_whether_removed_point_and_inactive_taxels_are_on_a_line_of_the_contact(isolated, removed):
-    """The contact is at TX 1 and RX 1, whose lines have 14 other taxels; the removed point may be one of them."""
+    """The contact is at TX 1 and RX 1, whose lines have 14 other taxels; the removed point may be one of them.
+
+    The other 62 of the 64 taxels are inactive.
+    """
     contact = get_taxel(1, 1)
     filtered, cleaned = make_cloud([(0, contact), (0, isolated)]), make_cloud([(0, contact)])
     shares = compute_line_shares(filtered, cleaned, build_board(), np.ones(TAXELS, bool))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.campaign.session import check_world
+from taxel.campaign.session_world import check_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import ContactLibraryError

@@ -10,6 +10,9 @@ FIRMWARE = ROOT / "firmware"
 INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 UNRESTRICTED = ("tests", "fuzz")  # test code may include every folder
 
+PART_FOLDERS = ("boards/psoc4200/part", "boards/psoc4100s/part")
+"""Folders that the include "part/..." can mean: the build of a part selects one."""
+
 # A folder of firmware/, and the folders whose headers its files include. A folder stands below all folders that it
 # includes. The README of a folder states the same names.
 PERMITTED = {
@@ -20,12 +23,16 @@ PERMITTED = {
     "hub": ("codec", "hal", "generated"),
     "bootloader": ("codec", "hal", "generated"),
     "linux_hub": ("hub", "codec", "hal", "generated"),
-    "boards/psoc4200/regs": (),
-    "boards/psoc4200": ("boards/psoc4200/regs", "sensor", "hub", "bootloader", "codec", "hal", "generated"),
-    "boards/psoc4200/bringup": ("boards/psoc4200", "boards/psoc4200/regs", "generated"),
+    "boards/psoc4200/part": (),
+    "boards/psoc4100s/part": (),
+    "boards/psoc4/regs": PART_FOLDERS,
+    "boards/psoc4": ("boards/psoc4/regs", *PART_FOLDERS, "sensor", "hub", "bootloader", "codec", "hal", "generated"),
+    "boards/psoc4200": ("boards/psoc4", "boards/psoc4/regs", "boards/psoc4200/part", "generated"),
+    "boards/psoc4100s": ("boards/psoc4", "boards/psoc4/regs", "boards/psoc4100s/part", "generated"),
+    "boards/psoc4200/bringup": ("boards/psoc4", "boards/psoc4/regs", "boards/psoc4200/part", "generated"),
     "emulator/base": ("generated",),
     "emulator/cortex_m0": (),
-    "emulator/psoc4200": ("emulator/base", "emulator/cortex_m0"),
+    "emulator/psoc4": ("emulator/base", "emulator/cortex_m0"),
     "emulator/physics": ("emulator/base", "generated"),
     "emulator/geometry": ("emulator/physics", "emulator/base", "generated"),
     "emulator/effects": ("emulator/geometry", "emulator/physics", "emulator/base", "generated"),
@@ -33,7 +40,7 @@ PERMITTED = {
     "emulator/wiring": ("emulator/base",),
     "emulator/world_file": (
         "emulator/wiring",
-        "emulator/psoc4200",
+        "emulator/psoc4",
         "emulator/original",
         "emulator/effects",
         "emulator/geometry",
@@ -60,7 +67,7 @@ PERMITTED = {
         "emulator/effects",
         "emulator/geometry",
         "emulator/physics",
-        "emulator/psoc4200",
+        "emulator/psoc4",
         "emulator/base",
         "sensor",
         "hub",
@@ -89,7 +96,10 @@ def list_included_headers(source: Path) -> list[Path]:
     Headers that the build writes have no folder in their name and are omitted.
     """
     names = INCLUDE.findall(source.read_text())
-    return [FIRMWARE / name for name in names if "/" in name]
+    of_parts = [Path(name).name for name in names if name.startswith("part/")]
+    own = [folder for folder in PART_FOLDERS if source.is_relative_to(FIRMWARE / Path(folder).parent)]
+    parts = [FIRMWARE / folder / name for folder in own or PART_FOLDERS for name in of_parts]
+    return parts + [FIRMWARE / name for name in names if "/" in name and not name.startswith("part/")]
 
 
 def test_every_folder_with_c_files_has_a_rule():

@@ -133,7 +133,7 @@ def test_flash_refuses_a_file_of_another_kind(run, files):
 
 def test_flash_refuses_a_damaged_file_and_a_missing_file(run, files, tmp_path):
     path = files()[0]
-    path.write_text(path.read_text()[:-31])
+    path.write_text(path.read_text()[:-31])  # without the last 15 bytes (30 digits) and the end of the line
     status, _, err = run("flash", URL, path, "--all")
     assert status == 1
     assert f"{path}: line 9: expected 128 bytes of data, found 113; the line is truncated" in err

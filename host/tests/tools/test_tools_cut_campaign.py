@@ -43,6 +43,7 @@ def test_a_short_campaign_leaves_the_old_or_the_new_version_after_each_cut(tmp_p
     document = json.loads((tmp_path / "c.json").read_text())
     assert document["cuts"] >= 200
     assert (document["outcomes"]["bricked"], document["outcomes"]["damaged"], document["failures"]) == (0, 0, [])
+    # Cuts before and after the point at which the new image becomes effective both occur often.
     assert document["outcomes"]["old"] > 50 < document["outcomes"]["new"] + document["outcomes"]["cut_again"]
     assert all(sum(counts.values()) for counts in document["by_operation"].values())
     assert document["torn_rows"] > 100
@@ -94,7 +95,7 @@ def test_an_interrupted_operation_is_named_by_the_data_to_be_written():
 
 
 def test_a_board_that_does_not_start_is_reported_as_bricked(monkeypatch):
-    versions = iter([(0, 1, 0)])
+    versions = iter([(0, 1, 0)])  # the version before the update; every later reading returns None
     monkeypatch.setattr(cut_routes.BoardRoute, "version", lambda self: next(versions, None))
     result = power_cuts.run_world(make_world_plan())
     assert [cut.outcome for cut in result.cut_records] == ["bricked"]

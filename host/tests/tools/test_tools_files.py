@@ -13,7 +13,7 @@ from taxel_tools.files import load_firmware
 from taxel_tools.files.cyacd import read_cyacd, write_cyacd
 from taxel_tools.files.intel_hex import read_intel_hex, read_intel_hex_rows, write_intel_hex
 
-FIRST_ROWS = (32, 128)
+FIRST_ROWS = (32, 142)
 
 
 def cyacd_row(row: int, data: bytes, array: int = 0) -> str:
@@ -37,7 +37,7 @@ def lines(make_image) -> list[str]:
 
 
 @pytest.mark.parametrize("slot", [0, 1])
-@pytest.mark.parametrize("size", [40, 128, 1000, 12288])
+@pytest.mark.parametrize("size", [40, 128, 1000, 14080])
 def test_a_cyacd_file_is_read_back_as_written(make_image, slot, size):
     image = make_image(slot, size=size)
     read_image = read_cyacd(write_cyacd(image, FIRST_ROWS[slot], BootChecksum.CRC), "f")
@@ -67,9 +67,10 @@ def test_an_intel_hex_file_may_fill_the_last_row_of_the_flash():
     assert {number: data for number, (data, _) in rows.items()} == {BOOT_ROW_COUNT - 1: row}
 
 
-def test_slot_b_of_a_hub_begins_at_another_row(make_image):
-    image = make_image(1, device=BootDevice.HUB)
-    assert read_cyacd(write_cyacd(image, 136), "f").device == BootDevice.HUB
+@pytest.mark.parametrize("device", [BootDevice.BOARD_64K, BootDevice.HUB_64K])
+def test_slot_b_of_a_part_with_64_kib_begins_at_another_row(make_image, device):
+    image = make_image(1, device=device)
+    assert read_cyacd(write_cyacd(image, 286), "f").device == device
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,10 @@ def test_slot_b_of_a_hub_begins_at_another_row(make_image):
     [
         (lambda lines: [], "line 1: expected a header of 12 digits, found 0"),
         (lambda lines: ["04C81193"], "line 1: expected a header of 12 digits, found 8"),
-        (lambda lines: ["04A61193" + "0000", *lines[1:]], "expected silicon id 04C81193 or 04FA1193, found 04A6"),
+        (
+            lambda lines: ["04A61193" + "0000", *lines[1:]],
+            "expected silicon id 04C81193 or 04FA1193 or 1B2511AB, found 04A6",
+        ),
         (lambda lines: ["04FA1193" + "0000", *lines[1:]], "expected silicon id 04C81193, found 04FA1193"),
         (lambda lines: ["04C811930009", *lines[1:]], "line 1: expected checksum kind 0 or 1, found 9"),
         (lambda lines: lines[:1], "file: expected rows after the header, found none"),
@@ -102,10 +106,10 @@ def test_slot_b_of_a_hub_begins_at_another_row(make_image):
         (lambda lines: [*lines, cyacd_row(31, bytes(128))], "the bootloader cannot replace itself"),
         (
             lambda lines: [*lines, cyacd_row(254, bytes(128))],
-            "line 10: expected rows 32 to 127 or 128 to 223, found ro",
+            "line 10: expected rows 32 to 141 or 142 to 251, found ro",
         ),
         (lambda lines: [*lines, cyacd_row(300, bytes(128))], "found row 300, beyond the flash"),
-        (lambda lines: [*lines, cyacd_row(130, bytes(128))], "expected rows of one slot, found rows of slots A and B"),
+        (lambda lines: [*lines, cyacd_row(150, bytes(128))], "expected rows of one slot, found rows of slots A and B"),
         (lambda lines: [*lines, cyacd_row(60, bytes(64))], "line 10: expected rows of 128 bytes, found 64"),
         (lambda lines: [*lines, cyacd_row(60, bytes(128), 1)], "line 10: expected flash array 0, found 1"),
         (lambda lines: [*lines[:4], cyacd_row(35, bytes(128)), *lines[5:]], "image CRC-32: expected "),
@@ -123,7 +127,7 @@ def test_each_kind_of_damage_of_a_cyacd_file_has_its_own_message(lines, damage, 
 
 def test_an_image_linked_for_the_other_slot_is_refused(make_image):
     message = read_error(write_cyacd(make_image(1), 32).splitlines())
-    assert "image header slot: expected row 128, where slot B begins, found row 32" in message
+    assert "image header slot: expected row 142, where slot B begins, found row 32" in message
 
 
 @pytest.mark.parametrize(
@@ -151,7 +155,7 @@ def test_each_kind_of_damage_of_an_intel_hex_file_has_its_own_message(make_image
 
 def test_a_truncated_raw_image_is_refused(tmp_path, make_image):
     path = tmp_path / "f.bin"
-    for size in (0, 39, 500):
+    for size in (0, 39, 500):  # no byte, little more than the header of 32 bytes, half of the image
         path.write_bytes(make_image(0).data[:size])
         with pytest.raises(FirmwareFileError, match="the file is truncated; copy it again"):
             load_firmware([path])

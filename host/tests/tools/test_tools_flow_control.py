@@ -21,8 +21,8 @@ FLOW_CONTROL = (*BOTH_WAYS, "flow_control 1")
 ABSENT = 0x60
 """Address without a board."""
 WHO_AM_I_REPLY = bytes([WHO_AM_I])
-SECOND_SLOT = 128 * 128
-"""Offset of the second image slot in the flash of a board: 128 rows of 128 bytes."""
+SECOND_SLOT = 142 * 128
+"""Offset of the second image slot in the flash of a board: 142 rows of 128 bytes."""
 
 
 def make_long_transfer(address: int) -> Transfer:
@@ -86,7 +86,7 @@ def test_a_hub_whose_processor_stalls_loses_no_command(worlds, hub):
 
     def stall():
         for _ in range(5):
-            world.inject("hub_stall", 0, 15)
+            world.inject("hub_stall", 0, 15)  # milliseconds
             yield Transfer(addresses[0], bytes([REGISTER_SETTINGS]), 12)
 
     results = run_all(wire, procedures | {0: stall()})
@@ -174,7 +174,7 @@ def test_a_burst_reports_a_lost_command(worlds, hub):
     wire = hub(world)
 
     def lose_command(address):
-        world.inject("down_drop", 0, 2, 1)
+        world.inject("down_drop", 0, 2, 1)  # the third byte from the host to the hub is lost
         return (yield from run_burst(*(make_short_transfer(address) for _ in range(3))))
 
     outcomes = run_all(wire, {0: lose_command(0x50), 1: read_identity(0x51)})[0]

@@ -154,7 +154,10 @@ def test_a_file_for_boards_is_refused_before_any_write(worlds, make_firmware):
     before = world.read_flash(HUB).data
     error = try_update(link, make_firmware())
     assert isinstance(error, BoardError)
-    assert "hub: the device is the hub, but slot-a.bin and slot-b.bin is for a sensor board" in str(error)
+    assert (
+        "hub: the device is the hub with 32 KiB of flash, but slot-a.bin and slot-b.bin is for a sensor board"
+        in str(error)
+    )
     assert world.read_flash(HUB).data == before
     world.run(0.2)
     assert read_version(link) == (0, 1, 0)
@@ -173,7 +176,7 @@ def test_an_update_succeeds_despite_damaged_lost_and_doubled_bytes_on_the_uart(w
     firmware = make_hub_firmware(size=2048)
 
     def disturb(progress) -> None:
-        world.inject(fault, 0, 23 * progress.done % 90, 1)
+        world.inject(fault, 0, 23 * progress.done % 90, 1)  # after 0 to 89 further bytes: another position in each row
 
     result = try_update(link, firmware, disturb)
     assert not isinstance(result, TaxelError), result

@@ -72,7 +72,7 @@ def test_provisioning_restores_the_boot_attempts_used_by_a_blank_board(worlds, o
         yield from session.exit()
 
     run(wire, procedure())
-    for _ in range(4):
+    for _ in range(4):  # each of the first three starts of the unconfirmed image uses one boot attempt
         world.inject("unplug", 0x50)
         wire.collect(0.05)
         world.inject("plug", 0x50)

@@ -187,7 +187,7 @@ def test_every_damaged_or_truncated_signature_file_is_refused_in_one_line(write_
     damaged += [bytes(rng.randbytes(200)), b"[" * 5000, whole.replace(b'"image"', b'"file"'), b"x" * 100_000, b""]
     for position in range(whole.index(b"public_key"), len(whole) - 1, 3):
         changed = bytearray(whole)
-        changed[position] ^= 1 << rng.randrange(7)
+        changed[position] ^= 1 << rng.randrange(7)  # the file stays ASCII text
         damaged.append(bytes(changed))
     for data in damaged:
         path.write_bytes(data)

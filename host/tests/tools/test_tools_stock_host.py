@@ -79,7 +79,8 @@ def test_a_stock_host_tool_programs_the_taxel_bootloader(worlds, adapter, make_i
     host = StockHost(world, checksum)
     host.bus.i2c_rdwr(i2c_msg.write(BOARD, ENTER_BOOTLOADER))
     world.run(0.05)
-    host.program(write_cyacd(make_image(1, size=1024), 128, checksum))
+    host.program(write_cyacd(make_image(1, size=1024), 142, checksum))
+    # 1,024 bytes are 8 rows of 128 bytes.
     assert host.sent == [ENTER, FLASH_SIZE, *[SEND, SEND, PROGRAM, VERIFY_ROW] * 8, VERIFY, EXIT]
     world.run(0.2)
     assert get_firmware_version(run(adapter(world), read_identity(BOARD))) == (1, 2, 3)
@@ -90,6 +91,6 @@ def test_a_stock_host_tool_refuses_a_file_for_the_slot_in_use(worlds, make_image
     host = StockHost(world, BootChecksum.SUM)
     host.bus.i2c_rdwr(i2c_msg.write(BOARD, ENTER_BOOTLOADER))
     world.run(0.05)
-    with pytest.raises(ValueError, match="row 32 is not between 128 and 223"):
+    with pytest.raises(ValueError, match="row 32 is not between 142 and 251"):
         host.program(write_cyacd(make_image(0), 32))
     assert host.sent == [ENTER, FLASH_SIZE]

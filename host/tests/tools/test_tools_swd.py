@@ -135,7 +135,7 @@ def test_each_refusal_is_one_error_line(run, install_tools, bootloader, installe
     [
         ("a.bin", b"", "file name: expected .hex, found '.bin'; provide the bootloader as Intel HEX"),
         ("a.hex", b"\xff", "file: expected ASCII text, found other bytes"),
-        ("a.hex", b":00000001FF\n", "rows: expected a bootloader, from row 0 to 31, found none"),
+        ("a.hex", b":00000001FF\n", "rows: expected a bootloader, from row 0 on, found none"),
         ("a.hex", write_intel_hex(bytes(128), 4096).encode(), "found row 32 first; use the bootloader's file"),
         ("a.hex", write_intel_hex(bytes(128), 0)[:-12].encode(), "file: expected an end record"),
         ("a{.hex", write_intel_hex(bytes(128), 0).encode(), "openocd accepts no braces, quotes, $ or backslashes"),

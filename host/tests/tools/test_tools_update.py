@@ -56,7 +56,7 @@ def test_the_flash_contains_the_bytes_of_the_file(worlds, adapter, make_firmware
     world = worlds(boards=1)
     firmware = make_firmware(size=12288)
     update_all(adapter(world), firmware, [FIRST])
-    assert world.read_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.select_image_for(1).data
+    assert world.read_flash(FIRST).data[142 * 128 : 238 * 128] == firmware.select_image_for(1).data
 
 
 def test_a_board_that_runs_the_image_already_is_not_written_unless_forced(worlds, adapter, make_firmware):
@@ -83,10 +83,10 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, adapte
 
     with pytest.raises(KeyboardInterrupt):
         update_all(wire, firmware, [FIRST], stop)
-    wear = world.read_flash(FIRST).wear[128:148].copy()
+    wear = world.read_flash(FIRST).wear[142:162].copy()
     result = update_all(wire, firmware, [FIRST])[FIRST]
     assert (result.rows_kept, result.rows_written) == (20, 12)
-    assert (world.read_flash(FIRST).wear[128:148] == wear).all()
+    assert (world.read_flash(FIRST).wear[142:162] == wear).all()
 
 
 def test_rows_with_an_accidentally_correct_sum_are_rewritten_after_a_wrong_crc(worlds, adapter, make_image):
@@ -100,9 +100,9 @@ def test_rows_with_an_accidentally_correct_sum_are_rewritten_after_a_wrong_crc(w
 
     def write_damaged_image():
         yield from session.enter()
-        padded = bytes(swapped) + bytes(24)
+        padded = bytes(swapped) + bytes(24)  # an image of 1,000 bytes in 8 rows of 128 bytes, from row 142 on
         for i in range(8):
-            yield from session.write_row(128 + i, padded[128 * i : 128 * i + 128])
+            yield from session.write_row(142 + i, padded[128 * i : 128 * i + 128])
         yield from session.exit()
 
     run(wire, write_damaged_image())
@@ -180,7 +180,7 @@ def test_a_damaged_packet_is_sent_again(worlds, adapter, make_firmware, fault, p
 
     def disturb(progress) -> None:
         if progress.stage == "writing":
-            world.inject(fault, FIRST, position, 3)
+            world.inject(fault, FIRST, position, 3)  # at byte `position` of a transfer; 3: bit for flip_at
 
     result = update_all(wire, make_firmware(), [FIRST], disturb)[FIRST]
     assert not isinstance(result, TaxelError), result
@@ -195,7 +195,7 @@ def test_updates_succeed_despite_damaged_and_lost_bytes_on_the_uart(worlds, hub,
 
     def disturb(progress) -> None:
         if progress.stage == "writing" and progress.done % 3 == 1:
-            world.inject(fault, 0, 7 * next(offsets) % 60, 1)
+            world.inject(fault, 0, 7 * next(offsets) % 60, 1)  # after 0 to 59 further bytes, each time another number
 
     results = update_all(wire, make_firmware(), [0x50, 0x51], disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
@@ -235,5 +235,5 @@ def test_17_boards_of_12_kib_are_flashed_through_the_hub_within_15_s(worlds, hub
     assert concurrent_s < 17 * single_s < 17 * slow_s
 
 
-def test_the_first_rows_of_the_slots_of_a_board_are_32_and_128():
-    assert bootloader.LAYOUTS[BootDevice.BOARD].first_rows == (32, 128)
+def test_the_first_rows_of_the_slots_of_a_board_are_32_and_142():
+    assert bootloader.LAYOUTS[BootDevice.BOARD].first_rows == (32, 142)

@@ -78,7 +78,7 @@ def test_the_ring_buffer_of_the_hub_never_overflows_and_replies_are_flushed(worl
 
     def read_repeatedly(address):
         for _ in range(20):
-            yield Transfer(address, bytes([REGISTER_SETTINGS]) + bytes(11), 12)
+            yield Transfer(address, bytes([REGISTER_SETTINGS]) + bytes(11), 12)  # 12 bytes in each direction
 
     start_s = world.now_s
     results = run_all(wire, {address: read_repeatedly(address) for address in addresses})
@@ -94,7 +94,7 @@ def test_a_refused_packet_gives_one_error_line_with_its_status(worlds, adapter):
 
     def procedure():
         yield from session.enter()
-        yield from session.write_row(40, bytes(128))
+        yield from session.write_row(40, bytes(128))  # of slot A, rows 32 to 127
 
     with pytest.raises(StatusError, match="board 0x50: a write to a row of the slot in use was refused") as error:
         run(wire, procedure())

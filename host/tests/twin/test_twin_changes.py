@@ -66,7 +66,7 @@ def test_unannounced_contact_of_an_hour_gives_no_event(gain):
     skin = make_skin(8)
     skin.gain = np.full(TAXELS, gain)
     contact = skin.make_contact(("peg", "press_0"), 65.0)
-    hold_s = contact.times_s[1]
+    hold_s = contact.times_s[1]  # start of the hold, which is extended to an hour
     times = (*contact.times_s[:2], hold_s + 3600.0, hold_s + 3601.0, hold_s + 3602.0)
     cycles = skin.run(replace(contact, times_s=times), 3680.0)
     assert watch(make_twin([]), cycles) == []
@@ -114,6 +114,7 @@ def test_condition_whose_force_varies_more_than_that_of_others_gives_no_event():
     """A contact at the edge of a board loads the board with a force that differs from contact to contact."""
     original = SyntheticSkin(seed=5, force_deviation={("peg", "press_2"): 0.25})
     reference = learn(original)
+    # The same skin and contacts as in the reference, with other random numbers.
     skin = SyntheticSkin(seed=16, force_deviation=original.force_deviation)
     skin.patterns, skin._loading = original.patterns, original._loading
     first, cycles = skin.run_routine(150)

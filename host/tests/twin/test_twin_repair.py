@@ -102,6 +102,7 @@ def test_gain_of_zero_raises_a_value_error():
     [("gain", -0.4, GAIN), ("gain", -0.9, INTERPOLATED), ("noise", -4.0, INTERPOLATED), ("delay", 0.1, DELAY)],
 )
 def test_alarm_of_a_taxel_leads_to_one_correction_of_this_taxel_alone(reference, quantity, amplitude, flag):
+    """The amplitude of "gain" is a relative change: -40 % is corrected by a gain, -90 % by interpolation."""
     planned = plan_repair(reference, [make_alarm(reference, quantity, amplitude, level="taxel", number=3)])
     assert planned.repair.flags[3] == flag
     assert np.count_nonzero(planned.repair.flags) == 1
@@ -123,7 +124,7 @@ def test_session_reports_its_corrections_only_on_request(reference, repairs):
     skin.gain[:] = 0.5
     second, after = skin.run_routine(12)
     block = Block(*(np.concatenate(pair) for pair in zip(before, after, strict=True)))
-    members = {"is_live": False, "is_continuous": False}
+    members = {"is_live": False, "is_continuous": False, "session_starts_s": ()}
     methods = {"blocks": lambda self: iter([block]), "get_unique_ids": lambda self: {}}
     source = type("Source", (), members | methods)()
     session = TwinSession(Twin(reference, ContactSchedule([*first, *second])), source, None, repairs)

@@ -22,7 +22,9 @@ def test_each_row_of_a_csv_file_is_read_as_a_contact(tmp_path):
         (HEADER + "5,6,x,8,9,peg,press\n", "line 2: release_s"),
         (HEADER + "5,6,nan,8,9,peg,press\n", "line 2: release_s"),
         (HEADER + "9,8,7,6,5,peg,press\n", "increasing times"),
-        (HEADER + "5,6,7,8,9,,press\n", "an object and an approach"),
+        (HEADER + "5,6,7,8,9,,press\n", "line 2: object: expected a name without surrounding spaces"),
+        (HEADER + "5,6,7,8,9,peg,press,more\n", "line 2: expected 7 entries, found 8"),
+        (HEADER + '5,6,7,8,9,peg,"pr\ness"\n', "approach: expected a name"),
         (HEADER + "5,6,7,8,9,peg,a\n8,9,10,11,12,peg,b\n", "a start at or after 9 s"),
     ],
 )

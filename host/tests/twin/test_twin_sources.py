@@ -76,7 +76,7 @@ def test_a_reader_in_time_receives_single_cycles_and_a_late_reader_longer_blocks
 
 
 def test_a_block_has_the_counts_and_boards_of_its_cycles():
-    source = SkinSource(BacklogSkin([3, 0]))
+    source = SkinSource(BacklogSkin([3, 0]))  # three cycles arrive at once; the counts of cycle k are k
     block = next(iter(source.blocks()))
     assert block.raw_counts[:, 0].tolist() == [1, 2, 3]
     assert block.valid.shape == (3, len(source.skin.hand.boards))
@@ -86,7 +86,7 @@ def test_a_block_has_the_counts_and_boards_of_its_cycles():
 class LiveSource:
     """A live source without blocks of its own. unique_ids: of the processors of both boards, by I2C address."""
 
-    is_live, is_continuous = True, False
+    is_live, is_continuous, session_starts_s = True, False, ()
 
     def __init__(self) -> None:
         self.unique_ids = {address: bytes([address] * 8) for address in ADDRESSES}
@@ -114,6 +114,7 @@ def make_live_session():
 
 
 def test_frames_of_a_live_skin_that_are_in_no_view_are_counted(make_live_session):
+    """Each update shows one cycle of its block, so that three of the four cycles of the second block are skipped."""
     session, blocks = make_live_session([1, 4, 1])
     updates = [session.take(block) for block in blocks]
     assert [update.skipped for update in updates] == [0, 3, 0]
@@ -132,7 +133,7 @@ def test_a_batch_of_a_recording_ends_before_the_first_cycle_of_an_exchanged_boar
             yield skin._make_frame()
 
     skin.scans, skin.link.is_real_time = iterate_scans, False
-    assert [len(block.time_s) for block in SkinSource(skin).blocks()] == [7, 13]
+    assert [len(block.time_s) for block in SkinSource(skin).blocks()] == [7, 13]  # cycles 1 to 7, and 8 to 20
 
 
 def test_an_exchanged_board_is_reported_once_and_raises_no_alarm():
@@ -152,3 +153,35 @@ def test_an_exchanged_board_is_reported_once_and_raises_no_alarm():
             seen += session.take(Block(*(column[start : start + 50] for column in cycles))).events
     assert [(event.kind, f"0x{ADDRESSES[1]:02X}" in event.message) for event in seen] == [("board", True)]
     assert "0909090909090909" in seen[0].message
+
+
+def test_the_contacts_of_a_later_session_are_compared_although_all_counts_have_changed():
+    """A session of a dataset begins with other counts without contact, as after the skin has been mounted anew."""
+    skin = SyntheticSkin(seed=12)
+    reference = learn(skin)
+    first, before = skin.run_routine(9)
+    skin.offset[:] = 700.0
+    second, after = skin.run_routine(9)
+    skin.gain[:16] = 0.7
+    third, changed = skin.run_routine(12)
+
+    class TwoSessions:
+        """Source of the two sessions; the skin changes during the second session."""
+
+        is_live, is_continuous, session_starts_s = False, False, (float(after[0][0]),)
+
+        def get_unique_ids(self) -> dict[int, bytes]:
+            """Return nothing."""
+            return {}
+
+        def blocks(self) -> Iterator[Block]:
+            """Yield a block of each part."""
+            yield from (Block(*before), Block(*after), Block(*changed))
+
+    twin = Twin(reference, ContactSchedule([*first, *second, *third]))
+    results = [result for update in TwinSession(twin, TwoSessions(), None).updates() for result in update.results]
+    compared = [result for result in results if result.step.contact is not None and "gain" in result.estimates]
+    assert not any(result.touched.any() for result in compared)
+    alarms = [event for result in results for event in result.events]
+    assert alarms[0].time_s > third[0].start_s
+    assert "left" in str(alarms[0])

@@ -23,7 +23,7 @@ EPOCH_OFFSET_NS = 10**18
 class Source:
     """Blocks of 200 poll cycles of a skin whose taxels all become twice as sensitive after ten contacts."""
 
-    is_live, is_continuous = False, False
+    is_live, is_continuous, session_starts_s = False, False, ()
 
     def __init__(self, skin):
         first, before = skin.run_routine(10)

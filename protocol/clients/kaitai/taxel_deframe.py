@@ -58,7 +58,11 @@ def _is_known(body: bytes) -> bool:
 
 
 def _take_frame(chunk: bytes, start: int) -> tuple[int, bytes] | None:
-    """Return the end and the whitened body of the frame that begins at `start`; None if no frame begins there."""
+    """Return the end and the whitened body of the frame that begins at `start`; None if no frame begins there.
+
+    The chunk is a sequence of COBS blocks: a code byte, which is the size of the block, and its content; a zero follows
+    the content of a block whose code is below 0xFF.
+    """
     out, position, expected = bytearray(), start, 0
     while position < len(chunk):
         code = chunk[position]

@@ -210,8 +210,10 @@ types:
         type: u2
       - id: rejected_writes
         type: u2
+      - id: front_end
+        type: u1
       - id: reserved
-        type: u2
+        type: u1
       - id: saturated_conversions
         type: u2
   scan_settings:
@@ -534,6 +536,8 @@ types:
         type: u1
       - id: settings_settle_cycles
         type: u2
+      - id: front_end
+        type: u1
   get_board_info_arguments:
     seq:
       - id: address
@@ -819,6 +823,8 @@ enums:
     8: saturated
     16: read_only_write
     32: not_scanning
+  front_end:
+    0: capsense
   fault_code:
     0: none
     1: exception

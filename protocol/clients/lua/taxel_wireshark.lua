@@ -112,6 +112,7 @@ protocol.names = {
     LogCode = { [1] = "BUS_FREE", [2] = "SDA_STUCK", [3] = "SCL_STUCK", [4] = "RECEIVE_OVERRUN", [5] = "FRAME_DROPPED" },
     BoardCommand = { [1] = "START_SCAN", [2] = "STOP_SCAN", [3] = "CLEAR_COUNTERS", [4] = "RESTART", [5] = "ENTER_BOOTLOADER" },
     BoardErrorFlag = { [1] = "SETTINGS_REJECTED", [2] = "COMMAND_REJECTED", [8] = "SATURATED", [16] = "READ_ONLY_WRITE", [32] = "NOT_SCANNING" },
+    FrontEnd = { [0] = "CAPSENSE" },
     FaultCode = { [0] = "NONE", [1] = "EXCEPTION", [2] = "NOT_SCANNING" },
 }
 
@@ -147,7 +148,8 @@ protocol.structs = {
         { name = "snapshot_reads", offset = 16, size = 4 },
         { name = "bus_errors", offset = 20, size = 2 },
         { name = "rejected_writes", offset = 22, size = 2 },
-        { name = "reserved", offset = 24, size = 2 },
+        { name = "front_end", offset = 24, size = 1 },
+        { name = "reserved", offset = 25, size = 1 },
         { name = "saturated_conversions", offset = 26, size = 2 },
     },
     scan_settings = {
@@ -354,13 +356,14 @@ protocol.structs = {
         { name = "read_length", offset = 1, size = 1 },
     },
     set_scan_settings_arguments = {
-        size = 9,
+        size = 10,
         { name = "address", offset = 0, size = 1 },
         { name = "settings_sub_conversions", offset = 1, size = 2 },
         { name = "settings_sense_clock_divider", offset = 3, size = 2 },
         { name = "settings_modulator_clock_divider", offset = 5, size = 1 },
         { name = "settings_idac_code", offset = 6, size = 1 },
         { name = "settings_settle_cycles", offset = 7, size = 2 },
+        { name = "front_end", offset = 9, size = 1 },
     },
     get_board_info_arguments = {
         size = 1,

@@ -163,7 +163,7 @@ int main(void)
         report_start("on trial", TAXEL_RESET_CAUSE_WATCHDOG);
     }
     put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
-    row_at(layout.first_rows[1])[200] ^= 1u;
+    row_at(layout.first_rows[1])[200] ^= 1u; /* one wrong bit: the CRC of the image does not match */
     report_start("damaged image", TAXEL_RESET_CAUSE_COMMAND);
     row_at(layout.first_rows[1])[200] ^= 1u;
     write_fails = true;

@@ -101,7 +101,8 @@ static void raise_all_at_once(const char *name)
 }
 
 /* Start a chain in which each handler raises the next exception, and print the order of entries and exits: preemption
- * or tail-chaining, depending on the priorities. */
+ * or tail-chaining, depending on the priorities. raise_in[] is indexed by exception number (16: interrupt 0, 14:
+ * PendSV) and contains a mask of interrupts. */
 static void raise_in_handlers(const char *name)
 {
     raise_in[16] = 2;
@@ -117,7 +118,7 @@ static void raise_in_handlers(const char *name)
 /* Raise two interrupts and PendSV in the SVC handler and print the order of entries and exits. */
 static void raise_in_svc(const char *name)
 {
-    raise_in[11] = 5;
+    raise_in[11] = 5; /* exception 11: SVC; interrupts 0 and 2 */
     raise_system_in[11] = PENDSVSET;
     __asm__ volatile("svc #1" ::: "memory");
     barrier();
@@ -145,8 +146,8 @@ static void test_registers(void)
     print_log("enabled again");
 }
 
-/* Wait for COUNTFLAG without the SysTick interrupt, then raise an interrupt in the SysTick handler and print the order.
- */
+/* Wait for COUNTFLAG (bit 16 of SYST_CSR) without the SysTick interrupt (SYST_CSR 5: enabled, processor clock), then
+ * enable the interrupt (7), raise interrupt 0 in the SysTick handler (exception 15), and print the order. */
 static void test_systick(void)
 {
     SYST_RVR = PERIOD;

@@ -90,7 +90,8 @@ static void test_special_registers(void)
 }
 
 /* Call SVC and PendSV with the main and the process stack, at stack pointers that are a multiple of 8 and that are not,
- * and print frames and restored registers. */
+ * and print frames and restored registers. CALL(n) pushes n words before the SVC: with one word ("odd") the stack
+ * pointer is no multiple of 8. */
 int main(void)
 {
     test_special_registers();

@@ -1,8 +1,8 @@
 /* Clock of the PSoC 4200 port on SysTick: it never runs backwards, with interrupts enabled or disabled; ticks occur
  * when due; a wait ends with a tick. Every printed figure is a count of errors or of ticks. */
-#include "boards/psoc4200/ticks.h"
-#include "boards/psoc4200/clocks.h"
-#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4/ticks.h"
+#include "boards/psoc4/clocks.h"
+#include "boards/psoc4/regs/core.h"
 #include "image.h"
 
 #define CYCLES_PER_US (CPU_HZ / 1000000u)

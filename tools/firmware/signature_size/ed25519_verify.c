@@ -30,7 +30,7 @@ static uint64_t rotate(uint64_t x, unsigned bits)
     return x >> bits | x << (64u - bits);
 }
 
-/* Add one block of 128 bytes to the hash state (FIPS 180-4, section 6.4.2). */
+/* Add one block of 128 bytes to the state of the hash SHA-512; names and rotations as in FIPS 180-4, section 6.4.2. */
 static void compress(uint64_t state[8], const uint8_t *block)
 {
     uint64_t w[16], s[8];
@@ -61,7 +61,8 @@ static void compress(uint64_t state[8], const uint8_t *block)
     }
 }
 
-/* Compute the hash of R, public key and message: 64 bytes, read as the little-endian scalar h of RFC 8032. */
+/* Compute the SHA-512 of R, public key and message: 64 bytes, read as the little-endian scalar h of RFC 8032. The loop
+ * ends at the first end of a block (i is 0) after the padding. */
 static void hash(uint8_t digest[64], const uint8_t *r, const uint8_t *key, const uint8_t *message, uint32_t size)
 {
     uint64_t state[8];
@@ -91,7 +92,8 @@ static void hash(uint8_t digest[64], const uint8_t *r, const uint8_t *key, const
 
 /* ---- field of integers modulo p ---- */
 
-/* Reduce sums of limbs, each below 2^24, to limbs of 8 bits; a carry from the last limb is folded by 2^256 modulo p. */
+/* Reduce sums of limbs, each below 2^24, to limbs of 8 bits. A carry from the last limb is multiplied by FOLD (2^256
+ * modulo p) and added to the first limb. */
 static void carry(element out, const uint32_t sums[LIMBS])
 {
     uint32_t carried = 0;
@@ -158,7 +160,8 @@ static void power(element out, const element a, unsigned bits, uint8_t low)
     memcpy(out, result, sizeof result);
 }
 
-/* Replace a field element by its representative from 0 to p - 1. */
+/* Replace a field element (below 2^256, which is less than 3 p) by its representative from 0 to p - 1: subtract p at
+ * most twice. A carry from a + 19 - 2^255 shows that a is at least p. */
 static void freeze(element a)
 {
     for (unsigned pass = 0; pass < 2u; pass++) {
@@ -223,7 +226,9 @@ static void multiply_point(point *out, const point *p, const uint8_t *scalar, un
     }
 }
 
-/* Decode a point and store its negative (RFC 8032, section 5.1.3). Returns false if `bytes` encode no point. */
+/* Decode a point and store its negative (RFC 8032, section 5.1.3). Returns false if `bytes` encode no point. `bytes`
+ * contain y, with the lowest bit of x on top. A root x of u / v is u v^3 (u v^7)^((p - 5) / 8), or this number times a
+ * root of -1. */
 static bool decode_negative(point *out, const uint8_t *bytes)
 {
     element u, v, v3, check;
@@ -241,7 +246,7 @@ static bool decode_negative(point *out, const uint8_t *bytes)
     multiply(check, v3, v3);
     multiply(check, check, v);
     multiply(check, check, u);
-    power(check, check, 252, 0xFD);
+    power(check, check, 252, 0xFD); /* (p - 5) / 8 = 2^252 - 3 */
     multiply(out->x, check, v3);
     multiply(out->x, out->x, u);
     for (unsigned attempt = 0; attempt < 2u; attempt++) {
@@ -250,7 +255,7 @@ static bool decode_negative(point *out, const uint8_t *bytes)
         subtract(check, check, u);
         if (is_zero(check)) {
             freeze(out->x);
-            if ((out->x[0] & 1u) == bytes[LIMBS - 1] >> 7) {
+            if ((out->x[0] & 1u) == bytes[LIMBS - 1] >> 7) { /* the encoded x; its negative has the other parity */
                 element zero = {0};
                 subtract(out->x, zero, out->x);
             }
@@ -283,13 +288,13 @@ bool ed25519_verify(const uint8_t signature[64], const uint8_t key[32], const ui
     if (!is_reduced(signature + 32) || !decode_negative(&a, key)) {
         return false;
     }
-    hash(scalar, signature, key, message, size);
+    hash(scalar, signature, key, message, size); /* a: the negative of the public key's point A; p = -h A */
     multiply_point(&p, &a, scalar, 512);
     memcpy(a.x, base_x, sizeof a.x);
     memcpy(a.y, base_y, sizeof a.y);
     memcpy(a.z, one, sizeof a.z);
     multiply(a.t, a.x, a.y);
-    multiply_point(&sum, &a, signature + 32, 256);
+    multiply_point(&sum, &a, signature + 32, 256); /* S B; the signature is valid if S B - h A is R */
     add_points(&sum, &sum, &p);
     power(sum.z, sum.z, 255, 0xEB); /* 1 / z = z^(p - 2), because p - 2 = 2^255 - 21 has the low byte 0xEB */
     multiply(sum.x, sum.x, sum.z);

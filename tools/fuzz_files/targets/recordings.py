@@ -25,6 +25,10 @@ from taxel.recording.formats.recorded_joints import load_recorded_joints
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
+from taxel.twin.schedule import COLUMNS as CONTACT_COLUMNS
+from taxel.twin.schedule import read_schedule
+from taxel.twin.simulated.object_history import COLUMNS as OBJECT_COLUMNS
+from taxel.twin.simulated.object_history import read_object_poses
 
 HAND: Final = "flat8"
 JOINTS: Final = ("one", "two", "three")
@@ -151,6 +155,37 @@ def read_joints(path: Path) -> Flat:
     return {"time": np.array(history._times), "angles": np.array(history._angles)}
 
 
+def write_object_poses(folder: Path) -> str:
+    """Write a file of an object's poses and return its name."""
+    with (folder / "object.csv").open("w", newline="") as file:
+        rows = [[0.1 * number, 0.5, 0.01 * number, 0.2, 1.0, 0.0, 0.0, 0.0] for number in range(8)]
+        csv.writer(file).writerows([OBJECT_COLUMNS, *rows])
+    return "object.csv"
+
+
+def read_objects(path: Path) -> Flat:
+    """Read the samples of a file of an object's poses."""
+    history = read_object_poses(path)
+    return {"time": np.array(history._times), "poses": np.array(history._poses)}
+
+
+def write_contacts(folder: Path) -> str:
+    """Write a file of announced contacts and return its name."""
+    with (folder / "contacts.csv").open("w", newline="") as file:
+        rows = [[*(8.0 * number + 0.5 * part for part in range(5)), "peg", f"press_{number}"] for number in range(8)]
+        csv.writer(file).writerows([CONTACT_COLUMNS, *rows])
+    return "contacts.csv"
+
+
+def read_contacts(path: Path) -> Flat:
+    """Read times and conditions of a file of announced contacts."""
+    contacts = list(read_schedule(path))
+    return {
+        "times": np.array([contact.times_s for contact in contacts]),
+        "conditions": np.array([contact.condition for contact in contacts]),
+    }
+
+
 _FRAMES: Final = Rules(subset="frames")
 _TABLE: Final = Rules(
     unused=re.compile(
@@ -174,5 +209,21 @@ TARGETS: Final = (
     ),
     Target("parquet", _convert("a.parquet"), ((r"\.parquet$", (Parquet(),)),), read_table, 1.0, _TABLE),
     Target("original-bag", write_original_bag, ((r"\.bag$", (Bag(),)),), read_frames, 1.0, COARSE),
+    Target(
+        "object-poses",
+        write_object_poses,
+        ((r"\.csv$", (Csv(),)),),
+        read_objects,
+        8.0,
+        Rules(derived=re.compile(r"^\[\d+\]\[")),
+    ),
+    Target(
+        "contacts",
+        write_contacts,
+        ((r"\.csv$", (Csv(),)),),
+        read_contacts,
+        8.0,
+        Rules(derived=re.compile("")),  # the reader sorts the rows, so that a value may appear in another place
+    ),
     Target("joints", write_joints, ((r"\.csv$", (Csv(),)),), read_joints, 8.0, Rules(derived=re.compile(r"^\[0\]\["))),
 )

@@ -43,6 +43,7 @@ class CapacitorResult:
 def evaluate_counts(counts: Mapping[int, int], supply_v: float = 3.3) -> CapacitorResult | None:
     """Evaluate the counts of a known capacitor by code of the current source.
 
+    The current is proportional to the code, so the product of count and code is constant for a correct converter.
     Returns None if all counts are 0 or saturated, or no larger than noise. supply_v: supply voltage of the board, which
     is the voltage of the sense clock.
     """

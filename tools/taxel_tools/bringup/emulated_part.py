@@ -1,4 +1,4 @@
-"""An emulated chip alone with an image in its flash (firmware/emulator/psoc4200/single_part.h), in virtual time."""
+"""An emulated chip alone with an image in its flash (firmware/emulator/psoc4/single_part.h), in virtual time."""
 
 import ctypes
 from dataclasses import asdict, dataclass, fields

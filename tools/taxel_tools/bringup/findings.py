@@ -154,13 +154,13 @@ def _find_interrupts(results: Measurements) -> Iterator[Finding]:
         ("scb1", "interrupt of SCB1", 11),
         ("csd", "interrupt of the converter", 15),
     )
-    yield from _find_numbers(4, results.lines.get("interrupts"), points, "regs/core.h")
+    yield from _find_numbers(4, results.lines.get("interrupts"), points, "part/numbers.h")
 
 
 def _find_sample_clock(results: Measurements) -> Iterator[Finding]:
     """Judge the number of the converter's sample clock."""
     points = (("sample_clock", "sample clock of the converter", 5),)
-    yield from _find_numbers(5, results.lines.get("converter"), points, "regs/peri_clk.h")
+    yield from _find_numbers(5, results.lines.get("converter"), points, "part/peri_clk.h")
 
 
 def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Finding]:
@@ -173,7 +173,7 @@ def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Findin
     found = [line for line in lines if _get_number(line, "sense_clock") not in (None, NONE)]
     if found:
         points = (("sense_clock", "sense clock of the converter", 4),)
-        yield from _find_numbers(5, found[0], points, "regs/peri_clk.h")
+        yield from _find_numbers(5, found[0], points, "part/peri_clk.h")
     else:
         yield Finding(5, "sense clock of the converter", "4", "no counts with any clock: see step 10", NOT_MEASURED)
 
@@ -181,7 +181,8 @@ def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Findin
 def _find_bus(results: Measurements) -> Iterator[Finding]:
     """Judge the released I2C lines, shorts between them, and the answers of the I2C block as a master.
 
-    Later tests need released lines that are high; otherwise only the first finding is returned.
+    Later tests need released lines that are high; otherwise only the first finding is returned. Levels are bits: 1 if
+    SCL is high, 2 if SDA is high.
     """
     line = results.lines.get("bus")
     if line is None:
@@ -237,7 +238,7 @@ def _find_memory(results: Measurements) -> Iterator[Finding]:
     causes = results.restart.get("causes", 16)
     yield _judge(
         8, "cause of a software reset", "0x10", _format_causes(causes), causes == SOFTWARE_RESET,
-        "RES_CAUSE has other bits: regs/srss.h",
+        "RES_CAUSE has other bits: part/srss.h",
     )  # fmt: skip
     for field, name, address in (("stay", "request to the bootloader", 0x80), ("record", "fault record", 0xBF0)):
         kept = _get_number(results.restart, field) == 1
@@ -270,7 +271,7 @@ def _find_watchdog(results: Measurements) -> Iterator[Finding]:
     )  # fmt: skip
     causes = None if results.watchdog_start is None else results.watchdog_start.get("causes", 16)
     is_watchdog = bool((causes or 0) & WATCHDOG_RESET)
-    yield _judge(9, "cause of a watchdog reset", "0x01", _format_causes(causes), is_watchdog, "regs/srss.h")
+    yield _judge(9, "cause of a watchdog reset", "0x01", _format_causes(causes), is_watchdog, "part/srss.h")
 
 
 def _find_counts(results: Measurements, known_pf: float | None, supply_v: float, capacitors: int) -> Iterator[Finding]:
@@ -291,7 +292,7 @@ def _find_counts(results: Measurements, known_pf: float | None, supply_v: float,
     if result is None:
         advice = (
             "check the known capacitor (P2.0 to P2.2), then each integration capacitor with a meter; without a fault "
-            "there: registers of the converter (regs/csd.h)"
+            "there: registers of the converter (part/csd.h)"
             if other is None
             else f"the circuit is the other one (--capacitors {3 - capacitors}), or an integration capacitor is missing"
         )
@@ -301,7 +302,7 @@ def _find_counts(results: Measurements, known_pf: float | None, supply_v: float,
     yield Finding(10, point, expected, expected if other is None else "with both circuits", AS_ASSUMED)
     yield _judge(
         10, "count and current", "inversely proportional", f"{result.usable} codes", result.follows_law,
-        "the converter does not balance the charge: reference buffer, comparator, drive strength (regs/csd.h)",
+        "the converter does not balance the charge: reference buffer, comparator, drive strength (part/csd.h)",
     )  # fmt: skip
     yield from _find_current(result, known_pf)
     low, high = (_get_number(results.repeats.get(capacitors), field) for field in ("low", "high"))
@@ -310,7 +311,7 @@ def _find_counts(results: Measurements, known_pf: float | None, supply_v: float,
         return
     yield _judge(
         10, "noise of 16 conversions", f"at most {NOISE_MAX} counts", f"{high - low} counts", high - low <= NOISE_MAX,
-        "shorter leads; filter bits (regs/csd.h); the other circuit",
+        "shorter leads; filter bits (part/csd.h); the other circuit",
     )  # fmt: skip
 
 
@@ -324,6 +325,6 @@ def _find_current(result: CapacitorResult, known_pf: float | None) -> Iterator[F
     is_equal = abs(step / (IDAC_STEP_A * 1e6) - 1) <= CURRENT_TOLERANCE
     advice = (
         "compare the known capacitor and the supply voltage (--capacitor-pf, --supply-v); then range and trim of the "
-        "current source (regs/csd.h, sflash.h)"
+        "current source (part/csd.h, sflash.h)"
     )
     yield _judge(10, "step of the current source", "1.2 uA within 20 %", f"{step:.2f} uA", is_equal, advice)

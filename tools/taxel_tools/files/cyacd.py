@@ -100,7 +100,8 @@ def _parse_hex(digits: str, location: str, source: str) -> bytes:
 def _read_header(line: str, source: str) -> int:
     """Return the silicon id from the first line of a .cyacd file.
 
-    Raises `FirmwareFileError` if the line is no header, or if its checksum kind is unknown. source: name of the file.
+    Bytes of the line: 0 to 3 silicon id, 4 revision, 5 checksum kind. source: name of the file. Raises
+    `FirmwareFileError` if the line is no header, or if its checksum kind is unknown.
     """
     header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
@@ -112,6 +113,9 @@ def _read_header(line: str, source: str) -> int:
 
 def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
     """Parse one line of a .cyacd file: number and data of a flash row.
+
+    Bytes of a line: 0 flash array, 1 and 2 number of the row, 3 and 4 length, then the data and a checksum, the two's
+    complement of the sum of all bytes before it.
 
     location: line of the file, source: name of the file, both for the message. Raises `FirmwareFileError` for a damaged
     line.

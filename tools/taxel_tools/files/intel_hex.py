@@ -2,12 +2,13 @@
 
 from typing import Final, NoReturn
 
-from taxel_protocol.bootloader import BOOT_ROW_COUNT, BOOT_ROW_SIZE
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, LAYOUTS
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage
 from taxel_tools.files.rows import build_image
 
-FLASH_SIZE: Final = BOOT_ROW_COUNT * BOOT_ROW_SIZE
+FLASH_SIZE: Final = max(layout.row_count for layout in LAYOUTS.values()) * BOOT_ROW_SIZE
+"""Bytes of the largest flash."""
 DATA, END, SEGMENT, SEGMENT_START, LINEAR, LINEAR_START = range(6)
 RECORD_OVERHEAD: Final = 5
 """Size of length, address, type and checksum of a record, in bytes."""
@@ -28,7 +29,8 @@ def read_intel_hex(text: str, source: str) -> FirmwareImage:
 def read_intel_hex_rows(text: str, source: str) -> Rows:
     """Read all flash rows that an Intel HEX file sets, in ascending order. Raises `FirmwareFileError`.
 
-    source: name of the file. Bytes without a record are 00.
+    source: name of the file. Bytes without a record are 00. The base of later addresses is set by records of two types:
+    in units of 16 bytes (segment), or as the upper 16 bits of the address (linear).
     """
     flash = bytearray(FLASH_SIZE)
     row_sources: dict[int, str] = {}
@@ -80,6 +82,9 @@ def _fail(
 
 def _parse_record(line: str, location: str, source: str) -> tuple[int, int, bytes]:
     """Parse one line of an Intel HEX file: type of the record, 16-bit address, data.
+
+    Bytes of a record: 0 number of data bytes, 1 and 2 address, 3 type, then the data and a checksum, the two's
+    complement of the sum of all bytes before it.
 
     location: line, such as "line 12"; source: name of the file. Raises `FirmwareFileError` for a damaged line.
     """

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Final
 
 from taxel_protocol.bootloader import (
-    BOOT_BOOTLOADER_ROWS,
     BOOT_IMAGE_MAGIC,
     BOOT_ROW_SIZE,
     LAYOUTS,
@@ -23,16 +22,9 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
     rows: for each row number its 128 bytes, and the place in the file that sets the row ("line 12"). Raises
     `FirmwareFileError` for rows in the bootloader, outside the slots or in both slots, and for an invalid image.
     """
-    for row, (_, location) in sorted(rows.items()):
-        if row < BOOT_BOOTLOADER_ROWS:
-            raise FirmwareFileError(
-                source,
-                location,
-                f"rows from {BOOT_BOOTLOADER_ROWS} on",
-                f"row {row} of the bootloader",
-                "the bootloader cannot replace itself; use the file of an application",
-            )
+    _check_bootloader(rows, min(layout.bootloader_rows for layout in LAYOUTS.values()), source)
     layout = _find_layout(rows, source)
+    _check_bootloader(rows, layout.bootloader_rows, source)
     slots = {row: _find_slot(row, layout) for row in rows}
     for row, slot in sorted(slots.items()):
         if slot is None:
@@ -56,6 +48,19 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
     last = max(rows)
     data = b"".join(rows[row][0] if row in rows else bytes(BOOT_ROW_SIZE) for row in range(first, last + 1))
     return parse_image(data, source, first)
+
+
+def _check_bootloader(rows: Mapping[int, tuple[bytes, str]], bootloader_rows: int, source: str) -> None:
+    """Raise `FirmwareFileError` if a row belongs to the bootloader."""
+    first = min(rows, default=bootloader_rows)
+    if first < bootloader_rows:
+        raise FirmwareFileError(
+            source,
+            rows[first][1],
+            f"rows from {bootloader_rows} on",
+            f"row {first} of the bootloader",
+            "the bootloader cannot replace itself; use the file of an application",
+        )
 
 
 def _find_slot(row: int, layout: FlashLayout) -> int | None:

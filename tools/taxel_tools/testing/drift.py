@@ -73,7 +73,9 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
 def _compute_shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
     """Compute the distance of a value from the median of earlier values, in units of the permitted distance.
 
-    centre: the median. Returns infinity for a missing or infinite value, 0 if there is no permitted distance.
+    The permitted distance is a number of robust standard deviations of the earlier values or, if they are fewer than
+    `OWN_SPREAD_RUNS`, a share of the distance from the median to a bound of the limit. centre: the median. Returns
+    infinity for a missing or infinite value, 0 if there is no permitted distance.
     """
     if value is None or not math.isfinite(value):
         return math.inf

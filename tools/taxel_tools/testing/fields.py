@@ -86,7 +86,7 @@ class Field:
             if not isinstance(name, str) or name not in _NOT_FINITE:
                 self.fail(f"not_finite to be one of {', '.join(_NOT_FINITE)}")
             return _NOT_FINITE[name]
-        # An integer of many digits would overflow, and 1e999 is parsed as infinite.
+        # An integer of many digits would overflow, and 1e999 is parsed as infinite: every float is below 2**1024.
         if isinstance(content, bool) or not isinstance(content, int | float) or not abs(content) < 2**1023 * 2:
             self.fail("a finite number")
         return float(content)

@@ -144,7 +144,8 @@ class History:
         """Compare each number of a test record with the earlier tests of the same serial number; see `drift`.
 
         Earlier tests are those added before the record, or all if the record was not added: the clocks of stations
-        may differ. Text and quantities without an earlier value in the same unit are omitted.
+        may differ. In the query, the largest integer of SQLite replaces the row of a record that was not added. Text
+        and quantities without an earlier value in the same unit are omitted.
         """
         if not record.serial_number:
             return []

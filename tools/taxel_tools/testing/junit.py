@@ -18,7 +18,7 @@ def write_junit(record: TestRecord, path: str | os.PathLike[str], overwrite: boo
 
 
 def format_junit(record: TestRecord) -> bytes:
-    """Test record as a JUnit suite, with a case for each measurement that has a limit and for each finding.
+    """Format a test record as a JUnit suite, with a case for each measurement that has a limit and for each finding.
 
     A phase that ended with an error, was skipped, or has no limits is an additional case, so that every phase is
     listed. Characters that XML cannot contain become U+FFFD.

@@ -51,7 +51,7 @@ def write_json(record: TestRecord, path: str | os.PathLike[str], overwrite: bool
 
 
 def format_json_bytes(record: TestRecord) -> bytes:
-    """Test record as UTF-8 JSON; equal records give equal bytes."""
+    """Format a test record as UTF-8 JSON; equal records give equal bytes."""
     document: dict[str, Any] = {"taxel_test_record": VERSION, **asdict(record)}
     document["seconds"] = encode_number(record.seconds)
     for phase in document["phases"]:

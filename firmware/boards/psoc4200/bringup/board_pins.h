@@ -3,7 +3,7 @@
 #ifndef PSOC4200_BRINGUP_BOARD_PINS_H
 #define PSOC4200_BRINGUP_BOARD_PINS_H
 
-#include "boards/psoc4200/pins.h"
+#include "boards/psoc4/pins.h"
 
 #define BOARD_PIN_SCL PIN(4, 0)
 #define BOARD_PIN_SDA PIN(4, 1)

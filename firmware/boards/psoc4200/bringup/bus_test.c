@@ -2,9 +2,9 @@
 
 #include "boards/psoc4200/bringup/cycles.h"
 #include "boards/psoc4200/bringup/text.h"
-#include "boards/psoc4200/bus_pins.h"
-#include "boards/psoc4200/regs/peri_clk.h"
-#include "boards/psoc4200/regs/scb.h"
+#include "boards/psoc4/bus_pins.h"
+#include "part/peri_clk.h"
+#include "boards/psoc4/regs/scb.h"
 
 #define FIRST_ADDRESS 0x08u
 #define LAST_ADDRESS 0x77u

@@ -2,9 +2,9 @@
 
 #include "board_pins.h"
 #include "boards/psoc4200/bringup/cycles.h"
-#include "boards/psoc4200/regs/csd.h"
-#include "boards/psoc4200/regs/peri_clk.h"
-#include "boards/psoc4200/regs/sflash.h"
+#include "part/csd.h"
+#include "part/peri_clk.h"
+#include "part/sflash.h"
 
 #define MODULATOR_DIVIDER 4u
 #define SENSE_DIVIDER 40u
@@ -65,7 +65,8 @@ static void connect_capacitors(bool two_capacitors)
     pin_connect(BOARD_PIN_CINT_B, PIN_MODE_ANALOG, two_capacitors ? PIN_AMUX_A : PIN_GPIO);
 }
 
-/* Run one conversion of the known capacitor (converter.h). */
+/* Run one conversion of the known capacitor with the current code `code` (converter.h). Returns the number of sample
+ * clocks in which the current source was on; CONVERTER_NONE after a timeout. `cycles` receives the duration. */
 uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles)
 {
     const uint32_t begin_count = CSD_COUNTER_PERIOD(CONVERTER_PERIOD);

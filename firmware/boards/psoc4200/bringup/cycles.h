@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4/regs/core.h"
 
 #define CYCLES_MASK 0xFFFFFFu
 #define CYCLES_PER_MS 48000u

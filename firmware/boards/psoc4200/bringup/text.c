@@ -1,8 +1,8 @@
 #include "boards/psoc4200/bringup/text.h"
 
 #include "board_pins.h"
-#include "boards/psoc4200/regs/peri_clk.h"
-#include "boards/psoc4200/regs/scb.h"
+#include "part/peri_clk.h"
+#include "boards/psoc4/regs/scb.h"
 
 #define OVERSAMPLE 16u
 #define DIVIDER 26u       /* 48 MHz / 26 / 16 = 115,385 baud */
@@ -41,6 +41,7 @@ static void put_byte(uint8_t byte)
     }
 }
 
+/* Send the characters of a zero-terminated text. */
 void text_put(const char *text)
 {
     while (*text) {

@@ -36,7 +36,7 @@ def add_spike(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
 
 def add_penetration(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
     """Push the object deep into the skin in three frames: decrease the separations of loaded taxels, increase the
-    forces.
+    forces by stiffness times depth (1000 N/m for a sensor model that states no stiffness).
     """
     group = file["grasps"][grasp]
     frame, depth = _choose_frame(group, rng), rng.uniform(*PENETRATION_M)
@@ -62,7 +62,7 @@ def freeze_frames(file: h5py.File, grasp: str, rng: np.random.Generator) -> None
 
 
 def remove_object(file: h5py.File, grasp: str, rng: np.random.Generator) -> None:
-    """Remove the contact from one grasp, as if the object were missing: only noise remains."""
+    """Remove the contact from one grasp, as if the object were missing: only noise and a separation of 50 mm remain."""
     group, model = file["grasps"][grasp], file["sensor_model"].attrs
     group["contact_force"][...] = 0.0
     group["separation"][...] = 0.05

@@ -50,6 +50,7 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
             ]
             if name in base.names:
                 continue
+            # Dropout has no form that a fit can start from: it is found by inspection.
             for start in starts or _find_dropout(fit_data, base):
                 fit = fit_data.fit_in_sample(base.with_effect(start), INSPECTED_EFFECTS, ITERATIONS)
                 value = fit.cost + penalty * sum(one.values.size for one in fit.composite.fitted_effects)
@@ -65,6 +66,7 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     weights /= weights.sum()
     shares = list(zip(found, weights, strict=True))
     probabilities = {name: float(sum(weight for key, weight in shares if name in key)) for name in catalogue}
+    # The first set is the empty one, which stands for no gap.
     return {**{name: min(value, 1.0) for name, value in probabilities.items()}, NO_GAP: float(weights[0])}
 
 

@@ -130,7 +130,7 @@ def sample_modality_worlds(count: int, seed: int, sensor: str) -> list[ModalityW
     """Sample worlds of one sensor in random order.
 
     A fifth of them has no cause, an eighth a cause outside the catalogue, and all others one cause of the catalogue
-    that the sensor can have.
+    that the sensor can have. The strength is 0.7 to 2 times that of a typical case, uniform in the logarithm.
     """
     rng = np.random.default_rng([seed, count, SENSORS.index(sensor)])
     names = [name for name in _CHANGES if name and name != UNKNOWN and _is_possible(KINDS[sensor], name)]
@@ -155,7 +155,11 @@ def _make_header(kind: SensorKind, source: str) -> GeneralHeader:
 
 
 def _sample_loads(kind: SensorKind, rng: np.random.Generator) -> FloatArray:
-    """Sample the load of each condition, f64[C, m], relative to the full scale (C conditions, m components)."""
+    """Sample the load of each condition, f64[C, m], relative to the full scale (C conditions, m components).
+
+    A uniform load increases from condition to condition. Any other load is a Gaussian around a random place; on a
+    sensor with vectors, the skin is also sheared away from this place and in a random direction.
+    """
     if kind.is_uniform:
         return np.repeat(np.linspace(0.15, 0.9, kind.conditions)[:, None], kind.n, axis=1)
     place = kind.positions[:, :2] / kind.pitch_m
@@ -189,6 +193,7 @@ def _make_contact(
     time = np.arange(0.0, ends[-1], 1.0 / kind.rate_hz)
     phase = np.searchsorted(ends, time, side="right").astype(np.uint8)
     start, closed, opens, released = ends[:4]
+    # The load rises within the first 80 % of closing, and falls within the first 70 % of release.
     shape = np.clip((time - start) / (0.8 * (closed - start)), 0.0, 1.0)
     shape = shape * (1.0 - np.clip((time - opens) / (0.7 * (released - opens)), 0.0, 1.0))
     signal = kind.full_scale * np.tanh(shape[:, None] * load)
@@ -223,7 +228,7 @@ def _make_none(kind: SensorKind, strength: float, rng: np.random.Generator) -> C
 
 
 def _make_gain(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    """Make a gain mismatch: every taxel has a random gain."""
+    """Make a gain mismatch: every taxel has a random gain, 0.75 to 1.25 at strength 1."""
     gains = 1.0 + 0.25 * strength * rng.uniform(-1.0, 1.0, kind.n)
     component_gains = np.repeat(gains, 3) if kind.is_vector else gains
     return lambda signal, time, _: signal * component_gains
@@ -234,6 +239,7 @@ def _make_curve(kind: SensorKind, strength: float, rng: np.random.Generator) -> 
     share, scale = 0.45 * min(strength, 1.8), kind.full_scale
 
     def bend(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
+        """Reduce the signal by `share` near 0 and not at full scale."""
         relative = np.clip(np.abs(signal) / scale, 0.0, 1.0)
         return np.asarray(np.sign(signal) * scale * relative * (1.0 - share * (1.0 - relative)))
 
@@ -251,6 +257,7 @@ def _make_lag(kind: SensorKind, strength: float, rng: np.random.Generator) -> Ch
     share, constant = 0.3 * strength, rng.uniform(0.4, 1.2)
 
     def creep(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
+        """Replace `share` of the signal f64[T, m] by its first-order lag with the time constant `constant` (s)."""
         step = time[1] - time[0]
         late, result = np.zeros(signal.shape[1]), np.empty_like(signal)
         for k, now in enumerate(signal):
@@ -283,6 +290,7 @@ def _make_dead(kind: SensorKind, strength: float, rng: np.random.Generator) -> C
     dead_components = (dead[:, None] * 3 + np.arange(3)).ravel() if kind.is_vector else dead
 
     def silence(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
+        """Set the signals of the dead taxels to 0."""
         result = signal.copy()
         result[:, dead_components] = 0.0
         return result
@@ -317,6 +325,7 @@ def _make_unknown(kind: SensorKind, strength: float, rng: np.random.Generator) -
     choice, scale = int(rng.choice(choices)), kind.full_scale
 
     def change(signal: FloatArray, time: FloatArray, _: np.random.Generator) -> FloatArray:
+        """Apply the chosen cause outside the catalogue to a signal f64[T, m]. time: f64[T], seconds."""
         if choice == dead_zone:
             return np.asarray(np.sign(signal) * np.maximum(np.abs(signal) - 0.12 * strength * scale, 0.0))
         if choice == mean_removed:

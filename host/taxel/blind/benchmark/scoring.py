@@ -59,7 +59,8 @@ class ScoredAnswer:
 def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:
     """Compute all measures of one diagnosis by name (docs/gap-benchmark.md); a measure without worlds is None.
 
-    Clear worlds have a gap of at least two floors.
+    Clear worlds have a gap of at least two floors. `ScoredAnswer.causes` are the named causes in order of descending
+    probability, and `ScoredAnswer.listed` those that the verdict names.
     """
     clear = [one for one in answers if one.ratio >= 2.0]
     weak = [one for one in answers if 1.0 <= one.ratio < 2.0 and one.kind == "single"]

@@ -82,7 +82,8 @@ class BenchmarkWorld:
     def make(self, real: Path, sim: Path, bases: Path) -> None:
         """Write the two datasets of the world. bases: folder of the datasets without a cause, filled as needed.
 
-        Raises TaxelError with a one-line message.
+        The type of `source` determines how: a world of the blind check, a world of another sensor, the seed of a world
+        of grasps, or a base with the seed of the injection. Raises TaxelError with a one-line message.
         """
         if isinstance(self.source, World):
             make_world(self.source, real, sim)

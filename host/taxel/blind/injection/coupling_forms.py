@@ -28,6 +28,7 @@ def _spread(kernel: FloatArray, keeps_total: bool) -> Injection:
     kernel = kernel / np.maximum(kernel.sum(axis=1, keepdims=True), 1e-12)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Pass a share of each signal f64[T, n] to other taxels. strength: this share, limited to 0.9."""
         share = min(strength, 0.9)
         kept = (1.0 - share) if keeps_total else 1.0
         return kept * grasp.signal + share * (grasp.signal @ kernel)
@@ -53,6 +54,7 @@ def sample_root_sum(skin: SkinTable, rng: np.random.Generator) -> Injection:
     lines = [skin.shares_line(axis).astype(np.float64) for axis in axes]
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Add 15 % of the root sum of squares over the line at strength 1, for each axis."""
         squares = np.maximum(grasp.signal, 0.0) ** 2
         return np.asarray(grasp.signal + 0.15 * strength * np.sum([np.sqrt(squares @ line) for line in lines], axis=0))
 

@@ -13,6 +13,7 @@ def sample_dead_zone(skin: SkinTable, rng: np.random.Generator) -> Injection:
     counts = rng.uniform(100.0, 250.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Apply the dead zone; its limit at strength 1 is `counts`."""
         limit = strength * counts
         return np.sign(grasp.signal) * np.maximum(np.abs(grasp.signal) - limit, 0.0)
 
@@ -23,6 +24,7 @@ def sample_common_mode(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample a host program that subtracts a share of a board's mean signal from the board's taxels."""
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Subtract `strength` times (at most 3 times) the mean signal of the board in each frame."""
         result = grasp.signal.copy()
         for board in skin.boards:
             result[:, board] -= min(strength, 3.0) * grasp.signal[:, board].mean(axis=1, keepdims=True)
@@ -32,7 +34,10 @@ def sample_common_mode(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_interference(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a sinusoidal interference with a random phase for each taxel, the same in every grasp."""
+    """Sample a sinusoidal interference with a random phase for each taxel, the same in every grasp.
+
+    The frequency is 0.2 to 1 Hz, and the amplitude 60 counts at strength 1.
+    """
     hertz, phase = rng.uniform(0.2, 1.0), rng.uniform(0.0, 2.0 * np.pi, skin.n)
     return lambda grasp, strength: (
         grasp.signal + 60.0 * strength * np.sin(2.0 * np.pi * hertz * (grasp.time_s - grasp.time_s[0])[:, None] + phase)
@@ -44,6 +49,7 @@ def sample_automatic_gain(skin: SkinTable, rng: np.random.Generator) -> Injectio
     level = rng.uniform(4000.0, 12000.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Reduce the gain of each board with its total signal: to 1/2 at a total of `level` counts and strength 1."""
         result = grasp.signal.copy()
         for board in skin.boards:
             total = np.maximum(grasp.signal[:, board], 0.0).sum(axis=1, keepdims=True)
@@ -58,6 +64,7 @@ def sample_mirrored_board(skin: SkinTable, rng: np.random.Generator) -> Injectio
     board = skin.boards[int(rng.integers(len(skin.boards)))]
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Mix the signals of the board with those in reverse order of its taxels."""
         share, result = min(strength, 1.0), grasp.signal.copy()
         result[:, board] = (1.0 - share) * grasp.signal[:, board] + share * grasp.signal[:, board[::-1]]
         return result

@@ -9,7 +9,10 @@ from taxel.types import FloatArray
 
 
 def sample_gradient(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a gain that changes linearly across one or two boards, from one edge to the opposite one."""
+    """Sample a gain whose logarithm changes linearly across one or two boards, from one edge to the opposite one.
+
+    At strength 1 the logarithm changes by 1 from edge to edge.
+    """
     slope = np.zeros(skin.n)
     for board in _choose_boards(skin, rng, 2):
         place = skin.position[board] @ rng.normal(size=3)
@@ -28,6 +31,7 @@ def sample_power_law(skin: SkinTable, rng: np.random.Generator) -> Injection:
     sign, power = rng.choice([-1.0, 1.0]), rng.uniform(0.9, 1.1)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Convert the signal to a relative force, change the force as a softer or harder layer does, convert back."""
         # The inverse of signal = full scale * force / (1 + force) gives a relative force; the clip keeps it finite.
         share = np.clip(grasp.signal / skin.full_scale, 0.0, 0.98)
         force = share / (1.0 - share) * np.exp(sign * 0.6 * strength)  # by a factor of 1.8 at strength 1
@@ -38,10 +42,11 @@ def sample_power_law(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_tanh(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a saturation by a hyperbolic tangent."""
+    """Sample a saturation by a hyperbolic tangent. The largest signal at strength 1 is `limit` counts."""
     limit = rng.uniform(1000.0, 2500.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Limit the signal to `limit` / `strength` counts."""
         cap = limit / max(strength, 1e-3)
         return np.asarray(cap * np.tanh(grasp.signal / cap))
 
@@ -49,10 +54,11 @@ def sample_tanh(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_logarithm(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a saturation by a logarithm."""
+    """Sample a saturation by a logarithm, which begins at signals of about `limit` counts at strength 1."""
     limit = rng.uniform(1500.0, 4000.0)
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Compress signals above about `limit` / `strength` counts logarithmically."""
         cap = limit / max(strength, 1e-3)
         return np.asarray(np.sign(grasp.signal) * cap * np.log1p(np.abs(grasp.signal) / cap))
 
@@ -60,10 +66,14 @@ def sample_logarithm(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_near_field(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a response to an object that is near but does not touch, with a Gaussian dependence on the separation."""
+    """Sample a response to an object that is near but does not touch, with a Gaussian dependence on the separation.
+
+    reach: length of the Gaussian, metres. counts: response at separation 0 and strength 1.
+    """
     reach, counts = rng.uniform(0.001, 0.004), 400.0
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Add the response to the separation f64[T, n] (metres); it vanishes as the signal approaches full scale."""
         if grasp.separation is None:
             return grasp.signal
         gap = np.maximum(grasp.separation, 0.0)
@@ -91,9 +101,10 @@ def sample_dead_strip(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def _kill(dead: np.ndarray) -> Injection:
-    """Make the injection that replaces the signals of the taxels with the indices `dead` by noise."""
+    """Make the injection that replaces the signals of the taxels with the indices `dead` by noise of 4 counts."""
 
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        """Replace the signals of the dead taxels by noise of 4 counts; any strength above 0 has the same result."""
         result = grasp.signal.copy()
         if strength > 0.0:
             result[:, dead] = grasp.rng.normal(0.0, 4.0, (len(result), len(dead)))

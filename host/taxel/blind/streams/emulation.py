@@ -63,7 +63,10 @@ def make_stream(world: StreamWorld, reference: Path) -> Stream:
 
 
 def _emulate(world: StreamWorld, plan: IndentationPlan, reference: Path, rng: np.random.Generator) -> Stream:
-    """Emulate the reference contacts of a plan and the contacts of the stream; write the reference dataset."""
+    """Emulate the reference contacts of a plan and the contacts of the stream; write the reference dataset.
+
+    The reference contacts begin after `LEAD_IN_S` seconds; the contacts of the stream follow from `start_s` on.
+    """
     usual = replace(plan.timeline, baseline_s=PAUSE_S[0])
     contacts = [
         TimedIndentation(one, LEAD_IN_S + number * usual.duration_s, usual)

@@ -35,6 +35,7 @@ class CyclesSource:
     cycles: PollCycles
     is_live: bool = False
     is_continuous: bool = True
+    session_starts_s: tuple[float, ...] = ()
 
     def get_unique_ids(self) -> dict[int, bytes]:
         """Return nothing: no board is exchanged."""
@@ -90,7 +91,7 @@ def run_stream(out: Path, world: StreamWorld) -> None:
 
 
 def watch_stream(stream: Stream, reference: Path) -> dict[str, object]:
-    """Run the twin on a stream; return its events and its largest evidence as JSON values.
+    """Run the twin on a stream; return its events and its largest evidence (an alarm is raised from 1) as JSON values.
 
     The hidden world is not an input, so that the twin cannot depend on it.
     """

@@ -15,7 +15,8 @@ from taxel.campaign.indentation.stroke import AWAY_M, Stroke
 from taxel.campaign.poll_cycles import PollCycles
 from taxel.campaign.processes import map_in_processes
 from taxel.campaign.progress import Progress, no_progress
-from taxel.campaign.session import LEAD_IN_S, SceneMotion, check_world, format_session_world, run_emulated_skin
+from taxel.campaign.session import LEAD_IN_S, SceneMotion, run_emulated_skin
+from taxel.campaign.session_world import check_world, format_session_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
@@ -89,6 +90,7 @@ def run_indentation_session(
             make_scene_motion(plan, indentation, solve_path(plan, indentation, settings, contact), begin, end)
             for indentation, begin, end in zip(indentations, begins[:-1], begins[1:], strict=True)
         ]
+    # 0.1 s longer than the last indentation, so that the capture contains all its frames.
     cycles = run_emulated_skin(plan.hand, world, motions, begins[-1] + 0.1)
     return [
         _make_record(plan, indentation, cycles, begin) for indentation, begin in zip(indentations, begins, strict=False)
@@ -136,6 +138,7 @@ def make_scene_motion(
     poses = np.concatenate([free_poses, path.pose])
     inwards, outwards = stroke.times_of(travel)
     times = np.concatenate([[begin_s], begin_s + inwards, begin_s + outwards[::-1], [end_s]])
+    # Rows of `poses`: the withdrawn pose, all poses inwards, the same poses backwards, the withdrawn pose.
     rows = np.r_[0, : len(travel), len(travel) - 1 : -1 : -1, 0]
     number = np.full(len(rows), list(plan.objects).index(indentation.approach.object))
     brackets = np.broadcast_to(plan.bracket_poses, (len(rows), *plan.bracket_poses.shape))

@@ -185,7 +185,8 @@ class EmulatedEquilibrium:
                     break
                 share *= 0.5
             motion = share * step
-            # Secant update: the new stiffness must reproduce the change of the residual in the last step.
+            # Secant (Broyden) update: the new stiffness must reproduce the change of the residual in the last step.
+            # Division by `SCALE` makes translations and rotations comparable.
             error = (residual - next_residual) - next_system @ motion
             system = next_system + np.outer(error, motion / SCALE) / (motion @ (motion / SCALE))
             state, residual, norm = state + motion, next_residual, next_norm

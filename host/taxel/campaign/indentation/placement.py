@@ -119,8 +119,8 @@ class SkinSurface:
 def compute_travel(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
     """Compute the travel of an object along `direction` until it touches the centre of each of the skin's m squares.
 
-    f64[m], metres; infinite for a square that the object never touches. pose: start pose of the object f64[4, 4],
-    world. direction: unit vector f64[3].
+    A square is a taxel or a part of a board's bare margin. Result: f64[m], metres; infinite for a square that the
+    object never touches. pose: start pose of the object f64[4, 4], world. direction: unit vector f64[3].
     """
     low, high = shape.bounds
     arm = surface.surface - pose[:3, 3] - pose[:3, :3] @ (0.5 * (low + high))
@@ -185,6 +185,8 @@ class PlacementSampler:
         first = self._rng.choice(surface.taxels_of(boards[0]))
         if len(boards) == 1:
             return surface.surface[first], surface.normal[first], None
+        # The valley runs across the line between the centres of the boards. The target lies midway between a taxel of
+        # the first board and the taxel of the second board that is opposite to it.
         candidates = surface.taxels_of(boards[1])
         outward = surface.normal[first] + surface.normal[candidates].mean(axis=0)
         outward /= np.linalg.norm(outward)
@@ -210,13 +212,14 @@ class PlacementSampler:
         def compute_travel_difference(offset: float) -> float:
             """Compute travel to the first board minus travel to the second, metres, after a sideways shift."""
             travel = compute_travel(self.surface, shape, _translate(pose, offset * side), direction)
+            # The limit of 1 m replaces the infinite travel to a board that the object misses.
             return float(np.clip(travel[squares[0]].min(), -1.0, 1.0) - np.clip(travel[squares[1]].min(), -1.0, 1.0))
 
         low, high = -_MAX_SIDEWAYS_M, _MAX_SIDEWAYS_M
         sign = np.sign(compute_travel_difference(low))
         if sign == np.sign(compute_travel_difference(high)):
             return pose
-        for _ in range(20):
+        for _ in range(20):  # bisection to less than a micrometre
             middle = 0.5 * (low + high)
             low, high = (middle, high) if np.sign(compute_travel_difference(middle)) == sign else (low, middle)
         return _translate(pose, high * side)
@@ -236,6 +239,7 @@ class PlacementSampler:
             return None
         touch, gap = _translate(pose, first * direction), travel[~np.isin(surface.board, boards)] - first
         coarse_force = self._compute_rigid_force(self._coarsest, shape, _translate(touch, COARSE_DEPTH_M * direction))
+        # This quick check rejects most unsuitable approaches before their equilibrium is solved.
         reached = np.count_nonzero(coarse_force)
         if reached < MIN_LOADED or force_n > COARSE_FORCE_N * reached:
             return None

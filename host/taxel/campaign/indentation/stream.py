@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from taxel.campaign.indentation.emulated import make_scene_motion, solve_path
 from taxel.campaign.indentation.plan import IndentationPlan, PlannedIndentation
 from taxel.campaign.poll_cycles import PollCycles
-from taxel.campaign.session import format_session_world, run_emulated_skin
+from taxel.campaign.session import run_emulated_skin
+from taxel.campaign.session_world import format_session_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import SkinContact
 from taxel.grasp.timeline import Timeline

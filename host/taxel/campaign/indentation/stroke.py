@@ -53,7 +53,10 @@ class Stroke(NamedTuple):
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
 
     def _get_slow_share(self, time_s: float) -> float:
-        """Return the covered share of the slow travel, 0 to 1, at `time_s` seconds since the indentation's start."""
+        """Return the covered share of the slow travel, from `start_m` (0) to `end_m` (1).
+
+        time_s: seconds since the start of the indentation.
+        """
         if time_s >= self.timeline.get_start_s(Phase.RELEASE):
             return self.timeline.get_grip_fraction(time_s)
         progress = self.timeline.get_phase_progress(Phase.CLOSING, time_s)

@@ -150,6 +150,7 @@ class FrameStates:
             raise GapInputError(where, "increasing time from closing on", "constant time", "correct the file")
         base = Signal(grasp.contact_force[None, frames], grasp.separation[None, frames], None)
         layout, pair = FeatureLayout.from_time_grid(time_grid), self._build_pair(grasp, time_grid)
+        # One contact in condition 0; its mean features, which effects on frames do not use, are 0.
         return State(pair, layout, time_grid, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
 
     def _build_pair(self, grasp: SimulatedGrasp, time_grid: TimeGrid) -> Pair:

@@ -78,6 +78,7 @@ def compute_signal_change(state: State, effects: Sequence[ReportedEffect], strea
             continue  # noise does not change the mean signal
         values = map_values_to_blocks(reported, reported.effect.make_neutral_values(state), state.pair)
         if reported.name == "baseline_drift":
+            # The standard deviation of a drift was measured in the last phase, where the drift is not yet complete.
             relative_time = state.node_times_s / state.node_times_s[-1]
             measured_share = float(relative_time[state.time_grid.phase == state.time_grid.phase[-1]].mean())
             values = sample_drift(values, measured_share, state.node_times_s[-1] / reported.until_s, streams)

@@ -60,6 +60,7 @@ class RandomStreams:
         count = len(samples)
         if count == 1:
             return own_sample
+        # The factor restores the variance that the subtraction of the mean removes.
         return np.asarray(np.sqrt(count / (count - 1.0)) * (own_sample - np.mean(samples, axis=0)))
 
     def _create_stream(self, repeat: int, *stream_key: int) -> np.random.Generator:
@@ -120,7 +121,7 @@ def remove_lost_frames(
     for board in np.flatnonzero(missing > 0.0):
         rng = streams.create_stream(LOSS_STREAM, int(board))
         arrived = np.flatnonzero(valid[:, board])
-        count = int(missing[board] * frames + rng.random())
+        count = int(missing[board] * frames + rng.random())  # random rounding keeps the mean share
         if count < len(arrived):
             kept = arrived[grasp.phase[arrived] == Phase.BASELINE][:MIN_BASELINE_FRAMES]
             arrived = rng.permutation(np.setdiff1d(arrived, kept))

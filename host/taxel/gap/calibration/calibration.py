@@ -56,13 +56,15 @@ class Logistic:
         return float(expit(value))
 
     @classmethod
-    def fit(cls, inputs: FloatArray, labels: Sequence[bool]) -> Logistic:
+    def fit(cls, inputs: FloatArray, labels: Sequence[bool], weights: Sequence[float] | None = None) -> Logistic:
         """Fit the model by penalised maximum likelihood.
 
         inputs: f64[m, k], k inputs for each of m statements that a cause is present. labels: whether each statement is
-        true.
+        true. weights: weight of each statement, at least 0; None: 1. A statement of weight 2 counts as two statements.
         """
-        mean, std = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-9)
+        weight = np.ones(len(inputs)) if weights is None else np.asarray(weights, np.float64)
+        mean = np.average(inputs, axis=0, weights=weight)
+        std = np.maximum(np.sqrt(np.average((inputs - mean) ** 2, axis=0, weights=weight)), 1e-9)
         design = np.column_stack([np.ones(len(inputs)), (inputs - mean) / std])
         target = np.asarray(labels, np.float64)
 
@@ -71,12 +73,10 @@ class Logistic:
             coefficients.
             """
             value = design @ parameters
-            gradient = design.T @ (expit(value) - target)
+            gradient = design.T @ (weight * (expit(value) - target))
             gradient[1:] += COEFFICIENT_PRECISION * parameters[1:]
-            cost = (
-                np.logaddexp(0.0, value).sum()
-                - target @ value
-                + 0.5 * COEFFICIENT_PRECISION * float(parameters[1:] @ parameters[1:])
+            cost = weight @ (np.logaddexp(0.0, value) - target * value) + 0.5 * COEFFICIENT_PRECISION * float(
+                parameters[1:] @ parameters[1:]
             )
             return float(cost), gradient
 
@@ -119,9 +119,12 @@ class Calibration:
     ) -> dict[str, float]:
         """Compute the probability of every effect that was tried, of an unknown cause and of no gap.
 
-        effects: inputs of each effect with evidence, f64[6]. remainder: f64[6]. The probability of at least
-        one cause, A, is that of `any_cause`. If the causes were independent, it would be I = 1 - product of (1 - p);
-        the probability of a cause, given that there is one, is p / I, and the result is A p / I.
+        effects: inputs of each effect with evidence, f64[6] (`EffectEvidence.to_inputs`; element 2 is the logarithm of
+        its size in floors). remainder: f64[6] (`RemainderEvidence.to_inputs`).
+
+        The probability of at least one cause, A, is that of `any_cause`. If the causes were independent, it would be
+        I = 1 - product of (1 - p); the probability of a cause, given that there is one, is p / I, and the result is
+        A p / I.
         """
         odds = self.compute_odds(effects, remainder, tried)
         any_cause = self.any_cause.predict(compute_any_inputs(effects, remainder))

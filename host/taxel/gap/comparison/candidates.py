@@ -120,6 +120,9 @@ class CandidateSearch:
         """Compute the log prior of the forms of the effects, of parameters far from their expected values, and of
         properties of the skin that depend on the load (`ComparisonSettings.local_odds`, `usual_deviation`,
         `compute_load_trend`).
+
+        Each deviation of more than `usual_deviation` standard deviations reduces the log prior by half the excess of
+        its square.
         """
         settings = self._settings
         total = 0.0
@@ -218,7 +221,7 @@ class CandidateSearch:
 
 
 def find_uncertain_change(state: State, composite: CompositeModel, features: FloatArray) -> UncertainChange:
-    """Return the change by the effects of a composite model whose predictions have a relative error.
+    """Return the change of the features by those effects of a composite model that predict with a relative error.
 
     features: f64[C, F, n] (C conditions, F features, n taxels), the prediction of the whole model.
     """

@@ -102,7 +102,9 @@ class BlockDensity:
 
     def compute_deviations(self, features: FloatArray) -> FloatArray:
         """Compute the mean squared standardised difference of each block, f64[C, s, 5] (C conditions, s boards, 5
-        families), for predicted features f64[C, F, n] (F features, n taxels).
+        families of features), for predicted features f64[C, F, n] (F features, n taxels).
+
+        A block contains the features of one family, such as signal or noise, on one board in one condition.
 
         The deviation is about 1 if only sessions and repeats vary, and 0 for a block without features.
         """
@@ -110,7 +112,9 @@ class BlockDensity:
 
     def compute_log_density(self, features: FloatArray, uncertain: UncertainChange = CERTAIN) -> FloatArray:
         """Compute the log density of each block for predicted features f64[C, F, n] (C conditions, F features, n
-        taxels), up to a constant, f64[C, s, 5] (s boards, 5 families).
+        taxels), up to a constant, f64[C, s, 5] (s boards, 5 families of features).
+
+        A block contains the features of one family, such as signal or noise, on one board in one condition.
 
         uncertain: part of the predicted features with a relative error. The result is that of the error with the
         largest sum over the blocks.
@@ -121,6 +125,8 @@ class BlockDensity:
     def _compute_one_density(self, features: FloatArray, change: FloatArray | None, error: float) -> FloatArray:
         """Compute the log density of each block, as `compute_log_density`, for one relative error of `change`,
         f64[C, F, n].
+
+        The density is a multivariate Student t density with S - 1 degrees of freedom for S sessions.
         """
         dimensions, degrees_of_freedom = np.array(self._settings.dimensions), self._degrees_of_freedom
         weight, log_ratio = self._weight, np.zeros(1)
@@ -145,14 +151,14 @@ class BlockDensity:
 
     def _average_blocks(self, values: FloatArray) -> FloatArray:
         """Compute the means of weighted values f64[C, F, n] (C conditions, F features, n taxels) over each block,
-        f64[C, s, 5] (s boards, 5 families); 0 for an empty block.
+        f64[C, s, 5] (s boards, 5 families of features such as signal and noise); 0 for an empty block.
         """
         sums = self._sum_blocks(values)
         return np.divide(sums, self._total, out=np.zeros_like(sums), where=self._total > 0.0)
 
     def _sum_blocks(self, values: FloatArray) -> FloatArray:
         """Compute the sums of values f64[C, F, n] (C conditions, F features, n taxels) over the features and taxels of
-        each block, f64[C, s, 5] (s boards, 5 families).
+        each block, f64[C, s, 5] (s boards, 5 families of features such as signal and noise).
         """
         families = self._fit_data.layout.families
         return np.asarray(np.stack([values[:, family].sum(axis=1) @ self._boards for family in families], axis=-1))

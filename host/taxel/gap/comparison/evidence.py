@@ -108,7 +108,11 @@ class RemainderEvidence:
 def collect_effects(
     fit_data: FitData, gap: Gap, sets: Sets, weights: Mapping[frozenset[str], float]
 ) -> dict[str, EffectEvidence]:
-    """Collect the evidence for every effect that is part of a candidate set, by name. weights: weight of each set."""
+    """Collect the evidence for every effect that is part of a candidate set, by name.
+
+    The evidence compares the best set with the effect and the best set without it. `conditions` is the effective number
+    of conditions that contribute to the gain, (sum of gains)^2 / (sum of squares). weights: weight of each set.
+    """
     names = sorted({name for key in sets for name in key})
     density = {key: one.value for key, one in sets.items()}
     floor = max(gap.floor, SMALLEST_FLOOR)
@@ -145,6 +149,7 @@ def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: Blo
     deviation = float((deviations * load).sum() / max(load.sum(), np.finfo(float).tiny))
     excess = after.terms.excess[:, : fit_data.layout.bins].sum(axis=(1, 2))
     order = np.sort(np.maximum(excess, 0.0))[::-1]
+    # second largest share: small if the remainder occurs in one condition only
     common = float(order[1] / order.sum()) if len(order) > 1 and order.sum() > 0.0 else 0.0
     generic = predict_remainder(fit_data, best.features, best.prediction.features)
     compute = density.compute_log_density

@@ -33,8 +33,11 @@ def predict_remainder(fit_data: FitData, in_sample: FloatArray, held_out: FloatA
     """Return the features that a set of effects and the generic remainder together predict, f64[C, F, n] (C conditions,
     F features, n taxels), counts.
 
-    Each fold is predicted by regressions on the other folds. in_sample, held_out: features that the set alone predicts,
-    from the fit to all data and from the held-out prediction, f64[C, F, n].
+    The generic remainder is a linear combination of the functions of `build_functions`, with coefficients for each
+    board; it stands for a cause outside the catalogue. Each fold is predicted by regressions on the other folds.
+
+    in_sample, held_out: features that the set alone predicts, from the fit to all data and from the held-out
+    prediction, f64[C, F, n].
     """
     bins, pair = fit_data.layout.bins, fit_data.state.pair
     functions = build_functions(fit_data, in_sample)

@@ -99,7 +99,7 @@ def _check_shapes(real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, s
         expected, actual = (getattr(data.header.places, name) for data in (real, sim))
         if expected is None or actual is None:
             continue
-        tolerance = 1e-5 if name == "position" else 0
+        tolerance = 1e-5 if name == "position" else 0  # metres; indices must be equal
         wrong = np.flatnonzero(np.abs(expected - actual).reshape(len(expected), -1).max(axis=1) > tolerance)
         if len(wrong):
             where = f"{paths[1]}: /taxels/{name}[{wrong[0]}]"
@@ -162,6 +162,7 @@ def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> l
     """
     conditions, taxels = real.shape
     singular = np.linalg.svd(np.nan_to_num(sim), compute_uv=False)
+    # The rank of the signals is the number of independent load patterns, which distinguish the taxels.
     patterns = int((singular > MIN_SINGULAR_VALUE_SHARE * singular[0]).sum())
     unnoticed = "an exchange of taxels would not be noticed"
     if taxels > MAX_ORDER_TAXELS:

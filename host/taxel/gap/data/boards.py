@@ -54,9 +54,12 @@ def make_board_layouts(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[Boa
 def _compute_piece_centres(position: FloatArray, normal: FloatArray, pitch: float) -> FloatArray:
     """Return the centres of the pieces of m taxels, f64[m, PIECES_PER_SIDE^2, 3], metres.
 
+    The square area of each taxel is divided into PIECES_PER_SIDE^2 equal squares, the pieces.
+
     position: centres of the taxels, f64[m, 3], metres. normal: f64[m, 3]. pitch: side of the square area of a taxel,
     metres. The direction of the sides around the normal is arbitrary.
     """
+    # The helper is any axis that is not parallel to the normal; the cross products span the plane of the taxel.
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -177,7 +177,7 @@ def _compute_scale(real: GeneralDataset, sides: list[_Side]) -> float:
     if real.header.properties.unit == "counts" and real.version == 1:
         return 1.0
     if declared is not None:
-        return 2.0 * TYPICAL_COUNTS / declared
+        return 2.0 * TYPICAL_COUNTS / declared  # a strong signal is assumed to be half of the full scale
     strong = [float(np.nanquantile(np.abs(side.means.change).max(axis=1), 0.5)) for side in sides]
     return TYPICAL_COUNTS / max(float(np.mean(strong)), 1e-300)
 

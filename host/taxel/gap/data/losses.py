@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.data.reading import Recording, TaxelGroups
 from taxel.gap.errors import GapInputError
-from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
 from taxel.recording.grasp_tables import SensorTable
 
 MAX_HOLD_RATIO = 50.0
@@ -96,6 +96,7 @@ def _is_constant(recording: Recording) -> bool:
 
 def _has_identical_repeats(recording: Recording) -> bool:
     """Return True if all grasps of each condition have bit-identical signals in hold and noise."""
+    # index of the first grasp of the same condition, for each grasp
     first = np.unique(recording.condition, return_index=True)[1][np.unique(recording.condition, return_inverse=True)[1]]
     arrays: tuple[NDArray[np.floating], ...] = (recording.hold_signal_counts, recording.noise)
     return all(np.array_equal(values, values[first], equal_nan=True) for values in arrays)
@@ -109,9 +110,9 @@ def _list_lost_frames(recording: Recording, side: str, groups: TaxelGroups) -> l
     arrived = (recording.missing_share < 1.0).any(axis=1)
     if not arrived.all():
         losses.append(f"{int((~arrived).sum())} of {len(recording)} grasps of the {side} have no valid frame")
-    least = int(recording.baseline_frames[arrived].min(initial=100))
-    if least < 100:
-        losses.append(f"the baselines of the {side} have {least} frames instead of 100")
+    least = int(recording.baseline_frames[arrived].min(initial=BASELINE_FRAMES))
+    if least < BASELINE_FRAMES:
+        losses.append(f"the baselines of the {side} have {least} frames instead of {BASELINE_FRAMES}")
     count = 0
     for baseline, missing in zip(recording.baseline, recording.missing_share, strict=True):
         boards = np.unique(groups.sensor[np.isnan(baseline)])

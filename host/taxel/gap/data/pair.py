@@ -112,11 +112,15 @@ def ignore_progress(done: int, total: int) -> None:
 
 
 def read_pair(
-    real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = ignore_progress
+    real_path: str | PathLike[str],
+    sim_path: str | PathLike[str],
+    progress: Progress = ignore_progress,
+    faults: Sequence[SimulatorFault] | None = None,
 ) -> Pair:
     """Return the pair of recordings of the conditions that two datasets have in common.
 
-    progress: called after each grasp. Raises DatasetError for an invalid file, and GapInputError for two datasets that
+    progress: called after each grasp. faults: faulty grasps of the simulator, if the simulated file has already been
+    examined; None: examine it. Raises DatasetError for an invalid file, and GapInputError for two datasets that
     cannot be compared, both with a one-line message.
     """
     with open_pair(real_path, sim_path) as opened:
@@ -126,7 +130,8 @@ def read_pair(
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         real_columns = np.arange(len(columns))
-        faults = find_faults(sim) if isinstance(sim, GraspDataset) else []
+        if faults is None:
+            faults = find_faults(sim) if isinstance(sim, GraspDataset) else []
         conditions, real_grasps, sim_grasps, unrecorded_conditions, losses = _find_common_conditions(real, sim, faults)
         timing = measure_timing(((real, real_grasps), (sim, sim_grasps)), conditions)
         time_grid = timing.time_grid
@@ -246,6 +251,7 @@ def group_taxels(taxels: TaxelTable, sensors: SensorTable, has_lines: bool = Tru
     board = sensors.index_of(taxels)
     if not has_lines:
         return TaxelGroups(board, np.arange(taxels.n), np.arange(taxels.n))
+    # Line numbers are below 256, so the sum is unique for each line of each board.
     tx = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
     rx = np.unique(board * 256 + taxels.rx, return_inverse=True)[1]
     return TaxelGroups(board, tx, rx)

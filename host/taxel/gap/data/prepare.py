@@ -30,7 +30,7 @@ def prepare_pair(pair: Pair) -> FitData:
     features = compute_features(pair, pair.sim, layout, find_unloaded_taxels(pair))
     simulated = compute_session_means(features, pair.sim, len(pair.conditions), np.unique(pair.sim.session), layout)
     real = real.restrict_to_known(simulated)
-    if pair.is_real_real:
+    if pair.is_real_real:  # the second recording takes the place of the simulation
         real = real.with_reference_variance(simulated)
     shares = estimate_pair_shares(features, pair.sim.condition, pair.sim.iteration, layout)
     state = make_simulated_state(pair, simulated, layout, shares)

@@ -148,7 +148,11 @@ def _stack_values(values: list[Any]) -> Any:
 def _reduce_grasp(
     data: ReadableDataset, grasp: ReadableGrasp, time_grid: TimeGrid, groups: TaxelGroups, columns: NDArray[np.intp]
 ) -> dict[str, Any]:
-    """Return the fields of `Recording` for one grasp by name, without its condition, session and iteration."""
+    """Return the fields of `Recording` for one grasp by name, without its condition, session and iteration.
+
+    columns: intp[s], the file's column of each of the s boards in `grasp.valid`; the taxels of both files are in the
+    same order.
+    """
     phase, valid = grasp.phase, grasp.valid[:, columns]
     phase_time_s = compute_phase_time(grasp.timestamp, phase)
     frames, lacks_baseline = count_baseline_frames(data, grasp, valid)
@@ -299,7 +303,8 @@ def _estimate_covariances(steps: FloatArray, groups: TaxelGroups) -> FloatArray:
     """Return the mean covariance of the noise of pairs of taxels, counts^2, f64[3].
 
     steps: [T, n] (T frames, n taxels), differences of successive frames, counts. The three values refer to pairs on a
-    common TX line, on a common RX line, and on a common board without a common line; 0 without such pairs.
+    common TX line, on a common RX line, and on a common board without a common line; 0 without such pairs. The sum of
+    the products of all pairs of a group is the square of the sum of its steps minus the sum of their squares.
     """
     sums, pairs = [], []
     square = float(np.sum(steps**2))
@@ -309,7 +314,7 @@ def _estimate_covariances(steps: FloatArray, groups: TaxelGroups) -> FloatArray:
         pairs.append(float(np.sum(size * (size - 1.0))))
     sums[2] -= sums[0] + sums[1]  # a pair of taxels has at most one common line
     pairs[2] -= pairs[0] + pairs[1]
-    scale = 2.0 * len(steps)
+    scale = 2.0 * len(steps)  # the difference of two frames has twice the covariance of a frame
     return np.array([value / (scale * count) if count > 0 else 0.0 for value, count in zip(sums, pairs, strict=True)])
 
 

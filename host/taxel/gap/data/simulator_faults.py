@@ -72,6 +72,7 @@ def find_faults(data: GraspDataset) -> list[SimulatorFault]:
         hold = grasp.phase == Phase.HOLD
         hold_force = float(np.median(total[hold])) if hold.any() else 0.0
         holds.setdefault((grasp.object, grasp.approach), {})[grasp.id] = hold_force
+        # A force that changes during the hold ("not at rest") does not make a grasp faulty.
         violations = [one for one in checker.check_grasp(grasp) if one.kind != "not at rest"]
         after = np.flatnonzero(grasp.phase == Phase.RECOVERY)
         if violations:
@@ -90,7 +91,8 @@ def find_faults(data: GraspDataset) -> list[SimulatorFault]:
 
 
 def _list_missing_objects(holds: Mapping[ConditionKey, Mapping[str, float]]) -> list[str]:
-    """Return the names of the grasps without force in the hold in which force is expected.
+    """Return the names of the grasps without force in the hold in which force is expected: another grasp of the same
+    condition has force, or every other condition has force.
 
     holds: for each condition, the median total force in hold of each grasp, newtons.
     """

@@ -63,6 +63,9 @@ class TimeGrid:
     def from_durations(cls, durations: dict[Phase, float], rate_hz: float) -> TimeGrid:
         """Return the time nodes of phases with the given evaluated durations. A phase without a duration has no nodes.
 
+        Each phase is divided into equal bins, and each bin into equal nodes; a node is the interval over which frames
+        are averaged, and contains about `MIN_FRAMES_PER_NODE` frames or more.
+
         durations: seconds of each phase. rate_hz: frame rate of the slower recording.
         """
         phases: list[int] = []

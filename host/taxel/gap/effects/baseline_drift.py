@@ -24,6 +24,7 @@ class BaselineDrift(Effect):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Return the mean drift over a grasp, and its standard deviation from grasp to grasp."""
+        # name, unit, lower and upper bound, neutral value, start value
         return (
             Parameter("slope", "counts", -500.0, 500.0, 0.0, 1.0),
             Parameter("scatter", "counts", 0.0, 500.0, 0.0, 1.0),
@@ -32,8 +33,7 @@ class BaselineDrift(Effect):
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with the common drift added; `signal` itself if all slopes are 0.
 
-        values: f64[2, G], `slope`
-        and `scatter` of each of G blocks (the hand, or each board, object or taxel).
+        values: f64[2, G], `slope` and `scatter` of each of G blocks (the hand, or each board, object or taxel).
         """
         if not values[0].any():
             return signal

@@ -78,12 +78,14 @@ def list_contacts(state: State, force: FloatArray) -> list[BoardContact]:
 def locate_contacts(
     state: State, meshes: Mapping[str, RayMesh], contacts: Sequence[BoardContact], separation: FloatArray
 ) -> list[BoardContact]:
-    """Return the contacts with poses that are estimated from the stated separations.
+    """Return the contacts with poses that are estimated from the stated separations (distances between taxel and object
+    that the simulator states).
 
     separation: f64[Q, n] (Q simulated contacts, n taxels), mean separation in hold, metres.
     """
     stated = [separation[contact.row, contact.taxels] for contact in contacts]
     is_stated = [values < NO_SEPARATION_M for values in stated]
+    # A probe is a contact with one point, the centre, for each taxel with a stated separation.
     probes = [
         replace(contact, points=contact.points[stated_rows].mean(axis=1, keepdims=True), normals=normals)
         for contact, stated_rows in zip(contacts, is_stated, strict=True)

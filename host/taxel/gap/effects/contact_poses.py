@@ -88,6 +88,9 @@ def _fit_motions(
 
     start: poses before the motion, f64[N, 4, 4]. group: [N], sorted, index of the group of each board; every index from
     0 to the largest occurs.
+
+    Each group has seven unknowns: translation in metres, rotation vector in radians, and offset of the surface in
+    metres. The Levenberg-Marquardt method solves for them with numerical derivatives of the depths.
     """
     count = int(group[-1]) + 1
     members = np.bincount(group)[:, None]
@@ -104,13 +107,19 @@ def _fit_motions(
         return np.where(has_samples.reshape(-1, *[1] * (values.ndim - 1)), np.add.reduceat(padded, first, axis=0), 0.0)
 
     def move(unknowns: FloatArray) -> FloatArray:
-        """Return the poses f64[N, 4, 4] for unknowns f64[count, 7]; each group rotates about its pivot."""
+        """Return the poses f64[N, 4, 4] for unknowns f64[count, 7] (translation in metres, rotation vector in radians,
+        offset of the surface, which moves nothing); each group rotates about its pivot.
+        """
         motion = from_rotation_vector(unknowns[:, 3:6])
         motion[:, :3, 3] = pivot + unknowns[:, :3] - np.einsum("gij,gj->gi", motion[:, :3, :3], pivot)
         return np.asarray(motion[group] @ start)
 
     def compute_cost(deviation: FloatArray, unknowns: FloatArray) -> FloatArray:
-        """Return the negative log posterior density of each group, f64[count], up to a constant."""
+        """Return the negative log posterior density of each group, f64[count], up to a constant.
+
+        deviation: f64[M], stated minus computed depth of each sample, metres; NaN for a ray that misses the object.
+        unknowns: f64[count, 7], motion of each group and offset of its surface.
+        """
         known = np.nan_to_num(deviation, nan=MISSED_DEVIATION_M)
         loss = 0.5 * (DEGREES_OF_FREEDOM + 1.0) * np.log1p((known / SEPARATION_STD_M) ** 2 / DEGREES_OF_FREEDOM)
         prior = 0.5 * ((unknowns / PRIOR_STD) ** 2).sum(axis=1)

@@ -61,7 +61,8 @@ class ContactPropagation(Effect):
         time nodes), newtons.
 
         force: forces before the spread, f64[Q, K, m], newtons. spread_m: decay length of the kernel, metres. strength:
-        share of the force that spreads.
+        share of the force that spreads. In the forms "added" the taxel itself loses no force. In the forms "even" the
+        load on a taxel is even; otherwise the force spreads from the loaded pieces of the taxel.
         """
         kernel = compute_sheet_kernel(state.pair.boards[number], spread_m)
         result = force if self.variant.startswith("added") else (1.0 - strength) * force

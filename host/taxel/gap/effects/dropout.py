@@ -99,7 +99,7 @@ class Dropout(Effect):
         """Return the features with the missing frames of the boards added, and without noise on stuck taxels.
 
         features: f64[C, F, n] (C conditions, F features, n taxels), returned themselves if `values` f64[1, n] are all 1
-        and no frames are missing.
+        and no frames are missing. The feature of missing frames is their share times `COUNTS_MISSING`.
         """
         if (values == 1.0).all() and not self.defects.missing.any():
             return features

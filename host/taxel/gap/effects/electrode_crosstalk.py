@@ -46,6 +46,7 @@ class ElectrodeCrosstalk(Effect):
         names = ["tx_fraction", "rx_fraction"]
         if self.variant == "network":
             names += ["tx_neighbour_fraction", "rx_neighbour_fraction"]
+        # name, unit, lower and upper bound, neutral value, start value, standard deviation of the prior
         fractions = [Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names]
         own_ratio = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_RATIO_PRIOR)] if self._has_own_loss else []
         return (*fractions, *own_ratio)
@@ -74,7 +75,7 @@ class ElectrodeCrosstalk(Effect):
                 continue
             block_values = values[:, number if self.scope == BOARD else 0]
             mixing = np.tensordot(block_values[: len(board.coupling)], board.coupling[: len(block_values)], axes=1)
-            if self._has_own_loss:
+            if self._has_own_loss:  # own_ratio (row 4) times the sum of the absolute fractions (rows 0 to 3)
                 mixing[np.diag_indices_from(mixing)] += block_values[4] * np.abs(block_values[:4]).sum()
             result[np.ix_(rows, nodes, board.taxels)] += board_counts[rows] @ mixing
         return signal.with_signal_counts(result)
@@ -105,7 +106,11 @@ def find_board_lines(pair: Pair) -> tuple[BoardLines, ...]:
 
 @lru_cache(maxsize=8)
 def _find_board_lines(groups: TaxelGroups, table: TaxelTable) -> tuple[BoardLines, ...]:
-    """Return the coupling of each board from the boards (`groups`) and lines (`table`) of all taxels. Cached."""
+    """Return the coupling of each board from the boards (`groups`) and lines (`table`) of all taxels. Cached.
+
+    The four matrices of a board are the means over the TX line and over the RX line, and the neighbours on the adjacent
+    TX and RX lines.
+    """
     boards = []
     for taxels in list_group_members(groups.sensor):
         tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (table.tx, table.rx))

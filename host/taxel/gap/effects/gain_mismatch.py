@@ -30,6 +30,7 @@ class GainMismatch(Effect):
 
         The lower bound is a gain of 0.3, because a smaller gain is a defect and not a tolerance.
         """
+        # name, unit, lower and upper bound, neutral value, start value, standard deviation of the prior
         return (Parameter("log_gain", "1", -1.2, 1.0, 0.0, 0.0, self.prior),)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:

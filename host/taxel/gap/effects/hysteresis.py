@@ -52,7 +52,8 @@ class Hysteresis(Effect):
         """Return the signal with the late share of the form's quantity; `signal` itself if all fractions are 0.
 
         values: f64[2, G], late fraction and time constant in seconds of each of G blocks (the hand, or each board,
-        object or taxel).
+        object or taxel). The quantity of each form: `force`: the force; `drop`: the signal; `depth`: the depth of the
+        layer; `gap`: the closed share of a plate capacitor's gap. `more` adds the late force to the force instead.
         """
         if not values[0].any():
             return signal

@@ -45,8 +45,9 @@ class Latency(Effect):
         return len(delays) > 0 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """Return the delayed or low-pass filtered signal; `signal` itself if all values are 0. values: f64[1, G],
-        seconds of each of G blocks (the hand, or each board, object or taxel).
+        """Return the delayed signal, or in the form `lag` the low-pass filtered signal; `signal` itself if all values
+        are 0. values: f64[1, G], delay or time constant in seconds of each of G blocks (the hand, or each board, object
+        or taxel).
         """
         if not values.any():
             return signal

@@ -84,7 +84,8 @@ def estimate_taxel_law(state: State) -> ForceDepthLaw:
 
     With fewer than 200 loaded values, or without bins of different depth (rigid contact), the law is a straight line.
     Its slope is the contact stiffness of the simulator's sensor model; without this value, the median ratio of force to
-    depth; without loaded values, 1000 N/m. The state must contain force and separation.
+    depth; without loaded values, 1000 N/m. A value is loaded if the taxel penetrates the object with more than 0.02 N.
+    The state must contain force and separation.
     """
     force, separation = state.base.force, state.base.separation
     assert force is not None
@@ -96,6 +97,7 @@ def estimate_taxel_law(state: State) -> ForceDepthLaw:
     line = ForceDepthLaw(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
     if len(depth) < 200:
         return line
+    # 24 bins with equal numbers of values; the deepest 0.5 % of the values are omitted.
     edges = np.quantile(depth, np.linspace(0.0, 0.995, 25))
     depths, forces = [0.0], [0.0]
     for low, high in pairwise(edges.tolist()):
@@ -126,6 +128,7 @@ def fit_piece_law(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, Float
         if knots[-1] <= 0.0:
             return best
         width = np.diff(knots)
+        # A row is the derivative of one taxel's force by the slope of each segment between two knots.
         rows = np.concatenate([np.clip(depth[..., None] - knots[:-1], 0.0, width).mean(axis=1) for depth in depths])
         prior_slope = np.diff(law.compute_force(knots)) / width
         weight = PRIOR_WEIGHT * np.sqrt((rows**2).sum(axis=0).mean())
@@ -183,6 +186,7 @@ def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: F
     near_depth = np.concatenate([depth[near] for depth, near in zip(depths, is_near, strict=True)])
     count = np.array([np.count_nonzero(near) for near in is_near])
     first, board = np.cumsum(count) - count, np.repeat(np.arange(len(depths)), count)
+    # The force of a taxel is the mean over its 9 pieces, so the sum over the pieces is 9 times the net force.
     target = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
 
     def compute_pressure(shift: FloatArray) -> FloatArray:

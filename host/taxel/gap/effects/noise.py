@@ -23,6 +23,7 @@ class Noise(Effect):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Return the parameters: standard deviations of white and of common noise, counts."""
+        # name, unit, lower and upper bound, neutral value, start value
         return (
             Parameter("white_counts", "counts", 0.0, 3000.0, 0.0, 5.0),
             Parameter("common_counts", "counts", 0.0, 3000.0, 0.0, 2.0),

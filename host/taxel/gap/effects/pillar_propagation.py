@@ -61,6 +61,7 @@ def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...
     """Return the force that each taxel gains at the strength 1, newtons, f64[Q, K, n] (Q simulated contacts, K time
     nodes, n taxels).
 
+    The gain is computed at the levels `FORCE_LEVELS` of the net force of each board, and interpolated between them.
     spread_mm: parameter `spread_mm` of each board. The result is cached, because a fit varies the strength at the same
     spreads.
     """
@@ -78,6 +79,7 @@ def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...
             max_net = float(max_force.sum())
             if max_net <= 0.0:
                 continue
+            # pressure on a piece: the force of a taxel whose whole area has this pressure
             pressure = PIECES_PER_SIDE**2 * max_force[:, None] * shares.get((row, number), even)
             gained = compute_gained_force(board, pressure, 1e-3 * spread / DECREASE_AT_SPREAD, half_depth_n)
             level = np.clip(board_force.sum(axis=1) / max_net, 0.0, FORCE_LEVELS[-1])
@@ -90,6 +92,9 @@ def _compute_unit_gain(state: State, signal: Signal, spread_mm: tuple[float, ...
 def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: float, half_depth_n: float) -> FloatArray:
     """Return the force that the taxels of a board gain at each of the L `FORCE_LEVELS`, newtons, f64[L, m] (m taxels of
     the board).
+
+    The depth of a piece is at least the depth of each other piece minus a decrease that is proportional to the
+    distance; the gained force is the force of this depth minus the own force of the piece.
 
     pressure: f64[m, 9], newtons, of the pieces at the level 1: the force of a taxel whose whole area has this pressure.
     reach_m: distance over which the greatest depth decreases to 0, metres. half_depth_n: force of half the greatest

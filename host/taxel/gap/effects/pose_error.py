@@ -43,6 +43,7 @@ class PoseError(Effect):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Return the parameters: translation, rotation vector, and for an object the stiffness of its mount."""
+        # name, unit, lower and upper bound, neutral value, start value, standard deviation of the prior
         translation = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_STD_MM) for axis in "xyz"]
         rotation = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_STD_DEG) for axis in "xyz"]
         if self.scope != OBJECT:

@@ -26,6 +26,7 @@ class Proximity(Effect):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Return the parameters: range in millimetres and signal in contact, counts."""
+        # name, unit, lower and upper bound, neutral value, start value
         return Parameter("range_mm", "mm", 0.2, 20.0, 2.0, 2.0), Parameter(
             "counts", "counts", -800.0, 1500.0, 0.0, 30.0
         )

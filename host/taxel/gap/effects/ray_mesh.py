@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
-from taxel.grasp.shapes import ConvexPolytope, ShapeError
+from taxel.grasp.polytope import make_convex_polytope
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.types import FloatArray
 
@@ -18,16 +17,13 @@ ray. A triangle with a smaller determinant is treated as parallel to the ray, wi
 MAX_RAY_TRIANGLE_PAIRS: Final = 200_000
 """Largest number of rays times triangles that are computed together. Chosen: the arrays fit into a core's cache."""
 
-CONVEX_VOLUME_SHARE: Final = 0.999
-"""Smallest ratio of the volumes of an object and of its convex hull at which the object is treated as convex."""
-
 
 class RayMesh:
     """Mesh of an object, prepared for intersections with rays."""
 
     def __init__(self, mesh: ObjectMesh) -> None:
         self._triangles = mesh.vertices[mesh.faces]
-        self._shape = _make_convex_polytope(mesh)
+        self._shape = make_convex_polytope(mesh.vertices, mesh.faces)
 
     def compute_separation(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Return the signed distances along rays from points to the surface at which the ray enters the object, metres,
@@ -40,18 +36,6 @@ class RayMesh:
             return self._shape.ray_separation(points, directions[:, None])
         rays = np.repeat(directions, points.shape[1], axis=0)
         return _compute_triangle_separation(self._triangles, points.reshape(-1, 3), rays).reshape(points.shape[:2])
-
-
-def _make_convex_polytope(mesh: ObjectMesh) -> ConvexPolytope | None:
-    """Return the convex polytope of a mesh, or None if the mesh is not convex or has no valid hull."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0
-    try:
-        if volume < CONVEX_VOLUME_SHARE * ConvexHull(mesh.vertices).volume:
-            return None
-        return ConvexPolytope.from_mesh(mesh.vertices)
-    except (QhullError, ShapeError):
-        return None
 
 
 def _compute_triangle_separation(triangles: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:

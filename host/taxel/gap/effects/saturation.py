@@ -41,13 +41,17 @@ class Saturation(Effect):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the limited signal; `signal` itself if all limits are neutral. values: f64[1, G] (G blocks: the hand,
-        boards, objects or taxels), limit of each block, counts.
+        boards, objects or taxels), limit of each block, counts; the neutral value is 1e6. The limit is sharp in the
+        form `clip` and gradual, x c / (x + c), in the form `soft`. It acts on the mean signal of all simulated contacts
+        (`State.mean_difference`).
         """
         if (values >= 1e6).all():
             return signal
         (limit,) = self.spread_out(state, values)
-        signal_counts = state.to_signal_counts(signal)
+        difference = state.mean_difference
+        signal_counts = state.to_signal_counts(signal) + difference
         if self.variant == "clip":
-            return signal.with_signal_counts(np.clip(signal_counts, -limit, limit))
-        size = np.abs(signal_counts)
-        return signal.with_signal_counts(np.where(limit >= 1e6, signal_counts, signal_counts * limit / (size + limit)))
+            limited = np.clip(signal_counts, -limit, limit)
+        else:
+            limited = signal_counts * limit / (np.abs(signal_counts) + limit)
+        return signal.with_signal_counts(np.where(limit >= 1e6, signal_counts, limited) - difference)

@@ -80,6 +80,7 @@ def _interpolate_kernel(distance_m: FloatArray, spread_m: float, side_m: float) 
 
     distance_m: distances, any shape. spread_m: decay length. side_m: side of the squares. All in metres.
     """
+    # The lengths are rounded, so that nearly equal lengths share a cached table.
     share = np.interp(distance_m, *_tabulate_square_kernel(round(spread_m, 7), round(side_m, 6)))
     return np.asarray(np.where(distance_m < MAX_DISTANCE_M, share, 0.0))
 
@@ -115,6 +116,7 @@ def _tabulate_square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray,
 
     The value is the mean of two directions: along a side of the squares, and diagonal.
     """
+    # Offsets between the points of the two squares on one axis, and the number of pairs of points with each offset.
     steps, weight = (
         np.arange(1 - POINTS_PER_SIDE, POINTS_PER_SIDE) * side_m / POINTS_PER_SIDE,
         POINTS_PER_SIDE - np.abs(np.arange(1 - POINTS_PER_SIDE, POINTS_PER_SIDE)),

@@ -34,7 +34,7 @@ class SignalPropagation(Effect):
         """
         values = super().make_start_values(state)
         pitches = sorted(board.pitch_m for board in state.pair.boards)
-        if "spread_mm" not in self.priors:
+        if "spread_mm" not in self.priors:  # 0.3 and 60 mm are the bounds of the spread
             values[0] = min(max(1e3 * pitches[len(pitches) // 2], 0.3), 60.0)
         return values
 

@@ -107,6 +107,7 @@ def _compute_creep_matrix(time_s: tuple[float, ...]) -> FloatArray:
     per decade.
     """
     times, identity = np.array(time_s), np.eye(len(time_s))
+    # The response of the lags at the age `CREEP_START_S` is subtracted, so that the creep is 0 at this age.
     creep = np.expm1(-CREEP_START_S / TIME_CONSTANTS_S).sum() * identity
     for constant in TIME_CONSTANTS_S:
         creep += apply_low_pass(identity[:, :, None], times, np.full((1, 1), constant))[:, :, 0].T

@@ -33,7 +33,11 @@ class ContactVariance:
 
     @classmethod
     def estimate(cls, fit_data: FitData) -> ContactVariance:
-        """Estimate the variances from the sessions of the recording."""
+        """Estimate the variances from the sessions of the recording.
+
+        Taxels with a simulated signal above `RESPONSE_COUNTS` are touched. Their variance beyond that of the untouched
+        taxels is assumed to be proportional to the squared signal.
+        """
         layout, real = fit_data.layout, fit_data.sessions
         variance = np.nan_to_num(real.variance) / np.maximum(real.is_known.sum(axis=1), 1)
         signal_counts, bin_variance = fit_data.state.mean[:, : layout.bins], variance[:, : layout.bins]

@@ -153,7 +153,7 @@ def collect_parameter_values(findings: Findings) -> ParameterValues:
             if effect.name in findings.names:
                 parameter_values = fitted_effect.values[row]
                 scale = float(np.abs(parameter_values).max()) or abs(parameter.start) or 1.0
-                columns.append(
+                columns.append(  # index, effect, standard error and scale of each value of the parameter
                     (
                         np.arange(first, first + count),
                         np.full(count, len(names) - 1),

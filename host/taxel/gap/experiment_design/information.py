@@ -56,7 +56,10 @@ class AddedInformation:
 
     @cached_property
     def matrix(self) -> FloatArray:
-        """Information matrix N = J'WJ of the further contact on the q parameter values that it excites, f64[q, q]."""
+        """Information matrix N = J'WJ of the further contact on the q parameter values that it excites, f64[q, q].
+
+        J contains the derivatives of the features by the values, and W the weights of the features.
+        """
         if not self.columns:
             return np.zeros((0, 0))
         return build_normal_matrix(self._build_problem(np.zeros_like(self.weight)), self.columns)
@@ -122,7 +125,7 @@ class CompositeInformation:
 
     def compute_remaining(self, difference: FloatArray) -> RemainingDifference:
         """Return the part of a difference of features, f64[C, F, n] (C conditions, F features, n taxels), that remains
-        after these values have adapted.
+        after the free parameter values of this model have changed such that the weighted difference is smallest.
 
         The difference refers to the recorded contacts.
         """

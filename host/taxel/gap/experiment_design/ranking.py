@@ -133,6 +133,12 @@ class _ContactRanker:
     """Information gain of candidate contacts on the open questions of a diagnosis."""
 
     def __init__(self, findings: Findings) -> None:
+        """Prepare the open questions: the standard errors of the parameter values, and the confounded pairs.
+
+        `_error2`: squared standard errors of the values, by the jackknife over sessions if it is known. `_sufficient2`:
+        squared errors that are sufficient. `_pairs`: for each confounded pair the part of the difference of its models
+        that remains on the recorded contacts.
+        """
         fit_data = findings.fit_data
         self._fit_data, self._variance = fit_data, ContactVariance.estimate(fit_data)
         self._named = CompositeInformation.compute(fit_data, findings.composite)
@@ -195,6 +201,7 @@ class _ContactRanker:
     ) -> RankedContact:
         """Return a contact with its gain and the reason; a gain of 0 if the contact is not worth a recommendation.
 
+        The gain of a confounded pair is 0.5 log2((1 + squared distance after) / (1 + squared distance before)), bits.
         squared_after: f64[pairs], squared distance of each confounded pair with the contact, in units of the variance.
         """
         squared_before = np.array([pair.squared_distance for pair in self._pairs])
@@ -217,8 +224,9 @@ class _ContactRanker:
         """Return the gain on the parameters in bits, the label of the value with the largest gain, and the relative
         decrease of the standard error of this value.
 
-        The gain is averaged over the values of each effect, and summed over the effects. Without parameters the result
-        is (0, "", 0).
+        The gain is averaged over the values of each effect, and summed over the effects. The sufficient squared error
+        is added to both squared errors, so that a further reduction of a sufficiently small error gains little. Without
+        parameters the result is (0, "", 0).
         """
         values = self._values
         if not len(values.index):

@@ -55,9 +55,10 @@ def read_unrecorded(
 
 
 def read_own_unrecorded(state: State) -> list[State]:
-    """Return the unrecorded approaches of the pair's own simulation; empty if there are none or if they are unusable.
+    """Return the approaches that the simulated file of the pair contains and the real recording lacks.
 
-    Errors are ignored, because a diagnosis does not need these approaches.
+    These approaches are candidates for the next recording. Errors in them are ignored, because the diagnosis itself
+    does not need them. Empty if there is no such approach, or if none is usable.
     """
     if not state.pair.unrecorded_conditions:
         return []

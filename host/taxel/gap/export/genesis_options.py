@@ -154,6 +154,7 @@ def _build_options(
             entries.append(("noise", f"{round_number(float(deviation.mean()))}"))
         drift = next((step for step in translation.steps if step["kind"] == "drift"), None)
         if drift is not None:
+            # The bias is the mean of a drift that increases linearly from 0 to `slope`: half of it.
             bias = 0.5 * float(np.mean(drift["slope"][order] / slope))
             entries.append(("bias", f"{round_number(bias)}"))
     delay_s = float(max(translation.delay_s[order[0]], 0.0))

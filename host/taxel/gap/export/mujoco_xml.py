@@ -91,6 +91,7 @@ def _split_cutoff(source: ExportSource, translation: Translation) -> tuple[Float
         else:
             half_n = half_n * step["factor"]
     full = source.model.full_scale_drop_counts
+    # The force at which the signal, full F / (F + half_n), reaches the limit of the saturation divided by the gain.
     signal = translation.steps[clip_index]["counts"] / np.maximum(gain, 1e-9)
     limits = np.where(signal < full, half_n * signal / np.maximum(full - signal, 1e-9), 0.0)
     if (gain <= 0.0).any():

@@ -53,6 +53,7 @@ class SkinEffects:
     """
 
     def __init__(self, parameters: Values | None = None) -> None:
+        """Prepare the effects of `parameters`; None: the effects of this module, `PARAMETERS`."""
         self.parameters = parameters = PARAMETERS if parameters is None else parameters
         self.n = len(parameters["taxels"]["board"])
         self.boards = tuple(parameters["boards"])

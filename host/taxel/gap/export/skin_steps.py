@@ -36,6 +36,11 @@ class Frame:
     """
 
     def __init__(self, step_s: float, since_s: float, age_s: float, model: Values | None) -> None:
+        """Create a frame without force and signal.
+
+        step_s: time since the previous frame. since_s: time since the start of the effects. age_s: mean age of the
+        baseline frames at the start. All in seconds. model: sensor model; None if there is none.
+        """
         self.step_s, self.since_s, self.age_s = step_s, since_s, age_s
         self.model: Values = model or {}
         self.force: Array = np.zeros(0)
@@ -131,7 +136,9 @@ def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Add the force that taxels gain because the depth decreases with a fixed slope around a loaded place.
 
     The depth is force / (force + half_depth_n), as a share of the greatest depth, which decreases to 0 over `reach_m`.
-    Taxels are divided into pieces. state: distances of the pieces of each board, divided by `reach_m`.
+    Taxels are divided into pieces. Pieces with less than 1e-4 of the largest load reach no other piece noticeably. The
+    depth is limited to 0.97, because no finite force reaches 1. state: distances of the pieces of each board, divided
+    by `reach_m`.
     """
     force, half_n = frame.force.copy(), float(parameters["half_depth_n"])
     for number, board in enumerate(parameters["boards"]):
@@ -203,6 +210,7 @@ def _sticks(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     )
     state["lagging"] = lagging
     closed = closed + PLAY_SHARE * (lagging - closed)
+    # The response of the low-pass filters at the age CREEP_START_S is subtracted, so that the creep is 0 at this age.
     crept = np.expm1(-CREEP_START_S / CREEP_TIME_CONSTANTS_S).sum() * closed
     for constant in CREEP_TIME_CONSTANTS_S:
         crept = crept + _low_pass(closed, frame.step_s, constant, state, constant)

@@ -164,7 +164,7 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
         boards[-1]["taxels"] = layout.taxels
     if form == "pillars":
         assert source.model is not None
-        half_n = 0.5 * float(np.mean(source.model.half_force_n))
+        half_n = 0.5 * float(np.mean(source.model.half_force_n))  # as in `pillar_propagation._compute_unit_gain`
         return [{"kind": "pillars", "boards": boards, "half_depth_n": half_n}]
     return [{"kind": "mix_signal" if form.startswith("signal") else "mix_force", "boards": boards}]
 
@@ -194,6 +194,7 @@ def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect,
         law = source.law
         if law is None:
             raise UntranslatableError("the simulation has no contact forces, from which the law of the layer follows")
+        # The last point continues the law by 1 m on its last tangent, for forces above the recorded ones.
         depth_m = np.append(law.depth_m, law.depth_m[-1] + 1.0)
         slope = float((law.force_n[-1] - law.force_n[-2]) / (law.depth_m[-1] - law.depth_m[-2]))
         return [

@@ -54,6 +54,7 @@ def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: i
         places = _compute_world_positions(pair, condition)
         signal_counts = real.value[condition, :, hold]
         has_data: NDArray[np.bool_] = np.any(np.isfinite(signal_counts), axis=1)
+        # probability that a taxel is active, of each session and of the simulator
         active = np.where(
             np.isfinite(signal_counts), ndtr((signal_counts - ACTIVE_SIGNAL_COUNTS) / THRESHOLD_WIDTH_COUNTS), 0.0
         )

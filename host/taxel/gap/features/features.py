@@ -101,6 +101,7 @@ class FeatureLayout:
         """Return the layout for a time grid. The weight of an absent phase is distributed to all other features."""
         phases = [int(phase) for phase, _ in time_grid.bins]
         weights = [WEIGHTS[_PHASE_NAMES[phase]] / len(time_grid.find_bins(phase)) for phase, _ in time_grid.bins]
+        # noise in baseline and in hold, missing frames, onset, drift residual
         phases += [Phase.BASELINE, Phase.HOLD, Phase.HOLD, Phase.CLOSING, phases[-1]]
         weights += [WEIGHTS["noise"] / 2, WEIGHTS["noise"] / 2, WEIGHTS["missing"], ONSET_WEIGHT, DRIFT_RESIDUAL_WEIGHT]
         weight = np.array(weights)
@@ -225,6 +226,8 @@ class SessionMeans:
 def compute_mean_product(total: FloatArray, squares: FloatArray, count: NDArray[np.intp]) -> FloatArray:
     """Return the mean product of the values of two different sessions; 0 where fewer than two sessions have a value.
 
+    The sum over all ordered pairs of different sessions is the squared total minus the sum of squares.
+
     total: sums over the sessions with a value. squares: sums of squares over the same sessions. count: number of these
     sessions. All have the same shape.
     """
@@ -290,7 +293,8 @@ def compute_session_means(
 
     features: f32[R, F, n] (R grasps, F features, n taxels), of `compute_features`. conditions: number C of conditions.
     sessions: i64[S], numbers of the sessions. The drift residual is the root mean square over the repeats, all other
-    features are means.
+    features are means. The variance between repeats of a condition (`SessionMeans.repeat_variance`) is pooled over its
+    sessions.
     """
     shape = (conditions, len(sessions), layout.count, features.shape[2])
     value, count = np.full(shape, np.nan), np.zeros(shape[:2], np.int64)

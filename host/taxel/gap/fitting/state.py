@@ -29,6 +29,11 @@ RESPONSE_COUNTS: Final = 50.0
 """Simulated signal in counts above which a taxel is treated as loaded (chosen). A board without such a taxel has no
 onset from which a delay could be fitted."""
 
+RATIO_LIMITS: Final = (0.5, 2.0)
+"""Limits of the ratio between the mean signal of all simulated contacts of a condition and the mean signal of the
+contacts on which effects act (chosen). Beyond them a taxel is touched in some of the contacts only, and a factor does
+not describe the difference."""
+
 FULL_SCALE_FACTOR: Final = 1.25
 """Assumed full scale divided by the largest simulated signal, for datasets without a sensor model (chosen)."""
 
@@ -180,6 +185,23 @@ class State:
         assert signal.force is not None
         half = self.sensor_model.half_force_n * signal.law_scale
         return np.asarray(self.sensor_model.full_scale_drop_counts * signal.force / (signal.force + half))
+
+    @cached_property
+    def mean_difference(self) -> FloatArray:
+        """Difference between the mean signal of all simulated contacts of a condition and the mean signal of the
+        contacts on which effects act, at each time node, counts, f64[Q, K, n] (Q simulated contacts, K time nodes, n
+        taxels).
+
+        Effects act on few of the simulated contacts of a large hand, whose mean signal differs by tens of percent from
+        `mean`. A nonlinear effect must act on the sum of signal and difference. The difference is a share of the
+        signal: the ratio of both means, by least squares over the time bins, minus 1. The ratio is limited to
+        `RATIO_LIMITS`, and it is 1 for a taxel whose largest signal is below `RESPONSE_COUNTS` in one of the means.
+        """
+        used, mean = self._base_bins, self.mean[:, : self.layout.bins]
+        smaller = np.minimum(np.abs(used).max(axis=1), np.abs(mean).max(axis=1))
+        ratio = (used * mean).sum(axis=1) / np.maximum((used**2).sum(axis=1), np.finfo(np.float64).tiny)
+        ratio = np.where(smaller < RESPONSE_COUNTS, 1.0, np.clip(ratio, *RATIO_LIMITS))
+        return np.asarray((ratio[self.condition, None] - 1.0) * self.signal_counts)
 
     @cached_property
     def loaded_boards(self) -> NDArray[np.intp]:

@@ -121,6 +121,7 @@ def compute_similarities(
         ]
         for name, effect_forms in forms.items()
     }
+    # A common time shift belongs to every subspace: a difference that it reproduces does not distinguish two effects.
     nuisance_columns = linearise(state, CompositeModel((start_effect(state, Latency("hand")),))).columns
     subspaces_of_forms = map_in_threads(
         state,
@@ -206,7 +207,7 @@ class Subspace:
         system = build_normal_matrix(FitProblem(fit_data.state, fit_data.state.mean, fit_data.weight), self._columns)
         self._scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
         factor, order, rank, _ = dpstrf(system / np.outer(self._scale, self._scale), tol=MIN_PIVOT, lower=1)
-        self._factor, self._independent = factor[:rank, :rank], order[:rank] - 1
+        self._factor, self._independent = factor[:rank, :rank], order[:rank] - 1  # LAPACK numbers from 1
 
     def compute_residual2(self, change: FloatArray) -> float:
         """Compute the squared length of the residual of a change f64[C, F, n] (C conditions, F features, n taxels)

@@ -76,6 +76,7 @@ def compute_p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatA
     groups, sessions = gram.shape[0], gram.shape[-1]
     if sessions < 2:
         return np.ones(groups)
+    # Wild bootstrap: random factors on the centred residuals of the sessions; the root restores their variance.
     multipliers = np.random.default_rng(seed).normal(size=(BOOTSTRAP_SAMPLES, sessions)) * np.sqrt(
         sessions / (sessions - 1.0)
     )

@@ -71,6 +71,7 @@ def build_share_bar(axis: Axis, share: float, is_strong: bool) -> Bar:
     """Return a bar from zero to `share`, with a line at zero if the axis has negative values. is_strong: whether the
     bar has the strong instead of the pale colour.
     """
+    # 5, 12: upper edge and height of the bar, pixels
     return Bar((_draw_rect(axis, 0.0, share, "mark" if is_strong else "faint", 5, 12), *_draw_zero_line(axis)))
 
 
@@ -79,6 +80,7 @@ def build_waterfall_bar(axis: Axis, start: float, end: float, kind: str, floor: 
     through all rows. floor: None omits the line.
     """
     floor_line = () if floor is None else (_draw_vertical_line(axis, floor, "floor", STEP_HEIGHT),)
+    # 9, 20: upper edge and height of the bar, pixels
     return Bar((_draw_rect(axis, start, end, kind, 9, 20), *floor_line), STEP_HEIGHT)
 
 
@@ -86,6 +88,7 @@ def build_shrink_bar(axis: Axis, shrink: float, bounds: Interval | None, is_stro
     """Return a bar from zero to `shrink` with its interval. bounds: interval; None omits it. is_strong: whether the bar
     has the strong instead of the pale colour.
     """
+    # 5, 12: upper edge and height of the bar, pixels
     bar = _draw_rect(axis, 0.0, shrink, "mark" if is_strong else "faint", 5, 12)
     return Bar((bar, *_draw_zero_line(axis), *_draw_whisker(axis, bounds)))
 

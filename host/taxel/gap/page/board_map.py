@@ -121,7 +121,8 @@ def _arrange_as_hand(
     """Return the picture of one side of the default hand.
 
     grid: names of the boards by row and column, "" for an empty place. fingers: names of the columns. by_name: the
-    boards of the report.
+    boards of the report. The boards of a column are centred, and those of a row have a common lower edge. All lengths
+    are in taxel pitches.
     """
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*grid, strict=True)]
     widths = [max((board.columns for board in column), default=0) for column in columns]

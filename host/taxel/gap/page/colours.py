@@ -45,7 +45,7 @@ def compute_top(excess: tuple[list[float], list[float]], floor: float) -> float:
     """Return the upper end of the colour scale, counts: the root of the largest excess of a taxel, before or after.
 
     excess: before and after, counts squared, [n] (n taxels) each; NaN without data. floor: floor of the gap, counts;
-    the scale ends at `MIN_TOP_FLOORS` times the floor or above.
+    the scale ends at `MIN_TOP_FLOORS` times the floor or above, and above 0, because the end is a divisor.
     """
     largest = max((value for values in excess for value in values if not math.isnan(value)), default=0.0)
     return max(math.sqrt(max(largest, 0.0)), MIN_TOP_FLOORS * floor, math.ulp(1.0))

@@ -270,6 +270,7 @@ def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
         rows, columns = ({values[place] for place in places} for values in (board.row, board.column))
         is_beside = len(rows) < len(columns) or (len(rows) == len(columns) and axis == "tx")
         beside, above = (beside | rows, above) if is_beside else (beside, above | columns)
+    # An arrow beside a row is an arrow above a column with x and y exchanged.
     return (
         *(Arrow(tuple((y, x) for x, y in _make_arrow(row))) for row in sorted(beside)),
         *(Arrow(_make_arrow(column)) for column in sorted(above)),

@@ -39,7 +39,10 @@ def build_location_section(report: CheckedReport) -> SectionData | None:
 
 
 def _list_panels(report: CheckedReport) -> list[Panel]:
-    """Return all lists of shares: boards, phases, lines, objects, approaches and taxels; also those without entries."""
+    """Return all lists of shares: boards, phases, lines, objects, approaches and taxels; also those without entries.
+
+    The last argument of each `Panel` is the largest number of rows that are shown.
+    """
     where = report.where
     lines = where.optional_list("lines")
     by_axis = [(axis, [entry for entry in lines if read_axis(entry) == axis]) for axis in ("tx", "rx")]

@@ -213,6 +213,7 @@ def find_outliers(positions: FloatArray, probability: FloatArray, rule: OutlierF
     if len(active) < 2:
         return result
     points = GRASPS_PER_APPROACH * probability[active]
+    # Without a stated number, a quarter of the points of the cloud are the neighbours. The point itself is one of them.
     wanted = rule.neighbours if rule.neighbours is not None else 0.25 * float(points.sum())
     mean = _compute_mean_distance(positions[active], points, max(wanted - 1.0, 1.0))
     known = np.isfinite(mean)
@@ -235,6 +236,7 @@ def _compute_mean_distance(positions: FloatArray, points: FloatArray, wanted: fl
     rows, near = np.arange(number), min(INITIAL_NEIGHBOURS, number)
     while len(rows):
         remaining = []
+        # parts of about a million pairs of positions, which limit the memory
         for part in np.array_split(rows, max(1, len(rows) * near // 1_000_000)):
             distance, index = (np.reshape(found, (len(part), near)) for found in tree.query(positions[part], near))
             # The points at one position are neighbours of each other, but no point is its own neighbour here.

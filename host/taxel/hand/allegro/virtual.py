@@ -113,6 +113,12 @@ class VirtualAllegro:
         return self._time_ns / _NS
 
     @property
+    def next_report_s(self) -> float:
+        """Virtual time of the next periodic report, seconds; infinite before the host has set a period."""
+        dues = [self._due_ns[report] for report in _REPORTS if self._period_ns[report]]
+        return min(dues, default=np.inf) / _NS
+
+    @property
     def servo_on(self) -> bool:
         """Whether the motors of the virtual hand are on: switched on, without a servo fault and not too hot."""
         return self._is_on and not self.faults.is_servo_off and self.faults.temperature_c <= TEMPERATURE_LIMIT_C

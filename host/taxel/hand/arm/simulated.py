@@ -38,7 +38,11 @@ class TrapezoidalProfile:
         return self.distance / self.peak + self.peak / self.acceleration
 
     def evaluate(self, time_s: float) -> tuple[float, float]:
-        """Compute (travelled distance, speed) of the trapezoidal speed profile at `time_s` seconds after its start."""
+        """Compute (travelled distance in rad, speed in rad/s) of the trapezoidal speed profile at `time_s` seconds.
+
+        The profile starts at 0 s: acceleration to the speed `peak`, constant speed, and deceleration until
+        `duration_s`.
+        """
         if time_s >= self.duration_s:
             return self.distance, 0.0
         remaining_s = self.duration_s - time_s

@@ -85,9 +85,10 @@ def load_coded_centres(hand: Hand) -> FloatArray:
 
 
 def get_plugin_coordinates(hand: Hand) -> list[PluginCoordinates]:
-    """Return which coordinates the contact plug-in has for the taxels of each board, in the order of `hand.boards`.
+    """Return which coordinates the contact plug-in of the thesis author's simulator has for the taxels of each board.
 
-    Raises NoCodedCentresError for a hand other than the original hand.
+    The result is in the order of `hand.boards`: coded centres, the origin of the bracket, or none. Raises
+    NoCodedCentresError for a hand other than the original hand.
     """
     if hand.name not in _HANDS:
         raise NoCodedCentresError(hand.name)

@@ -80,7 +80,7 @@ def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]
             "both lines (3.3 V without traffic), then disconnect boards one at a time",
         )
     searched = "any address" if len(addresses) > 1 else f"0x{addresses[0]:02X}"
-    if 1 < len(addresses) < 112:
+    if 1 < len(addresses) < 112:  # 112: number of all permitted addresses
         searched = ", ".join(f"0x{address:02X}" for address in addresses)
     raise LinkError(
         device,

@@ -83,6 +83,7 @@ class VirtualMasterWorld(VirtualWorld):
         taxel_i2c_result, 0: success). An exception is stored for `_run_hub`, which raises it; the result is then -4.
         """
         try:
+            # The time limit is rounded up to a multiple of TIMEOUT_UNIT_S.
             steps = int(1e-6 * timeout_us / TIMEOUT_UNIT_S) + 1
             written = ctypes.string_at(write, write_size) if write_size else b""
             result, data = self.transfer(address, written, read_size, steps * TIMEOUT_UNIT_S)
@@ -105,7 +106,7 @@ class VirtualMasterWorld(VirtualWorld):
         while True:
             due_s = self._run_hub()
             now_s = self.now_s
-            if now_s >= end_s - 0.5 / PS_PER_S:
+            if now_s >= end_s - 0.5 / PS_PER_S:  # half a picosecond, the resolution of the clock, against rounding
                 return
             if due_s > now_s:
                 super().run(max(min(due_s, end_s) - now_s, MIN_STEP_S))

@@ -1,11 +1,12 @@
-"""State and counters of an emulated processor that executes a firmware image (firmware/emulator/psoc4200)."""
+"""State and counters of an emulated processor that executes a firmware image (firmware/emulator/psoc4)."""
 
 import ctypes
 from typing import Final, NamedTuple
 
-RAM_END: Final = 0x20001000
-EXCEPTIONS: Final = {"SVCall": 11, "PendSV": 14, "SysTick": 15, "SCB0": 26, "SCB1": 27, "CSD": 31}
-"""Exception numbers of ARMv6-M by name; the exception number of an interrupt is 16 plus the interrupt number."""
+EXCEPTIONS: Final = {"SVCall": 11, "PendSV": 14, "SysTick": 15}
+"""Exception numbers of ARMv6-M by name."""
+FIRST_INTERRUPT: Final = 16
+"""Exception number of interrupt 0."""
 FAULTS: Final = (
     "none",
     "undefined instruction",
@@ -77,8 +78,14 @@ class ProcessorStruct(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_uint64) for name in ("resets", "cycles", "slept", "faults")),
         *((name, ctypes.c_uint32) for name in ("fault_kind", "fault_pc", "fault_address", "lowest_stack", "pc")),
-        *((name, ctypes.c_uint32) for name in ("broken", "asleep", "is_application")),
+        *((name, ctypes.c_uint32) for name in ("broken", "asleep", "is_application", "ram_end")),
+        *((name, ctypes.c_uint32) for name in ("irq_scb0", "irq_scb1", "irq_csd")),
     )
+
+    def list_exceptions(self) -> dict[str, int]:
+        """Return the numbers of the exceptions and interrupts that the firmware can use, by name."""
+        interrupts = {"SCB0": self.irq_scb0, "SCB1": self.irq_scb1, "CSD": self.irq_csd}
+        return EXCEPTIONS | {name: FIRST_INTERRUPT + int(number) for name, number in interrupts.items()}
 
     def read(self) -> Processor:
         """Convert this C structure to a `Processor`: resets, cycles, stack use and faults of an emulated processor."""
@@ -87,7 +94,7 @@ class ProcessorStruct(ctypes.Structure):
             int(self.resets),
             int(self.cycles),
             int(self.slept),
-            RAM_END - int(self.lowest_stack),
+            int(self.ram_end) - int(self.lowest_stack),
             int(self.faults),
             fault,
             bool(self.broken),

@@ -16,13 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from taxel.errors import TaxelError
 from taxel.link.errors import LinkError
-from taxel.link.virtual.processor import EXCEPTIONS, CostStruct, HandlerCost, Processor, ProcessorStruct
+from taxel.link.virtual.processor import CostStruct, HandlerCost, Processor, ProcessorStruct
 from taxel.native_library import emulator_message, load_library, redirected_stderr
 
 PS_PER_S: Final = 10**12
 RECEIVE_SIZE: Final = 1 << 16
-FLASH_SIZE: Final = 32768
-FLASH_ROWS: Final = 256
 FLASH_ROW: Final = 128
 RUNS: Final[tuple[Literal["application", "bootloader", "hanging image"], ...]] = (
     "application",
@@ -120,6 +118,7 @@ def _load_library() -> ctypes.CDLL:
         ("transfer_i2c", integer, pointer, byte, text, size, text, size, time),
         ("recover_bus", None, pointer),
         ("read_fault_log", size, pointer, time, ctypes.POINTER(_FaultEventStruct), size, ctypes.POINTER(time)),
+        ("flash_size", ctypes.c_uint32, pointer, byte),
         ("flash_bytes", pointer, pointer, byte),
         ("flash_wear", pointer, pointer, byte),
         ("torn_writes", time, pointer, byte),
@@ -283,9 +282,10 @@ class VirtualWorld:
         runs = int(self._library.taxel_bench_running_program(handle, address))
         if runs < 0:
             raise FaultError("virtual rig", f"has no board 0x{address:02X}; use an address of the world file")
-        data = ctypes.string_at(self._library.taxel_bench_flash_bytes(handle, address), FLASH_SIZE)
+        size = int(self._library.taxel_bench_flash_size(handle, address))
+        data = ctypes.string_at(self._library.taxel_bench_flash_bytes(handle, address), size)
         wear = np.frombuffer(
-            ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * FLASH_ROWS), "<u4"
+            ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * size // FLASH_ROW), "<u4"
         )
         return BoardFlash(data, wear, int(self._library.taxel_bench_torn_writes(handle, address)), RUNS[runs])
 
@@ -294,19 +294,23 @@ class VirtualWorld:
 
         Raises `FaultError` for a board or hub that does not execute a firmware image.
         """
+        return self._read_processor_struct(address).read()
+
+    def _read_processor_struct(self, address: int) -> ProcessorStruct:
+        """Return the C structure of a processor. Raises `FaultError` if no image is executed there."""
         struct = ProcessorStruct()
         if self._library.taxel_bench_read_processor(self._open_handle, address, ctypes.byref(struct)):
             raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
-        return struct.read()
+        return struct
 
     def read_handler_costs(self, address: int) -> dict[str, HandlerCost]:
         """Return the clock cycles that each exception handler of a processor has used since its first power-up.
 
-        The keys of the result are those of `EXCEPTIONS`. address: I2C address of a board, or 0 for the hub. Raises
-        `FaultError` if no firmware image is executed there.
+        The keys of the result are names of exceptions and interrupts. address: I2C address of a board, or 0 for the
+        hub. Raises `FaultError` if no firmware image is executed there.
         """
         costs = {}
-        for name, number in EXCEPTIONS.items():
+        for name, number in self._read_processor_struct(address).list_exceptions().items():
             struct = CostStruct()
             if self._library.taxel_bench_read_handler_cost(self._open_handle, address, number, ctypes.byref(struct)):
                 raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")

@@ -91,7 +91,7 @@ class Admission:
     def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return the page, or the response to a refused request; None to open the connection of a page.
 
-        An accepted connection consumes its ticket.
+        An accepted connection consumes its ticket, the secret cookie that permits one connection.
         """
         if request.headers.get("Upgrade", "").lower() != "websocket":
             refusal = self._gate.check_page(request.path, request.headers)
@@ -123,7 +123,7 @@ class Admission:
         return response
 
     def _make_page(self, request: Request) -> Response:
-        """Return the response with the page and a new ticket."""
+        """Return the response with the page and a new ticket, the secret cookie that permits one connection."""
         is_compressed = "gzip" in request.headers.get("Accept-Encoding", "")
         body = self._file.compressed if is_compressed else self._file.plain
         headers = Headers(HEADERS)

@@ -63,8 +63,8 @@ class Gate:
     def check_page(self, path: str, headers: Headers) -> Refusal | None:
         """Return why a request for the page is refused; None if the request is accepted.
 
-        path: target of the request with its query. A request without the token is accepted with a ticket, which is not
-        consumed.
+        path: target of the request with its query, which contains the token (the secret of this run). A request without
+        the token is accepted with a ticket (a secret cookie for one connection), which is not consumed.
         """
         if (refusal := self._check_names(headers, needs_origin=False)) is not None:
             return refusal
@@ -81,7 +81,8 @@ class Gate:
     def check_connection(self, path: str, headers: Headers) -> Refusal | None:
         """Return why the connection of a page is refused; None if it is accepted.
 
-        The caller must call `consume_ticket` for an accepted connection.
+        A connection needs a ticket: a secret of one use, which the response with the page sets as a cookie. The caller
+        must call `consume_ticket` for an accepted connection.
         """
         if (refusal := self._check_names(headers, needs_origin=True)) is not None:
             return refusal
@@ -90,7 +91,7 @@ class Gate:
         return None if path.partition("?")[0] == "/" else Refusal.NOT_FOUND
 
     def consume_ticket(self, headers: Headers) -> None:
-        """Make the ticket in the cookies of an accepted connection invalid."""
+        """Make the ticket in the cookies of an accepted connection invalid: a ticket permits one connection."""
         ticket = self._find_ticket(headers)
         if ticket is not None:
             del self._tickets[ticket]
@@ -98,6 +99,7 @@ class Gate:
     def make_cookie(self) -> str:
         """Create a ticket, and return the value of the header Set-Cookie that contains it.
 
+        A ticket is a random string that permits one connection.
         If there are `TICKETS_MAX` unused tickets, the oldest one becomes invalid.
         """
         ticket = secrets.token_urlsafe(TOKEN_BYTES)

@@ -135,7 +135,8 @@ class WebView:
     def _get_camera_position(self, side: str) -> tuple[float, float, float]:
         """Compute the camera position from which one side of the hand is visible, metres.
 
-        side: `PALM` or `BACK`.
+        The camera views the hand obliquely, from the side and from above (chosen by eye), at a distance of 1.75 radii
+        of the hand. side: `PALM` or `BACK`.
         """
         sign = 1.0 if side == PALM else -1.0
         sideways = np.cross(self._scene.up, self._scene.outwards)

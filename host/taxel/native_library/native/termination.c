@@ -8,6 +8,8 @@ static struct sigaction wrapped;
 static volatile sig_atomic_t watched;
 static volatile sig_atomic_t grace_seconds;
 
+/* Handler of the signal `number`: start the timer whose signal SIGALRM ends the process after `grace_seconds`, then
+ * call the handler that this one replaced. */
 static void start_timer(int number)
 {
     (void)alarm((unsigned int)grace_seconds); /* async-signal-safe (POSIX.1-2017, 2.4.3) */
@@ -16,6 +18,9 @@ static void start_timer(int number)
     }
 }
 
+/* Replace the handler of the signal `number` by start_timer(), which also calls the replaced handler. seconds: time
+ * from the signal to the end of the process. Returns 0; -1 if a signal is already watched, or if the handler cannot be
+ * replaced (a handler with SA_SIGINFO takes other arguments). */
 int termination_watch(int number, unsigned int seconds)
 {
     struct sigaction own;
@@ -32,6 +37,7 @@ int termination_watch(int number, unsigned int seconds)
     return 0;
 }
 
+/* Stop the timer, and install the replaced handler again, unless another handler has been installed since. */
 void termination_unwatch(void)
 {
     struct sigaction present;

@@ -64,6 +64,13 @@ def read_source(path: str | PathLike[str]) -> str:
         return read_text(file.attrs, "source", "", Location(str(path)))
 
 
+def read_hand_name(path: str | PathLike[str]) -> str:
+    """Return the name of a grasp dataset's hand; "" if none is declared. Raises DatasetError."""
+    read_version(path)
+    with open_hdf5(Path(path), "r") as file:
+        return read_text(file.attrs, "hand", "", Location(str(path)))
+
+
 class GeneralDataset:
     """A dataset of version 2 or 1, open for reading. A context manager; iteration gives each `Contact` in order.
 

@@ -5,17 +5,16 @@ A number of another type is accepted if the conversion is exact, because many pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.input_files.numpy_archive import ArchiveError, check_expansion
 from taxel.optional import optional_import
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LONGEST_TEXT
+from taxel.recording.hdf5_storage import check_layout, check_names, read_values
 
 with optional_import("h5py", "a dataset (.h5)"):
     import h5py  # type: ignore[import-untyped, unused-ignore]
@@ -30,18 +29,15 @@ def check_links(group: Any, location: Location, depth: int) -> None:
 
     depth: number of levels of groups that are checked; 1: only the members of `group`.
     """
-    for name in _list_names(group):
+    names = list(group)
+    check_names(names, location)
+    for name in names:
         link = group.get(name, getlink=True)
         member_location = location.key(name)
         if not isinstance(link, h5py.HardLink):
             member_location.fail("data of this file", "a link", "store the data itself; links are not followed")
         if depth > 1 and isinstance(group[name], h5py.Group):
             check_links(group[name], member_location, depth - 1)
-
-
-def _list_names(group: Any) -> Iterator[str]:
-    """Yield the names of the members of a group."""
-    yield from list(group)
 
 
 def read_text(attributes: Any, name: str, default: str, location: Location) -> str:
@@ -91,15 +87,10 @@ def read_array(item: Any, location: Location) -> NDArray[Any]:
     if not isinstance(item, h5py.Dataset) or item.shape is None or item.dtype.kind not in _NUMBERS:
         kind = str(getattr(item, "dtype", "a group"))
         location.fail("an array of numbers", kind, "write numbers")
-    if item.is_virtual or item.external:
-        location.fail("data in this file", "data in another file", "store the data itself; links are not followed")
     if item.size * 8 > LARGEST_ARRAY_BYTES:
         location.fail(f"at most {LARGEST_ARRAY_BYTES // 8} numbers", str(item.size), "divide the contact")
-    try:
-        check_expansion(item.nbytes, item.id.get_storage_size())
-    except ArchiveError as error:
-        location.fail("an array of bounded size", str(error), "store the array without compression")
-    return np.asarray(item[()])
+    check_layout(item, location)
+    return np.asarray(read_values(item, location))
 
 
 def read_floats(item: Any, location: Location) -> NDArray[np.float64]:

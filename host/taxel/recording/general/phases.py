@@ -31,7 +31,8 @@ def detect_phases(values: FloatArray) -> ByteArray | None:
 
     values: f64[T, m], m components of all taxels in T frames, NaN where missing; the first frames are without contact.
     The signal of a frame is its change from the first frames, in units of the noise, projected on the pattern of the
-    frame with the largest change.
+    frame with the largest change. The plateau is the median of the signals above half of the largest signal; contact
+    and hold begin at fixed shares of the plateau (`TOUCH_LEVEL`, `HOLD_LEVEL`).
     """
     filled = fill_missing(values)
     baseline_frames = min(max(LEAST_REST, round(REST_SHARE * len(filled))), len(filled) // 2)

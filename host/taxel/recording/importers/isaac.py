@@ -94,7 +94,8 @@ def _read_force_field(opened: Source, name: str, has_environments: bool) -> Floa
     if split and normal.ndim == 2:
         opened.at(name).fail("shape [T, e, points]", f"shape {normal.shape}", "leave out --environments")
     lead = normal.shape[:2] if split else (len(normal), 1)
-    points = prod(normal.shape[len(normal.shape) - normal.ndim + (2 if split else 1) :])
+    # product of all axes after T (and after e)
+    points = prod(normal.shape[2 if split else 1 :])
     shear_name = _find_field(opened, SHEAR)
     if not shear_name:
         return normal.reshape(*lead, points)

@@ -111,7 +111,7 @@ def _find_table_time(source: Source) -> Field | None:
     A column whose name is no name of a time is selected only if it is the first one, increases, and is no counter.
     """
     rows = next(iter(source.fields.values())).shape[0]
-    named = [field for field in source.fields.values() if rank_time_name(field.name) < 4]
+    named = [field for field in source.fields.values() if rank_time_name(field.name) < 4]  # 4: no name of a time
     found = find_time(source, rows, candidates=named)
     if found is not None:
         return found

@@ -6,7 +6,9 @@ numpy.savetxt writes it. An empty entry of a column of numbers is a missing valu
 
 from __future__ import annotations
 
+import codecs
 import csv
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any, Final
@@ -15,10 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files.csv_rows import parse_float
 from taxel.recording.grasp_checks import Location
 from taxel.recording.importers.fields import Source, check_size, make_field
 
 _SEPARATORS: Final = ",;\t"
+_SPACES: Final = " \t"
+_CONTROL: Final = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\xff]")
+"""Bytes that a table of numbers does not contain."""
 _FAST_BYTES: Final = 1 << 16
 """Size above which a table of numbers is parsed by numpy.loadtxt, which is ten times faster than Python, bytes."""
 
@@ -38,7 +44,7 @@ def open_file(path: Path) -> Source:
         header = next(csv.reader([first.lstrip("# ")], delimiter=separator), [])
     except csv.Error as error:
         location.key("line 1").fail("a CSV table", format_value(str(error)), "save the table as CSV again")
-    names = [name.strip() for name in header]
+    names = [name.strip(_SPACES) for name in header]
     has_header = any(not _is_number(name) for name in names)
     if not has_header:
         names = [f"c{number}" for number in range(len(names))]
@@ -62,10 +68,10 @@ def _check_names(names: list[str], location: Location) -> None:
 def _is_number(text: str) -> bool:
     """Whether a string is a number; an empty string is treated as a missing number."""
     try:
-        float(text or "nan")
+        parse_float(text or "nan")
     except ValueError:
         return False
-    return "_" not in text
+    return True
 
 
 def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list[NDArray[Any]] | None:
@@ -74,13 +80,24 @@ def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list
     width: number of columns. None for a small table, and for a table with strings, empty entries or errors, which
     `_read_rows` reads instead.
     """
-    if path.stat().st_size < _FAST_BYTES:
+    if path.stat().st_size < _FAST_BYTES or _has_other_bytes(path):
         return None
     try:
         table = np.loadtxt(path, delimiter=separator, skiprows=int(has_header), ndmin=2, encoding="utf-8-sig")
     except (ValueError, UnicodeDecodeError):
         return None
     return list(table.T) if table.shape[1] == width else None
+
+
+def _has_other_bytes(path: Path) -> bool:
+    """Whether a file contains control characters or bytes outside ASCII, behind the mark of UTF-8 at its start."""
+    with path.open("rb") as file:
+        chunk = file.read(_FAST_BYTES).removeprefix(codecs.BOM_UTF8)
+        while chunk:
+            if _CONTROL.search(chunk):
+                return True
+            chunk = file.read(1 << 20)
+    return False
 
 
 def _read_rows(
@@ -101,12 +118,12 @@ def _read_rows(
                 rows.append(row)
     except (csv.Error, UnicodeDecodeError, OSError) as error:
         location.fail("a CSV table as UTF-8 text", format_value(str(error)), "save the table as CSV again")
-    return [_convert_column([row[index].strip() for row in rows]) for index in range(len(names))]
+    return [_convert_column([row[index].strip(_SPACES) for row in rows]) for index in range(len(names))]
 
 
 def _convert_column(column: list[str]) -> NDArray[Any]:
     """Convert a column to f64 if every entry is a number or empty (NaN), else to an array of strings."""
     try:
-        return np.array([float(entry or "nan") for entry in column], np.float64)
+        return np.array([parse_float(entry or "nan") for entry in column], np.float64)
     except ValueError:
         return np.array(column, dtype=str)

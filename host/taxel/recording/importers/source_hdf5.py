@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taxel.optional import optional_import
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_hdf5 import convert_hdf5_errors, open_hdf5
+from taxel.recording.hdf5_storage import check_layout, check_names, read_values
 from taxel.recording.importers.fields import NUMBERS, Field, Source, check_size
 
 with optional_import("h5py", "an HDF5 file"):
@@ -23,7 +24,11 @@ def open_file(path: Path) -> Source:
     fields: dict[str, Field] = {}
 
     def add_field(name: str, item: Any) -> None:
-        """Add the member `item` of the file to the fields if it is a dataset of numbers or strings in this file."""
+        """Add the member `item` of the file to the fields if it is a dataset of numbers or strings in this file.
+
+        Raises DatasetError for a name that is not UTF-8.
+        """
+        check_names([name], location)
         if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
             return
         is_text = h5py.check_string_dtype(item.dtype) is not None
@@ -42,5 +47,8 @@ def _load_dataset(path: Path, name: str) -> NDArray[Any]:
     with open_hdf5(path, "r") as file, convert_hdf5_errors(location):
         dataset = file[name]
         check_size(dataset.shape, dataset.dtype.itemsize, location)
-        array = dataset.asstr()[()] if h5py.check_string_dtype(dataset.dtype) is not None else dataset[()]
+        check_layout(dataset, location)
+        array = read_values(dataset, location)
+        if h5py.check_string_dtype(dataset.dtype) is not None:
+            array = dataset.asstr()[()]
     return np.asarray(array) if np.asarray(array).dtype.kind in NUMBERS else np.asarray(array, dtype=str)

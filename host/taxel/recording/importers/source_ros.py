@@ -7,6 +7,8 @@ is the time at which the message was recorded, and ``...header.stamp`` the time 
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from dataclasses import fields as message_fields
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -24,6 +26,7 @@ RECORD_TIME: Final = "@time"
 """Name of the field with the time at which a message was recorded, nanoseconds."""
 
 _NANOSECONDS: Final = 10**9
+_DATABASE: Final = ".db3"
 
 
 def open_file(path: Path) -> Source:
@@ -32,6 +35,8 @@ def open_file(path: Path) -> Source:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     location = Location(str(path))
+    for database in [path] if path.suffix == _DATABASE else sorted(path.glob(f"*{_DATABASE}")):
+        _check_database(database, location)
     values: dict[str, list[Any]] = {}
     count = 0
     try:
@@ -49,6 +54,21 @@ def open_file(path: Path) -> Source:
     if not count:
         location.fail("messages", "none", "check which topics were recorded")
     return Source(path, "ROS bag", {name: _make_field(name, entries, location) for name, entries in values.items()})
+
+
+def _check_database(path: Path, location: Location) -> None:
+    """Raise DatasetError for a damaged SQLite database: with a damaged index, queries omit or exchange messages."""
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+            (result,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    except (sqlite3.Error, UnicodeError) as error:
+        result = str(error)
+    if result != "ok":
+        location.key(path.name).fail(
+            "a complete ROS bag with an undamaged SQLite database",
+            format_value(str(result).partition(chr(10))[0]),
+            "record the bag again",
+        )
 
 
 def _flatten(message: Any, prefix: str = "") -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from taxel.recording.grasp_checks import Location
 from taxel.recording.importers.fields import NUMBERS, Field, Source, check_size
 
 _DAMAGED = "write the store again, or copy it completely"
+_METADATA = (".zarray", ".zgroup", "zarr.json")
+"""Files that describe an array or a group of format 2 or 3."""
 
 
 def open_file(path: Path) -> Source:
@@ -23,10 +26,14 @@ def open_file(path: Path) -> Source:
     with optional_import("zarr", "a Zarr store"):
         import zarr
     try:
-        root = zarr.open(str(path), mode="r")
-        arrays = dict(sorted(_walk(root, ""), key=lambda item: item[0]))  # a folder has no order
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a part that zarr skips: it is an error below
+            nodes = dict(sorted(_walk(zarr.open(str(path), mode="r"), ""), key=lambda item: item[0]))
     except Exception as error:  # zarr raises several types for a damaged store
         location.fail("a Zarr store", format_value(str(error).partition("\n")[0]), _DAMAGED)
+    arrays = {name: node for name, node in nodes.items() if hasattr(node, "shape")}
+    if (damaged := _find_unread_node(path, nodes)) is not None:
+        location.key(damaged).fail("a readable array or group", "damaged metadata", _DAMAGED)
     fields = {}
     for name, array in arrays.items():
         if array.dtype.kind in NUMBERS:
@@ -36,18 +43,37 @@ def open_file(path: Path) -> Source:
 
 
 def _walk(node: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield (path, array) for a Zarr array, or for all arrays in a Zarr group and its subgroups.
+    """Yield (path, node) for a Zarr array, or for a Zarr group and all arrays and groups in it.
 
-    node: array or group. path: its path; "" for the root, whose array is called "data".
+    node: array or group. path: its path; "" for the root group, "data" for a root array.
     """
     if hasattr(node, "shape"):
         yield path or "data", node
         return
+    yield path, node
     start = f"{path}/" if path else ""
     for name, array in node.arrays():
         yield f"{start}{name}", array
     for name, group in node.groups():
         yield from _walk(group, f"{start}{name}")
+
+
+def _find_unread_node(folder: Path, nodes: Mapping[str, Any]) -> str | None:
+    """Return the path of the first folder with metadata that zarr has not read; None if there is none.
+
+    zarr skips an array or a group whose metadata are damaged, and takes an array of format 2 without the number of the
+    format for a group. folder: the store; a store in a single file is not examined. nodes: arrays and groups that zarr
+    has read, by path.
+    """
+    groups = [name for name, node in nodes.items() if not hasattr(node, "shape")] if folder.is_dir() else []
+    for group in groups:
+        if (folder / group / ".zarray").exists():
+            return group or "."
+        for child in sorted((folder / group).iterdir()):
+            name = child.relative_to(folder).as_posix()
+            if name not in nodes and any((child / each).exists() for each in _METADATA):
+                return name
+    return None
 
 
 def _make_loader(array: Any, location: Location) -> Any:

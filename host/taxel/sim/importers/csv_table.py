@@ -21,6 +21,8 @@ Progress = Callable[[str, int, int], object]
 """Called with a description of the current step, the completed amount and the total amount."""
 
 POSE_PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+LARGEST_NUMBER = 1e15
+"""Largest magnitude of a number: far above every physical quantity, and its square is a finite number."""
 _PROGRESS_LINES = 2000  # lines between two calls of the progress function
 _MIN_QUATERNION_NORM = 1e-6  # a quaternion with a smaller norm is treated as missing
 
@@ -193,12 +195,13 @@ def _parse_value(cell: str, column: Column, source: FileLocation, line: int) -> 
     if not cell and column.blank:
         return float("nan")
     try:
-        value = float(cell) if "_" not in cell else float("nan")
+        value = float(cell) if "_" not in cell else float("nan")  # Python would accept 1_000
     except ValueError:
         value = float("nan")
     is_integer = column.kind == "integer"
-    if not np.isfinite(value) or (is_integer and (value < 0 or value % 1)):
-        expected = "an integer of 0 or more" if is_integer else "a finite number"
+    if not abs(value) <= LARGEST_NUMBER or (is_integer and (value < 0 or value % 1)):
+        finite = f"a number of at most {LARGEST_NUMBER:g}" if np.isfinite(value) else "a finite number"
+        expected = "an integer of 0 or more" if is_integer else finite
         remedy = f"write it as {'3' if is_integer else '0.125'}"
         source.at(line, column.name).fail(expected, format_value(cell), remedy)
     return value

@@ -152,6 +152,7 @@ def _import_grasp(
 
 def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """Return the shape of one recorded state of each array of `STATES`, such as qpos, for this model."""
+    # In the order of `STATES`: qpos, qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, eq_active.
     sizes = [(model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4)]
     sizes += [(model.nv,), (model.neq,)]
     return dict(zip(STATES, sizes, strict=True))
@@ -220,7 +221,7 @@ class _Run:
         for name in names:
             if name in states.values:
                 values = states.values[name]
-                getattr(self.data, name)[...] = values[row if len(values) > 1 else 0]
+                getattr(self.data, name)[...] = values[row if len(values) > 1 else 0]  # one row: the first state only
 
     def _step_to(self, states: RolloutStates, row: int) -> None:
         """Simulate from the state before `row` to the state `row`, with the controls of the state before.

@@ -42,6 +42,20 @@ class OriginalGrasp:
     approach: str
 
 
+def _is_header(fields: Sequence[str]) -> bool:
+    """Whether the first line contains the names of the columns, and no number."""
+    return fields[0].strip() in {"x", "x_m"} and not any(_is_number(field) for field in fields)
+
+
+def _is_number(text: str) -> bool:
+    """Whether a string is a number."""
+    try:
+        parse_float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
     """Read one contact file: f64[r, 3] raw contacts (x, y, z) or f64[r, 4] active points (x, y, z, force), metres, N.
 
@@ -60,7 +74,7 @@ def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
     for number, fields in lines:
-        if not any(field.strip() for field in fields) or (number == 1 and fields[0].strip() in {"x", "x_m"}):
+        if not any(field.strip() for field in fields) or (number == 1 and _is_header(fields)):
             continue
         try:
             values = [parse_float(field) for field in fields]
@@ -131,6 +145,7 @@ def import_original_contacts(
             if is_raw:
                 forces[frame] = _activate(options.hand, placed, values[rows], rules.threshold_m, report)
             else:
+                # A taxel without a centre (NaN) is placed far away, so that it is never the nearest one.
                 nearest = cKDTree(np.nan_to_num(placed, nan=_FAR_M)).query(values[rows, :3])
                 distance, taxel = np.asarray(nearest[0]), np.asarray(nearest[1], np.intp)
                 if (distance > MATCH_M).any():
@@ -203,6 +218,7 @@ def _activate(
     for board in hand.boards:
         where = hand.get_slice(board.address)
         force[where] = find_active(placed[where], stored, threshold_m)[1]
+    # A taxel without a centre (NaN) is placed far away, so that it is never the nearest one.
     distance, _ = cKDTree(np.nan_to_num(placed, nan=_FAR_M)).query(points)
     report.far_contacts += int((np.asarray(distance) >= threshold_m).sum())
     return force

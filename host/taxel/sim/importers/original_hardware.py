@@ -180,6 +180,7 @@ def _make_record(
 def _compute_deviations(grasp: _HardwareGrasp, hand: Hand, sensor_pose: FloatArray) -> FloatArray:
     """Compute the distances between recorded and modelled taxel positions, f64[p], metres, of the p recorded taxels."""
     centres = compute_taxel_positions(hand, sensor_pose[None])[0]
+    # The recorded positions are in the world frame of the original stack, the centres in the frame of the robot's base.
     recorded = (grasp.position - BASE_IN_WORLD[:3, 3]) @ BASE_IN_WORLD[:3, :3]
     distances = np.linalg.norm(recorded - centres, axis=1)
     return np.asarray(distances[np.isfinite(distances)])
@@ -281,7 +282,7 @@ def _read_joints(path: Path, hand: Hand) -> FloatArray:
         location = source.at(line)
         if len(values) != len(("name", "position")):
             location.fail("2 values name,position", str(len(values)), "use files of the original stack")
-        name = _JOINT_NAMES.get(values[0].replace(".", "_"))
+        name = _JOINT_NAMES.get(values[0].replace(".", "_"))  # joint_0.0 is another spelling of joint_0_0
         if name is None:
             location.fail("a joint of arm or hand", format_value(values[0]), suggest_names(values[0], _JOINT_NAMES))
         if name in angles:
@@ -315,7 +316,7 @@ def _read_rows(path: Path) -> list[tuple[int, Sequence[str]]]:
 def _parse_number(text: str, location: FileLocation) -> float:
     """Convert a string to a finite number. Raises ImportDataError for any other string."""
     try:
-        value = float(text) if "_" not in text else float("nan")
+        value = float(text) if "_" not in text else float("nan")  # Python would accept 1_000
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):

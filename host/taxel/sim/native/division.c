@@ -66,7 +66,8 @@ static void clip_deeper(struct polygon *polygon, const struct sim_face *face, co
 }
 
 /* Compute area share, centroid, and mean and standard deviation of the depth of a polygon, as sums over the triangles
-   from its first vertex, and store them in `part`, whose face is set. Returns 0 if the polygon is empty, else 1. */
+   from its first vertex, and store them in `part`, whose face is set. Returns 0 if the polygon is empty, else 1. The
+   integral of the squared depth over a triangle with the corner depths d is area (sum of d^2 + (sum of d)^2) / 12. */
 static int measure(const struct polygon *polygon, struct sim_part *part)
 {
     double area = 0.0, square = 0.0;
@@ -97,7 +98,8 @@ static int measure(const struct polygon *polygon, struct sim_part *part)
     return 1;
 }
 
-/* Set the part of a square that only the face of the part indents, over its whole area. */
+/* Set the part of a square that only the face of the part indents, over its whole area. The depth is a linear function
+   of two coordinates between -1 and 1 (half sides), each with the variance 1 / 3. */
 static void set_whole(struct sim_part *part)
 {
     const double *change = part->face.change;
@@ -122,6 +124,9 @@ static size_t find_candidates(const struct sim_solid *solid, const struct sim_li
     return count;
 }
 
+/* Divide the square of line i into the parts that each face of the solid indents, and return their number; 0 if the
+   square is outside the solid. A face indents the points of the square at which its depth is the smallest of all. The
+   `ranges` of the depths show whether a single face indents the whole square. */
 size_t sim_divide(const struct sim_solid *solid, const struct sim_lines *lines, size_t i, double min_slope,
                   const struct sim_ranges *ranges, struct sim_part parts[SIM_PARTS_MAX])
 {

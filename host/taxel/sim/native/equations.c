@@ -4,6 +4,9 @@
 
 #define MOTIONS 6
 
+/* Add the force on a point of the object to the right-hand side, and its stiffness (N/m) times the time step to the
+   matrix: M f and step M K M^T with M = `motion`, the velocity of the point per unit velocity of each of the object's
+   six degrees of freedom, which begin at `first`. */
 void sim_add_point(struct sim_equations *equations, size_t first, const double motion[6][3], const double force[3],
                    const double stiffness[3][3])
 {
@@ -36,6 +39,8 @@ static void exchange_rows(struct sim_equations *equations, size_t a, size_t b)
     equations->force[b] = force;
 }
 
+/* Solve the equations by Gaussian elimination with partial pivoting: `force` then contains the velocities. Returns 1,
+   or 0 if the system is singular. Elements below the diagonal are not set to 0, because no later step reads them. */
 int sim_solve(struct sim_equations *equations)
 {
     const size_t n = equations->dofs;

@@ -5,6 +5,8 @@
 
 #include "layer_lines.h"
 
+/* Return the solid with only those faces that the near pieces of a board can touch, as the last search found them. A
+   cylinder (`faces` is 0) is returned unchanged. */
 struct sim_solid sim_select_near_faces(const struct sim_layer *layer, size_t board)
 {
     struct sim_solid solid = layer->solid;
@@ -16,6 +18,9 @@ struct sim_solid sim_select_near_faces(const struct sim_layer *layer, size_t boa
     return solid;
 }
 
+/* Return an upper bound (metres) of the displacement of a point at most `size` metres from the bracket's origin between
+   two poses of the bracket (4 x 4, by rows): shift of the origin, plus `size` times the Frobenius norm of the change of
+   the rotation matrix. */
 double sim_bound_motion(const double *from, const double *to, double size)
 {
     double turn = 0.0, shift = 0.0;
@@ -140,6 +145,8 @@ static void release_far_pieces(struct sim_layer *layer, size_t board)
     }
 }
 
+/* Find the near pieces and faces of a board at `pose` in the solid's frame, and store the motion (slack, metres) up to
+   which the result remains valid: near_m, or the clearance of a board that is farther away and has no near pieces. */
 void sim_search_near(struct sim_layer *layer, size_t board, const double *pose)
 {
     const size_t begin = layer->first[board], end = layer->first[board + 1];

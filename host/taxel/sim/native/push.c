@@ -30,7 +30,8 @@ static void place_boards(struct sim_push *push)
     }
 }
 
-/* Set the Jacobian of the motion of each bracket relative to the object: velocity, then angular velocity, world. */
+/* Set the Jacobian of the motion of each bracket relative to the object: velocity, then angular velocity, world. The
+   sign of a degree of freedom is 1 if it moves the board, -1 if it moves the object, 0 for both or none. */
 static void set_jacobian(struct sim_push *push)
 {
     for (size_t board = 0; board < push->boards; board++) {
@@ -68,7 +69,7 @@ static double choose_part(const struct sim_push *push, const struct sim_layer *l
             for (size_t dof = 0; dof < push->dofs; dof++) {
                 twist[i] += row[dof] * push->bodies.velocity[dof];
             }
-            along += push->last_wrench[TWIST * board + i] * twist[i];
+            along += push->last_wrench[TWIST * board + i] * twist[i]; /* power; above 0: the board moves away */
         }
         const double speed =
             sqrt(twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]) +
@@ -169,6 +170,9 @@ static void load_layer(struct sim_push *push, struct sim_layer *layer)
     sim_layer_load(layer, push->poses, pose, push->last_wrench, push->stiffness, NULL, 1);
 }
 
+/* Compute the velocities after one substep, implicit in the stiffness of all contacts. Returns the length of the
+   substep as a fraction of step_s, at most `remaining`; 0 if the equations have no solution. The caller integrates the
+   positions. */
 double sim_push_step(struct sim_push *push, struct sim_layer *layer, double remaining)
 {
     place_boards(push);

@@ -61,6 +61,8 @@ static void view_wall(const struct sim_solid *solid, const struct sim_lines *lin
     }
 }
 
+/* Compute the view of one face from the square of line i: a face of a polytope, or the wall (0), the bottom (1) or the
+   top (2) of an upright cylinder that stands on z = 0. */
 void sim_view_face(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t i,
                    double min_slope, struct sim_face *view)
 {

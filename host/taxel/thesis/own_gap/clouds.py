@@ -57,21 +57,32 @@ def find_active(signal: FloatArray, used: BoolArray, *, with_rises: bool) -> Boo
 
 
 def collect_real_points(grasps: Sequence[MeasuredGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
-    """Collect the contact points that the original host program of the hardware saves."""
+    """Collect the contact points that the original host program of the hardware saves.
+
+    grasps: measured signals. sets: properties of the taxels. effects: known errors of the program that are switched on.
+    """
     used, centres = select_used(sets, effects, is_real=True), get_centres(sets, effects, is_real=True)
     active = [find_active(grasp.signal, used, with_rises=effects.rises) for grasp in grasps]
     return _collect([(grasp.object, grasp.brackets) for grasp in grasps], active, sets, centres)
 
 
 def collect_layer_points(grasps: Sequence[MeasuredGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
-    """Collect the contact points of a simulated campaign with an elastic layer."""
+    """Collect the contact points of a simulated campaign with an elastic layer.
+
+    grasps: simulated signals. sets: properties of the taxels. effects: known errors of the original simulation that are
+    switched on.
+    """
     used, centres = select_used(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
     active = [find_active(grasp.signal, used, with_rises=False) for grasp in grasps]
     return _collect([(grasp.object, grasp.brackets) for grasp in grasps], active, sets, centres)
 
 
 def collect_plugin_points(hand: Hand, grasps: Sequence[PluginGrasp], sets: TaxelSets, effects: OwnEffects) -> Points:
-    """Collect the contact points that the contact plug-in of the original simulation saves."""
+    """Collect the contact points that the contact plug-in of the original simulation saves.
+
+    grasps: recorded contact messages. sets: properties of the taxels. effects: known errors of the plug-in that are
+    switched on.
+    """
     used, centres = select_used(sets, effects, is_real=False), get_centres(sets, effects, is_real=False)
     active = [found & used for found in find_plugin_contacts(hand, grasps, effects)]
     poses = [(grasp.object, inverse(grasp.object_pose) @ grasp.sensor_pose) for grasp in grasps]

@@ -69,6 +69,9 @@ def compute_shares(
 ) -> tuple[Distances, Distances, dict[str, Shares]]:
     """Compute the distances without and with all effects, and the shares of each effect by name of its group.
 
+    An effect has two shares: the change of the distance by this effect alone, and the change when only this effect is
+    missing. Both are divided by the distance with all effects.
+
     groups: names of groups in `effects.GROUPS`. measure: computes the distances with a combination of effects. The
     shares of all effects together have the key `TOGETHER`. Distances and shares contain the mean over the objects under
     `ALL_OBJECTS`, without objects whose distance is NaN in a combination.

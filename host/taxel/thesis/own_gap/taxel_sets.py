@@ -65,7 +65,8 @@ def make_taxel_sets(hand: Hand) -> TaxelSets:
 def select_used(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> BoolArray:
     """Select the taxels whose contacts are used on one side, bool[n].
 
-    is_real: True for the hardware, False for the simulation.
+    The effect `back_boards` adds the taxels without coordinates. The effect `mask` removes, on the hardware only, the
+    taxels that its host program ignores. is_real: True for the hardware, False for the simulation.
     """
     used = sets.is_used | sets.has_no_coordinates if effects.back_boards else sets.is_used.copy()
     return used & ~sets.is_masked if is_real and effects.mask else used
@@ -74,7 +75,9 @@ def select_used(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> BoolA
 def get_centres(sets: TaxelSets, effects: OwnEffects, *, is_real: bool) -> FloatArray:
     """Return the centres at which the program of one side places its taxels, f64[n, 3], metres, bracket frame.
 
-    is_real: True for the hardware, False for the simulation.
+    A program with the effect of coded centres uses these centres where they exist, otherwise the true centres. Both
+    programs place taxels without coordinates at the origin of the bracket. is_real: True for the hardware, False for
+    the simulation.
     """
     is_coded = effects.coded_host if is_real else effects.coded_simulation
     centres = sets.true_centres.copy()

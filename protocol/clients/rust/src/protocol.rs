@@ -549,6 +549,29 @@ impl BoardErrorFlag {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
+pub enum FrontEnd {
+    Capsense = 0x00,
+}
+
+impl FrontEnd {
+    /// The code of this number, or None if it is not defined.
+    pub fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0x00 => Some(Self::Capsense),
+            _ => None,
+        }
+    }
+
+    /// The name in the specification.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Capsense => "CAPSENSE",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum FaultCode {
     None = 0x00,
     Exception = 0x01,
@@ -674,7 +697,8 @@ pub struct Status {
     pub snapshot_reads: u32,
     pub bus_errors: u16,
     pub rejected_writes: u16,
-    pub reserved: u16,
+    pub front_end: u8,
+    pub reserved: u8,
     pub saturated_conversions: u16,
 }
 
@@ -698,7 +722,8 @@ impl Status {
             snapshot_reads: u32::from_le_bytes(array(bytes, 16)),
             bus_errors: u16::from_le_bytes(array(bytes, 20)),
             rejected_writes: u16::from_le_bytes(array(bytes, 22)),
-            reserved: u16::from_le_bytes(array(bytes, 24)),
+            front_end: u8::from_le_bytes(array(bytes, 24)),
+            reserved: u8::from_le_bytes(array(bytes, 25)),
             saturated_conversions: u16::from_le_bytes(array(bytes, 26)),
         })
     }
@@ -715,7 +740,8 @@ impl Status {
         bytes[16..20].copy_from_slice(&self.snapshot_reads.to_le_bytes());
         bytes[20..22].copy_from_slice(&self.bus_errors.to_le_bytes());
         bytes[22..24].copy_from_slice(&self.rejected_writes.to_le_bytes());
-        bytes[24..26].copy_from_slice(&self.reserved.to_le_bytes());
+        bytes[24..25].copy_from_slice(&self.front_end.to_le_bytes());
+        bytes[25..26].copy_from_slice(&self.reserved.to_le_bytes());
         bytes[26..28].copy_from_slice(&self.saturated_conversions.to_le_bytes());
     }
 
@@ -731,6 +757,7 @@ impl Status {
         visitor("snapshot_reads", Value::Number(self.snapshot_reads as u64));
         visitor("bus_errors", Value::Number(self.bus_errors as u64));
         visitor("rejected_writes", Value::Number(self.rejected_writes as u64));
+        visitor("front_end", Value::Number(self.front_end as u64));
         visitor("reserved", Value::Number(self.reserved as u64));
         visitor("saturated_conversions", Value::Number(self.saturated_conversions as u64));
     }
@@ -1934,11 +1961,12 @@ pub struct SetScanSettingsArguments {
     pub settings_modulator_clock_divider: u8,
     pub settings_idac_code: u8,
     pub settings_settle_cycles: u16,
+    pub front_end: u8,
 }
 
 impl SetScanSettingsArguments {
     /// Bytes of the fields.
-    pub const SIZE: usize = 9;
+    pub const SIZE: usize = 10;
 
     /// The fields at the front of `bytes`; None if they are shorter than `SIZE`.
     pub fn unpack(bytes: &[u8]) -> Option<Self> {
@@ -1952,6 +1980,7 @@ impl SetScanSettingsArguments {
             settings_modulator_clock_divider: u8::from_le_bytes(array(bytes, 5)),
             settings_idac_code: u8::from_le_bytes(array(bytes, 6)),
             settings_settle_cycles: u16::from_le_bytes(array(bytes, 7)),
+            front_end: u8::from_le_bytes(array(bytes, 9)),
         })
     }
 
@@ -1963,6 +1992,7 @@ impl SetScanSettingsArguments {
         bytes[5..6].copy_from_slice(&self.settings_modulator_clock_divider.to_le_bytes());
         bytes[6..7].copy_from_slice(&self.settings_idac_code.to_le_bytes());
         bytes[7..9].copy_from_slice(&self.settings_settle_cycles.to_le_bytes());
+        bytes[9..10].copy_from_slice(&self.front_end.to_le_bytes());
     }
 
     /// Call `visitor` with name and value of each field.
@@ -1973,6 +2003,7 @@ impl SetScanSettingsArguments {
         visitor("settings_modulator_clock_divider", Value::Number(self.settings_modulator_clock_divider as u64));
         visitor("settings_idac_code", Value::Number(self.settings_idac_code as u64));
         visitor("settings_settle_cycles", Value::Number(self.settings_settle_cycles as u64));
+        visitor("front_end", Value::Number(self.front_end as u64));
     }
 }
 

@@ -165,8 +165,8 @@ def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tup
 def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
     """Find shorted neighbouring lines: both respond to an indentation of either line.
 
-    explained: bool[taxels], taxels on swapped lines, which are skipped. Returns the faults and the taxels on shorted
-    lines, bool[taxels].
+    Only responses above 10 standard errors are evaluated. explained: bool[taxels], taxels on swapped lines, which are
+    skipped. Returns the faults and the taxels on shorted lines, bool[taxels].
     """
     kind, response, error = indentations.kind, indentations.response, indentations.error
     faults: list[Fault] = []
@@ -242,7 +242,8 @@ class Crosstalk:
 def measure_crosstalk(indentations: Indentations, ignored: BoolArray) -> list[Crosstalk]:
     """Measure the crosstalk along lines and between neighbouring lines, the largest first.
 
-    ignored: bool[taxels], taxels whose response a fault explains. Paths with fewer than two indentations are omitted.
+    Crosstalk is the response of a taxel that is not indented, divided by the response of the indented taxel. ignored:
+    bool[taxels], taxels whose response a fault explains. Paths with fewer than two indentations are omitted.
     """
     tx, rx = indentations.kind.tx.astype(int), indentations.kind.rx.astype(int)
     shares: dict[str, list[float]] = {}

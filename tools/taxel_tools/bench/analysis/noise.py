@@ -89,8 +89,10 @@ class _Components:
 def separate_noise(kind: BoardKind, raw_counts: CountArray, rate_hz: float, scan_s: float) -> NoiseParts:
     """Separate the noise of a record into its components.
 
-    `raw_counts`: u16[t, taxels] of an untouched board, 2 s or more; `rate_hz`: frames per second; `scan_s`: duration of
-    a scan. Raises ValueError for fewer than 32 frames.
+    Drift (a cubic polynomial) is subtracted, impulses are replaced by medians, and the components follow from the
+    spectrum of the rest: white noise from its highest frequencies, 1/f noise from the lower ones. `raw_counts`: u16[t,
+    taxels] of an untouched board, 2 s or more; `rate_hz`: frames per second; `scan_s`: duration of a scan. Raises
+    ValueError for fewer than 32 frames.
     """
     if len(raw_counts) < FRAMES_MIN:
         raise ValueError(f"expected at least {FRAMES_MIN} frames, found {len(raw_counts)}")
@@ -181,8 +183,10 @@ def _fit_pink(
 ) -> tuple[float, float]:
     """Estimate the standard deviations of the 1/f noise in counts: independent in each taxel, and shared by the board.
 
-    transform: Fourier transform of the counts, c128[frequencies, taxels]; frequency: f64[frequencies], Hz. The white
-    noise is subtracted. Returns (0, 0) if the record has fewer than 4 frequencies in the fitted band.
+    transform: Fourier transform of the counts, c128[frequencies, taxels]; frequency: f64[frequencies], Hz. A density
+    k / f times the frequency is the constant k, so the mean of this product estimates k; the variance between two
+    frequencies is k log(high / low). The white noise is subtracted. Returns (0, 0) if the record has fewer than 4
+    frequencies in the fitted band.
     """
     band = (frequency >= FIT_LOW_HZ) & (frequency <= min(FIT_HIGH_HZ, 0.5 * frequency[-1]))
     if band.sum() < 4:
@@ -205,6 +209,7 @@ def _fit_mean_change(mean: FloatArray, rate_hz: float, white: _Components, kind:
     nyquist = rate_hz / 2.0
     lines = white.tx / kind.tx_count + white.rx / kind.rx_count
     floor = 2.0 * nyquist * max(white.independent / taxels + lines + white.board, 0.0)
+    # The floor is the mean square change by white noise: twice the variance of the mean of the board.
     squares = []
     for lag_s in LAGS_S:
         lag = max(round(lag_s * rate_hz), 1)
@@ -212,7 +217,7 @@ def _fit_mean_change(mean: FloatArray, rate_hz: float, white: _Components, kind:
             return 0.0, 0.0
         squares.append(max(float(np.mean((mean[lag:] - mean[:-lag]) ** 2)) - floor, 1e-9))
     slope = np.polyfit(np.log(LAGS_S), np.log(squares), 1)[0]
-    return float(np.sqrt(squares[1])), float(slope)
+    return float(np.sqrt(squares[1])), float(slope)  # number 1 of LAGS_S is 0.25 s
 
 
 def _find_impulses(residual: FloatArray, scan_s: float) -> tuple[BoolArray, float]:

@@ -55,8 +55,10 @@ A component of amplitude 1 (row) may cause this amplitude in the estimate of ano
 def find_noise_faults(parts: NoiseParts, limits: Mapping[str, float]) -> list[Fault]:
     """Return the faults of a board whose noise exceeds the limits, the largest excess first.
 
-    limits: largest permitted amplitude in counts, by name in `TITLES`. A component is reported only if it exceeds the
-    leakage of the components reported before it.
+    limits: largest permitted amplitude in counts, by name in `TITLES`. Leakage is the part of a component that appears
+    in the estimate of another component (`_LEAKAGE`). A component is reported only if it exceeds the leakage of the
+    components reported before it. A slow change of the board is either drift or 1/f noise of the board, by the exponent
+    with which it grows over time; the other one is not evaluated.
     """
     amplitudes = parts.amplitudes()
     is_drift = parts.mean_change_exponent > DRIFT_EXPONENT

@@ -116,6 +116,7 @@ class Soak:
         start_s = board.wire.now_s()
         while (elapsed := board.wire.now_s() - start_s) < seconds:
             try:
+                # At least 0.5 s, so that the last part has enough frames for its noise.
                 soak.add_part(elapsed, board.read_for(min(PART_S, seconds - elapsed + 0.5)))
                 soak.add_clock(board.wire.now_s(), board.read_status()["clock_us"])
             except BoardError:

@@ -94,11 +94,15 @@ class GcodeProbe:
         self._unanswered_lines = 0  # A stopped test leaves one line without an answer.
         self._failure = ""
         self._connect()
-        self._send("G90")
+        self._send("G90")  # absolute positions
         self._move_clear()
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Move the gantry to the taxel and apply the force. The operator changes the tip if necessary."""
+        """Move the gantry to the taxel and apply the force. The operator changes the tip if necessary.
+
+        The force follows from the compression of the spring in the tip: force / stiffness is the depth below the height
+        at which the tip touches the board.
+        """
         gantry = self._gantry
         if not 0.0 <= force_n <= FORCE_MAX_N:
             raise ProbeError(f"{self._port_name}: expected a force from 0 to {FORCE_MAX_N:g} N, found {force_n:g}")
@@ -137,7 +141,7 @@ class GcodeProbe:
             self._tip_mm = diameter_mm
 
     def _move_clear(self) -> None:
-        """Lift the tip above the board and wait until the movement has ended."""
+        """Lift the tip above the board and wait (G4) until the movement has ended."""
         self._send(f"G0 Z{self._gantry.touch_z + self._gantry.clear:.3f}")
         self._send("G4 P0")
         self._is_down = False

@@ -72,6 +72,9 @@ def get_groups(pair: Pair, scope: str) -> NDArray[np.intp]:
 def generate_distortions(pair: Pair, layout: FeatureLayout, model: FloatArray) -> Iterator[Distortion]:
     """Generate all distortions of the bank.
 
+    Meaning of the names: history: signal after the hold in proportion to the hold signal; radial: wider or narrower
+    contact area; shift: displaced contact area; common: signal of all taxels.
+
     model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts, counts;
     NaN where unknown.
     """

@@ -80,7 +80,8 @@ class Remainder:
         """Compute the residuals of real sessions from predicted features.
 
         model: f64[C, F, n] (C conditions, F features, n taxels), predicted features, counts; NaN where unknown. layout:
-        order and weights of the features. fold: [C], fold of each condition.
+        order and weights of the features. fold: [C], fold of each condition. The shared energy of two sessions is the
+        share of the squared predicted signals on taxels and conditions for which both sessions have data.
         """
         residual = real.compute_residual(model)
         known = real.is_known & np.isfinite(residual)
@@ -210,6 +211,7 @@ def _fit_in_scope(
         left_out = in_fold & (not in_fold.all())  # a single fold is fitted in-sample
         inverse = np.linalg.inv(normal_sum - normal[left_out].sum(axis=0) + ridge)
         fitted[in_fold] = np.matmul(inverse, (right_sum - right[left_out].sum(axis=0))[..., None])[..., 0]
+    # The reported coefficients are fitted to all conditions and to the mean of the sessions, with a smaller ridge.
     coefficients = np.matmul(
         np.linalg.inv(normal_sum.mean(axis=0) + ridge * (REPORTED_RIDGE / RIDGE)), right_sum.mean(axis=0)[..., None]
     )[..., 0]

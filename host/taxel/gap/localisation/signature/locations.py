@@ -117,6 +117,7 @@ def _find_in_scope(
     gram = remainder.complete_products(np.einsum("csfn,ctfn->st", scaled[..., here], scaled[..., here], optimize=True))
     p = compute_p_value(gram)
     by_condition = energy[:, here].sum(axis=1)
+    # Conditions with less than a tenth of the largest signal energy hardly load the location.
     has_one_condition = bool((by_condition > 0.1 * by_condition.max()).sum() == 1)
     corrected = None if p is None else min(1.0, p * count)
     by_taxel = np.where(here, excess.sum(axis=0), 0.0)

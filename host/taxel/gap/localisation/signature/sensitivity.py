@@ -158,6 +158,7 @@ def _test_between_sessions(
     coefficients = np.linalg.lstsq(by_both, mean, rcond=None)[0]
     error = float(np.sum((mean - by_both @ coefficients) ** 2)) / degrees_of_freedom
     between = (float(np.sum(_subtract_fit(mean, by_condition) ** 2)) - degrees_of_freedom * error) / (sessions - 1)
+    # The variance between sessions is the excess of their mean square over the error, per condition of a session.
     size = float(np.sqrt(max(between - error, 0.0) * sessions / len(keys)))
     steps = np.diff(coefficients[conditions:])
     is_monotone = sessions >= MIN_SESSIONS_OF_TREND and bool((steps > 0).all() or (steps < 0).all())

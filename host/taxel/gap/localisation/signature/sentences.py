@@ -60,6 +60,7 @@ def describe_distortion(
         case "history":
             clause = _describe_history(coefficients, layout)
         case "radial":
+            # Coefficients 0 and 1 belong to the centre of the contact area, the others to its rim and the neighbours.
             direction = "wider" if coefficients[2:].sum() > 0 else "narrower"
             clause = f"the contact area is {direction} than predicted"
         case "shift":
@@ -203,7 +204,7 @@ def _describe_fixed(fit: DistortionFit, coefficients: FloatArray, pair: Pair, sc
     """
     if fit.name in (BOARD, TAXEL) or coefficients.shape[-1] == 2:
         factor, offset = (float(value) for value in coefficients)
-        clauses = (
+        clauses = (  # without values that would be rounded to 0 % or to less than 1 count
             [f"{100 * abs(factor):.0f} % {'more' if factor > 0 else 'less'} signal"] if abs(factor) >= 0.005 else []
         )
         clauses += [f"an offset of {offset:+.0f} counts"] if abs(offset) >= 1.0 else []

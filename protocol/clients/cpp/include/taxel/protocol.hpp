@@ -379,6 +379,17 @@ inline const char *to_string(BoardErrorFlag code)
     return "?";
 }
 
+enum class FrontEnd : std::uint8_t {
+    CAPSENSE = 0x00,
+};
+inline const char *to_string(FrontEnd code)
+{
+    switch (code) {
+    case FrontEnd::CAPSENSE: return "CAPSENSE";
+    }
+    return "?";
+}
+
 enum class FaultCode : std::uint8_t {
     NONE = 0x00,
     EXCEPTION = 0x01,
@@ -482,7 +493,8 @@ struct Status {
     std::uint32_t snapshot_reads{};
     std::uint16_t bus_errors{};
     std::uint16_t rejected_writes{};
-    std::uint16_t reserved{};
+    std::uint8_t front_end{};
+    std::uint8_t reserved{};
     std::uint16_t saturated_conversions{};
     static Status unpack(const std::uint8_t *bytes)
     {
@@ -497,7 +509,8 @@ struct Status {
         detail::load(bytes + 16, value.snapshot_reads);
         detail::load(bytes + 20, value.bus_errors);
         detail::load(bytes + 22, value.rejected_writes);
-        detail::load(bytes + 24, value.reserved);
+        detail::load(bytes + 24, value.front_end);
+        detail::load(bytes + 25, value.reserved);
         detail::load(bytes + 26, value.saturated_conversions);
         return value;
     }
@@ -513,7 +526,8 @@ struct Status {
         detail::store(bytes + 16, snapshot_reads);
         detail::store(bytes + 20, bus_errors);
         detail::store(bytes + 22, rejected_writes);
-        detail::store(bytes + 24, reserved);
+        detail::store(bytes + 24, front_end);
+        detail::store(bytes + 25, reserved);
         detail::store(bytes + 26, saturated_conversions);
     }
     /* Calls visitor(name, value) for each field. */
@@ -529,6 +543,7 @@ struct Status {
         visitor("snapshot_reads", snapshot_reads);
         visitor("bus_errors", bus_errors);
         visitor("rejected_writes", rejected_writes);
+        visitor("front_end", front_end);
         visitor("reserved", reserved);
         visitor("saturated_conversions", saturated_conversions);
     }
@@ -1455,13 +1470,14 @@ struct TransferArguments {
 };
 
 struct SetScanSettingsArguments {
-    static constexpr std::size_t size = 9;
+    static constexpr std::size_t size = 10;
     std::uint8_t address{};
     std::uint16_t settings_sub_conversions{};
     std::uint16_t settings_sense_clock_divider{};
     std::uint8_t settings_modulator_clock_divider{};
     std::uint8_t settings_idac_code{};
     std::uint16_t settings_settle_cycles{};
+    std::uint8_t front_end{};
     static SetScanSettingsArguments unpack(const std::uint8_t *bytes)
     {
         SetScanSettingsArguments value;
@@ -1471,6 +1487,7 @@ struct SetScanSettingsArguments {
         detail::load(bytes + 5, value.settings_modulator_clock_divider);
         detail::load(bytes + 6, value.settings_idac_code);
         detail::load(bytes + 7, value.settings_settle_cycles);
+        detail::load(bytes + 9, value.front_end);
         return value;
     }
     void pack(std::uint8_t *bytes) const
@@ -1481,6 +1498,7 @@ struct SetScanSettingsArguments {
         detail::store(bytes + 5, settings_modulator_clock_divider);
         detail::store(bytes + 6, settings_idac_code);
         detail::store(bytes + 7, settings_settle_cycles);
+        detail::store(bytes + 9, front_end);
     }
     /* Calls visitor(name, value) for each field. */
     template <class Visitor> void visit(Visitor &&visitor) const
@@ -1491,6 +1509,7 @@ struct SetScanSettingsArguments {
         visitor("settings_modulator_clock_divider", settings_modulator_clock_divider);
         visitor("settings_idac_code", settings_idac_code);
         visitor("settings_settle_cycles", settings_settle_cycles);
+        visitor("front_end", front_end);
     }
 };
 

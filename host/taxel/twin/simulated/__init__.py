@@ -1,0 +1,1 @@
+"""The simulator as the reference of the twin."""
