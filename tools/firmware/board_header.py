@@ -69,7 +69,7 @@ class PinsError(TaxelError, ValueError):
     def __init__(self, path: str, field: str, expected: str, found: str) -> None:
         super().__init__(path, field, expected, found)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         path, field, expected, found = self.args
         return f"{path}: {field}: expected {expected}, found {found}"
 

@@ -103,10 +103,10 @@ class MutantReader:
 
 
 def _judge_message(error: BaseException) -> Outcome:
-    """Judge the error with which a reader refuses a file: its message must be one line of limited length."""
+    """Judge the error with which a reader refuses a file: its message must be one printable line of limited length."""
     text = str(error)
-    if not text or len(text.splitlines()) != 1:
-        return Outcome(FINDING, f"error text is not one line: {text[:300]!r}")
+    if not text or not text.isprintable():
+        return Outcome(FINDING, f"error text is not one printable line: {text[:300]!r}")
     if len(text) > _LONGEST_MESSAGE:
         return Outcome(FINDING, f"error text of {len(text)} characters: {text[:300]!r}")
     return Outcome(REFUSED)

@@ -22,7 +22,7 @@ class WireError(TaxelError):
         self.wire = wire
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"{self.wire}: {self.problem}"
 
 
@@ -40,7 +40,7 @@ class BoardError(TaxelError):
         self.address = address
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"hub: {self.problem}" if self.address == HUB else f"board 0x{self.address:02X}: {self.problem}"
 
 

@@ -13,7 +13,7 @@ class BlindRunError(TaxelError):
         """
         super().__init__(where, expected, found, remedy)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the location, expected and found values, and the remedy."""
         where, expected, found, remedy = self.args
         return f"{where}: expected {expected}, found {found}; {remedy}"

@@ -14,7 +14,7 @@ class SealBrokenError(TaxelError):
         """Create the error of a world whose key does not match its commitment. world: number of the world."""
         super().__init__(world)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the number of the world and the remedy."""
         return (
             f"world {self.args[0]}: the key does not match its commitment, the folder was modified; "

@@ -32,7 +32,7 @@ class WorldNotMadeError(TaxelError):
         """Create the error of a world without datasets. number: of the world. reason: message of the last attempt."""
         super().__init__(number, reason)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the number of the world and the message of the last attempt."""
         number, reason = self.args
         return f"world {number}: {MAX_ATTEMPTS} plans failed, the last with: {reason}; use another seed"

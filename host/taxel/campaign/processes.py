@@ -25,7 +25,7 @@ class ProcessLostError(TaxelError):
         """Create the error of a campaign whose worker process was terminated from outside."""
         super().__init__()
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the likely cause and the remedy."""
         return (
             "campaign: a worker process was terminated from outside (out of memory?); the finished grasps are in the "

@@ -34,7 +34,7 @@ class UnknownPresetError(TaxelError, ValueError):
         """Create the error. name: the string that is neither the name of a preset nor a list of effect lines."""
         super().__init__(name)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the names of the presets and the text found."""
         names = ", ".join(PRESETS)
         return f"effects: expected {names} or lines such as 'spread film length_m=0.002', found {self.args[0]!r}"
@@ -47,7 +47,7 @@ class OffsetLineError(TaxelError, ValueError):
         """Create the error of an effect line with an invalid displacement. line: the whole line."""
         super().__init__(line)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the expected format and the line found."""
         line = self.args[0]
         return f"effects: expected a name and six numbers (x y z in metres, rotation vector in rad), found {line!r}"

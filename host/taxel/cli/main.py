@@ -10,7 +10,7 @@ from taxel.cli.commands import COMMANDS, OTHER, CommandEntry
 from taxel.cli.plugin_commands import load_command
 from taxel.cli.renamed_options import refuse_renamed
 from taxel.cli.termination import interrupted_by_sigterm
-from taxel.errors import TaxelError
+from taxel.errors import LONGEST_MESSAGE, TaxelError, fit_line
 from taxel.optional import missing_package
 from taxel.plugins import COMMANDS as COMMANDS_GROUP
 from taxel.plugins import list_plugin_names, plugin_distribution
@@ -144,5 +144,6 @@ def _get_requested_command() -> str:
 
 def _fail(text: str) -> NoReturn:
     """Print the first line of an error message to standard error and exit with status 1."""
-    print(f"taxel: {text.splitlines()[0] if text else 'failed'}", file=sys.stderr)
+    first = text.splitlines()[0] if text else "failed"
+    print(f"taxel: {fit_line(first, LONGEST_MESSAGE)}", file=sys.stderr)
     sys.exit(1)

@@ -16,6 +16,6 @@ class GapInputError(TaxelError, ValueError):
         super().__init__(where, expected, found, remedy)
         self.where, self.expected, self.found, self.remedy = where, expected, found, remedy
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         expected, found, remedy = map(fit_line, (self.expected, self.found, self.remedy))
         return f"{fit_line(self.where, 1000)}: expected {expected}, found {found}; {remedy}"

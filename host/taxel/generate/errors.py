@@ -19,7 +19,7 @@ class ClusterError(TaxelError):
         super().__init__(where, found, remedy)
         self.where, self.found, self.remedy = where, found, remedy
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with scheduler, cause and remedy."""
         return f"{self.where}: {self.found}; {self.remedy}"
 
@@ -32,6 +32,6 @@ class SamplingError(TaxelError):
         super().__init__(number, label, reason)
         self.number, self.label, self.reason = number, label, reason
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the number of the grasp, the reason and the remedy."""
         return f"grasp {self.number}, {self.label}: no sample could be simulated ({self.reason}); narrow its ranges"

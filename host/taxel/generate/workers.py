@@ -27,7 +27,7 @@ class WorkerLostError(TaxelError):
         """Create the error of a worker process that was ended from outside."""
         super().__init__()
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the likely cause and the remedy."""
         return (
             "generate: a worker process was ended from outside (memory?); completed shards are kept, "

@@ -43,7 +43,7 @@ class UnreachableError(TaxelError, ValueError):
         self.position = position
         self.miss_m = miss_m
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with robot, link, requested position, remaining error and remedy."""
         x, y, z = self.position
         return (

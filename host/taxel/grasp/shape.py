@@ -23,7 +23,7 @@ class ShapeError(TaxelError, ValueError):
         self.expected = expected
         self.found = found
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the kind of shape, expected and found values, and the remedy."""
         return (
             f"{self.shape}: expected {self.expected}, found {self.found}; correct the sizes or the mesh of the object"

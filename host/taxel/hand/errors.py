@@ -36,7 +36,7 @@ class UnknownBoardError(TaxelError, LookupError):
         self.board = board
         self.expected_boards = tuple(expected_boards)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"hand {self.hand!r} has no board {self.board}; expected one of {', '.join(self.expected_boards)}"
 
 
@@ -56,7 +56,7 @@ class UnknownBranchError(TaxelError, LookupError):
         self.branch = branch
         self.expected_branches = tuple(expected_branches)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the names of the hand's branches, or with how to add branches."""
         remedy = f"expected one of {', '.join(self.expected_branches)}"
         if not self.expected_branches:
@@ -76,7 +76,7 @@ class HandGeometryError(TaxelError, ValueError):
         super().__init__(hand)
         self.hand = hand
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"hand {self.hand!r}: the description contains no taxel positions; add robot, [geometry] and board links"
 
 
@@ -96,7 +96,7 @@ class UnknownLinkError(TaxelError, LookupError):
         self.link_name = link_name
         self.expected_links = tuple(expected_links)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"robot {self.robot!r} has no link {self.link_name!r}; expected one of {', '.join(self.expected_links)}"
 
 

@@ -19,7 +19,7 @@ class JointCountError(TaxelError, ValueError):
         """Create the error for a wrong number of joint angles; robot: its name; expected, found: the numbers."""
         super().__init__(robot, expected, found)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         robot, expected, found = self.args
         return f"robot {robot!r}: expected {expected} joint angles on the last axis, found {found}"
 

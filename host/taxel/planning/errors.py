@@ -15,7 +15,7 @@ class MotionPlanningError(TaxelError):
         self.what = what
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line: name of the motion, cause, remedy."""
         return f"{self.what}: {self.problem}"
 

@@ -37,7 +37,7 @@ class SensorModelError(TaxelError, ValueError):
         self.expected = expected
         self.found = found
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"sensor model: {self.field}: expected {self.expected}, found {self.found}; correct that number"
 
 

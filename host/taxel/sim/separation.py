@@ -32,7 +32,7 @@ class LayerThicknessError(TaxelError, ValueError):
         super().__init__(hand)
         self.hand = hand
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"hand {self.hand!r}: its description gives no layer thickness; add layer_m to [taxel], such as 0.002"
 
 

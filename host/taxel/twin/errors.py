@@ -12,7 +12,7 @@ class TwinInputError(TaxelError):
         """Create the error. place: file and field. expected, found: required and actual content of the field."""
         super().__init__(place, expected, found, action)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line."""
         place, expected, found, action = self.args
         return f"{place}: expected {expected}, found {found}; {action}"

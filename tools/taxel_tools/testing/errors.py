@@ -15,7 +15,7 @@ class OperatorNeededError(TaxelError):
         super().__init__(question)
         self.question = question
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"no operator to answer '{self.question}'; run the test at a terminal, or without this phase"
 
 
@@ -28,7 +28,7 @@ class SerialNumberError(TaxelError, ValueError):
         self.found = found
         self.expected = expected
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"serial number: expected {self.expected}, found {self.found}; read the label again"
 
 
@@ -45,5 +45,5 @@ class HistoryError(TaxelError):
         self.path = path
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"{fit_line(self.path, 1000)}: {fit_line(self.problem)}"

@@ -15,7 +15,7 @@ class EquilibriumError(TaxelError):
         """Create the error of an object without a usable equilibrium. problem: predicate of the message."""
         super().__init__(problem, indentation)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the indentation, the problem and the remedy."""
         problem, indentation = self.args
         where = f"indentation {indentation}" if indentation else "indentation"
@@ -33,7 +33,7 @@ class IndentationPlanError(TaxelError, ValueError):
         """Create the error of a value from which no indentation plan can be made. field: name of the value."""
         super().__init__(field, expected, found)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the field, its expected and found value, and the remedy."""
         field, expected, found = self.args
         return f"indentation plan: {field}: expected {expected}, found {found}; correct the value"

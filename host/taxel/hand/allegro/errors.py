@@ -24,7 +24,7 @@ class AllegroError(TaxelError):
         self.device = device
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"{self.channel}: Allegro hand {self.device}: {self.problem}"
 
 
@@ -65,7 +65,7 @@ class CanUrlError(TaxelError):
         self.url = url
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"{self.url}: {self.problem}"
 
 
@@ -85,7 +85,7 @@ class AllegroFrameError(TaxelError, ValueError):
         self.expected = expected
         self.found = found
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Return the message for the user: identifier of the CAN frame, expected and found content, and remedy."""
         return (
             f"CAN frame 0x{self.arbitration_id:03X}: expected {self.expected}, found {self.found}; "

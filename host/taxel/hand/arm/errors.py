@@ -16,7 +16,7 @@ class ArmError(TaxelError):
         self.arm = arm
         self.problem = problem
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         return f"{self.arm}: {self.problem}"
 
 

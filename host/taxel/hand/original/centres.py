@@ -51,7 +51,7 @@ class NoCodedCentresError(TaxelError, ValueError):
         """Create the error of a hand without coded centres. hand: its name."""
         super().__init__(hand)
 
-    def __str__(self) -> str:
+    def _format_message(self) -> str:
         """Format the error as one line with the name of the hand."""
         return (
             f"hand '{self.args[0]}': expected {' or '.join(_HANDS)}, because the original programs contain only the "
