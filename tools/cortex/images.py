@@ -37,7 +37,8 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "ticks": ("boards/psoc4/ticks.c",),
 }
 """Firmware sources that a program is linked with."""
-DEFINITIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_APPLICATION",)}
+OPTIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_APPLICATION", f"-I{FIRMWARE / 'boards/psoc4200'}")}
+"""Compiler options of a program. ticks: the headers `part/` are those of a PSoC 4200."""
 
 
 class ToolMissingError(Exception):
@@ -78,7 +79,7 @@ def build_image(name: str, optimisation: str = "-Os") -> Image:
     sources = [PROGRAMS / "image.c", PROGRAMS / f"{name}.c", *(FIRMWARE / source for source in SOURCES.get(name, ()))]
     options = ["-mcpu=cortex-m0", "-mthumb", optimisation, "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-nostartfiles"]
     options += [
-        *DEFINITIONS.get(name, ()),
+        *OPTIONS.get(name, ()),
         f"-I{FIRMWARE}",
         "--specs=nosys.specs",
         f"-T{PROGRAMS / 'image.ld'}",
